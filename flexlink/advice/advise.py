@@ -22,9 +22,6 @@ from flexlink.results.convergence import Limit
 from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
 
-CLEARLY_RIGID = 0.5
-"""Share of the tolerance below which the estimated error of rigid links settles it without another run."""
-
 
 def advise(
     scene: Scene, tip: float | str = 1e-3, *, deflection: bool = False, band: float | None = None, budget: float = 1.0
@@ -87,14 +84,14 @@ class Advisor:
         stepping, tolerance = self._first_flexible_run()
         screening = AxisScreening(self.runner, self.norm, self.axes, stepping, tolerance)
         self.axes = screening.axes
-        self.lines += [line("axes", str(trial)) for trial in screening.trials]
+        self.lines += [line("axes", trial) for trial in screening.trials]
         refinement = RefinementStudy(self.runner, self.norm, self.goal, self.axes, stepping)
         refinement.refine()
         if refinement.limit is None:
             raise AdviceError(f"{self.scene.name}: no two models can be run: {refinement.reason}")
         of_steps = refinement.remove_step_errors()
         known = refinement.limit.errors + of_steps + self.norm.up_to(screening.left_out)
-        if known[-1] > refinement.tolerance:
+        if known[-1] >= refinement.tolerance:
             return self._cannot(refinement, known)
         return self._cheapest(refinement, known)
 
@@ -111,10 +108,10 @@ class Advisor:
         size = f"at most {length(estimate.error)}" if np.isfinite(estimate.error) else "too large to tell"
         vibration = f", vibration of {estimate.hertz:.3g} Hz" if np.isfinite(estimate.hertz) else ""
         self.lines = [line("rigid", f"estimated error {size}{vibration}")]
-        if estimate.error >= CLEARLY_RIGID * tolerance:
-            return None
-        error = estimate.error * max(1.0, rigid.growth(self.runner, strict, estimate.error) / rigid.MODEST_GROWTH)
-        if error >= CLEARLY_RIGID * tolerance:
+        clearly_rigid, error = 0.5 * tolerance, estimate.error  # an estimate below this settles it
+        if error < clearly_rigid:
+            error *= max(1.0, rigid.growth(self.runner, strict, error) / rigid.MODEST_GROWTH)
+        if error >= clearly_rigid:
             return None
 
         def total(tip: Array) -> float:
@@ -178,8 +175,7 @@ class Advisor:
             outcome = rigid.cheapest_run(self.runner, self.rigid, tolerance, total)
             model = rigid.rigid_model(self.runner)
             return self._done(model, outcome, total(outcome.tip), tolerance, refinement.travel, limit)
-        link_errors = LinkErrors(self.runner, self.norm, refinement, refinement.stepping)
-        search = Search(self.runner, link_errors, tolerance, known_to)
+        search = Search(self.runner, LinkErrors(self.runner, self.norm, refinement), tolerance - known_to)
         best = search.best()
         if best is None:
             for level, outcome in refinement.models().items():

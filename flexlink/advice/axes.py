@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from flexlink.advice.goal import TipErrorNorm
@@ -17,17 +15,6 @@ ALLOWED_SHARE = 0.1
 """Share of the tolerance that all axes left out may change the tip by, together."""
 
 
-class Trial(NamedTuple):
-    """A run without an axis."""
-
-    axis: str
-    effect: float  # change of the tip [m]
-    kept: bool
-
-    def __str__(self) -> str:
-        return f"{self.axis}: tip changes by {self.effect:.1e} m, {'too much' if self.kept else 'accepted'}"
-
-
 class AxisScreening:
     """Axes of each link without those that hardly change the tip.
 
@@ -38,14 +25,14 @@ class AxisScreening:
     left_out
         Change of the tip by all axes left out together, shape (samples, 3) [m].
     trials
-        All trials, in order.
+        What each axis left out did to the tip, and whether it is kept: a line each, in order.
     """
 
     def __init__(
         self, runner: ModelRunner, norm: TipErrorNorm, axes: Axes, stepping: Stepping, tolerance: float
     ) -> None:
         self.runner, self.norm, self.stepping, self.allowed = runner, norm, stepping, ALLOWED_SHARE * tolerance
-        self.axes, self.trials = axes, list[Trial]()
+        self.axes, self.trials = axes, list[str]()
         self.tip = runner.run(uniform(axes, HINGES), stepping).tip
         self.left_out = np.zeros_like(self.tip)
         if not self._try("all: flex z only", limited_axes(axes, "z")):
@@ -67,7 +54,8 @@ class AxisScreening:
         tip = self.runner.run(uniform(axes, HINGES), self.stepping).tip
         without = self.left_out + tip - self.tip
         kept = self.norm(without) > self.allowed
-        self.trials.append(Trial(name, self.norm(tip - self.tip), kept))
+        verdict = "too much" if kept else "accepted"
+        self.trials.append(f"{name}: tip changes by {self.norm(tip - self.tip):.1e} m, {verdict}")
         if not kept:
             self.axes, self.tip, self.left_out = axes, tip, without
         return not kept

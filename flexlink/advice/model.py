@@ -46,11 +46,6 @@ def uniform(axes: Axes, hinges: int, family: str = "gauss") -> Model:
     return tuple(by_rule(flex, hinges, family) for flex in axes)
 
 
-def flexes(model: Model) -> Axes:
-    """The axes of every link."""
-    return tuple(bend.flex if bend else "rigid" for bend in model)
-
-
 def all_axes(scene: Scene) -> Axes:
     """All axes that can bend: all three of every link with a section."""
     return tuple("xyz" if is_beam(link) else "rigid" for link in scene.arm.links)

@@ -110,10 +110,7 @@ class RefinementStudy:
         tip, left = self.limit.tip, np.zeros(len(self.limit.tip))
         for weight, level in zip(self.limit.weights, self.levels[self.family][-2:], strict=True):
             change = weight * self._step_errors(level) if weight else np.zeros_like(tip)
-            tip, left = (
-                tip + change,
-                left + self.norm.up_to(change) * STRICT**0.5,
-            )  # or less, whatever the method's order is
+            tip, left = tip + change, left + self.norm.up_to(change) * STRICT**0.5  # or less, whatever the order is
         if not np.isfinite(left[-1]):
             return self._step_errors_of_coarser()
         self.limit = self.limit._replace(tip=tip)

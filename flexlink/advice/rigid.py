@@ -20,7 +20,6 @@ from flexlink.advice.goal import REFERENCE_STEP_SHARE, Goal, TipErrorNorm, least
 from flexlink.advice.model import Axes, Model, can_move, uniform
 from flexlink.advice.model_runner import PERTURBATION, PROPORTIONAL, ModelRunner, Outcome, Stepping
 from flexlink.advice.release import release
-from flexlink.advice.step_options import STEPS_EXPONENT
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import tip_position
@@ -91,7 +90,7 @@ def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Ste
     loose = (100.0, 10.0)  # tolerances over the allowed error: of smooth motion the errors are far below the tolerance
     costs = {
         Stepping("Radau5", tolerance=factor * allowed): strict.seconds
-        * (factor * allowed / strict.stepping.tolerance) ** -STEPS_EXPONENT
+        * (factor * allowed / strict.stepping.tolerance) ** -0.25  # order 5, with an error estimate of order 4
         for factor in loose
     }
     fixed = runner.fixed_steps(runner.scene.run.sample)

@@ -10,13 +10,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 from pathlib import Path
+from typing import Any
 
 from flexlink.cli.shared import prefix_errors, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.progress import Progress
-from flexlink.describe.scene import Scene
-from flexlink.diagnosis.comparison import compare
-from flexlink.diagnosis.trajectories import compare_trajectories
+from flexlink.diagnosis.comparison import Comparison, compare
+from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -40,23 +40,15 @@ def run_command(options: argparse.Namespace) -> int:
     """Compare on a scene; 1 where engines or the file disagree by more than rounding explains."""
     _refuse_without_effect(options)
     scene = varied_scene(options.scene, options.set)
-    if options.trajectory:
-        return _compare_runs(scene, options)
     bar = Progress(scene.name)
+    how: dict[str, Any] = {"engines": options.engines, "progress": bar}
+    comparison: Comparison | TrajectoryComparison
     with prefix_errors(options.scene) if options.file is None else contextlib.nullcontext():  # a file names itself
-        comparison = compare(
-            scene, engines=options.engines, file=options.file, progress=bar,
-            samples=200 if options.samples is None else options.samples, seed=options.seed or 0,
-        )  # fmt: skip
-    bar.clear()
-    print(comparison)
-    return 0 if comparison.passed else 1
-
-
-def _compare_runs(scene: Scene, options: argparse.Namespace) -> int:
-    bar = Progress(scene.name)
-    with prefix_errors(options.scene):
-        comparison = compare_trajectories(scene, engines=options.engines, duration=options.duration, progress=bar)
+        if options.trajectory:
+            comparison = compare_trajectories(scene, duration=options.duration, **how)
+        else:
+            samples = 200 if options.samples is None else options.samples
+            comparison = compare(scene, file=options.file, samples=samples, seed=options.seed or 0, **how)
     bar.clear()
     print(comparison)
     return 0 if comparison.passed else 1

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from pathlib import Path
 
 from flexlink.chain.arguments import positive
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import prefix_errors, require_writable, varied_scene
+from flexlink.cli.shared import prefix_errors, print_lines, require_writable, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
@@ -60,8 +59,7 @@ def run_command(options: argparse.Namespace) -> int:
         require_writable(path)
         write_text(path, text)
         print(path)
-    for note in notes:
-        print(f"note: {note}", file=sys.stderr)
+    print_lines("note", notes)
     return 0
 
 

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from flexlink.cli.shared import assignments, prefix_errors, require_writable, varied
+from flexlink.cli.shared import assignments, prefix_errors, print_lines, require_writable, varied
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
 from flexlink.describe.spec import decode
@@ -53,8 +52,7 @@ def run_command(options: argparse.Namespace) -> int:
         imported = import_urdf(robot, **asked)
     scene = varied(source, imported.scene, options.set)
     print(imported)
-    for warning in imported.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+    print_lines("warning", imported.warnings)
     if options.out is None:
         print("no file written; add -o FILE.toml to write the scene")
     else:

@@ -17,7 +17,7 @@ from flexlink.advice.evaluation_cost import machine_factor, step_cost
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.modes import first_elastic, print_modes
-from flexlink.cli.shared import prefix_errors, varied_scene
+from flexlink.cli.shared import prefix_errors, print_lines, varied_scene
 from flexlink.common.types import Array, Complex
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene
@@ -28,10 +28,6 @@ from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_st
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.problem import problem_of
 from flexlink.inputs.tip_wrench import initial_wrench
-
-LISTED = 100  # coordinates that `info` names
-SLOW = 10_000  # joints beyond which the largest eigenvalues take more than a few seconds
-LARGEST_MODAL = 300  # coordinates up to which `info` finds modes, in O(n³)
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -44,8 +40,7 @@ def run_command(options: argparse.Namespace) -> int:
     scene = varied_scene(options.scene, options.set)
     with prefix_errors(options.scene):
         _show(scene)
-        for note in notes(scene):
-            print(f"note: {note}", file=sys.stderr)
+        print_lines("note", notes(scene))
     return 0
 
 
@@ -54,15 +49,16 @@ def _show(scene: Scene) -> None:
     q0, _ = initial_state(scene, chain)
     print(f"{scene.name}: {scene.about}")
     print(f"{chain.n} degrees of freedom, {len(chain.active)} driven; mass {chain.bodies['mass'].sum():.6g} kg")
-    for k in range(min(chain.n, LISTED)):
+    listed = 100
+    for k in range(min(chain.n, listed)):
         print(f"  {k:4d}  {chain.joint_name(k):<16} {_kind(chain, k)}")
-    if chain.n > LISTED:
-        print(f"  … {chain.n - LISTED} more")
-    if chain.n > SLOW:
+    if chain.n > listed:
+        print(f"  … {chain.n - listed} more")
+    if chain.n > 10_000:  # the largest eigenvalues take more than a few seconds
         print(f"computing the fastest modes of {chain.n} joints …", file=sys.stderr)
     λ = fastest_eigenvalues(chain, q0)
     found = None
-    if chain.n <= LARGEST_MODAL:
+    if chain.n <= 300:  # O(n³)
         wrench, frame = initial_wrench(scene, chain)
         found = modes(chain, q0, tip_wrench=wrench, frame=frame)
     _show_frequencies(scene, chain, q0, λ, found)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,6 +56,12 @@ def prefix_errors(path: Path) -> Iterator[None]:
     except FlexlinkError as error:
         error.args = (f"{path}: {error}",)
         raise
+
+
+def print_lines(word: str, texts: Iterable[str]) -> None:
+    """Notes or warnings on stderr, a line each."""
+    for text in texts:
+        print(f"{word}: {text}", file=sys.stderr, flush=True)
 
 
 def draw(figure: Figure, path: Path) -> None:

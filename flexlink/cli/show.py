@@ -12,7 +12,7 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from flexlink.cli.shared import prefix_errors, require_writable, varied_scene
+from flexlink.cli.shared import prefix_errors, print_lines, require_writable, varied_scene
 from flexlink.common.progress import Progress
 from flexlink.dynamics.hints import notes
 from flexlink.motion.simulate import simulate
@@ -46,12 +46,10 @@ def run_command(options: argparse.Namespace) -> int:
         options.scene, options.set, {} if options.duration is None else {"run.duration": options.duration}
     )
     frame_count(scene.run.duration, wanted.fps, wanted.speed)
-    for note in notes(scene):
-        print(f"note: {note}", file=sys.stderr)
+    print_lines("note", notes(scene))
     with prefix_errors(options.scene):
         run = simulate(scene, progress=Progress(scene.name))
-    for warning in run.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+    print_lines("warning", run.warnings)
     animate(run, wanted, Progress(out.name))
     print(f"film: {out}")
     if options.out is None and has_screen():

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 
-from flexlink.cli.shared import draw, prefix_errors, require_picture, require_writable, varied_scene
+from flexlink.cli.shared import draw, prefix_errors, print_lines, require_picture, require_writable, varied_scene
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
 from flexlink.common.progress import Progress
@@ -72,8 +71,7 @@ def run_command(options: argparse.Namespace) -> int:
     require_picture(options.plot)
     with prefix_errors(options.scene):
         ready = SingleRun(prepare(problem_of(scene)))  # compiled: a signal need not wait, and no run is timed by it
-        for note in notes(scene):
-            print(f"note: {note}", file=sys.stderr)
+        print_lines("note", notes(scene))
     with deferred() as stop, contextlib.ExitStack() as last:
         last.callback(finish)
         bar = Progress(scene.name)
@@ -98,14 +96,15 @@ def run_command(options: argparse.Namespace) -> int:
 def _warn(bar: Progress, text: str) -> None:
     """What cannot wait for the end of the run."""
     bar.clear()
-    print(f"warning: {text}", file=sys.stderr, flush=True)
+    print_lines("warning", [text])
 
 
 def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
     """All that was asked for of the samples that are there."""
-    for warning in run.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
-    _save(run, options.out)
+    print_lines("warning", run.warnings)
+    if options.out is not None:
+        write_or_keep(options.out, run.writer(options.out))
+        print(f"samples: {options.out}")
     if options.plot is not None:
         draw(run.plot(), options.plot)
 
@@ -125,9 +124,3 @@ def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
     worst, exchanged = float(np.abs(run.imbalance).max()), float(run.exchanged[-1])
     share = f", {worst / exchanged:.2g} of the {exchanged:.4g} J exchanged" if exchanged > 0 else ""
     print(f"power balance: E − E(0) − W at most {worst:.2g} J{share}")
-
-
-def _save(run: Trajectory, out: Path | None) -> None:
-    if out is not None:
-        write_or_keep(out, run.writer(out))
-        print(f"samples: {out}")

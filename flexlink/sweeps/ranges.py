@@ -118,32 +118,15 @@ class RandomDesign(Spec, frozen=True):
 @functools.lru_cache(maxsize=2)
 def points(method: str, dimensions: int, count: int, seed: int) -> Array:
     """Points of the unit cube, shape (count, dimensions)."""
-    draw = {"latin": _latin, "random": _random, "sobol": _sobol, "halton": _halton}[method]
-    return draw(dimensions, count, seed)
-
-
-def _latin(dimensions: int, count: int, seed: int) -> Array:
+    rng = np.random.default_rng(seed)
+    if method == "random":
+        return rng.random((count, dimensions))
     from scipy.stats import qmc  # noqa: PLC0415  0.5 s that only sweeps with samples need
 
-    return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng(seed)).random(count))
-
-
-def _sobol(dimensions: int, count: int, seed: int) -> Array:
-    """Drawn as the power of two that holds them, which keeps the balance of all but the last."""
-    from scipy.stats import qmc  # noqa: PLC0415
-
-    exponent = math.ceil(math.log2(count))
-    return np.asarray(qmc.Sobol(dimensions, rng=np.random.default_rng(seed)).random_base2(exponent)[:count])
-
-
-def _halton(dimensions: int, count: int, seed: int) -> Array:
-    from scipy.stats import qmc  # noqa: PLC0415
-
-    return np.asarray(qmc.Halton(dimensions, rng=np.random.default_rng(seed)).random(count))
-
-
-def _random(dimensions: int, count: int, seed: int) -> Array:
-    return np.random.default_rng(seed).random((count, dimensions))
+    if method == "sobol":  # drawn as the power of two that holds them, which keeps the balance of all but the last
+        return np.asarray(qmc.Sobol(dimensions, rng=rng).random_base2(math.ceil(math.log2(count)))[:count])
+    design = {"latin": qmc.LatinHypercube, "halton": qmc.Halton}[method]
+    return np.asarray(design(dimensions, rng=rng).random(count))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -13,12 +13,10 @@ from flexlink.dynamics.hints import notes
 from flexlink.dynamics.placement import frames
 from flexlink.pages.numbers import number, plural
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import legend_over
 from flexlink.pages.tables import Cell, Table, table_csv
-from flexlink.results.pictures.view import views_of
+from flexlink.scene_report.arm_picture import plot_chain
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-from flexlink.scene_report.views import draw_arm, panels
 
 
 def made(study: Study) -> Part:
@@ -48,13 +46,9 @@ def made(study: Study) -> Part:
 def _drawing(study: Study) -> Picture:
     chain, (q, _) = study.chain, study.start
     points = frames(chain, q).points
-    views = views_of(chain, points)
-    figure, axes = panels(views, points)
-    for panel, view in zip(axes, views, strict=True):
-        draw_arm(panel, view, points, chain)
-    legend_over(axes[0], figure=figure)
+    figure = plot_chain(chain, q)
     csv = table_csv(("body", "x [m]", "y [m]", "z [m]"), [(k, *p) for k, p in enumerate(points.tolist())])
-    seen = "Side view, gravity downwards" + ("; below: top view." if len(views) > 1 else ".")
+    seen = "Side view, gravity downwards" + ("; below: top view." if len(figure.axes) > 1 else ".")
     return Picture("arm", "The arm at the start", figure, seen, csv)
 
 

@@ -1,0 +1,79 @@
+"""Cheapest hinges for an allowed error.
+
+    N_k ∝ (C_k / c_k)^(1/3)        smallest Σ c_k N_k where Σ C_k / N_k² is allowed, c_k the cost of a hinge
+
+That is rounded up; then whatever saves most is left out, a hinge, an axis or all of a link, while the error is allowed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+from flexlink.advice.link_errors import LinkErrors
+from flexlink.advice.model import Bend, Model, by_rule
+
+
+class Allocation:
+    """Models for an allowed error: predictions are corrected by the errors of models that were run, `measured` [m]."""
+
+    def __init__(self, link_errors: LinkErrors, cost: Callable[[Model], float]) -> None:
+        self.link_errors, self.cost = link_errors, cost
+        self.measured, self._correction = dict(link_errors.known), 1.0
+
+    def learn(self, model: Model, error: float) -> None:
+        """Correct the predictions by the error of a model [m]."""
+        predicted = self.link_errors.error(model)
+        if predicted:
+            ratio = error / predicted
+            self._correction = max(0.3, min(ratio, ratio**0.5, 3.0))  # steps may be to blame for a part of an excess
+        self.measured.setdefault(model, error)
+
+    def cheapest(self, allowed: float) -> Model | None:
+        """The cheapest model of this error [m]; None where that is too small for the convergence seen so far."""
+        enough = [model for model, error in self.measured.items() if error <= allowed]
+        enough += filter(None, [self._rounded_up(allowed)])
+        cost, model = min(((self.cost(model), model) for model in enough), key=_first, default=(math.inf, None))
+        if model is None:
+            return None
+        while True:
+            smaller = [(self.cost(less), less) for less in self._smaller(model) if self._error(less) <= allowed]
+            least, less = min(smaller, key=_first, default=(math.inf, model))
+            if least >= cost:
+                return model
+            cost, model = least, less
+
+    def _error(self, model: Model) -> float:
+        measured = self.measured.get(model)
+        return self._correction * self.link_errors.error(model) if measured is None else measured
+
+    def _rounded_up(self, allowed: float) -> Model | None:
+        axes, most = self.link_errors.refinement.axes, max(3 * self.link_errors.refinement.finest.hinges, 8)
+        constants = {k: self._correction * self.link_errors.constant(k) for k in self.link_errors.bending}
+        if not all(map(math.isfinite, constants.values())):  # a run that measures them failed
+            return None
+        shape = {k: (constant / len(axes[k])) ** (1 / 3) for k, constant in constants.items()}
+        total = sum(constants[k] / shape[k] ** 2 for k in shape if shape[k])
+        hinges = {k: max(1, math.ceil(math.sqrt(total / allowed) * size)) for k, size in shape.items()}
+        while max(hinges.values()) <= most:
+            model = tuple(self._bend(flex, hinges.get(k, 0)) for k, flex in enumerate(axes))
+            if self._error(model) <= allowed:
+                return model
+            # few hinges do not follow the order
+            hinges = {k: count + max(1, count // 4) for k, count in hinges.items()}
+        return None
+
+    def _smaller(self, model: Model) -> Iterator[Model]:
+        for k, bend in enumerate(model):
+            if bend:
+                counts = {bend.hinges - 1, bend.hinges - 2, 0}
+                options = [self._bend(bend.flex, count) for count in counts if count >= 0]
+                options += [bend._replace(flex=flex) for flex in self.link_errors.axes(k) if len(flex) < len(bend.flex)]
+                yield from ((*model[:k], option, *model[k + 1 :]) for option in options)
+
+    def _bend(self, flex: str, hinges: int) -> Bend | None:
+        return by_rule(flex, hinges, self.link_errors.refinement.family) if hinges else None
+
+
+def _first(option: tuple[float, Model]) -> float:
+    return option[0]
