@@ -64,6 +64,42 @@ def test_a_recursion_answers_python_with_an_error_not_with_a_crash(folder: Path)
             twice(x)
 
 
+@compiler.subroutine
+def _doubled(x: float) -> float:
+    return 2.0 * x
+
+
+def calling() -> Callable[[float], float]:
+    """A kernel that calls a subroutine, as a new process would see it."""
+
+    def doubled_plus(x: float) -> float:
+        return _doubled(x)
+
+    return compiler.kernel(doubled_plus)
+
+
+def test_the_code_of_a_subroutine_is_not_copied_into_its_callers(folder: Path) -> None:
+    caller = calling()
+    assert caller(3.0) == 6.0
+    (code,) = caller.inspect_llvm().values()
+    assert re.search(r'declare i32 @"?flexlink\.[^(]*_doubled', code)
+    assert "fmul" not in code
+
+
+def test_code_of_a_caller_is_loaded_after_that_of_its_subroutines(folder: Path, monkeypatch) -> None:
+    def as_in_a_new_process() -> int:
+        monkeypatch.setattr(machine_code, "_SHARED", {})
+        monkeypatch.setitem(globals(), "_doubled", compiler.subroutine(_doubled.py_func))
+        return compilations(lambda: calling()(3.0))
+
+    assert as_in_a_new_process() == 1  # with the subroutine
+    assert as_in_a_new_process() == 0
+    for file in folder.glob("*._doubled-*"):
+        file.unlink()
+    assert as_in_a_new_process() == 1  # the subroutine alone
+    assert as_in_a_new_process() == 0
+
+
 NUMBERS = {
     "floats": np.array([6.0, 1.0, 3.0, 1.0]),
     "a part of them": np.array([6.0, 1.0, 3.0, 1.0])[::2],
