@@ -6,13 +6,15 @@ import ast
 import os
 import re
 import shutil
+import subprocess
+import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import compiled
+from conftest import ROOT, compiled
 
 from flexlink.kernels.tools import compiler, machine_code
 
@@ -98,6 +100,37 @@ def test_code_of_a_caller_is_loaded_after_that_of_its_subroutines(folder: Path, 
         file.unlink()
     assert as_in_a_new_process() == 1  # the subroutine alone
     assert as_in_a_new_process() == 0
+
+
+COUNTING = """
+import flexlink as fl
+from numba.core import event
+
+class Counter(event.Listener):
+    count = 0
+
+    def on_start(self, event):
+        self.count += 1
+
+    def on_end(self, event):
+        pass
+
+counter = Counter()
+event.register("numba:compile", counter)
+for name in ("paper_fig5", "ptp_move", "computed_torque"):
+    counter.count = 0
+    fl.simulate(fl.load_scene(f"models/{name}.toml"))
+    print(counter.count)
+"""
+
+
+@pytest.mark.slow
+def test_a_first_run_compiles_few_functions(tmp_path: Path) -> None:
+    """Without a drive, then with two laws: the second runs share what the first ones compiled."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", COUNTING]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    assert all(int(count) <= most for count, most in zip(done.stdout.split(), (125, 60, 75), strict=True))
 
 
 NUMBERS = {
