@@ -6,13 +6,15 @@ import ast
 import os
 import re
 import shutil
+import subprocess
+import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import compiled
+from conftest import ROOT, compiled
 
 from flexlink.kernels.tools import compiler, machine_code
 
@@ -62,6 +64,73 @@ def test_a_recursion_answers_python_with_an_error_not_with_a_crash(folder: Path)
     for x in (3.0, 3.0, 3):  # of a signature that is compiled, and of one that is not
         with pytest.raises(TypeError, match=r"twice: only kernels can call it"):
             twice(x)
+
+
+@compiler.subroutine
+def _doubled(x: float) -> float:
+    return 2.0 * x
+
+
+def calling() -> Callable[[float], float]:
+    """A kernel that calls a subroutine, as a new process would see it."""
+
+    def doubled_plus(x: float) -> float:
+        return _doubled(x)
+
+    return compiler.kernel(doubled_plus)
+
+
+def test_the_code_of_a_subroutine_is_not_copied_into_its_callers(folder: Path) -> None:
+    caller = calling()
+    assert caller(3.0) == 6.0
+    (code,) = caller.inspect_llvm().values()
+    assert re.search(r'declare i32 @"?flexlink\.[^(]*_doubled', code)
+    assert "fmul" not in code
+
+
+def test_code_of_a_caller_is_loaded_after_that_of_its_subroutines(folder: Path, monkeypatch) -> None:
+    def as_in_a_new_process() -> int:
+        monkeypatch.setattr(machine_code, "_SHARED", {})
+        monkeypatch.setitem(globals(), "_doubled", compiler.subroutine(_doubled.py_func))
+        return compilations(lambda: calling()(3.0))
+
+    assert as_in_a_new_process() == 1  # with the subroutine
+    assert as_in_a_new_process() == 0
+    for file in folder.glob("*._doubled-*"):
+        file.unlink()
+    assert as_in_a_new_process() == 1  # the subroutine alone
+    assert as_in_a_new_process() == 0
+
+
+COUNTING = """
+import flexlink as fl
+from numba.core import event
+
+class Counter(event.Listener):
+    count = 0
+
+    def on_start(self, event):
+        self.count += 1
+
+    def on_end(self, event):
+        pass
+
+counter = Counter()
+event.register("numba:compile", counter)
+for name in ("paper_fig5", "ptp_move", "computed_torque"):
+    counter.count = 0
+    fl.simulate(fl.load_scene(f"models/{name}.toml"))
+    print(counter.count)
+"""
+
+
+@pytest.mark.slow
+def test_a_first_run_compiles_few_functions(tmp_path: Path) -> None:
+    """Without a drive, then with two laws: the second runs share what the first ones compiled."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", COUNTING]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    assert all(int(count) <= most for count, most in zip(done.stdout.split(), (125, 60, 75), strict=True))
 
 
 NUMBERS = {

@@ -106,7 +106,8 @@ def tangent(
 def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
     """G = ∂T_GC/∂q̇, shape (n, n) [N m s/rad]; zero at rest, since T_GC is quadratic in the rates."""
     G = np.zeros((chain.n, chain.n))
-    add_gyroscopic(chain.arrays, q, qd, G)
+    if qd.any():
+        add_gyroscopic(chain.arrays, q, qd, G)
     return G
 
 

@@ -40,7 +40,7 @@ def tip_points(chain, qs, tips):
     work = kinematics_workspace(chain)
     for row in range(len(qs)):
         kinematics(chain, qs[row], work)
-        tips[row] = work.points[-1]
+        put(tips[row], vector(work.points[-1]))
 
 
 @recursion

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.compiler import kernel, subroutine
 from flexlink.kernels.tools.vec3 import (
     ZERO,
     add,
@@ -49,7 +49,7 @@ def inverse_dynamics(chain, wrench, q, qd, qdd):
     return tau
 
 
-@recursion
+@subroutine
 def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
     """Inverse dynamics τ = M q̈ + T_GC, written to `tau` (n,); `gravity` tuple and `wrench` (6,) in frame 0.
 

@@ -31,7 +31,10 @@ def add_load_stiffness(chain, wrench, follower, q, qd, K):
             moved[j] = q[j] + shift
             acting = turned_with_tip(chain, wrench, moved) if follower else wrench
             rne(chain, vector(chain.gravity), acting, moved, qd, zero, torque, work)
-            K[:, j] += weight * torque
+            for i in range(n):
+                torque[i] *= weight
+            for i in range(n):
+                K[i, j] += torque[i]
         moved[j] = q[j]
 
 
@@ -48,7 +51,9 @@ def turned_with_tip(chain, wrench, q):
 def add_gyroscopic(chain, q, qd, G):
     """G += ∂T_GC/∂q̇ (n, n); 0 at rest."""
     n = len(q)
-    unit = np.max(np.abs(qd))  # same size as the rates: no cancellation
+    unit = 0.0  # same size as the rates: no cancellation
+    for i in range(n):
+        unit = max(unit, abs(qd[i]))
     if unit == 0.0:
         return
     zero, wrench, work = np.zeros(n), np.zeros(6), rne_workspace(chain)
@@ -59,4 +64,5 @@ def add_gyroscopic(chain, q, qd, G):
         moved[j] = qd[j] - unit
         rne(chain, vector(chain.gravity), wrench, q, moved, zero, behind, work)
         moved[j] = qd[j]
-        G[:, j] += (ahead - behind) / (2.0 * unit)
+        for i in range(n):
+            G[i, j] += (ahead[i] - behind[i]) / (2.0 * unit)

@@ -22,7 +22,7 @@ from flexlink.kernels.forward.articulated_rows import (
 )
 from flexlink.kernels.forward.planar import planar
 from flexlink.kernels.inputs.tip_wrench import put_wrench
-from flexlink.kernels.tools.compiler import INLINED, by_type, kernel, recursion
+from flexlink.kernels.tools.compiler import INLINED, by_type, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 from flexlink.kernels.tools.vec3 import ZERO, add_scaled, dot, vector
@@ -57,7 +57,7 @@ def dense_workspace(chain, by_lu):
     )
 
 
-@recursion
+@subroutine
 def dense(wrench, q, qd, tau, qdd, work):
     """Set up M and the right-hand side, take out the rows whose q̈ is given, and solve; see `forward_dynamics`."""
     chain, M, known, bias = work.chain, work.M, work.known, work.bias

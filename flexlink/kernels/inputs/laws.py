@@ -14,7 +14,7 @@ their knots: the piece of a step is then that of its middle, so that a stage at 
 
 from flexlink.kernels.bodies.rigid_model import model_torque
 from flexlink.kernels.inputs.references import locate, reference
-from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.tools.compiler import inlined, subroutine
 from flexlink.kernels.tools.lanes import at, clipped, put_at, zero_of
 
 TABLE, PD, PD_GRAVITY, COMPUTED_TORQUE = range(4)
@@ -49,7 +49,7 @@ def law_torque(drive, t, middle, q, qd, tau):
         put_at(tau, clipped(at(tau, joints[d]), drive.effort[d]), joints[d])
 
 
-@recursion
+@subroutine
 def torques_by_model(drive, t, middle, q, qd, tau):
     """Write T_EX of a law that asks the rigid model."""
     model, computed = drive.model, drive.law == COMPUTED_TORQUE

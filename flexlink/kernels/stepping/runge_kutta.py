@@ -15,7 +15,7 @@ import numpy as np
 
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import at, put_at
 
@@ -59,7 +59,9 @@ def integrate(work, tableau, inputs, h, origin, first, last, every, state, sampl
             return number
         if (number + 1) % every == 0:
             row = (number + 1) // every
-            qs[row], qds[row] = q, qd
+            for k in range(len(q)):
+                put_at(qs, at(q, k), row, k)
+                put_at(qds, at(qd, k), row, k)
             put_at(works, at(done, 0), row)
     ask_at(inputs, h, origin + last, state, stages)
     return last
@@ -71,7 +73,7 @@ def ask_at(inputs, h, number, state, stages):
     sample_at_step(inputs.drive, number * h, (number + 0.5) * h, state[0], state[1], stages.tau)
 
 
-@recursion
+@subroutine
 def step(work, tableau, inputs, h, number, state, stages):
     """Advance q, q̇ (n,) and W (1,) from t = number · h by h."""
     A, b, c = tableau

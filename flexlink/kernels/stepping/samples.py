@@ -7,6 +7,7 @@ from flexlink.kernels.bodies.kinematics import kinematics, kinematics_workspace
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
 from flexlink.kernels.tools.compiler import kernel
+from flexlink.kernels.tools.vec3 import put, vector
 
 
 @kernel
@@ -15,7 +16,7 @@ def tips_and_energies(chain, qs, qds, tips, parts):
     placed = kinematics_workspace(chain)
     for row in range(len(qs)):
         kinematics(chain, qs[row], placed)
-        tips[row] = placed.points[-1]
+        put(tips[row], vector(placed.points[-1]))
         parts[0, row], parts[1, row], parts[2, row] = energies_of(chain, qs[row], qds[row], placed)
 
 

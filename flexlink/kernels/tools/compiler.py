@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gc
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -11,7 +12,7 @@ import numba
 from numba.core import event
 from numba.extending import overload
 
-from flexlink.kernels.tools.machine_code import BORROWS, NO_C, ONLY_KERNELS, keep_on_disk, refuse_python
+from flexlink.kernels.tools.machine_code import BORROWS, NO_C, ONLY_KERNELS, keep_on_disk, refuse_python, share
 
 
 class _Watch(event.Listener):
@@ -36,6 +37,23 @@ def watched(started: Callable[[], None], ended: Callable[[], None]) -> Iterator[
         yield
 
 
+class _Collector:
+    """Python's garbage collector goes without its full collections while something is compiled: a tenth of the time."""
+
+    def pause(self) -> None:
+        """Full collections become rare."""
+        self.threshold = gc.get_threshold()
+        gc.set_threshold(*self.threshold[:2], 1000)
+
+    def resume(self) -> None:
+        """As often as before."""
+        gc.set_threshold(*self.threshold)
+
+
+_COLLECTOR = _Collector()
+event.register("numba:compile", _Watch(_COLLECTOR.pause, _COLLECTOR.resume))
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` on its first call and keep the machine code on disk.
 
@@ -56,6 +74,14 @@ def recursion(function: Callable[..., Any]) -> Any:
     Only kernels call it, Python cannot.
     """
     return _compile(function, **BORROWS, **ONLY_KERNELS)
+
+
+def subroutine(function: Callable[..., Any]) -> Any:
+    """A long recursion: kernels call its machine code; none holds a copy, which would be compiled once more."""
+    compiled = recursion(function)
+    if not numba.config.DISABLE_JIT:
+        share(compiled)
+    return compiled
 
 
 def entry(function: Callable[..., Any]) -> Any:

@@ -8,6 +8,10 @@ their records among them, and the versions that compile them. A user's NUMBA_CAC
 
 Borrowed arrays. Numba has no documented way to leave out the counting of references.
 
+Code that callers share. Numba copies the code of a callee into that of its caller, to optimise both together, and so
+does the caller's caller: a recursion is compiled once more for each of them. One that is long gets nothing from it. Its
+callers know it by a symbol instead, which says module, name and types, and is the same in every process.
+
 Calls from a loop in Python. A call looks at the types of all arguments, array by array, to find its code: 4 to 10 µs.
 To find the code itself, for calls that do not look, takes 0.7 ms, unless it was found before: the fingerprint by which
 Numba's own calls remember types tells.
@@ -16,7 +20,10 @@ Numba's own calls remember types tells.
 from __future__ import annotations
 
 import contextlib
+import copy
+import functools
 import hashlib
+import importlib
 import os
 import pickle
 import re
@@ -28,6 +35,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import llvmlite
+import llvmlite.binding
 import numba
 from numba._dispatcher import compute_fingerprint
 from numba.core import serialize
@@ -69,6 +77,37 @@ def refuse_python(compiled: Any) -> None:
         raise TypeError(f"{compiled.__name__}: only kernels can call it; as an `entry` Python can, too")
 
     compiled.add_overload, compiled._compile_for_args = add_overload, refuse
+
+
+def share(compiled: Any) -> None:
+    """Let the code of kernels call a function that was compiled by its symbol, and hold no copy of it."""
+    own = compiled.add_overload
+
+    def add_overload(result: Any) -> None:
+        own(result)
+        context, types = result.target_context, tuple(result.signature.args)
+        symbol = f"{SHARED}{_key(compiled.py_func, types, context.codegen())}"
+        if _SHARED.setdefault(symbol, (compiled, types))[0] is not compiled:
+            return  # a function of the same name, defined anew
+        llvmlite.binding.add_symbol(symbol, result.library.get_pointer_to_function(result.fndesc.mangled_name))
+        known = copy.copy(result.fndesc)
+        known.mangled_name = symbol
+        context.remove_user_function(result.entry_point)
+        context.insert_user_function(result.entry_point, known)
+
+    compiled.add_overload = add_overload
+
+
+SHARED = "flexlink."
+"""How symbols of shared code begin."""
+_SHARED: dict[str, tuple[Any, tuple[Any, ...]]] = {}
+
+
+def _called(library: Any) -> list[tuple[str, str, tuple[Any, ...]]]:
+    """The shared functions that machine code calls: module, name and types of each."""
+    symbols = {function.name for function in library._final_module.functions if function.is_declaration}
+    called = [_SHARED[symbol] for symbol in sorted(symbols & _SHARED.keys())]
+    return [(compiled.__module__, compiled.__name__, types) for compiled, types in called]
 
 
 KEPT = 8  # folders of other sources and versions, up to 17 MB each, that stay: the last used
@@ -114,8 +153,6 @@ class DiskCache:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
-        source = Path(function.__code__.co_filename)
-        self._own = b"" if source.is_relative_to(HERE) else source.read_bytes()  # not in the name of the folder
 
     @property
     def cache_path(self) -> str:
@@ -128,14 +165,17 @@ class DiskCache:
         with contextlib.suppress(Exception):  # whatever is wrong with the file, or with where it should lie
             checksum, payload = _split(self._file(signature, target.codegen()).read_bytes())
             if hashlib.sha256(payload).digest() == checksum:
-                return CompileResult._rebuild(target, *pickle.loads(payload))
+                called, code = pickle.loads(payload)
+                for module, name, types in called:  # before the code, which looks for their symbols
+                    getattr(importlib.import_module(module), name).compile(types)
+                return CompileResult._rebuild(target, *pickle.loads(code))
         return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep a compiled function; where that fails, the process says so, once, and goes on."""
         if compiled.lifted or compiled.library.has_dynamic_globals or self._function.__closure__:
             return  # holds what only this process knows
-        payload = serialize.dumps(compiled._reduce())
+        payload = serialize.dumps((_called(compiled.library), serialize.dumps(compiled._reduce())))
         try:
             file = self._file(signature, compiled.codegen)
             _make(file.parent)
@@ -147,8 +187,7 @@ class DiskCache:
         """Forget nothing: a file that is there is right."""
 
     def _file(self, signature: Any, codegen: Any) -> Path:
-        key = hashlib.sha256(repr((signature, codegen.magic_tuple())).encode() + self._own).hexdigest()[:16]
-        return _FOLDER / f"{self._function.__module__}.{self._function.__qualname__}-{key}.bin"
+        return _FOLDER / f"{_key(self._function, signature, codegen)}.bin"
 
     @classmethod
     def _tell(cls, why: OSError) -> None:
@@ -159,6 +198,20 @@ class DiskCache:
                 RuntimeWarning,
                 stacklevel=2,
             )
+
+
+def _key(function: Callable[..., Any], types: Any, codegen: Any) -> str:
+    """Name of the code of a function for arguments of these types."""
+    own = _source(function.__code__.co_filename)
+    digest = hashlib.sha256(repr((types, codegen.magic_tuple())).encode() + own).hexdigest()[:16]
+    return f"{function.__module__}.{function.__qualname__}-{digest}"
+
+
+@functools.cache
+def _source(file: str) -> bytes:
+    """The sources of a function that the name of the folder does not hash."""
+    source = Path(file)
+    return b"" if source.is_relative_to(HERE) else source.read_bytes()
 
 
 def _split(content: bytes) -> tuple[bytes, bytes]:
