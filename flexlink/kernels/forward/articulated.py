@@ -47,14 +47,14 @@ from flexlink.kernels.forward.articulated_rows import (
     inertia_of,
     put_axes_of,
 )
-from flexlink.kernels.tools.compiler import inlined, subroutine
+from flexlink.kernels.tools.compiler import inlined, recursion
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec, vec_of, zero_of
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import sym_apply, sym_turn
 from flexlink.kernels.tools.vec3 import add, add_along, add_scaled, cross, dot, pick, place, scale, sub, turn_axes
 
 
-@subroutine
+@recursion
 def articulated(wrench, q, qd, tau, qdd, work):
     """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); see `forward_dynamics`."""
     layout, prescribed, bodies, hinges, trig = work.layout, work.prescribed, work.bodies, work.hinges, work.trig

@@ -20,7 +20,7 @@ from flexlink.kernels.bodies.joint_torques import (
     subtract_dry_friction,
 )
 from flexlink.kernels.bodies.plane import BASE, LINK, cos_sin_less_turns, in_plane
-from flexlink.kernels.tools.compiler import inlined, subroutine
+from flexlink.kernels.tools.compiler import inlined, recursion
 from flexlink.kernels.tools.lanes import at, put_at, vec, zero_of
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.vec3 import (
@@ -29,7 +29,7 @@ from flexlink.kernels.tools.vec3 import (
 )
 
 
-@subroutine
+@recursion
 def planar(wrench, q, qd, tau, qdd, work):
     """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); see `forward_dynamics`."""
     base, links, prescribed, trig = work.base, work.links, work.prescribed, work.trig

@@ -93,7 +93,7 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
         stepper[STEPPER.time] = end if ends else t + h
         count[COUNT.steps] += 1
         accept(state, work)
-        stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], deflection(state[0], tau, work))
+        stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], spring_displacement(state[0], tau, work))
         if ends:
             count[COUNT.knot] += 1
             if absolute == math.inf:
@@ -112,7 +112,7 @@ def first_step(work, state, settings, duration):
     q, qd, qdd = state[0], state[1], state[2]
     bent, stepper, τ = np.zeros(len(q)), work.stepper, min(work.stepper[STEPPER.inverse_ω1], duration)
     place_bodies(q, work.posture)
-    stepper[STEPPER.deflection] = deflection(q, bent, work)
+    stepper[STEPPER.deflection] = spring_displacement(q, bent, work)
     for k in range(len(q)):  # of an arm with slack springs: what q̇ and q̈ bend in 1 / ω₁
         bent[k] = qd[k] + τ * qdd[k]
     stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], deflection_norm(τ, bent, work))
@@ -124,7 +124,7 @@ def first_step(work, state, settings, duration):
 
 
 @recursion
-def deflection(q, bent, work):
+def spring_displacement(q, bent, work):
     """Largest displacement [m] of a body by all springs' angles; scratch `bent` (n,)."""
     for k in range(len(q)):
         hinge = work.chain.hinges[k]

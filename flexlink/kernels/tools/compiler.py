@@ -77,7 +77,10 @@ def recursion(function: Callable[..., Any]) -> Any:
 
 
 def subroutine(function: Callable[..., Any]) -> Any:
-    """A long recursion: kernels call its machine code; none holds a copy, which would be compiled once more."""
+    """A long recursion: kernels call its machine code; none holds a copy, which would be compiled once more.
+
+    Not for forward dynamics, which loops call so often that steps take 4 to 20 % longer without a copy.
+    """
     compiled = recursion(function)
     if not numba.config.DISABLE_JIT:
         share(compiled)
