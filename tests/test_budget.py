@@ -147,6 +147,7 @@ def test_a_simulator_stays_where_it_was_and_every_call_may_take_as_much() -> Non
 @compiled
 def test_where_it_hangs_is_told_while_it_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("flexlink.motion.budget.FEWEST", 1)
+    monkeypatch.setattr("flexlink.motion.chunk_size.BREATH", 0.0)  # a look after every piece
     scene = swinging(**{"run.max_evaluations": 2500})
     with warnings.catch_warnings(record=True) as told, pytest.raises(fl.errors.EvaluationLimitError):
         warnings.simplefilter("always")

@@ -11,7 +11,7 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.motion.monitor import RunMonitor
-from flexlink.motion.verification import Second, doubt, second_runs, turned
+from flexlink.motion.verification import Second, angle_travelled, doubt, second_runs
 
 CHAIN = fl.lump(make_scene(flexible("a")))
 T = np.linspace(0.0, 4.0, 41)
@@ -27,7 +27,7 @@ def monitor(run: fl.RunSettings, off: float) -> RunMonitor:
     record = SimpleNamespace(tip=path(off), chain=CHAIN, t=T, q=np.zeros((41, CHAIN.n)), qd=np.zeros((41, CHAIN.n)))
     record.run = run
     of_a_run = SimpleNamespace(run=run, record=record, control=None, explicit=False, extent=1.0, tip_error=0.0)
-    of_a_run.tolerance, of_a_run.suspicious, of_a_run.turned = run.tolerance, False, 20.0
+    of_a_run.tolerance, of_a_run.suspicious, of_a_run.angle_travelled = run.tolerance, False, 20.0
     return cast("RunMonitor", of_a_run)
 
 
@@ -55,7 +55,7 @@ def test_the_joints_count_together_and_led_ones_and_hinges_that_vibrate_do_not()
     rates = np.array([3.0, 2.0, 100.0, 50.0]) * np.where(T < 2.0, 1.0, -1.0)[:, None]
     chain = SimpleNamespace(hinges={"prescribed": np.array([0, 0, 1, 0])}, active=[0, 1, 2])
     record = SimpleNamespace(t=T, qd=rates, chain=chain)
-    seen = SimpleNamespace(record=record, turned=0.0)
-    assert turned(cast("Any", seen)) == pytest.approx(20.0)
-    seen.turned = 25.0  # of all steps, where samples are few
-    assert turned(cast("Any", seen)) == 25.0
+    seen = SimpleNamespace(record=record, angle_travelled=0.0)
+    assert angle_travelled(cast("Any", seen)) == pytest.approx(20.0)
+    seen.angle_travelled = 25.0  # of all steps, where samples are few
+    assert angle_travelled(cast("Any", seen)) == 25.0

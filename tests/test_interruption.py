@@ -111,8 +111,8 @@ def test_one_long_sample_does_not_keep_a_signal_waiting(number: int, models) -> 
             signal.raise_signal(number)
 
     with pytest.raises(fl.errors.InterruptedRunError) as caught:
-        fl.simulate(fl.load_scene(models / "paper_fig5.toml"), progress=stop_soon, duration=20.0, sample=20.0)
-    assert seen[-1] < 0.1
+        fl.simulate(fl.load_scene(models / "paper_fig5.toml"), progress=stop_soon, duration=100.0, sample=100.0)
+    assert seen[-1] < 0.3  # of a second
     assert caught.value.signal == number
     assert caught.value.trajectory.t.tolist() == [0.0]
 

@@ -206,6 +206,7 @@ def alive(pid: int) -> bool:
 def test_a_missing_package_names_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "pydrake.py").write_text("raise ImportError('no Drake today')")
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(child_process, "_idle", {})
     told = r"engine 'drake' cannot be imported \(.*\); install it with: .*'flexlink\[witness\]'"
     with pytest.raises(MissingDependencyError, match=told):
         load("drake", lump(SCENE))

@@ -145,7 +145,7 @@ def test_the_pulse_ends() -> None:
 @pytest.mark.slow
 def test_the_program_of_the_beams_stores_what_it_computes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     beams: ModuleType = importlib.import_module("validation.physics.exudyn_beams")
-    monkeypatch.setattr(beams, "REFERENCE_FOLDER", tmp_path)
+    monkeypatch.setattr("validation.reference_values.REFERENCE_FOLDER", tmp_path)
     monkeypatch.setattr(beams, "FINEST", beams.Numerics(elements=4, step=1e-3, stiffness=1e4, residual=1e-12))
     coarser = {"elements": (2, 15), "step": (2e-3, 1), "stiffness": (1e3, 9), "residual": (1e-11, 9)}
     monkeypatch.setattr(beams, "COARSER", coarser)

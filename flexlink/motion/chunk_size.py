@@ -40,7 +40,7 @@ class ChunkSize:
         """`size` steps have been taken; returns whether it is time to look at them."""
         now = time.perf_counter()
         self.size = max(1, int(self.size * min(GROW, BREATH / max(now - self._started, 1e-9))))
-        due = not 0 < now - self._looked < BREATH / 2  # 0: the clock stands
+        due = not 0 < now - self._looked < BREATH / 4  # 0: the clock stands
         if due:
             self._looked = now
         return due
