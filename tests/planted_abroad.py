@@ -99,7 +99,7 @@ MJCF, ALL_MJCF, FULL = ("degrees", "welded"), ("degrees", "welded", "servos"), (
 URDF, LIMITED, TURNED = ("turned", "aligned", "parts"), ("aligned", "shuffled"), ("turned", "parts")
 MM, INCH = 1e3, 1 / 0.0254
 FAR = "is 1000 times as far from the joint before: displaced by "
-NONE = "±1 N m instead of none: below what the scene's drive may command"
+NONE = "±1 N m instead of none: below the largest torque of the scene's drive"
 PRODUCTS = "the products of inertia have the opposite sign"
 ELSEWHERE = "the frame is misplaced"
 

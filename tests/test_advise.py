@@ -214,7 +214,7 @@ def test_what_advice_cannot_judge_is_refused_by_name(change: dict[str, object], 
     [
         ({"tip": 0.0}, "tip = 0.0: expected a fraction of the travel between 0 and 1"),
         ({"tip": 2.0}, "tip = 2.0: expected a fraction"),
-        ({"tip": "2 miles"}, "tip = '2 miles': expected a fraction of the tip's travel, as 1e-3, or a length"),
+        ({"tip": "2 miles"}, "tip = '2 miles': expected a fraction of the tip's travel, such as 1e-3, or a length"),
         ({"tip": "2 mm", "deflection": True}, "deflection = True: tip = '2 mm' is a length"),
         ({"band": 51.0}, r"band = 51.0: samples 0.01 s apart resolve at most 50 Hz"),
         ({"budget": 0.0}, "budget = 0.0"),
@@ -266,7 +266,8 @@ def test_prices_grow_with_the_chain_and_space_is_dearer() -> None:
 @pytest.mark.slow
 def test_where_no_two_models_can_be_run_the_error_says_why() -> None:
     with pytest.raises(
-        fl.errors.AdviceError, match=r"bars: no two models can be run: bars: the budget of .* ended a run at \d+%"
+        fl.errors.AdviceError,
+        match=r"bars: fewer than two models could be run: bars: the budget of .* ended a run at \d+%",
     ):
         fl.advise(arm(0.004, motion=led("bar0")), budget=1e-7)
 

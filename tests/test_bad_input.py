@@ -257,7 +257,9 @@ def test_scenes_that_would_be_exported_over_each_other_are_refused(tmp_path: Pat
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
         paths.append(write(tmp_path / folder / "arm.toml"))
-    assert "arm.urdf, as another scene" in refusal(["export", *paths, "--out", str(tmp_path)], capsys)
+    assert "arm.urdf would overwrite another scene's file" in refusal(
+        ["export", *paths, "--out", str(tmp_path)], capsys
+    )
     assert not list(tmp_path.glob("arm*"))
 
 

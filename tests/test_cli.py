@@ -223,7 +223,7 @@ def test_lock_takes_links_joints_and_indices(paper: str, capsys) -> None:
 
 
 def test_the_first_frequency_is_the_same_in_info_modes_and_the_report(paper: str, capsys) -> None:
-    line = "first elastic frequency: 6.05804 Hz, at rest with the driven joints held"
+    line = "first elastic frequency: 6.05804 Hz, at rest with the driven joints locked"
     for command in ("info", "modes"):
         assert main([command, paper]) == 0
         assert line in capsys.readouterr().out.splitlines()

@@ -110,7 +110,7 @@ def test_the_work_of_a_law_balances() -> None:
 
 BROKEN = {
     "raises": (lambda t, q, qd: [1 / 0, 0.0] if t > 0.025 else [0.0, 0.0], "ZeroDivisionError"),
-    "shape": (lambda t, q, qd: [1.0] if t > 0.025 else [0.0, 0.0], r"gave \[1.0\]; expected .* shape \(2,\)"),
+    "shape": (lambda t, q, qd: [1.0] if t > 0.025 else [0.0, 0.0], r"returned \[1.0\]; expected .* shape \(2,\)"),
     "nan": (lambda t, q, qd: [np.nan, 0.0] if t > 0.025 else [0.0, 0.0], "finite number per driven joint"),
     "complex": (lambda t, q, qd: [1j, 0.0] if t > 0.025 else [0.0, 0.0], "finite number per driven joint"),
     "text": (lambda t, q, qd: ["a", "b"] if t > 0.025 else [0.0, 0.0], "finite number per driven joint"),

@@ -36,7 +36,7 @@ def test_of_steps_of_order_two_the_error_is_a_third_of_what_twice_the_step_chang
     of_a_run = monitor(fl.RunSettings(step=0.1, sample=0.1, duration=4.0), 0.01)
     second = next(second_runs(of_a_run, "Gauss4"))
     assert (second.run.step, second.every) == (0.2, 2)
-    assert "tip error 0.01 m against a run with steps of 0.2 s, where the tip moves 1 m" in doubt(
+    assert "tip error 0.01 m against a run with steps of 0.2 s, while the tip moves 1 m" in doubt(
         of_a_run, second, path(0.04)[::2]
     )
 
@@ -47,7 +47,7 @@ def test_a_run_is_doubted_before_it_is_off_by_ten_tolerances_and_not_where_two_s
 ) -> None:
     run = fl.RunSettings(tolerance=1e-3, sample=0.1, duration=4.0)
     second = Second(run.__class__(tolerance=1e-4, sample=0.1, duration=4.0), 1, 1.0)
-    assert ("multiplies errors" in doubt(monitor(run, tolerances * 1e-3), second, path(0.0))) == doubted
+    assert ("amplifies errors" in doubt(monitor(run, tolerances * 1e-3), second, path(0.0))) == doubted
 
 
 def test_the_joints_count_together_and_led_ones_and_hinges_that_vibrate_do_not() -> None:

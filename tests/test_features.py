@@ -79,7 +79,9 @@ def test_an_export_prints_what_a_format_cannot_hold(tmp_path, capsys) -> None:
 def test_strict_writes_nothing_and_exits_2(tmp_path, capsys) -> None:
     assert main(["export", PAPER, "--strict", "--out", str(tmp_path)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.endswith("paper_fig5.toml: --strict: urdf cannot hold gravity, springs, initial state; no file written")
+    assert line.endswith(
+        "paper_fig5.toml: --strict: urdf cannot represent gravity, springs, initial state; no file written"
+    )
     assert list(tmp_path.iterdir()) == []
     assert main(["export", PAPER, "--strict", "--format", "mjcf", "--out", str(tmp_path)]) == 0
 

@@ -259,7 +259,7 @@ WRONG = {
     "armature of nothing": ({"locked": {"j4": 0.0}, "armature": {"j4": 1.0}}, "joint 'j4' does not move in this arm"),
     "negative armature": ({"locked": {"j4": 0.0}, "armature": {"j5": -1.0}}, "armature: 'j5' = -1.0: expected"),
     "folded": ({"locked": {"j4": 0.0}, "flexible": {"p4": FlexibleLink(frequency_hz=1.0)}}, "is fixed to 'p3'"),
-    "elsewhere": ({"locked": {"j4": 0}, "flexible": {"x": FlexibleLink(frequency_hz=1.0)}}, "'x' is not on the path"),
+    "elsewhere": ({"locked": {"j4": 0}, "flexible": {"x": FlexibleLink(frequency_hz=1.0)}}, "'x' is not between base"),
     "no line": (
         {"locked": {"j4": 0}, "flexible": {"p3": FlexibleLink(frequency_hz=1.0, line=((0, 0, 0), (0, 0, 0)))}},
         "flexible: link 'p3': line = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)): is 0 m long",

@@ -58,13 +58,13 @@ class TestReading:
             ("", "is empty"),
             ("t [s],tip x [km]\n0,1\n1,1\n", r"column 'tip x \[km\]': not known; expected t \[s\], tip x \[m\]"),
             ("tip x [m]\n1\n2\n", r"no column 't \[s\]'"),
-            ("t [s],tip x [m],tip x [mm]\n0,1,1\n1,1,1\n", r"'tip x \[m\]' stands there twice"),
+            ("t [s],tip x [m],tip x [mm]\n0,1,1\n1,1,1\n", r"'tip x \[m\]' appears twice"),
             ("t [s],tip x [m]\n0,1\n1,one\n", r"line 3, tip x \[m\]: 'one' is not a number"),
             ("t [s],tip x [m]\n0,1\n1,inf\n", r"line 3, tip x \[m\]: 'inf' is not finite"),
-            ("t [s],tip x [m]\n0,1\n1\n", "line 3: 1 cells; the head has 2"),
+            ("t [s],tip x [m]\n0,1\n1\n", "line 3: 1 cells; the header line has 2"),
             ("t [s],tip x [m]\n1,1\n0,1\n", "each later than the one before"),
             ("t [s],tip x [m]\n0,1\n", "two or more times"),
-            ("t [s]\n0\n1\n", "nothing is measured"),
+            ("t [s]\n0\n1\n", "no measured values"),
         ],
     )
     def test_what_cannot_be_read_is_refused_with_its_place(self, tmp_path: Path, text: str, reason: str) -> None:

@@ -31,6 +31,6 @@ def test_every_function_of_the_flow_is_there() -> None:
 @pytest.mark.parametrize("choice", ["T_FL", "EI/l", "solid", "length", "prism"])
 def test_what_the_paper_leaves_open_stands_where_the_study_is_read_too(choice: str) -> None:
     known = tomllib.loads((ROOT / "reports" / "limitations.toml").read_text(encoding="utf-8"))["limitation"]
-    (said,) = (each["text"] for each in known if each["title"] == "What the paper leaves open was chosen")
+    (said,) = (each["text"] for each in known if each["title"] == "Choices that the paper leaves open")
     assert choice in said
     assert choice in TEXT.partition("## What the paper leaves open")[2]

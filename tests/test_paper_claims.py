@@ -56,7 +56,7 @@ def test_lu_solves_the_equation_of_motion_within_rounding():
     found = measured("paper_lu", samples=3)
     assert max(row.value for row in found["residual"]) < 1.0
     assert found["claim"][0].note.startswith("holds: LU leaves ")
-    assert paper_lu._verdict(2.0, 1.0) == "does not hold: LU leaves 2 times what rounding explains"
+    assert paper_lu._verdict(2.0, 1.0) == "does not hold: LU leaves 2 times the rounding bound"
 
 
 def test_tables_of_denavit_and_hartenberg_are_the_books_matrices():

@@ -36,7 +36,7 @@ BROKEN = {
 
 @pytest.mark.parametrize("text", HARMFUL.values(), ids=HARMFUL)
 def test_a_document_type_is_refused_before_anything_is_expanded(text: str | bytes) -> None:
-    with pytest.raises(DataFileError, match=r"^arm\.urdf: has <!DOCTYPE r.*>"):
+    with pytest.raises(DataFileError, match=r"^arm\.urdf: contains <!DOCTYPE r.*>"):
         parse(text, "arm.urdf")
 
 

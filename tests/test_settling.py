@@ -36,7 +36,7 @@ def test_the_overshoot_is_that_of_the_books(step_response: fl.Trajectory) -> Non
     near = STEP * (ω * 1e-3) ** 2 / 8  # the peak lies half a sample off at most
     assert fl.overshoot(step_response, target=TARGET) == pytest.approx(STEP * wanted, abs=near)
     assert fl.overshoot(step_response, target=(2.0, 2.0, 0.0)) == 0.0
-    with pytest.raises(fl.errors.ArgumentError, match=r"target = \[1.0, 2.0, 0.0\]: is where the tip starts"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"target = \[1.0, 2.0, 0.0\]: equals the tip's start"):
         fl.overshoot(step_response, target=(1.0, 2.0, 0.0))
 
 
@@ -65,11 +65,11 @@ def test_the_residual_vibration_is_the_amplitude_whatever_the_place_of_rest(step
 def test_what_cannot_be_read_off_is_refused(step_response: fl.Trajectory) -> None:
     with pytest.raises(
         fl.errors.ArgumentError,
-        match=r"after = 11.0: a run from 0 to 10 s has 0 samples from then on; at least 1 needed",
+        match=r"after = 11.0: a run from 0 to 10 s has 0 samples from that time on; needs at least 1",
     ):
         fl.settling_time(step_response, target=TARGET, tolerance=1e-3, after=11.0)
     with pytest.raises(
-        fl.errors.ArgumentError, match=r"after = 10.0: .* has 1 samples from then on; at least 2 needed"
+        fl.errors.ArgumentError, match=r"after = 10.0: .* has 1 samples from that time on; needs at least 2"
     ):
         fl.residual_vibration(step_response, after=10.0)
     with pytest.raises(fl.errors.ArgumentError, match="after = 'end': expected a time"):

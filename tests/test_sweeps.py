@@ -241,11 +241,11 @@ REFUSED = [
     ({"together": {"tip.mass": [1.0], "run.step": [1e-4, 2e-4]}}, "together: lists of different length"),
     ({"grid": {"tip.mass": [1.0]}, "together": {"tip.mass": [1.0]}}, "tip.mass: varies twice"),
     ({"grid": {"tip.mass": [1.0]}, "quantity": {}}, "quantity: empty"),
-    ({"quantity": {"X": WANTED["x"], "x": WANTED["x"]}}, "X: would name two columns"),
-    ({"quantity": {"number": WANTED["x"]}}, "number: would name two columns"),
+    ({"quantity": {"X": WANTED["x"], "x": WANTED["x"]}}, "X: two columns of the rows would have this name"),
+    ({"quantity": {"number": WANTED["x"]}}, "number: two columns of the rows would have this name"),
     ({"quantity": {"x": {"of": "tip X [m]"}}}, r"quantity.x.of = 'tip X \[m\]': .*did you mean 'tip x \[m\]'"),
     ({"quantity": {"x": {"of": "tip x [m]", "take": "maximum"}}}, "take = 'maximum'"),
-    ({"quantity": {"x": {"of": "steps", "take": "max"}}}, "take = 'max': 'steps' takes nothing else"),
+    ({"quantity": {"x": {"of": "steps", "take": "max"}}}, "take = 'max': quantity 'steps' takes no options"),
     ({"quantity": {"x": {"of": "settling time [s]"}}}, "tolerance: missing"),
     ({"sample": {"count": 10**12, "keys": {"tip.mass": {"between": [0, 1]}}}}, "count = 1000000000000"),
     ({"sample": {"count": 2, "keys": {}}}, "sample.keys: empty"),
@@ -363,7 +363,7 @@ def test_what_is_no_sweeps_database_is_left_as_it_is(tmp_path: Path, paper: fl.S
     before = text.read_bytes(), other.read_bytes()
     for path in (text, other):
         for fresh in (False, True):
-            with pytest.raises(fl.errors.OutputError, match=r"holds no sweep .* and is left as it is"):
+            with pytest.raises(fl.errors.OutputError, match=r"is not a database of a sweep .* and stays unchanged"):
                 fl.sweep(masses(paper, 0.0), out=path, fresh=fresh)
     for path in (folder, tmp_path / "missing" / "sweep.db"):
         with pytest.raises(fl.errors.OutputError, match="unable to open"):

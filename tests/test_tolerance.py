@@ -192,7 +192,7 @@ def test_a_run_says_which_method_was_picked_why_and_what_it_took() -> None:
 @pytest.mark.parametrize(
     ("changes", "wanted"),
     [
-        ({"material.aluminium.young": 7e8}, "DOP853 (soft: gravity and turning are 0.1"),
+        ({"material.aluminium.young": 7e8}, "DOP853 (soft: stiffness by gravity and rotation is 0.1"),
         ({"material.aluminium.young": 7e8, "link.*.flex": "yz"}, "Radau5"),
         ({}, "Radau5"),
     ],

@@ -88,7 +88,7 @@ class Advisor:
         refinement = RefinementStudy(self.runner, self.norm, self.goal, self.axes, stepping)
         refinement.refine()
         if refinement.limit is None:
-            raise AdviceError(f"{self.scene.name}: no two models can be run: {refinement.reason}")
+            raise AdviceError(f"{self.scene.name}: fewer than two models could be run: {refinement.reason}")
         of_steps = refinement.remove_step_errors()
         known = refinement.limit.errors + of_steps + self.norm.up_to(screening.left_out)
         if known[-1] >= refinement.tolerance:
@@ -105,7 +105,7 @@ class Advisor:
         travel, strict = tip_travel(self.rigid.tip), self.rigid
         tolerance = self.goal.tolerance(travel, 0.0)
         estimate = rigid.estimate(self.runner, strict, self.axes, self.norm)
-        size = f"at most {length(estimate.error)}" if np.isfinite(estimate.error) else "too large to tell"
+        size = f"at most {length(estimate.error)}" if np.isfinite(estimate.error) else "too large to estimate"
         vibration = f", vibration of {estimate.hertz:.3g} Hz" if np.isfinite(estimate.hertz) else ""
         self.lines = [line("rigid", f"estimated error {size}{vibration}")]
         clearly_rigid, error = 0.5 * tolerance, estimate.error  # an estimate below this settles it
@@ -160,7 +160,7 @@ class Advisor:
         what = "springs deflect the tip" if self.goal.deflection else "the tip moves"
         return AdviceError(
             f"{self.scene.name}: {what} by only {size:.2g} m, and {self.goal} of that is below the rounding error, "
-            f"{least:.2g} m; give the error as a length, as tip = '1 mm'"
+            f"{least:.2g} m; give the error as a length, such as tip = '1 mm'"
         )
 
     def _cheapest(self, refinement: RefinementStudy, known: Array) -> Advice:

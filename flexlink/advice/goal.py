@@ -48,7 +48,7 @@ def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: RunS
         `tip` is neither a share between 0 and 1 nor a length with its unit, `deflection` is combined with a length, or
         the samples are too far apart for `band`.
     """
-    wanted = "a fraction of the tip's travel, as 1e-3, or a length with its unit, as '2 mm'"
+    wanted = "a fraction of the tip's travel, such as 1e-3, or a length with its unit, such as '2 mm'"
     units = {"m": 1.0, "mm": 1e-3, "µm": 1e-6, "um": 1e-6}
     if isinstance(tip, str) and (match := re.fullmatch(r"\s*([0-9.eE+-]+)\s*(m|mm|µm|um)\s*", tip)):
         size, metres = real("tip", match[1], wanted) * units[match[2]], True
@@ -56,11 +56,11 @@ def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: RunS
         size, metres = real("tip", tip, wanted), False
     if not 0 < size < (np.inf if metres else 1.0):
         raise ArgumentError(
-            f"tip = {truncated(tip)}: expected a fraction of the travel between 0 and 1, or a length as '2 mm'"
+            f"tip = {truncated(tip)}: expected a fraction of the travel between 0 and 1, or a length such as '2 mm'"
         )
     if metres and deflection:
         raise ArgumentError(
-            f"deflection = True: tip = {truncated(tip)} is a length; give a fraction of the deflection, as 0.01"
+            f"deflection = True: tip = {truncated(tip)} is a length; give a fraction of the deflection, such as 0.01"
         )
     if band is not None:
         band, highest = positive("band", band), 0.5 / run.sample

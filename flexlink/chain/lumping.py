@@ -203,7 +203,7 @@ def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weig
         if A + rotors[i] <= 0:
             raise SceneError(
                 f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
-                f"{i + 1} outweighs the {A:.3g} kg m² that turn there, and M would not be positive definite; take a "
+                f"{i + 1} outweighs the inertia beyond it, {A:.3g} kg m², so M is not positive definite; take a "
                 "rule without matched_twist, such as 'gauss', or more segments"
             )
         A = A * rotors[i] / (A + rotors[i])

@@ -19,7 +19,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("scene", type=Path, help="scene file (.toml); flex, segments, lumping and steps are replaced")
     command.add_argument(
         "--tip", default="1e-3", metavar="ERROR",
-        help="allowed error of the tip: a fraction of how far it moves, or a length as 2mm; default: 1e-3",
+        help="allowed error of the tip: a fraction of the tip's travel, or a length such as 2mm; default: 1e-3",
     )  # fmt: skip
     command.add_argument("--deflection", action="store_true", help="the error is a fraction of the tip's deflection")
     command.add_argument("--band", type=float, metavar="HZ", help="ignore vibrations faster than this")

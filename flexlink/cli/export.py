@@ -34,7 +34,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--small-mass", type=float, metavar="KG",
-        help="mass for links without mass, which some programs refuse; prints what it changes",
+        help="mass of massless links [kg], which some programs refuse; prints the effect on the motion",
     )  # fmt: skip
 
 
@@ -51,7 +51,7 @@ def run_command(options: argparse.Namespace) -> int:
         for name in _formats(options):
             target = options.out / (path.stem + FORMATS[name].ending)
             if target in texts:
-                raise ArgumentError(f"{path}: would be written to {target}, as another scene; export one at a time")
+                raise ArgumentError(f"{path}: {target} would overwrite another scene's file; export one at a time")
             with prefix_errors(path):
                 notes += _missing(target, scene, chain, name, strict=options.strict)
                 texts[target] = FORMATS[name].write(chain, **({"initial": state} if FORMATS[name].keyframe else {}))
@@ -85,7 +85,7 @@ def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: b
     """A note on what a file cannot hold; an error if that is asked for."""
     missing = not_held(scene, chain, format=format)
     if missing and strict:
-        raise ArgumentError(f"--strict: {format} cannot hold {', '.join(missing)}; no file written")
+        raise ArgumentError(f"--strict: {format} cannot represent {', '.join(missing)}; no file written")
     features = "; ".join(f"{feature} ({instead})" for feature, instead in missing.items())
     return [f"{target}: {format} has no standard element for {features}"] if missing else []
 

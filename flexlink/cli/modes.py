@@ -50,9 +50,9 @@ def first_elastic(scene: Scene, chain: Chain, q: Array) -> str:
     try:
         hertz = first_elastic_frequency(chain, q, tip_wrench=wrench, frame=frame)
     except ConvergenceError:
-        return "first elastic frequency: unknown; with the driven joints held, no equilibrium is found"
+        return "first elastic frequency: unknown; no equilibrium with the driven joints locked"
     value = f"{hertz:.6g} Hz" if np.isfinite(hertz) else "none"
-    return f"first elastic frequency: {value}, at rest with the driven joints held"
+    return f"first elastic frequency: {value}, at rest with the driven joints locked"
 
 
 def run_command(options: argparse.Namespace) -> int:

@@ -39,13 +39,15 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--step", type=float, help="fixed step [s]")
     command.add_argument("--tolerance", type=float, help="adaptive steps: error of the position of any body [m]")
     command.add_argument(
-        "--relative-tolerance", type=float, help="the same as a fraction of the arm's reach, or of its deflection"
+        "--relative-tolerance",
+        type=float,
+        help="adaptive steps: error as a fraction of the arm's reach, or of its deflection",
     )
     command.add_argument(
         "--accuracy", help="what a relative tolerance is a fraction of: tip (the reach) or deflection; default: tip"
     )
     command.add_argument(
-        "--max-evaluations", type=float, help="most evaluations of a run with a tolerance; it stops there"
+        "--max-evaluations", type=float, help="adaptive steps: stop the run after this many evaluations"
     )
     command.add_argument("--duration", type=float, help="simulated time [s]")
     command.add_argument("--sample", type=float, help="time between two samples [s], a multiple of the step")

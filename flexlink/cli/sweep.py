@@ -30,12 +30,14 @@ def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `sweep`."""
     command.add_argument("sweep", type=Path, help="sweep file (.toml)")
     command.add_argument(
-        "--out", type=Path, help="database of the rows, continued if it exists; default: SWEEP.db in the current folder"
+        "--out",
+        type=Path,
+        help="database of the rows; an existing one is continued; default: SWEEP.db in the current folder",
     )
     command.add_argument("--workers", type=int, default=1, metavar="N", help="number of processes; default: 1")
-    command.add_argument("--dask", metavar="ADDRESS", help="address of a Dask scheduler, whose workers run the members")
+    command.add_argument("--dask", metavar="ADDRESS", help="run the members on the workers of this Dask scheduler")
     command.add_argument(
-        "--export", choices=EXPORT_FORMATS, help="also write all rows to such a file beside the database"
+        "--export", choices=EXPORT_FORMATS, help="also write all rows to a file of this format, next to the database"
     )
     command.add_argument("--fresh", action="store_true", help="delete the rows of the database and start again")
 

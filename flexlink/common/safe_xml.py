@@ -69,7 +69,7 @@ class _Elements(ET.TreeBuilder):
         self.what, self.count, self.depth = what, 0, 0
 
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
-        raise DataFileError(f"{self.what}: has <!DOCTYPE {name[:60]}>; a robot's file has neither that nor entities")
+        raise DataFileError(f"{self.what}: contains <!DOCTYPE {name[:60]}>; remove it, and all entities")
 
     def start(self, tag: str, attributes: Mapping[str, str], /) -> ET.Element:
         self.count += 1 + len(attributes)

@@ -67,6 +67,8 @@ def _placed(rule: LumpingRule, count: int) -> tuple[Array, Array]:
     """Nodes and weights, read-only: scenes of a sweep share them."""
     nodes, weights = rule.hinges(count)
     if not ((np.diff(nodes) > 0).all() and np.isfinite([nodes, weights]).all() and (weights > 0).all()):
-        raise ArgumentError("puts them closer, or gives them less weight, than float64 can resolve")
+        raise ArgumentError(
+            "has spacings or weights below the resolution of float64; use fewer segments or another rule"
+        )
     nodes.flags.writeable = weights.flags.writeable = False
     return nodes, weights

@@ -161,7 +161,7 @@ class Reference(Spec, frozen=True):
             there = apart(knots)
             if not there[:-1].any():
                 raise SceneError(
-                    f"start = {self.start!r}: too late for a move of {lasts:.3g} s, which rounding to float64 hides; "
+                    f"start = {self.start!r}: too late: float64 cannot resolve a move of {lasts:.3g} s at that time; "
                     "start earlier"
                 )
             courses.append(from_rest_to_rest(knots[there], c[there[:-1], :, None], np.array([b])))

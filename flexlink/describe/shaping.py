@@ -134,7 +134,7 @@ class InputShaper(Spec, frozen=True):
         if len(rule.weights) ** len(vibrations) > MOST_IMPULSES:
             raise ArgumentError(
                 f"kind = {truncated(self.kind)}: {len(rule.weights)} impulses for each of {len(vibrations)} vibrations "
-                f"are more than {MOST_IMPULSES} in all; shape fewer"
+                f"multiply to more than {MOST_IMPULSES}; shape fewer vibrations"
             )
         single = [list(zip(*rule.impulses(λ), strict=True)) for λ in vibrations]
         times, weights = np.array([

@@ -52,7 +52,7 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         rows = [(r.engine, r.quantity, r.error, "ok" if r.passed else "FAILED", r.joint) for r in self.rows]
-        return html_table(repr(self), ("engine", "quantity", "error / what rounding explains", "", "worst joint"), rows)
+        return html_table(repr(self), ("engine", "quantity", "error / rounding bound", "", "worst joint"), rows)
 
     def __str__(self) -> str:
         lines = [f"{self.scene}: {self.samples} states; difference from flexlink / rounding bound, equal if ≤ 1"]

@@ -67,7 +67,7 @@ class Diagnosis:
             summary = f"{_verb(good or ['nothing'], 'agree')}, {_verb(bad, 'differ')}"
         else:
             summary = f"all {len(good)} quantities agree" if good else "nothing can be compared"
-            summary += ", but simulations of the file differ" if good and not self.passed else ""
+            summary += ", but a simulation of the file moves differently" if good and not self.passed else ""
         summary += f"; not compared: {', '.join(self.left_out)}" if self.left_out else ""
         findings = (f"{k}. {finding}" for k, finding in enumerate(self.findings, 1))
         return "\n  ".join([f"{self.engine}: {summary}", *findings, *self._conclusion(), *self.notes])
@@ -87,7 +87,7 @@ class Diagnosis:
         subject = "These findings do" if self.findings else "What the engine has read does"
         cause = "" if self.findings else "the engine computes it differently, or "
         where = f"the largest is in {worst.quantity} at joint {worst.joint!r}"
-        return [f"{subject} not explain all differences; {where}: {cause}something else acts"]
+        return [f"{subject} not explain all differences; {where}: {cause}something else acts on the arm"]
 
 
 def _verb(names: Sequence[str], verb: str) -> str:

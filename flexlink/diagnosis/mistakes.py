@@ -172,7 +172,7 @@ def _mistakes() -> list[Mistake]:
             for field in servo_fields
         ),
         ("effort", shapes.one_sided, "the limit allows torque in one direction only", correct),
-        ("effort", shapes.narrower, "below what the scene's drive may command", correct + ", or drive.effort"),
+        ("effort", shapes.narrower, "below the largest torque of the scene's drive", correct + ", or drive.effort"),
         ("effort", any_difference, "another limit", correct + ", or drive.effort"),
     ]  # fmt: skip
     any_joint = (

@@ -97,7 +97,7 @@ def _forward_dynamics_of_many(
     n = chains[0].n
     if not is_batch(*state):
         raise ArgumentError(
-            f"q, qd, tau: a list of chains needs one state per chain; give at least one of shape (b, {n})"
+            f"q, qd, tau: a list of chains needs one state per chain; give at least one of them as (b, {n})"
         )
     states = rows(n, dict(zip(("q", "qd", "tau"), state, strict=True)))
     b = len(states[0])

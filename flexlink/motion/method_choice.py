@@ -45,7 +45,7 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
         return Choice("DOP853", f"not stiff: fastest mode {fastest:.3g} rad/s")
     softness = softened(record, slowest)
     if softness > soft and fastest * duration <= soft_stiff and any(c.axis == twist for c in chain.coordinates):
-        return Choice("DOP853", f"soft: gravity and turning are {softness:.2g} of its stiffness")
+        return Choice("DOP853", f"soft: stiffness by gravity and rotation is {softness:.2g} of the elastic stiffness")
     stiffness = f"stiffness ratio {fastest / slowest:.3g}"
     if part <= SMALL and not chain.hinges["coulomb"].any():
         return Choice("Radau9", f"{stiffness}, tolerance {part:.2g} of the reach")

@@ -195,11 +195,11 @@ class RunMonitor:
         self._excused = max(self._excused, float((np.abs(r) - ε)[sound].max(initial=0.0)))
         if garbage.any():
             k = int(np.argmax(garbage))
-            unbalanced = f"the energy does not balance, E − E(0) − W = {r[k]:.3g} J with {X[k]:.3g} J exchanged"
+            unbalanced = f"the energy does not balance: E − E(0) − W = {r[k]:.3g} J of {X[k]:.3g} J exchanged"
             if self.run.unstable == "allow":
                 self._warn("balance", rows.start + k, unbalanced)
             else:
-                self._stop_at(rows, garbage, f"{unbalanced} (allowed are {balance.SHARE:.0%})")
+                self._stop_at(rows, garbage, f"{unbalanced} (at most {balance.SHARE:.0%} allowed)")
         self._stop_at(rows, energy[0] < -ε, "the kinetic energy is negative: M is not positive definite")
         self._stop_at(rows, ~finite, "energies or torques overflow float64")
 
@@ -287,19 +287,18 @@ class RunMonitor:
         moved = self.extent if self.tip_error or rounded else np.inf
         if self.tip_error > DOUBT * TIP_SHARE * moved:
             yield (
-                f"doubtful: the errors of the steps add up to {self.tip_error:.2g} m where the tip moves {moved:.3g} "
-                "m; "
+                f"doubtful: step errors add up to {self.tip_error:.2g} m, while the tip moves {moved:.3g} m; "
                 "halve the step and compare"
             )
         if rounded > DOUBT * TIP_SHARE * moved:
             largest = np.abs(self.record.q[: self.n_valid]).max()
             yield (
                 f"doubtful: rounding of angles up to {largest:.2g} rad adds up, step by step, "
-                f"to {rounded:.2g} m where the tip moves {moved:.3g} m; start within a few turns"
+                f"to {rounded:.2g} m, while the tip moves {moved:.3g} m; start at angles of a few turns or less"
             )
         if self.suspicious and not self.confirmed:
             yield (
-                f"doubtful: the energy is out of balance by {self._excused / self._exchanged:.2g} of what was "
+                f"doubtful: the energy error is {self._excused / self._exchanged:.2g} of the energy "
                 f"exchanged; {'take a tenth of the tolerance' if self.run.controlled else 'halve the step'} and compare"
             )
 

@@ -128,7 +128,9 @@ def _value(scene: Scene, path: object) -> float:
         )
     values = scene.values_at(path)
     if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
-        raise ArgumentError(f"parameters: {truncated(path)} = {truncated(values[0])}: not a number given in the scene")
+        raise ArgumentError(
+            f"parameters: {truncated(path)} = {truncated(values[0])}: not a number in the scene; set it"
+        )
     if len(set(values)) != 1:
         raise ArgumentError(
             f"parameters: {truncated(path)} = {truncated(values)}: the values differ; name each path by itself"

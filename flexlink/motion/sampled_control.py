@@ -76,8 +76,8 @@ class Control:
             raise LawFailure(f"t = {t:.6g} s: control law {name} raised {type(error).__name__}: {error}") from error
         if given.dtype.kind not in "fiu" or given.shape != (self.joints,) or not np.isfinite(given).all():
             raise LawFailure(
-                f"t = {t:.6g} s: control law {name} gave {truncated(given.tolist())}; expected one finite number per "
-                f"driven joint, shape ({self.joints},)"
+                f"t = {t:.6g} s: control law {name} returned {truncated(given.tolist())}; expected one finite number "
+                f"per driven joint, shape ({self.joints},)"
             )
         return np.clip(given.astype(np.float64), -self.effort, self.effort)
 

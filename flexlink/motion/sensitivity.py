@@ -124,5 +124,5 @@ def _check_drive(scene: Scene, run: Trajectory, drive: Array) -> None:
     other[:, run.chain.hinges["prescribed"] != 0] = False
     if other.any():
         raise ArgumentError(
-            f"drive.kind = {scene.drive.kind!r}: the torques of the run are not those that sensitivities differentiate"
+            f"drive.kind = {scene.drive.kind!r}: the run's torques differ from those that sensitivities differentiate"
         )

@@ -163,7 +163,7 @@ class Simulator:
             return (round(now / run.step) + self._lengths[duration]) * run.step
         end = (parts(now, duration) + 1) * duration
         if end <= now:
-            raise ArgumentError(f"duration = {duration!r}: nothing beside t = {now!r} s")
+            raise ArgumentError(f"duration = {duration!r}: too short to change t = {now!r} s in float64")
         return end
 
     def _unbalanced(self) -> Failure | None:
@@ -181,7 +181,7 @@ class Simulator:
             self._balance = after
             return None
         return Failure(
-            f"the energy does not balance, E − E(0) − W = {judged.imbalance[0]:.3g} J with {judged.exchanged[0]:.3g} J "
+            f"the energy does not balance: E − E(0) − W = {judged.imbalance[0]:.3g} J of {judged.exchanged[0]:.3g} J "
             "exchanged"
         )
 

@@ -30,8 +30,8 @@ GIVEN_UP = 50
 nobody waits for a second run much longer than for the first."""
 
 UNKNOWN = (
-    "doubtful: error unknown, since no run with other steps ended within {times} times the evaluations; {advice} and "
-    "compare"
+    "doubtful: error unknown: no comparison run with other steps ended within {times} times the evaluations; "
+    "{advice} and compare"
 )
 
 
@@ -79,7 +79,7 @@ def doubt(monitor: RunMonitor, second: Second, tip: Array) -> str:
         return f"{text}{multiplies(monitor)}; {advice(monitor)} and compare"
     if not monitor.run.controlled and error > _tolerance(monitor):
         grown = multiplies(monitor) if monitor.explicit else ""
-        return f"{text}, where the tip moves {monitor.extent:.3g} m{grown}; {advice(monitor)} and compare"
+        return f"{text}, while the tip moves {monitor.extent:.3g} m{grown}; {advice(monitor)} and compare"
     return ""
 
 
@@ -93,11 +93,11 @@ def multiplies(monitor: RunMonitor) -> str:
     # with errors of more than ten tolerances travelled 29 and more.
     far = 16.0
     if angle_travelled(monitor) > far:
-        return ": this motion multiplies errors"
+        return ": this motion amplifies errors"
     growth, without = sampled_growth(monitor.record)
     more, rate = growth / max(1.0, without), monitor.record.problem.scene.drive.rate or 0.0
     if more > 1.0 and np.log(more) * rate * monitor.run.duration > np.log(notable_growth):
-        return f": the control loop, unstable at drive.rate = {rate:g} Hz, multiplies errors"
+        return f": the control loop, unstable at drive.rate = {rate:g} Hz, amplifies errors"
     return ""
 
 

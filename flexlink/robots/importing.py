@@ -132,7 +132,7 @@ def _check_links(way: SerialPath, flexible: Mapping[str, FlexibleLink]) -> None:
             )
         if link not in [part.link for part in way.parts]:
             allowed = short_list([part.link for part in way.parts])
-            raise ArgumentError(f"flexible: link {truncated(link)} is not on the path; allowed are {allowed}")
+            raise ArgumentError(f"flexible: link {truncated(link)} is not between base and tip; allowed are {allowed}")
         if not isinstance(asked, FlexibleLink):
             raise ArgumentError(f"flexible: {truncated(link)} = {truncated(asked)}: expected a FlexibleLink")
 

@@ -53,12 +53,12 @@ def read_measured(path: Path, known: Mapping[str, object]) -> Measured:
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataFileError(f"{path}: is not CSV: {error}") from None
     except ValueError:
-        raise DataFileError(f"{path}: is empty; expected a line of heads, {TIME} among them") from None
+        raise DataFileError(f"{path}: is empty; expected a header line with a column {TIME!r}") from None
     names = [_named(path, head.strip(), known) for head in heads]
     twice = [name for name in names if names.count(name) > 1]
     if TIME not in names or twice:
-        wrong = f"{twice[0]!r} stands there twice" if twice else f"no column {TIME!r}"
-        raise DataFileError(f"{path}: {wrong}; heads: {short_list(heads)}")
+        wrong = f"column {twice[0]!r} appears twice" if twice else f"no column {TIME!r}"
+        raise DataFileError(f"{path}: {wrong}; columns: {short_list(heads)}")
     scales = [1.0 if head.strip() in known else UNITS[head[head.rindex("[") :].strip()][1] for head in heads]
     rows = [_numbers(path, number, line, heads) for number, line in enumerate(lines, 2)]
     values = np.array(rows).reshape(len(rows), len(heads)) * scales
@@ -67,7 +67,7 @@ def read_measured(path: Path, known: Mapping[str, object]) -> Measured:
     if len(t) < 2 or not (np.diff(t) > 0).all():
         raise DataFileError(f"{path}: {TIME}: expected two or more times, each later than the one before")
     if not any(np.isfinite(column).any() for column in columns.values()):
-        raise DataFileError(f"{path}: nothing is measured; expected columns such as 'tip x [m]'")
+        raise DataFileError(f"{path}: no measured values; expected columns such as 'tip x [m]'")
     return Measured(t, columns)
 
 
@@ -84,7 +84,7 @@ def _named(path: Path, head: str, known: Mapping[str, object]) -> str:
 
 def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list[float]:
     if len(line) != len(heads):
-        raise DataFileError(f"{path}: line {number}: {len(line)} cells; the head has {len(heads)}")
+        raise DataFileError(f"{path}: line {number}: {len(line)} cells; the header line has {len(heads)}")
     found = []
     for cell, head in zip(line, heads, strict=True):
         try:

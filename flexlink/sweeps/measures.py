@@ -58,10 +58,10 @@ class SweepOutput(Spec, frozen=True):
         for name, value in (("take", self.take), ("after", self.after or None),
                             ("target", self.target), ("tolerance", self.tolerance)):  # fmt: skip
             if value is not None and name not in known:
-                allowed = ", ".join(sorted(known)) or "nothing else"
-                raise SceneError(f"{name} = {truncated(value)}: {self.of!r} takes {allowed}")
+                allowed = ", ".join(sorted(known)) or "no options"
+                raise SceneError(f"{name} = {truncated(value)}: quantity {self.of!r} takes {allowed}")
         if "tolerance" in known and self.tolerance is None:
-            raise SceneError(f"tolerance: missing; {self.of!r} takes one [m]")
+            raise SceneError(f"tolerance: missing; quantity {self.of!r} needs one [m]")
 
     def measure(self, run: Trajectory) -> float:
         """The number of a run.

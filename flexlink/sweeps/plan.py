@@ -123,10 +123,10 @@ class Plan:
         for name in (*keys, *wanted):
             if columns[name.casefold()] > 1:
                 raise SceneError(
-                    f"{name}: would name two columns of the rows (capital and small letters are the same); rename one"
+                    f"{name}: two columns of the rows would have this name (upper and lower case are equal); rename one"
                 )
             if not name or not name.isprintable():
-                raise SceneError(f"{truncated(name)}: is no name of a column; use printable characters")
+                raise SceneError(f"{truncated(name)}: is not a column name; use printable characters")
         if self.members > MAX_MEMBERS:
             raise SceneError(f"{self.members} members: a sweep has at most {MAX_MEMBERS}")
 

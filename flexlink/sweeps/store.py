@@ -153,13 +153,13 @@ class Store:
         except (sqlite3.Error, OSError) as error:
             text = str(error)
             if "locked" in text or isinstance(error, sqlite3.IntegrityError):
-                why = "another process is writing to it; let it end, or name another file"
+                why = "another process is writing to it; wait until it ends, or name another file"
             elif "malformed" in text:
                 why = f"is damaged ({text}); name another file, or start again (--fresh)"
             elif isinstance(error, ForeignError) or "not a database" in text:
-                why = f"holds no sweep ({text}), and is left as it is; name another file"
+                why = f"is not a database of a sweep ({text}), and stays unchanged; name another file"
             else:
-                why = f"cannot be written: {text}; rows that are in it stay, and the same command goes on from there"
+                why = f"cannot be written: {text}; its rows are kept, and the same command continues from there"
             raise OutputError(f"{self.path}: {why}") from None
 
 

@@ -23,8 +23,8 @@ COLOURS = ListedColormap([GREY, GREEN, VERMILION])  # refused or unknown, known,
 TITLE = "Wrong without a warning"
 KEY = (
     "Red: number of runs with a tip error above ten tolerances (fixed steps: 5 % of the motion) and no warning. Green: "
-    "none. Grey: all runs were refused, stopped, or too sensitive for a reference; a run that overflows counts as "
-    "refused. The CSV of the outcomes has all runs, with the command that repeats each."
+    "none. Grey: no run to judge, all were refused, stopped, or too sensitive for a reference; a run that overflows "
+    "counts as refused. The CSV of the outcomes has all runs, with the command that repeats each."
 )
 ALONE = f"One parameter at a time, smallest left, in all scenes. {KEY}"
 PAIRS = f"Two parameters at a time, a few values each, in all scenes. {KEY}"

@@ -82,8 +82,8 @@ def _sentences(table: Mapping[float, Costs], best: Mapping[float, str]) -> Itera
     second = [target for target, method in best.items() if method == "RK2"]
     yield f"RK2 is the cheapest for errors of {_span(second)}." if second else "RK2 is never the cheapest."
     yield (
-        "The table holds evaluations per simulated second; where a method's number stays the same from row to row, the "
-        "longest step tried is more accurate already, and longer ones are near the limit of stability or beyond."
+        "The table holds evaluations per simulated second; where a method's number does not change between rows, "
+        "its longest step is already accurate enough, and longer steps are near the stability limit or beyond it."
     )
 
 

@@ -93,7 +93,7 @@ def _orders(results: Results) -> Iterator[str]:
     if FREE in orders and CLAMPED in orders:
         yield (
             f"Its order in the first mode is {orders[FREE]} where both ends are free of torque, as in its figure 5, "
-            f"and {orders[CLAMPED]} at a clamped, held or driven joint, where no hinge stands for the half segments."
+            f"and {orders[CLAMPED]} at a clamped, held or driven joint, because no hinge represents the half segments."
         )
 
 
@@ -105,6 +105,6 @@ def _steps(results: Results, needs: Mapping[str, Need]) -> Iterator[str]:
         fewest = sum(need.needed.get("legendre") == min(need.needed.values(), default=None) for need in needs.values())
         yield (
             f"legendre takes the fewest hinges of all rules for {fewest} of {len(needs)} needs, but its short end "
-            f"segments make RK4’s largest stable step {times} times smaller than gauss’s ({hinges}): for modes and "
-            "statics it is the better bargain, for motion gauss is, the default of new links."
+            f"segments make RK4’s largest stable step {times} times smaller than gauss’s ({hinges}): legendre "
+            "is the better choice for modes and statics, gauss, the default, for motion."
         )

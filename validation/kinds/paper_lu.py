@@ -49,8 +49,8 @@ def run(case: Case, samples: int) -> Iterator[Measured]:
 def _verdict(lu: float, inverse: float) -> str:
     """LU solves the equation as well as rounding lets anything, or not; and what the inverse leaves."""
     if lu > 1.0:
-        return f"does not hold: LU leaves {number(lu, 2)} times what rounding explains"
+        return f"does not hold: LU leaves {number(lu, 2)} times the rounding bound"
     return (
-        f"holds: LU leaves {number(lu, 2)} of what rounding explains, the inverse {number(inverse, 2)}; by "
+        f"holds: LU leaves {number(lu, 2)} of the rounding bound, the inverse {number(inverse, 2)}; by "
         "default the library takes articulated bodies, which need no M (--solver lu is the paper's way)"
     )

@@ -194,7 +194,8 @@ class DiskCache:
         if not cls.told:
             cls.told = True
             warnings.warn(
-                f"compiled code cannot be kept, every process compiles anew: {why}; NUMBA_CACHE_DIR can name a folder",
+                f"compiled code cannot be cached, so every process compiles again: {why}; set NUMBA_CACHE_DIR to a "
+                "writable folder",
                 RuntimeWarning,
                 stacklevel=2,
             )

@@ -40,24 +40,25 @@ def _of_the_cut(about: Refinement) -> list[str]:
     if not any(about.model):
         return ["All links are rigid: there are no hinges to refine."]
     if about.says_state:
-        return ["Error of the hinges unknown: initial.q fixes their number, so no other number can be run."]
+        return ["Tip error from the number of hinges unknown: initial.q fixes their number."]
     limit = about.limit
     if limit is None:
         early = "; ".join(f"{factor:g} times the hinges: {why}" for factor, why in _early(about))
-        return [f"Error of the hinges unknown: too few runs with other numbers of hinges ended ({early})."]
+        return [f"Tip error from the number of hinges unknown: too few runs with other numbers ended ({early})."]
     if not about.is_known:
         until = about.known_until(ENOUGH)
         return [
-            f"Error of the hinges unknown: more hinges still move the tip by {_length(limit.error)}, as in motion that "
-            f"amplifies small errors. Up to {number(until)} s the two finest models differ by less than "
-            f"{number(100 * ENOUGH)} % of the tip’s travel: for an estimate, shorten the run to that (run.duration)."
+            f"Tip error from the number of hinges unknown: more hinges still move the tip by {_length(limit.error)}, "
+            f"as in motion that amplifies small errors. Up to {number(until)} s the two finest models differ by less "
+            f"than {number(100 * ENOUGH)} % of the tip’s travel: for an estimate, shorten the run to that "
+            "(run.duration)."
         ]
     error = about.error(about.run.tip)
     order = f"observed order {number(limit.order, 2)}, " if math.isfinite(limit.order) else ""
     return [
         f"Tip error from the number of hinges: {_length(error)}, {number(error / about.study.travel)} of the tip’s "
-        f"travel, relative to the converged model ({order}known to ±{_length(limit.error, '')}). Data of joints, "
-        "loads and materials are taken as given; only measurements can check them."
+        f"travel, relative to the converged model ({order}known to ±{_length(limit.error, '')}). The data "
+        "of joints, loads and materials are not checked; only measurements can do that."
     ]
 
 
@@ -69,7 +70,7 @@ def _early(about: Refinement) -> list[tuple[float, str]]:
 def _of_the_steps(about: Refinement) -> str:
     what = "tolerance" if about.scene.run.controlled else "step"
     if math.isnan(about.of_steps):
-        return f"Error of the time steps unknown: the run with a smaller {what} did not end."
+        return f"Tip error from the time steps unknown: the run with a smaller {what} did not end."
     finer = "a tenth of the tolerance" if about.scene.run.controlled else "half the step"
     return f"Tip error from the time steps: {_length(about.of_steps)}, measured against a run with {finer}."
 

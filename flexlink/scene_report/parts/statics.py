@@ -62,7 +62,7 @@ def _buckling(study: Study) -> str:
     except FlexlinkError as error:
         return f"Buckling load not computed: {error}."
     if not len(factors):
-        return "No multiple of the load makes it buckle."
+        return "No multiple of the load makes the arm buckle."
     return f"Buckling load: {number(float(factors[0]))} times the load (linearised about this posture)."
 
 
