@@ -449,7 +449,7 @@ def test_a_full_disk_keeps_the_rows_that_are_there(tmp_path: Path, paper: fl.Sce
     ended = subprocess.run(call, capture_output=True, text=True, check=False, cwd=tmp_path, env=own_environment())
     assert ended.returncode == 2
     assert "cannot be written" in ended.stderr
-    assert "the same command goes on" in ended.stderr
+    assert "the same command continues from there" in ended.stderr
     assert 0 < len(lines(out)) < 200
     assert len(fl.sweep(path, out=out).rows) == 200
 
