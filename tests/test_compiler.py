@@ -117,20 +117,18 @@ class Counter(event.Listener):
 
 counter = Counter()
 event.register("numba:compile", counter)
-for name in ("paper_fig5", "computed_torque"):
-    counter.count = 0
-    fl.simulate(fl.load_scene(f"models/{name}.toml"))
-    print(counter.count)
+fl.simulate(fl.load_scene("models/paper_fig5.toml"))
+print(counter.count)
 """
 
 
 @pytest.mark.slow
 def test_a_first_run_compiles_few_functions(tmp_path: Path) -> None:
-    """In a plane with one law, then in space with another."""
+    """One law in a plane: the loops are the same for every law."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     command = [sys.executable, "-c", COUNTING]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-    assert all(int(count) <= most for count, most in zip(done.stdout.split(), (125, 135), strict=True))
+    assert int(done.stdout) <= 125
 
 
 NUMBERS = {

@@ -15,7 +15,7 @@ import flexlink as fl
 from flexlink.sweeps import workers
 from validation.sweep_processes import cluster, counted, finish, killed_at, rows, started, until
 
-MEMBERS = 1000  # a second of two workers
+MEMBERS = 600  # more than half a second of two workers
 SWEEP = """
 scene = "{scene}"
 set = {{ run.duration = 0.002, run.sample = 0.001 }}
