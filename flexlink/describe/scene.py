@@ -272,9 +272,7 @@ class Scene(Spec, frozen=True):
         kept = {key: value for key, value in parts.items() if key not in anew}
         arm = None if anew & _OF_ARM.keys() else self.arm
         varied = scene_from({key: value for key, value in document.items() if key in anew}, kept, arm)
-        if arm is None:
-            hinges_of(varied.arm)
-        check_method(varied.run)
+        check_named(varied)
         return varied
 
     def values_at(self, path: str) -> list[Any]:

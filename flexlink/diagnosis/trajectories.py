@@ -177,9 +177,9 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
     over = f"{run.duration:g} s in"
     if steps_explicitly(run):
         return scene, f"{over} {run.method} steps of {run.step:g} s"
-    start = problem_of(scene, chain)
-    state = start.q, start.qd
-    stable = stable_step(chain, *state, method="RK4", **acting_at(start.inputs, chain, start.start, *state))
+    problem = problem_of(scene, chain)
+    state = problem.q, problem.qd
+    stable = stable_step(chain, *state, method="RK4", **acting_at(problem.inputs, chain, problem.start, *state))
     whole = min(run.sample, 1 / (scene.drive.rate or 1 / run.sample)) if run.controlled else run.step
     step = whole / math.ceil(whole / (0.5 * stable))  # half of it: the motion changes it by less
     fixed = scene.varied({"run.method": "RK4", "run.step": step})

@@ -123,9 +123,8 @@ class RunMonitor:
     ) -> bool:
         """Compute and check the samples before `stop` that are new; returns whether all are valid.
 
-        `errors`, if known: the `step_errors` of the steps from the samples that are `probed`. `deflection`: the
-        largest so far [m], of steps with a tolerance; `angle_travelled` by all free
-        joints [rad].
+        `errors`, if known: the `step_errors` of the steps from the samples that are `probed`. Of steps with a
+        tolerance: the largest `deflection` so far [m], and the `angle_travelled` by all free joints [rad].
         """
         first, self.steps = self.n_valid, steps or self.steps
         self.deflection, self.angle_travelled = deflection, angle_travelled
@@ -232,8 +231,10 @@ class RunMonitor:
                 f"{self._bent(rows.start + row, bends[row])}: beyond 84° the chain is no longer a good model of a beam"
             )
             self._warn("bend", rows.start + row, f"{text}; use more segments")
-        row = int(np.argmax(bends.max(axis=1))) if self.negative_rotors else 0
-        if self.negative_rotors and np.linalg.eigvalsh(mass_matrix(record.chain, record.q[rows][row]))[0] <= 0:
+        if not self.negative_rotors:
+            return
+        row = int(np.argmax(bends.max(axis=1)))
+        if np.linalg.eigvalsh(mass_matrix(record.chain, record.q[rows][row]))[0] <= 0:
             self.n_valid = rows.start + row
             bent = self._bent(self.n_valid, bends[row])
             self.failure = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
