@@ -31,7 +31,7 @@ def add_load_stiffness(chain, wrench, follower, q, qd, K):
             moved[j] = q[j] + shift
             acting = turned_with_tip(chain, wrench, moved) if follower else wrench
             rne(chain, vector(chain.gravity), acting, moved, qd, zero, torque, work)
-            for i in range(n):
+            for i in range(n):  # rounded before it is added, also where a product and a sum are one instruction
                 torque[i] *= weight
             for i in range(n):
                 K[i, j] += torque[i]
@@ -49,13 +49,11 @@ def turned_with_tip(chain, wrench, q):
 
 @kernel
 def add_gyroscopic(chain, q, qd, G):
-    """G += ∂T_GC/∂q̇ (n, n); 0 at rest."""
+    """G += ∂T_GC/∂q̇ (n, n) of an arm that moves; at rest it is 0."""
     n = len(q)
     unit = 0.0  # same size as the rates: no cancellation
     for i in range(n):
         unit = max(unit, abs(qd[i]))
-    if unit == 0.0:
-        return
     zero, wrench, work = np.zeros(n), np.zeros(6), rne_workspace(chain)
     ahead, behind, moved = np.empty(n), np.empty(n), qd.copy()
     for j in range(n):

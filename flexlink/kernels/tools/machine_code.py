@@ -9,8 +9,8 @@ their records among them, and the versions that compile them. A user's NUMBA_CAC
 Borrowed arrays. Numba has no documented way to leave out the counting of references.
 
 Code that callers share. Numba copies the code of a callee into that of its caller, to optimise both together, and so
-does the caller's caller: a recursion is compiled once more for each of them. One that is long gets nothing from it. Its
-callers know it by a symbol instead, which says module, name and types, and is the same in every process.
+does the caller's caller: a recursion is compiled once more for each of them. Most that are long get nothing from it.
+Callers know those by a symbol instead, which says module, name and types, and is the same in every process.
 
 Calls from a loop in Python. A call looks at the types of all arguments, array by array, to find its code: 4 to 10 µs.
 To find the code itself, for calls that do not look, takes 0.7 ms, unless it was found before: the fingerprint by which
