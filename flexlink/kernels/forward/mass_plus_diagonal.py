@@ -8,6 +8,7 @@ from flexlink.kernels.forward.mass_plus_diagonal_plane import (
     displacement_in_plane,
     factor_in_plane,
     place_in_plane,
+    plane_posture_of,
     solve_in_plane,
 )
 from flexlink.kernels.forward.mass_plus_diagonal_space import (
@@ -16,11 +17,17 @@ from flexlink.kernels.forward.mass_plus_diagonal_space import (
     factor_in_space,
     place_in_space,
     solve_in_space,
+    space_posture_of,
 )
 from flexlink.kernels.tools.compiler import by_type
 from flexlink.kernels.tools.numbered import numbered
 
 FACTORS = numbered("A inverse others:6")  # of a hinge: A, 1 / D, and what else each of the two keeps
+
+
+@by_type({PlanePosture: plane_posture_of, SpacePosture: space_posture_of})
+def posture_of_stage(i, postures):
+    """One of several postures, whose arrays have a leading dimension (s,)."""
 
 
 @by_type({PlanePosture: place_in_plane, SpacePosture: place_in_space})

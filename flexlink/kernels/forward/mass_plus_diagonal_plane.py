@@ -39,6 +39,20 @@ def plane_posture(bodies, hinges, gravity):
     return PlanePosture(work.links, work.prescribed, work.trig, np.zeros((n, 2)), np.zeros((n, 2)))
 
 
+@kernel
+def plane_postures(s, posture):
+    """Scratch of `s` postures of the same chain, whose arrays have a leading dimension (s,)."""
+    n = len(posture.d)
+    trig, d, h = np.zeros((s, 3, n)), np.zeros((s, n, 2)), np.zeros((s, n, 2))
+    return PlanePosture(posture.links, posture.prescribed, trig, d, h)
+
+
+@recursion
+def plane_posture_of(i, postures):
+    """Posture `i` of several, whose arrays have a leading dimension."""
+    return PlanePosture(postures.links, postures.prescribed, postures.trig[i], postures.d[i], postures.h[i])
+
+
 @recursion
 def place_in_plane(q, posture):
     """Posture of angles q (n,)."""

@@ -49,6 +49,25 @@ def space_posture(bodies, hinges, gravity):
     )  # fmt: skip
 
 
+@kernel
+def space_postures(s, posture):
+    """Scratch of `s` postures of the same chain, whose arrays have a leading dimension (s,)."""
+    n, m = len(posture.e), len(posture.r)
+    return SpacePosture(
+        posture.layout, posture.axes, posture.rows, posture.prescribed, np.zeros((s, 3, n)),
+        np.zeros((s, n, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 6)),
+    )  # fmt: skip
+
+
+@recursion
+def space_posture_of(i, postures):
+    """Posture `i` of several, whose arrays have a leading dimension."""
+    return SpacePosture(
+        postures.layout, postures.axes, postures.rows, postures.prescribed, postures.trig[i],
+        postures.e[i], postures.r[i], postures.moments[i], postures.inertias[i],
+    )  # fmt: skip
+
+
 @recursion
 def place_in_space(q, posture):
     """Posture of angles q (n,)."""

@@ -18,9 +18,11 @@ from numba.extending import overload
 from flexlink.kernels.forward.mass_plus_diagonal import displacement, place_bodies
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
+from flexlink.kernels.stepping.by_stage import count_step, tried_again
 from flexlink.kernels.stepping.embedded import EmbeddedWork, embedded_step
 from flexlink.kernels.stepping.error_norm import deflection_norm
-from flexlink.kernels.stepping.implicit import ImplicitWork, between_stages, implicit_step
+from flexlink.kernels.stepping.implicit import between_stages, implicit_step
+from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
 from flexlink.kernels.tools.compiler import RECURSION, entry, inlined, kernel, recursion
 from flexlink.kernels.tools.numbered import numbered
@@ -171,6 +173,8 @@ def refuse(h, error, p, stepper, count):
         if stepper[STEPPER.refusal] > 0.0:
             stepper[STEPPER.last_step] = 0.0
         count[COUNT.failed] += 1
+        if tried_again(stepper):
+            return
         stepper[STEPPER.step], stepper[STEPPER.max_step], stepper[STEPPER.refusal] = 0.4 * h, 0.7 * h, REFUSAL.iteration
     else:
         count[COUNT.rejected] += 1
@@ -189,6 +193,9 @@ def following(h, error, p, iterations, stepper):
             safety * h / stepper[STEPPER.last_step] * (stepper[STEPPER.last_error] / (error * error)) ** (1.0 / p),
         )
     wanted = h * min(5.0, max(SHRINK, factor))
+    if stepper[STEPPER.contraction] > 0.0:  # which grows as h²
+        wanted = min(wanted, h * max(1.2, math.sqrt(0.5 / stepper[STEPPER.contraction])))
+    count_step(iterations, stepper)
     if stepper[STEPPER.refusal] > 0.0:
         wanted = min(wanted, h)
     if stepper[STEPPER.max_step] > 0.0:

@@ -4,14 +4,7 @@
     R_i = f(t + c_i h, Q_i, V_i) − M(Q_i) K_i = 0                            by recursive Newton-Euler
     q ← q + h q̇ + h² Σ (b A)_i K_i             q̇ ← q̇ + h Σ b_i K_i
 
-Simplified Newton: of the Jacobian only springs, dampers, friction's slope and a drive's gains, diagonal matrices K and
-D, and M at one posture. With A = T Λ T⁻¹ it falls apart into one system for each eigenvalue λ of A, of which one of
-each complex pair suffices:
-
-    (M + hλ D + h²λ² K) x = T⁻¹ R          K_i ← K_i + T x
-
-M with other rotors, which `mass_plus_diagonal` solves in O(n). What is left out, stiffness of gravity and of rates,
-makes the iteration contract by 1e-3 to 0.2 at useful steps.
+The stages are found by Newton's iteration, whose linear systems are those of `newton`.
 
 Dense output at t + x h, by the polynomial q̈ through the stages, integrated once and twice:
 
@@ -27,56 +20,36 @@ Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀
 """
 
 import math
-from typing import Any, NamedTuple
 
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
 from flexlink.kernels.bodies.joint_torques import elastic, friction
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, place_bodies, solve
 from flexlink.kernels.inputs.drive_torque import follow, stage_torque
 from flexlink.kernels.inputs.tip_wrench import put_wrench
+from flexlink.kernels.stepping.dry_friction import (
+    factor_turning,
+    is_noted,
+    leave_out_friction,
+    note_turning,
+    put_in_friction,
+)
 from flexlink.kernels.stepping.error_norm import step_error_norm
+from flexlink.kernels.stepping.implicit_layout import COUPLING, STAGE, VECTOR, WEIGHT
+from flexlink.kernels.stepping.newton import (
+    begin_changes,
+    divide_stages,
+    factor_all,
+    factor_stages,
+    improve,
+    inertia_beyond,
+    moved_by_changes,
+    shift_rotors,
+    slowest_rates,
+)
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion
-from flexlink.kernels.tools.numbered import numbered
 
 FIRST_CONTRACTION = 0.3  # taken for granted in the first iteration
-STAGE = numbered("qdd last_qdd q qd residual")  # K of all stages, that of the last accepted step, Q, V, R
-VECTOR = numbered("tau q_middle qd_middle rhs solution")  # of all joints
-COUPLING = numbered("A A2")  # of stages: A and A²
-WEIGHT = numbered("b bA c d")
-
-
-class ImplicitMethod(NamedTuple):
-    """Coefficients of a method, its eigenvalues with their vectors, and the weights of its error."""
-
-    A: Any  # (2, s, s) A and A²
-    weights: Any  # (4, s) b, b A, c and d
-    γ: Any  # the real eigenvalue; 0: no error is estimated
-    real: Any
-    T_real: Any
-    Tinv_real: Any
-    pairs: Any
-    T_pairs: Any
-    Tinv_pairs: Any
-    dense: Any  # (2, s, s) of x: coefficients of β_i / x and of α_i / x²
-
-
-class ImplicitWork(NamedTuple):
-    """Scratch of `implicit_step`, with the constants of a chain."""
-
-    method: ImplicitMethod
-    chain: Any
-    inverse: Any  # scratch of inverse dynamics
-    posture: Any
-    stepper: Any  # a `STEPPER`
-    new: Any  # (3, n) q, q̇, q̈ at the end of the step
-    stages: Any  # (5, s, n)
-    power: Any  # (s,)
-    vectors: Any  # (5, n)
-    springs: Any  # see `error_norm`
-    factors: Any  # (r, n, 8)
-    pairs: Any  # (2, n) complex
-    factors_pairs: Any  # (p, n, 8) complex
 
 
 @recursion
@@ -94,24 +67,35 @@ def implicit_step(t, h, inputs, state, allowed, work):
         angles[k], rates[k] = q[k] + 0.5 * h * qd[k], qd[k]
     follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[VECTOR.tau])
     place_bodies(angles, work.posture)
-    factor_all(h, rates, work)
+    by_stage = work.stepper[STEPPER.by_stage] > 0.0
+    if by_stage:
+        accurate *= 0.3  # what is left of K counts more in the error than at the end of the step
+    law = work.stepper[STEPPER.turning] > 0.0
+    work.turning.count[0] = 0
     roundings = 200.0 * work.stepper[STEPPER.rounding]  # of the place of a body, added up by a step through all joints
     most = work.stepper[STEPPER.max_iterations]
     stalled_at, slow_from = 0.5, 0.25  # contractions: rounding is all that moves; friction may turn round in the step
     of_friction = 100.0 * accurate  # [m] may be left at joints with dry friction: five times a step's error, measured
     before = math.inf  # what the last pass moved
-    fresh, settled, contraction, error, iteration = True, False, FIRST_CONTRACTION, math.nan, 0
+    fresh, settled, contraction, error, iteration = not law, False, FIRST_CONTRACTION, math.nan, 0
     while not settled:
         residuals(t, h, inputs, q, qd, work)
         iteration += 1
         if not math.isnan(error):  # P_i are those of the stages now
             break
-        moved = improve(h, work)
-        contraction = likely_contraction(h, moved, work.stepper) if iteration == 1 else moved / before
+        if iteration == 1:
+            prepare_systems(h, rates, by_stage, work)
+        if law and note_turning(h, qd, work):
+            factor_turning(h, work)
+        moved = improve_stages(h, qd, by_stage, work)
+        if iteration > 1:
+            contraction = moved / before
+        elif work.turning.count[0] == 0:
+            contraction = likely_contraction(h, moved, work.stepper)
         stalled = iteration > 1 and contraction > stalled_at and moved <= roundings
         near = contraction < 1.0 and moved * contraction <= accurate * (1.0 - contraction)
         if stalled or (near and unsettled(h, work) <= of_friction):
-            work.stepper[STEPPER.contraction] = contraction
+            work.stepper[STEPPER.contraction] = contraction if work.turning.count[0] == 0 else 0.0
             work.stepper[STEPPER.displacement] = moved if iteration == 1 else before
             finish(t, h, inputs, q, qd, work)
             error = estimate(h, qd, qdd, tolerance, work)
@@ -121,10 +105,35 @@ def implicit_step(t, h, inputs, state, allowed, work):
         elif fresh and iteration > 1 and contraction > slow_from:
             fresh = False
             slowest_rates(qd, rates, work)
-            factor_all(h, rates, work)
+            prepare_systems(h, rates, by_stage, work)
         before = moved
     add_up_work(h, done, work)
     return error, iteration
+
+
+@recursion
+def prepare_systems(h, rates, by_stage, work):
+    """All that the next passes solve with; friction has the slope at these rates, none where it has its own law."""
+    if work.stepper[STEPPER.turning] > 0.0:
+        for k in work.turning.dry:
+            rates[k] = math.inf
+    factor_all(h, rates, work)
+    if by_stage:
+        factor_stages(work)
+
+
+@recursion
+def improve_stages(h, qd, by_stage, work):
+    """One pass: K from R; returns how far it moves a body at the end of the step [m], nan if friction is not found."""
+    begin_changes(work)
+    if work.turning.count[0] > 0:
+        leave_out_friction(work)
+    if by_stage:
+        divide_stages(work)
+    improve(h, by_stage, work)
+    if work.turning.count[0] > 0 and not put_in_friction(h, qd, work):
+        return math.nan
+    return moved_by_changes(h, work)
 
 
 @inlined
@@ -173,51 +182,6 @@ def predict(h, work):
                     qdd[i, k] += weight * before[j, k]
 
 
-@inlined
-def slope(work, k, rate):
-    """D of one joint: dampers, a drive's gain and the slope of the chord of dry friction, which does not overshoot."""
-    hinge = work.chain.hinges[k]
-    d = hinge.damping + work.springs.kd[k]
-    if hinge.coulomb > 0.0:
-        x = abs(rate) / hinge.coulomb_width
-        d += hinge.coulomb / hinge.coulomb_width * (math.tanh(x) / x if x > 1e-8 else 1.0)
-    return d
-
-
-@recursion
-def factor_all(h, rates, work):
-    """Prepare M + hλ D + h²λ² K for every λ, with friction's slope at these rates."""
-    for m in range(len(work.method.real)):
-        shift_rotors(h * work.method.real[m], rates, work.factors[m], work)
-        factor(work.factors[m], work.posture)
-    for m in range(len(work.method.pairs)):
-        shift_rotors(h * work.method.pairs[m], rates, work.factors_pairs[m], work)
-        factor(work.factors_pairs[m], work.posture)
-
-
-@inlined
-def shift_rotors(z, rates, factors, work):
-    """A = rotors + z D + z² K."""
-    for k in range(len(factors)):
-        hinge = work.chain.hinges[k]
-        held = slope(work, k, rates[k]) + z * (hinge.stiffness + work.springs.kp[k])
-        factors[k, FACTORS.A] = hinge.armature + z * held
-
-
-@recursion
-def slowest_rates(qd, rates, work):
-    """The rate of each joint nearest to 0 at the start and in all stages, 0 if it turns round: the steepest chord."""
-    for k in range(len(qd)):
-        least = qd[k]
-        for i in range(work.stages.shape[1]):
-            rate = work.stages[STAGE.qd, i, k]
-            if least * rate <= 0.0:
-                least = 0.0
-            elif abs(rate) < abs(least):
-                least = rate
-        rates[k] = least
-
-
 @recursion
 def residuals(t, h, inputs, q, qd, work):
     """R_i of all stages, and the power P_i of all that has no potential."""
@@ -257,52 +221,6 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
     return power
 
 
-@recursion
-def improve(h, work):
-    """K += T x for all eigenvalues; returns how far this moves a body at the end of the step [m]."""
-    method, qdd, R = work.method, work.stages[STAGE.qdd], work.stages[STAGE.residual]
-    r, x, z = work.vectors[VECTOR.rhs], work.vectors[VECTOR.solution], work.pairs
-    s, n = qdd.shape
-    δq, δv = work.vectors[VECTOR.q_middle], work.vectors[VECTOR.tau]
-    for k in range(n):
-        δq[k] = δv[k] = 0.0
-    for m in range(len(method.real)):
-        for k in range(n):
-            r[k] = 0.0
-        for j in range(s):
-            for k in range(n):
-                r[k] += method.Tinv_real[m, j] * R[j, k]
-        solve(work.factors[m], r, x, work.posture)
-        for i in range(s):
-            add_change(h, method, i, method.T_real[i, m], x, qdd[i], δq, δv)
-    for m in range(len(method.pairs)):
-        for k in range(n):
-            z[0, k] = 0.0
-        for j in range(s):
-            for k in range(n):
-                z[0, k] += method.Tinv_pairs[m, j] * R[j, k]
-        solve(work.factors_pairs[m], z[0], z[1], work.posture)
-        for i in range(s):
-            add_change(h, method, i, 2.0 * method.T_pairs[i, m], z[1], qdd[i], δq, δv)
-    worst = 0
-    for k in range(n):
-        δv[k] *= max(h, work.stepper[STEPPER.inverse_ω1])
-        if abs(δv[k]) > abs(δv[worst]):
-            worst = k
-    work.stepper[STEPPER.worst_joint] = worst
-    return max(displacement(δq, work.posture), displacement(δv, work.posture))
-
-
-@inlined
-def add_change(h, method, i, weight, x, qdd, δq, δv):
-    """K_i += Re(weight x), and what that changes at the end of the step."""
-    for k in range(len(x)):
-        δ = (weight * x[k]).real
-        qdd[k] += δ
-        δq[k] += h * h * method.weights[WEIGHT.bA, i] * δ
-        δv[k] += h * method.weights[WEIGHT.b, i] * δ
-
-
 @inlined
 def unsettled(h, work):
     """How far [m] the torques that are left at joints with dry friction would move a body, were they free to turn.
@@ -315,19 +233,11 @@ def unsettled(h, work):
     for i in range(work.stages.shape[1]):
         for k in range(len(δ)):
             hinge, δ[k] = work.chain.hinges[k], 0.0
-            if hinge.coulomb > 0.0 and not hinge.prescribed:
+            if hinge.coulomb > 0.0 and not hinge.prescribed and not is_noted(k, work.turning):
                 inertia = hinge.armature + inertia_beyond(k, work)
                 δ[k] = h * max(h, work.stepper[STEPPER.inverse_ω1]) * work.stages[STAGE.residual, i, k] / inertia
         largest = max(largest, displacement(δ, work.posture))
     return largest
-
-
-@inlined
-def inertia_beyond(k, work):
-    """What a joint turns [kg m²], its rotor apart, while joints further out are as stiff as the first factors say."""
-    if len(work.factors) > 0:
-        return 1.0 / work.factors[0, k, FACTORS.inverse] - work.factors[0, k, FACTORS.A]
-    return abs(1.0 / work.factors_pairs[0, k, FACTORS.inverse] - work.factors_pairs[0, k, FACTORS.A])
 
 
 @inlined
@@ -446,4 +356,5 @@ def damped_error(h, hγ, e_q, e_v, work):
         else:
             e_v[k] += y[k]
             e_q[k] += hγ * e_v[k]
-    return step_error_norm(h, e_q, e_v, work)
+    error = step_error_norm(h, e_q, e_v, work)
+    return work.stepper[STEPPER.turning] * error if work.turning.count[0] > 0 else error

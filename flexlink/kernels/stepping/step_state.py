@@ -15,6 +15,9 @@ STEPPER = numbered(
     "rounding",  # what it moves a body by in one iteration [m]
     "work power",  # up to the end of the step that was just taken, and there
     "contraction displacement",  # of its iteration (0: not known), after one that moved a body so far [m]
+    "by_stage stay",  # steps to come whose stages have matrices of their own; as many as there were, less others since
+    "wait patience",  # failures before the next trial of such steps, from now on and after the last one
+    "turning",  # by which the error counts of a step in which friction has its own law; 0: it has a slope
     "angle_travelled",  # by all free joints, forth and back [rad]
 )
 COUNT = numbered(

@@ -1,0 +1,196 @@
+"""Dry friction in the stages of an implicit step, at joints that come to rest or turn round, with its own law.
+
+There the slope of f = c tanh(V / w) says nothing of the next pass: a joint that comes to rest turns its torque round
+within the step. Of all that `newton` solves, L x = R with L = 1 ⊗ M + h A ⊗ D + h² A² ⊗ K, the rates V of these joints
+in all stages answer to their friction torques by a small matrix, and V is the root of
+
+    V = v⁰ − G f(V)        G = h A L⁻¹ at these joints = Σ_λ hλ T_λ (M + A_λ)⁻¹ T⁻¹_λ        v⁰: rates without f
+
+by Newton's iteration with J = 1 + G f'(V). Where it does not get there, w is widened to as much as the rates go, for
+which one or two iterations do, and narrowed by a factor of eight at a time. K is what R + f makes less what f does.
+"""
+
+import math
+
+from flexlink.kernels.forward.mass_plus_diagonal import solve
+from flexlink.kernels.stepping.implicit_layout import COUPLING, STAGE, VECTOR
+from flexlink.kernels.stepping.newton import add_change, changes, inertia_beyond
+from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.solve import solve_lu
+
+ROW = numbered("free v step f slope")  # of `Turning.rows`: v⁰, V, what one iteration adds to V, f(V) and f'(V)
+
+
+@recursion
+def note_turning(h, qd, work):
+    """Add joints that friction may stop within the step to those where it has its own law; whether there are any.
+
+    It takes c h / inertia of a joint's rate. Of faster ones it hardly changes: from three widths on its slope is 1 % of
+    that at rest.
+    """
+    turning, before = work.turning, work.turning.count[0]
+    for k in turning.dry:
+        d = turning.count[0]
+        if d < len(turning.joints) and not is_noted(k, turning):
+            hinge = work.chain.hinges[k]
+            slow = 3.0 * hinge.coulomb_width + h * hinge.coulomb / (hinge.armature + inertia_beyond(k, work))
+            for i in range(work.stages.shape[1]):
+                rate = work.stages[STAGE.qd, i, k]
+                if rate * qd[k] <= 0.0 or min(abs(rate), abs(qd[k])) < slow:
+                    turning.joints[d], turning.count[0] = k, d + 1
+                    break
+    return turning.count[0] > before
+
+
+@inlined
+def is_noted(k, turning):
+    """Whether it is one of them."""
+    noted = False
+    for a in range(turning.count[0]):
+        noted = noted or turning.joints[a] == k
+    return noted
+
+
+@recursion
+def factor_turning(h, work):
+    """Y = (M + A_λ)⁻¹ of these joints' columns, and G; after `factor_all`."""
+    method, turning, s = work.method, work.turning, work.stages.shape[1]
+    r, z, d = work.vectors[VECTOR.rhs], work.pairs[0], turning.count[0]
+    for m in range(s * d):
+        for j in range(s * d):
+            turning.G[m, j] = 0.0
+    for b in range(d):
+        for k in range(len(r)):
+            r[k] = z[k] = 0.0
+        r[turning.joints[b]] = z[turning.joints[b]] = 1.0
+        for m in range(len(method.real)):
+            y = turning.real[m, b]
+            solve(work.factors[m], r, y, work.posture)
+            add_answer(h * method.real[m], method.T_real, method.Tinv_real, m, y, b, s, turning)
+        for m in range(len(method.pairs)):
+            y = turning.pairs[m, b]
+            solve(work.factors_pairs[m], z, y, work.posture)
+            add_answer(2.0 * h * method.pairs[m], method.T_pairs, method.Tinv_pairs, m, y, b, s, turning)
+
+
+@inlined
+def add_answer(z, T, Tinv, m, y, b, s, turning):
+    """G += Re(z T y T⁻¹), y the answer of all joints to a torque at joint b."""
+    d = turning.count[0]
+    for i in range(s):
+        for j in range(s):
+            weight = z * T[i, m] * Tinv[m, j]
+            for a in range(d):
+                turning.G[i * d + a, j * d + b] += (weight * y[turning.joints[a]]).real
+
+
+@recursion
+def leave_out_friction(work):
+    """R_i + f(V_i): what the stages would lack without the friction of these joints."""
+    for i in range(work.stages.shape[1]):
+        for a in range(work.turning.count[0]):
+            k = work.turning.joints[a]
+            hinge = work.chain.hinges[k]
+            part = math.tanh(work.stages[STAGE.qd, i, k] / hinge.coulomb_width)
+            work.stages[STAGE.residual, i, k] += hinge.coulomb * part
+
+
+@recursion
+def put_in_friction(h, qd, work):
+    """K −= L⁻¹ f(V), after K has been improved without friction; whether V was found."""
+    turning, stages = work.turning, work.stages
+    s, d = stages.shape[1], turning.count[0]
+    free, v = turning.rows[ROW.free], turning.rows[ROW.v]
+    for i in range(s):
+        for a in range(d):
+            k = turning.joints[a]
+            v[i * d + a], free[i * d + a] = stages[STAGE.qd, i, k], qd[k]
+            for j in range(s):
+                free[i * d + a] += h * work.method.A[COUPLING.A, i, j] * stages[STAGE.qdd, j, k]
+    if not (find_rates(1.0, s * d, work) or narrow(s * d, work)):
+        return False
+    subtract_answers(h, work)
+    return True
+
+
+@recursion
+def subtract_answers(h, work):
+    """K −= T Y T⁻¹ f."""
+    method, turning, qdd = work.method, work.turning, work.stages[STAGE.qdd]
+    s, d = len(qdd), turning.count[0]
+    δq, δv = changes(work)
+    x, z = work.vectors[VECTOR.solution], work.pairs[1]
+    for m in range(len(method.real)):
+        for k in range(len(x)):
+            x[k] = 0.0
+        for b in range(d):
+            f = 0.0
+            for j in range(s):
+                f += method.Tinv_real[m, j] * turning.rows[ROW.f, j * d + b]
+            for k in range(len(x)):
+                x[k] -= f * turning.real[m, b, k]
+        for i in range(s):
+            add_change(h, method, i, method.T_real[i, m], x, qdd[i], δq, δv)
+    for m in range(len(method.pairs)):
+        for k in range(len(z)):
+            z[k] = 0.0
+        for b in range(d):
+            ζ = 0.0j
+            for j in range(s):
+                ζ += method.Tinv_pairs[m, j] * turning.rows[ROW.f, j * d + b]
+            for k in range(len(z)):
+                z[k] -= ζ * turning.pairs[m, b, k]
+        for i in range(s):
+            add_change(h, method, i, 2.0 * method.T_pairs[i, m], z, qdd[i], δq, δv)
+
+
+@recursion
+def narrow(size, work):
+    """Find V for wide friction first, then for narrower and narrower one; whether it was found."""
+    turning, wider = work.turning, 1.0
+    for m in range(size):
+        hinge = work.chain.hinges[turning.joints[m % turning.count[0]]]
+        turning.rows[ROW.v, m] = turning.rows[ROW.free, m]
+        wider = max(wider, abs(turning.rows[ROW.free, m]) / hinge.coulomb_width)
+    found = True
+    while found and wider > 1.0:
+        found = find_rates(wider, size, work)
+        wider *= 0.125
+    return found and find_rates(1.0, size, work)
+
+
+@recursion
+def find_rates(wider, size, work):
+    """Newton's iteration for V, of friction whose widths are so many times wider; whether it converges."""
+    turning, J, rows = work.turning, work.turning.J, work.turning.rows
+    most, enough = 12, 1e-7  # iterations; change of a joint's torque, as a part of its largest
+    torques(wider, size, work)
+    for _ in range(most):
+        for m in range(size):
+            rows[ROW.step, m] = rows[ROW.free, m] - rows[ROW.v, m]
+            for j in range(size):
+                rows[ROW.step, m] -= turning.G[m, j] * rows[ROW.f, j]
+                J[m, j] = turning.G[m, j] * rows[ROW.slope, j]
+            J[m, m] += 1.0
+        solve_lu(J[:size, :size], rows[ROW.step, :size], turning.probe[:, :size])
+        for m in range(size):
+            rows[ROW.v, m] += rows[ROW.step, m]
+        change = torques(wider, size, work)
+        if not change > enough:
+            return not math.isnan(change)
+    return False
+
+
+@recursion
+def torques(wider, size, work):
+    """f(V) and its slope; returns by how much f changes at most, as a part of the largest torque of its joint."""
+    turning, rows, largest = work.turning, work.turning.rows, 0.0
+    for m in range(size):
+        hinge = work.chain.hinges[turning.joints[m % turning.count[0]]]
+        width = wider * hinge.coulomb_width
+        part = math.tanh(rows[ROW.v, m] / width)
+        change = part - rows[ROW.f, m] / hinge.coulomb
+        largest = max(largest, abs(change)) + (change - change)
+        rows[ROW.f, m], rows[ROW.slope, m] = hinge.coulomb * part, hinge.coulomb * (1.0 - part * part) / width
+    return largest
