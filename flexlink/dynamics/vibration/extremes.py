@@ -8,11 +8,12 @@ import functools
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import SingularMassError
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
-from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.terms import inverse_dynamics
+from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
+from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.forward.power_iteration import largest_eigenvalue, smallest_square
 
 FOUND = Memo(256)
 """Frequencies by chain and posture: runs of one scene share them."""
@@ -42,27 +43,13 @@ def slowest_frequency(chain: Chain, q: Array) -> float:
 
 
 def _slowest_frequency(chain: Chain, q: Array) -> float:
-    bent = np.flatnonzero((chain.stiffness > 0) & (chain.hinges["prescribed"] == 0))
-    free = np.flatnonzero((chain.stiffness == 0) & (chain.hinges["prescribed"] == 0))
+    moving, springs = chain.hinges["prescribed"] == 0, chain.stiffness > 0
+    bent, free = np.flatnonzero(springs & moving), np.flatnonzero(~springs & moving)
     if not len(bent):
         return np.inf
-    bare, zero = inertia_alone(chain), np.zeros(chain.n)
-
-    def times_mass(φ: Array) -> Array:
-        return inverse_dynamics(bare, q, zero, φ)
-
-    beside = np.array([times_mass(unit) for unit in np.eye(chain.n)[free]]).reshape(len(free), chain.n)
-    following = -np.linalg.pinv(beside[:, free]) @ beside[:, bent]
-    φ = np.zeros(chain.n)
-    φ[bent], last = 1.0, 0.0
-    for _ in range(PASSES):
-        φ[free] = following @ φ[bent]
-        after = times_mass(φ)[bent] / chain.stiffness[bent]
-        square = float(φ[bent] @ (chain.stiffness[bent] * φ[bent]) / (φ[bent] @ (chain.stiffness[bent] * after)))
-        φ[bent] = after / np.abs(after).max()
-        if abs(square - last) <= CLOSE * square:
-            break
-        last = square
+    square = smallest_square(chain.arrays, q, bent, free, PASSES, CLOSE)
+    if np.isnan(square):  # a torque is beyond float64: this names it
+        inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), springs * 1.0)
     return float(np.sqrt(square)) if square > 0 else np.inf
 
 
@@ -85,16 +72,6 @@ def _largest_eigenvalue(chain: Chain, q: Array, weights: Array) -> float:
     weights = np.where(chain.hinges["prescribed"] == 0, weights, 0.0)
     if not weights.any():
         return 0.0
-    bare, zero = inertia_alone(chain), np.zeros(chain.n)
-    φ, last = np.where(np.arange(chain.n) % 2, 1.0, -1.0), 0.0
-    for _ in range(PASSES):
-        try:
-            φ = forward_dynamics(bare, q, zero, weights * φ)
-        except SingularMassError:
-            return np.inf
-        size = float(np.abs(φ).max())
-        φ /= size
-        if abs(size - last) <= CLOSE * size:
-            break
-        last = size
-    return size
+    posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    found = largest_eigenvalue(chain.arrays, q, weights, PASSES, CLOSE, posture)
+    return float(found) if np.isfinite(found) else np.inf
