@@ -119,7 +119,7 @@ def test_the_damper_of_a_led_joint_takes_no_speed_away() -> None:
 def test_free_joints_that_follow_are_those_of_the_pseudo_inverse(straight: bool, rng: np.random.Generator) -> None:
     """K φ = ω² S φ, S = M_pp − M_pa M_aa⁺ M_ap, of four free joints, two of which turn about one axis."""
     links = [flexible(name, segments=3) for name in "abcd"]
-    links[2] = fl.Link(name="c", length=0.0)  # as the joint behind it
+    links[2] = fl.Link(name="c", length=0.0, joint=fl.Joint(armature=1e3))  # as the joint behind it, but for its rotor
     chain = fl.lump(make_scene(*links, tip=fl.RigidBody(mass=2.0)))
     q = np.zeros(chain.n) if straight else rng.uniform(-0.5, 0.5, chain.n)
     M, a = fl.mass_matrix(chain, q), chain.stiffness == 0
