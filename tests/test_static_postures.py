@@ -27,8 +27,8 @@ def way(start: object, end: object, rows: int) -> np.ndarray:
 
 
 GEARED = make_scene(
-    flexible("a", "xyz", 3, joint=fl.Joint(gear_stiffness=2e3, armature=0.5)), flexible("b", "yz", 3), gravity=(0.0, 5.0, 9.81),
-    tip=fl.RigidBody(mass=1.0),
+    flexible("a", "xyz", 3, joint=fl.Joint(gear_stiffness=2e3, armature=0.5)), flexible("b", "yz", 3),
+    gravity=(0.0, 5.0, 9.81), tip=fl.RigidBody(mass=1.0),
 )  # fmt: skip
 
 

@@ -62,7 +62,7 @@ def least_tolerance(record: Record) -> float:
     """The smallest tolerance [m] that rounding allows, for the arm's reach and its initial angles."""
     # Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to
     roundings = 200.0
-    return roundings * rounding.of_reach(record.chain.reach, float(np.abs(record.q[0]).max()))
+    return roundings * rounding.of_reach(record.chain.reach, max(map(abs, record.q[0].tolist())))
 
 
 def tolerance_of(run: RunSettings, chain: Chain, deflection: float) -> float:

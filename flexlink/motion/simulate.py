@@ -190,8 +190,8 @@ class Problem:
         """
         require_callable("progress", progress)
         if duration is not None:
-            changes = {"run.duration": duration, **starting_from(q0, qd0, t0)}
-            return Problem(self.scene.varied(changes)).simulate(control=control, rate=rate, progress=progress)
+            longer = problem_with(self.scene, {"run.duration": duration})
+            return longer.simulate(q0=q0, qd0=qd0, t0=t0, control=control, rate=rate, progress=progress)
         try:
             problem, kept = self._idle.pop()
         except IndexError:  # another thread runs it
@@ -325,7 +325,7 @@ class SingleRun:
             if warn and steps.slow:
                 warn(f"{monitor.record.chain.name}: {steps.slow}")
                 warn = None
-            if stop.asked or steps.steps.evaluations > most:
+            if stop.asked or (most < math.inf and steps.steps.evaluations > most):
                 break
 
 

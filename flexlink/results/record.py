@@ -74,7 +74,7 @@ class Record:
     def work(self, rows: slice) -> Array:
         """Work done up to these samples [J]: to the integrated one a constant force f adds f·(p − p(0)), p the tip."""
         force = self.inputs.potential_force
-        if not force.any():
+        if not any(force.tolist()):
             return self.works[rows].copy()
         return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ force)
 
@@ -83,6 +83,8 @@ class Record:
     ) -> Trajectory:
         """The samples before `stop`, read-only; this record must not go on."""
         work = self.work(slice(stop)) if balanced else None
+        for array in (self.q, self.qd, self.tau, self.tip, self.energy):
+            array.setflags(write=False)
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
         energy, wrench = Energy(*self.energy[:, :stop]), self.inputs.tip_wrenches(t, q, qd)
         return Trajectory(self.chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, self.problem.scene)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import NamedTuple
 
 import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
@@ -43,14 +44,32 @@ def slowest_frequency(chain: Chain, q: Array) -> float:
 
 
 def _slowest_frequency(chain: Chain, q: Array) -> float:
+    parts = _parts(chain)
+    if not len(parts.bent):
+        return np.inf
+    square = smallest_square(chain.arrays, q, parts.bent, parts.free, PASSES, CLOSE)
+    if np.isnan(square):  # a torque is beyond float64: this names it
+        inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), (parts.stiffness > 0) * 1.0)
+    return float(np.sqrt(square)) if square > 0 else np.inf
+
+
+class _Parts(NamedTuple):
+    """Of the joints whose motion is not prescribed."""
+
+    bent: Indices  # numbers of those with a spring
+    free: Indices  # and of the others
+    stiffness: Array  # (n,), 0 where motion is prescribed, and so
+    damping: Array
+
+
+def _parts(chain: Chain) -> _Parts:
+    return FOUND(chain, "parts", lambda: _parts_of(chain))
+
+
+def _parts_of(chain: Chain) -> _Parts:
     moving, springs = chain.hinges["prescribed"] == 0, chain.stiffness > 0
     bent, free = np.flatnonzero(springs & moving), np.flatnonzero(~springs & moving)
-    if not len(bent):
-        return np.inf
-    square = smallest_square(chain.arrays, q, bent, free, PASSES, CLOSE)
-    if np.isnan(square):  # a torque is beyond float64: this names it
-        inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), springs * 1.0)
-    return float(np.sqrt(square)) if square > 0 else np.inf
+    return _Parts(bent, free, np.where(moving, chain.stiffness, 0.0), np.where(moving, chain.damping, 0.0))
 
 
 def fastest_frequency(chain: Chain, q: Array) -> float:
@@ -58,18 +77,19 @@ def fastest_frequency(chain: Chain, q: Array) -> float:
 
     0 if there is none; inf where rounding leaves a joint nothing of its inertia.
     """
-    find = functools.partial(_largest_eigenvalue, chain, q, chain.stiffness)
+    find = functools.partial(_largest_eigenvalue, chain, q, _parts(chain).stiffness)
     return float(np.sqrt(FOUND(chain, ("stiffness", q.tobytes()), find)))
 
 
 def fastest_decay(chain: Chain, q: Array) -> float:
     """Highest rate at which the dampers alone take away a speed [1/s], as an estimate from below: D φ = δ M φ."""
-    return FOUND(chain, ("damping", q.tobytes()), functools.partial(_largest_eigenvalue, chain, q, chain.damping))
+    return FOUND(
+        chain, ("damping", q.tobytes()), functools.partial(_largest_eigenvalue, chain, q, _parts(chain).damping)
+    )
 
 
 def _largest_eigenvalue(chain: Chain, q: Array, weights: Array) -> float:
     """Largest λ of W φ = λ M φ, W diagonal: the power iteration φ ← M⁻¹ W φ."""
-    weights = np.where(chain.hinges["prescribed"] == 0, weights, 0.0)
     if not weights.any():
         return 0.0
     posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
