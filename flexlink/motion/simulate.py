@@ -408,7 +408,8 @@ def allocate(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
     record.q[0], record.qd[0] = problem.q, problem.qd
-    monitor = RunMonitor(record, judge_step(problem), control)
+    about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
+    monitor = RunMonitor(record, record.kept("step", about, lambda: judge_step(problem)), control)
     if control is not None:
         try:
             control.note(0, problem.q, problem.qd)
