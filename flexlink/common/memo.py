@@ -38,9 +38,16 @@ class Memo:
 
 
 class Kept:
-    """The last result of each name, for one owner, who is not asked by two threads at once."""
+    """The last result of each name, for one owner, who is not asked by two threads at once.
+
+    Attributes
+    ----------
+    types
+        Types of all that an owner whose arrays are its own takes from others; empty: its arrays may be anybody's.
+    """
 
     def __init__(self) -> None:
+        self.types = b""
         self._found: dict[Hashable, tuple[Hashable, Any]] = {}
 
     def __call__(self, name: Hashable, key: Hashable, find: Callable[[], Any]) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.memo import Kept, Memo
 from flexlink.common.types import Array
 from flexlink.describe.conditions import AUTO, RunSettings
+from flexlink.describe.data_files import is_user_file
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.vibration.extremes import slowest_frequency
@@ -87,7 +89,9 @@ class AdaptiveSteps:
         self._aim(start, start)
         if run.controlled:
             arguments = self.work, self.state, self.settings, run.duration
-            record.kept("first step", self.method.explicit, lambda: direct(adaptive.first_step, *arguments))(*arguments)
+            types = self._types(record.kept)
+            find = partial(direct, adaptive.first_step, *arguments, types=types)
+            record.kept("first step", (types, self.method), find)(*arguments)
             self.work.stepper[STEPPER.deflection] = min(self.work.stepper[STEPPER.deflection], record.chain.reach)
         else:
             self.work.stepper[STEPPER.step] = run.step
@@ -292,8 +296,13 @@ class AdaptiveSteps:
 
     def _compile(self, kept: Kept) -> None:
         start, steps = (0.0, self.inputs, self.state, self.tau, self.record.scratch), self._arguments(0)
-        self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start))
-        self._take_steps = kept("steps", self.method.explicit, lambda: direct(adaptive.advance, *steps))
+        types = self._types(kept)
+        self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
+        self._take_steps = kept("steps", (types, self.method), lambda: direct(adaptive.advance, *steps, types=types))
+
+    def _types(self, kept: Kept) -> bytes:
+        """Types of all that steps work on, which a method's own file may change."""
+        return b"" if is_user_file(self.name) or not kept.types else kept.types + self.name.encode()
 
     def _arguments(self, most: int) -> tuple[Any, ...]:
         inputs, state, samples, forward = self.inputs, self.state, self.samples, self.record.scratch

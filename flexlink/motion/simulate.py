@@ -24,6 +24,7 @@ from flexlink.inputs.drives import remembered
 from flexlink.inputs.problem import problem_of, started
 from flexlink.inputs.step_check import judge_step
 from flexlink.kernels.tools.finite import is_finite
+from flexlink.kernels.tools.machine_code import types_of
 from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.budget import warn
 from flexlink.motion.fixed_steps import FixedSteps
@@ -408,6 +409,9 @@ def allocate(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
     record.q[0], record.qd[0] = problem.q, problem.qd
+    if not record.kept.types:  # all else that kernels are given here is made in one way
+        own = chain.arrays, problem.inputs, record.scratch, (1 if chain.is_planar else 1.0)
+        record.kept.types = types_of(*own)
     about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
     monitor = RunMonitor(record, record.kept("step", about, lambda: judge_step(problem)), control)
     if control is not None:

@@ -75,7 +75,9 @@ class Balance:
 
     def _code(self, samples: tuple[Array, ...]) -> Callable[..., tuple[int, int]]:
         of_these = 0, 0, samples, self.chain.hinges, self.bounds, (0, 0), NOTHING, self.seen
-        code: Callable[..., tuple[int, int]] = self.kept("look", None, lambda: direct(look_at, *of_these))
+        code: Callable[..., tuple[int, int]] = self.kept(
+            "look", None, lambda: direct(look_at, *of_these, types=self.kept.types)
+        )
         return code
 
 

@@ -55,7 +55,7 @@ class Record:
     def compile(self) -> None:
         """Compile what `derive` calls."""
         arguments = self.chain.arrays, self.inputs, 0, 0, *self.samples[:-1]
-        self._derive = self.kept("derive", None, lambda: direct(derive, *arguments))
+        self._derive = self.kept("derive", None, lambda: direct(derive, *arguments, types=self.kept.types))
         if len(self.inputs.motion.joints):
             self._prescribe(slice(0))
 
