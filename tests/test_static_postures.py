@@ -38,8 +38,8 @@ def test_postures_in_a_row_are_those_found_one_by_one(scene: fl.Scene) -> None:
     d = len(chain.active)
     angles = np.concatenate([way([0.0] * d, [40.0] * d, 12), way([40.0] * d, [40.0] * d, 2)])
     wanted = one_by_one(chain, angles)
-    np.testing.assert_allclose(static_postures(chain, chain.active, angles), wanted, rtol=0, atol=1e-15)
-    held = fl.gravity_torque(chain, static_postures(chain, chain.active, angles))
+    np.testing.assert_allclose(static_postures(chain, angles), wanted, rtol=0, atol=1e-15)
+    held = fl.gravity_torque(chain, static_postures(chain, angles))
     np.testing.assert_allclose(held, fl.gravity_torque(chain, wanted), rtol=1e-12, atol=1e-12)
 
 
@@ -49,9 +49,7 @@ def test_springs_that_are_slack_elsewhere_are_bent_from_there() -> None:
     hinges["rest"][1:] = 0.02
     chain = fl.Chain(chain.name, chain.bodies, hinges, chain.gravity, chain.coordinates, chain.link_names)
     angles = way([0.0], [10.0], 4)
-    np.testing.assert_allclose(
-        static_postures(chain, chain.active, angles), one_by_one(chain, angles), rtol=0, atol=1e-15
-    )
+    np.testing.assert_allclose(static_postures(chain, angles), one_by_one(chain, angles), rtol=0, atol=1e-15)
 
 
 def test_where_the_joints_jump_the_load_is_put_on_step_by_step(monkeypatch) -> None:
@@ -66,9 +64,7 @@ def test_where_the_joints_jump_the_load_is_put_on_step_by_step(monkeypatch) -> N
         return fl.solve_static(chain, q, **more)
 
     monkeypatch.setattr(module, "solve_static", counted)
-    np.testing.assert_allclose(
-        static_postures(chain, chain.active, angles), one_by_one(chain, angles), rtol=0, atol=1e-13
-    )
+    np.testing.assert_allclose(static_postures(chain, angles), one_by_one(chain, angles), rtol=0, atol=1e-13)
     assert asked[0] == 0.0
     assert 100.0 in np.round(asked, 9)
     assert len(asked) < len(angles)
@@ -79,9 +75,7 @@ def test_a_column_that_buckles_on_the_way_is_not_followed_upright() -> None:
     soft = make_scene(flexible("a", segments=5), gravity=(-9.81, 0.0, 0.0), tip=fl.RigidBody(mass=20.0))
     chain = fl.lump(soft.varied({"material.aluminium.young": 2e8}))
     angles = way([60.0], [0.0], 7)
-    np.testing.assert_allclose(
-        static_postures(chain, chain.active, angles), one_by_one(chain, angles), rtol=0, atol=1e-12
-    )
+    np.testing.assert_allclose(static_postures(chain, angles), one_by_one(chain, angles), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("decimals", range(-2, 25))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.common.memo import Memo
 from flexlink.common.types import Array
+from flexlink.describe.conditions import Frame
 from flexlink.dynamics.equilibrium import known_decimals, solve_static
 from flexlink.dynamics.tangent import unlocked
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria
@@ -15,8 +16,21 @@ DENSE = 100
 """Joints up to which a posture is found from the one before with a matrix that is kept."""
 
 
-def static_postures(chain: Chain, held: NDArray[np.intp], angles: Array) -> Array:
-    """Postures (rows, n) at which a chain rests under gravity, its joints `held` at angles (rows, held) [rad].
+POSTURES = Memo(64)
+"""Static equilibria of chains: runs of one scene share that at their start."""
+
+
+def static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array:
+    """The posture (n,) at which a chain rests, its driven joints held as in q; errors as in `solve_static`."""
+    rest = POSTURES(
+        chain, (q.tobytes(), wrench.tobytes(), frame),
+        lambda: solve_static(chain, q, tip_wrench=wrench, frame=frame, locked=chain.active.tolist()),
+    )  # fmt: skip
+    return rest.q.copy()
+
+
+def static_postures(chain: Chain, angles: Array) -> Array:
+    """Postures (rows, n) at which a chain rests under gravity, its driven joints at angles (rows, driven) [rad].
 
     Each as `solve_static` finds it from the one before: where Newton's method gets there at once, by that alone.
 
@@ -25,11 +39,11 @@ def static_postures(chain: Chain, held: NDArray[np.intp], angles: Array) -> Arra
     ConvergenceError
         At a row the arm has no equilibrium.
     """
-    free, q, postures = unlocked(chain, held.tolist()), np.zeros(chain.n), np.zeros((len(angles), chain.n))
-    found = 0
+    held, q, postures = chain.active, np.zeros(chain.n), np.zeros((len(angles), chain.n))
+    free, found = unlocked(chain, held.tolist()), 0
     while found < len(angles):
         q[held] = angles[found]
-        q = postures[found] = solve_static(chain, q, locked=held.tolist()).q
+        q = postures[found] = static_posture(chain, q, np.zeros(6), "world")
         found += 1
         if chain.n <= DENSE:
             rest = angles[found:], q.copy(), postures[found:]

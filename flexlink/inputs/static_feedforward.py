@@ -40,16 +40,14 @@ TORQUES = Memo(16)
 
 def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     course = ReferenceTrajectory(*target)
-    knots = np.concatenate(
-        [*map(_divided, target.knots[:-1], target.knots[1:], target.coefficients[:-1]), target.knots[-1:]]
-    )
+    knots = _divided(*target)
     c, h = course.restated(knots), np.diff(knots, append=knots[-1] + 1.0)  # the last piece is constant
     x = NODES * h[:, None]
     angles = np.einsum("kjd,knj->knd", c, x[:, :, None] ** np.arange(c.shape[1]))
     moving = np.asarray(c[:, 1:].any(axis=(1, 2)))
     asked = np.arange(len(NODES)) < np.where(moving, len(NODES), 1)[:, None]  # of a piece that stays, one node
     nodes, which = _different(angles[asked])
-    postures = nodes if len(chain.active) == chain.n else static_postures(chain, chain.active, nodes)
+    postures = nodes if len(chain.active) == chain.n else static_postures(chain, nodes)
     holding = np.empty_like(postures)
     gravity_torques(chain.arrays, postures, holding)
     torques = np.zeros_like(angles)
@@ -66,7 +64,11 @@ def _different(nodes: Array) -> tuple[Array, Indices]:
     return np.ascontiguousarray(nodes[new]), np.cumsum(new) - 1
 
 
-def _divided(start: float, end: float, c: Array) -> Array:
-    """Where the parts of a piece begin that turn no joint by more than `TURN`."""
-    farthest = (np.abs(c[1:]) * (end - start) ** np.arange(1, len(c))[:, None]).sum(axis=0).max(initial=0.0)
-    return np.linspace(start, end, max(1, int(np.ceil(farthest / TURN))), endpoint=False)
+def _divided(knots: Array, c: Array) -> Array:
+    """Where parts of pieces begin that turn no joint by more than `TURN`; the last piece, which stays, is one."""
+    h = np.diff(knots)
+    farthest = (np.abs(c[:-1, 1:]) * h[:, None, None] ** np.arange(1, c.shape[1])[:, None]).sum(axis=1)
+    parts = np.maximum(1, np.ceil(farthest.max(axis=1, initial=0.0) / TURN).astype(np.int64)).tolist()
+    pieces = zip(knots[:-1].tolist(), knots[1:].tolist(), parts, strict=True)
+    begins = [np.linspace(start, end, n, endpoint=False) if n > 1 else [start] for start, end, n in pieces]
+    return np.concatenate([*begins, knots[-1:]])
