@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -109,6 +111,13 @@ def test_threads_may_share_a_problem() -> None:
         runs = list(pool.map(lambda qd: problem.simulate(qd0=qd), rates))
     for qd, run in zip(rates, runs, strict=True):
         same(run, alone(scene, qd0=qd))
+
+
+def test_copies_and_pickles_of_a_problem_run_alike() -> None:
+    problem = fl.Problem(arm("pd").varied({"run.tolerance": 1e-4}))
+    first = problem.simulate()
+    for other in (copy.deepcopy(problem), pickle.loads(pickle.dumps(problem))):
+        same(other.simulate(), first)
 
 
 def test_a_start_from_arrays_is_the_same_scene_as_one_from_lists() -> None:

@@ -156,6 +156,10 @@ class Problem:
         self.scene, self.chain = scene, self._problem.chain
         self._idle: list[tuple[InitialValueProblem, Kept]] = [(self._problem, Kept())]
 
+    def __reduce__(self) -> tuple[type[Problem], tuple[Scene]]:
+        """Copies and pickles are prepared anew: machine code stays in its process."""
+        return Problem, (self.scene,)
+
     def __repr__(self) -> str:
         return f"<Problem {self.chain.name!r}: {self.chain.n} joints>"
 
