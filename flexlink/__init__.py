@@ -46,7 +46,7 @@ from flexlink.formats import to_mjcf, to_sdf, to_urdf
 from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.batch import simulate_many
 from flexlink.motion.sensitivity import sensitivities
-from flexlink.motion.simulate import simulate
+from flexlink.motion.simulate import Problem, simulate
 from flexlink.motion.simulator import Simulator
 from flexlink.results.loading import load_trajectory
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
@@ -74,6 +74,7 @@ __all__ = [
     "Material",
     "Mount",
     "PrescribedMotion",
+    "Problem",
     "Reference",
     "ReferenceTrajectory",
     "RigidBody",

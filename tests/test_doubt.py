@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -10,8 +11,10 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
+from flexlink.kernels.stepping.judgement import WRONG
 from flexlink.motion.monitor import RunMonitor
-from flexlink.motion.verification import Second, angle_travelled, doubt, second_runs
+from flexlink.motion.verification import Second, doubt, second_runs
+from flexlink.results.balance import Balance
 
 CHAIN = fl.lump(make_scene(flexible("a")))
 T = np.linspace(0.0, 4.0, 41)
@@ -27,7 +30,7 @@ def monitor(run: fl.RunSettings, off: float) -> RunMonitor:
     record = SimpleNamespace(tip=path(off), chain=CHAIN, t=T, q=np.zeros((41, CHAIN.n)), qd=np.zeros((41, CHAIN.n)))
     record.run = run
     of_a_run = SimpleNamespace(run=run, record=record, control=None, explicit=False, extent=1.0, tip_error=0.0)
-    of_a_run.tolerance, of_a_run.suspicious, of_a_run.angle_travelled = run.tolerance, False, 20.0
+    of_a_run.tolerance, of_a_run.suspicious, of_a_run.travelled = run.tolerance, False, 20.0
     return cast("RunMonitor", of_a_run)
 
 
@@ -52,10 +55,17 @@ def test_a_run_is_doubted_before_it_is_off_by_ten_tolerances_and_not_where_two_s
 
 def test_the_joints_count_together_and_led_ones_and_hinges_that_vibrate_do_not() -> None:
     """3 rad/s forth and back for 4 s are 12 rad; the joint beside it goes through 8, the led one and the hinge far."""
-    rates = np.array([3.0, 2.0, 100.0, 50.0]) * np.where(T < 2.0, 1.0, -1.0)[:, None]
-    chain = SimpleNamespace(hinges={"prescribed": np.array([0, 0, 1, 0])}, active=[0, 1, 2])
-    record = SimpleNamespace(t=T, qd=rates, chain=chain)
-    seen = SimpleNamespace(record=record, angle_travelled=0.0)
-    assert angle_travelled(cast("Any", seen)) == pytest.approx(20.0)
+    links = flexible("a", segments=2), fl.Link(name="b", length=1.0), fl.Link(name="led", length=1.0)
+    chain = fl.lump(make_scene(*links, tip=fl.RigidBody(mass=1.0)))
+    hinges = chain.hinges.copy()
+    hinges["prescribed"][chain.index("led", 0, 0)] = 1
+    known = Balance(dataclasses.replace(chain, hinges=hinges), np.zeros(3))
+    rates = np.array([3.0, 50.0, 2.0, 100.0]) * np.where(T < 2.0, 1.0, -1.0)[:, None]
+    still, rows = np.zeros_like(rates), len(T)
+    samples = T, still, rates, still, np.zeros((rows, 3)), np.zeros((3, rows)), np.zeros(rows)
+    for first, stop in ((0, 7), (7, rows)):  # in two pieces
+        assert known.look(first, stop, samples, (0, 1)) == (stop, WRONG.nothing)
+    seen = cast("Any", SimpleNamespace(_balance=known, angle_travelled=0.0))
+    assert RunMonitor.travelled.fget(seen) == pytest.approx(20.0)
     seen.angle_travelled = 25.0  # of all steps, where samples are few
-    assert angle_travelled(cast("Any", seen)) == 25.0
+    assert RunMonitor.travelled.fget(seen) == 25.0

@@ -113,3 +113,25 @@ def test_the_damper_of_a_led_joint_takes_no_speed_away() -> None:
     M = fl.mass_matrix(chain, q)[np.ix_(rest, rest)]
     wanted = linalg.eigh(np.diag(held.damping[rest]), M, eigvals_only=True)[-1]
     assert fastest_decay(held, q) == pytest.approx(wanted, rel=2 * ESTIMATE)
+
+
+@pytest.mark.parametrize("straight", [True, False], ids=["straight", "bent"])
+def test_free_joints_that_follow_are_those_of_the_pseudo_inverse(straight: bool, rng: np.random.Generator) -> None:
+    """K φ = ω² S φ, S = M_pp − M_pa M_aa⁺ M_ap, of four free joints, two of which turn about one axis."""
+    links = [flexible(name, segments=3) for name in "abcd"]
+    links[2] = fl.Link(name="c", length=0.0, joint=fl.Joint(armature=1e3))  # as the joint behind it, but for its rotor
+    chain = fl.lump(make_scene(*links, tip=fl.RigidBody(mass=2.0)))
+    q = np.zeros(chain.n) if straight else rng.uniform(-0.5, 0.5, chain.n)
+    M, a = fl.mass_matrix(chain, q), chain.stiffness == 0
+    S = M[np.ix_(~a, ~a)] - M[np.ix_(~a, a)] @ np.linalg.pinv(M[np.ix_(a, a)], rcond=1e-12) @ M[np.ix_(a, ~a)]
+    squares = 1.0 / linalg.eigh(S, np.diag(chain.stiffness[~a]), eigvals_only=True)
+    assert slowest_frequency(chain, q) == pytest.approx(np.sqrt(squares[-1]), rel=CLOSE)
+
+
+def test_rotors_slow_the_fastest_swing_and_the_fastest_decay(rng: np.random.Generator) -> None:
+    chain = fl.lump(make_scene(flexible("a", segments=4)))
+    hinges, q = chain.hinges.copy(), rng.uniform(-0.3, 0.3, chain.n)
+    hinges["armature"], hinges["damping"] = 0.1, 1e-3 * hinges["stiffness"]
+    heavy = dataclasses.replace(chain, hinges=hinges)
+    assert fastest_frequency(heavy, q) == pytest.approx(dense(heavy, q)[-1], rel=ESTIMATE)
+    assert fastest_decay(heavy, q) == pytest.approx(1e-3 * dense(heavy, q)[-1] ** 2, rel=2 * ESTIMATE)

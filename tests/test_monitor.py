@@ -14,8 +14,10 @@ from msgspec.structs import replace
 from random_scenes import verdict
 
 import flexlink as fl
+from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.inputs.problem import problem_of
+from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance, explained_by
 from flexlink.motion.monitor import RunMonitor, allowed_imbalance
 from flexlink.results import balance
 from flexlink.results.record import Record, trajectory_from_states
@@ -289,16 +291,56 @@ def test_the_errors_of_all_steps_add_up_however_few_are_probed(monkeypatch) -> N
 
 def test_a_tolerance_explains_no_more_of_an_explicit_runs_imbalance_than_its_part_of_the_motion() -> None:
     scene = swung(0.005).scene.varied({"run.tolerance": 0.05})
-    run, chain, kinetic, X = scene.run, fl.lump(scene), np.array([1e4]), np.array([10.0])
+    run, chain, T, X = scene.run, fl.lump(scene), 1e4, 10.0
     for r in (-X, X):
-        capped = allowed_imbalance(run, chain, kinetic, 0.05, 3.0, explicit=True, compared=False)
-        assert capped.of(r, X) == pytest.approx(10.0 * 2 * 3 * 0.05 / 3.0)
-        free = allowed_imbalance(run, chain, kinetic, 0.05, 3.0, explicit=False, compared=True)
-        assert free.of(r, X) == pytest.approx(np.where(r < 0, np.inf, free.energy))
-        assert balance.NOTHING.of(r, X) == 0.0
+        capped = allowed_imbalance(run, chain, 0.05, 3.0, explicit=True, compared=False)
+        assert explained_by(capped, r, X, T) == pytest.approx(10.0 * 2 * 3 * 0.05 / 3.0)
+        free = allowed_imbalance(run, chain, 0.05, 3.0, explicit=False, compared=True)
+        momentum = 0.05 * np.sqrt(2 * chain.mass * T) * 100 / run.duration
+        assert explained_by(free, r, X, T) == pytest.approx(np.inf if r < 0 else 0.05 * chain.weight + momentum)
+        assert explained_by(balance.NOTHING, r, X, T) == 0.0
 
 
 # -- what the balance is made of ---------------------------------------------------------------------------------------
+
+
+def test_the_look_at_samples_is_the_statement_of_its_docstring(rng: np.random.Generator) -> None:
+    """r, X, ε and what is left of r, of random numbers, in two pieces; then each of what may be wrong, at its row."""
+    chain, force, rows, n = fl.lump(everything("xyz")), np.array([2.0, -1.0, 0.5]), 9, 8
+    energy, works, tip = rng.normal(size=(3, rows)), rng.normal(size=rows), rng.normal(size=(rows, 3))
+    energy[0] = np.abs(energy[0])
+    q, zero, t = rng.normal(size=(rows, n)), np.zeros((rows, n)), np.arange(rows) * 0.1
+    samples, some = (t, q, zero, zero.copy(), tip, energy, works), Allowance(weight=0.3, momentum=0.2, share=0.4)
+    work = works + (tip - tip[0]) @ force
+    r = balance.imbalance(energy, work, energy[:, 0])
+    X = np.maximum.accumulate(balance.turned_over(energy, work, energy[:, 0]))
+    ε = np.maximum.accumulate(rounding.of_energy_balance(chain, energy, work, q)) * (1 + 3 + 5 * np.arange(rows))
+    explained = ε + np.minimum(0.3 + 0.2 * np.sqrt(energy[0]), 0.4 * X)
+    known = balance.Balance(chain, force, insisted=True)
+    known.start(energy[:, 0])
+    for first, stop in ((0, 4), (4, rows)):
+        assert known.look(first, stop, samples, (3, 5), some) == (stop, WRONG.nothing)
+    garbage = np.abs(r) > balance.SHARE * X + explained
+    (seen, k), left = (known.seen, int(np.argmax(garbage))), np.abs(r)[~garbage]
+    assert garbage.any() and not garbage.all()
+    found = seen[[SEEN.exchanged, SEEN.unbalanced, SEEN.excused, SEEN.garbage, SEEN.imbalance, SEEN.available]]
+    wanted = X[-1], max(0.0, (left - explained[~garbage]).max()), (left - ε[~garbage]).max(), k, r[k], X[k]
+    assert found == pytest.approx(wanted, rel=1e-12)
+    strict = balance.Balance(chain, force)
+    strict.start(energy[:, 0])
+    assert strict.look(0, rows, samples, (3, 5), some) == (k, WRONG.balance)
+    for at_rest in (balance.NOTHING, Allowance(weight=1.0)):  # nothing is exchanged: a share of it is nothing, too
+        still = balance.Balance(chain, force)
+        parts = t, zero, zero, zero, np.zeros((rows, 3)), np.zeros((3, rows)), np.zeros(rows)
+        assert still.look(0, rows, parts, (0, 1), at_rest) == (rows, WRONG.nothing)
+        assert np.isfinite(still.seen).all()
+    for place, value, why in ((samples[3], np.inf, WRONG.finite), (energy, np.nan, WRONG.finite)):
+        before = place.copy()
+        place[(3, 1) if place is samples[3] else (1, 3)] = value
+        assert balance.Balance(chain, force, insisted=True).look(0, rows, samples, (3, 5), some) == (3, why)
+        place[:] = before
+    energy[0, 5] = -1.0
+    assert balance.Balance(chain, force, insisted=True).look(0, rows, samples, (3, 5), some) == (5, WRONG.kinetic)
 
 
 def test_the_energy_exchanged_is_the_sum_of_what_each_part_has_gained_or_lost() -> None:

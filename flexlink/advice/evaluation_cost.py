@@ -17,7 +17,7 @@ from flexlink.chain.chain import Chain
 from flexlink.describe.data_files import read_toml
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import NonNegative, Spec, decode
-from flexlink.dynamics.problem import Problem
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 
 Bodies = NDArray[np.intp]
@@ -66,12 +66,12 @@ def step_cost(chain: Chain, name: str) -> float:
     return run_cost(chain, name, passes * rule.stages)
 
 
-def machine_factor(problem: Problem) -> float:
+def machine_factor(problem: InitialValueProblem) -> float:
     """How many times the listed cost an evaluation takes on this machine, measured in about 30 ms."""
     return evaluation_time(problem) / run_cost(problem.chain, "RK4", 1)
 
 
-def evaluation_time(problem: Problem) -> float:
+def evaluation_time(problem: InitialValueProblem) -> float:
     """Measured CPU time [s] of one stage of an explicit method in its compiled loop: the shortest of five times."""
     state = problem.q.copy(), problem.qd.copy(), np.zeros(1)
     none = *np.empty((2, 0, problem.chain.n)), np.empty(0)

@@ -1,4 +1,4 @@
-"""Results that are found once of an object and kept while it lives on in the last few calls."""
+"""Results that are found once and kept: by object, while it lives on in the last few calls, or by owner."""
 
 from __future__ import annotations
 
@@ -35,3 +35,24 @@ class Memo:
             while len(self._results) > self._size:
                 self._results.popitem(last=False)
         return result
+
+
+class Kept:
+    """The last result of each name, for one owner, who is not asked by two threads at once.
+
+    Attributes
+    ----------
+    types
+        Types of all that an owner whose arrays are its own takes from others; empty: its arrays may be anybody's.
+    """
+
+    def __init__(self) -> None:
+        self.types = b""
+        self._found: dict[Hashable, tuple[Hashable, Any]] = {}
+
+    def __call__(self, name: Hashable, key: Hashable, find: Callable[[], Any]) -> Any:
+        """The last result of this name, if it is of the same key, or what `find` returns, which is then kept."""
+        last = self._found.get(name)
+        if last is None or last[0] != key:
+            self._found[name] = last = key, find()
+        return last[1]

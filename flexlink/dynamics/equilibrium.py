@@ -219,11 +219,16 @@ def _as_known(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wrench:
     that mean nothing, other ones on other CPUs, goes: an angle that is 0 by symmetry is 0.
     """
     q = q.copy()
-    open_ = rounding.of_loads(chain, qd, wrench)
-    for i in free[(chain.stiffness[free] > 0) & (open_[free] > 0)]:
-        decimals = math.ceil(math.log10(chain.stiffness[i] / open_[i]))
+    for i, decimals in known_decimals(chain, free, qd, wrench):
         q[i] = chain.rest[i] + round(float(q[i] - chain.rest[i]), decimals)
     return q
+
+
+def known_decimals(chain: Chain, free: NDArray[np.intp], qd: Array, wrench: Array) -> list[tuple[int, int]]:
+    """Of every spring the decimals of its deflection that its load leaves known."""
+    open_ = rounding.of_loads(chain, qd, wrench)
+    sprung = free[(chain.stiffness[free] > 0) & (open_[free] > 0)]
+    return [(i, math.ceil(math.log10(chain.stiffness[i] / open_[i]))) for i in sprung.tolist()]
 
 
 class _LostError(Exception):

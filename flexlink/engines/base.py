@@ -18,7 +18,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.problem import Problem
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines.read_back import ReadBack
 from flexlink.inputs.problem import problem_of
 from flexlink.inputs.step_check import judge_step
@@ -115,7 +115,7 @@ class DriveTorque:
         return self._tau
 
 
-def drive_function(problem: Problem) -> DriveTorque | None:
+def drive_function(problem: InitialValueProblem) -> DriveTorque | None:
     """The drive as a function, or None if there is none."""
     drive = problem.inputs.drive
     return DriveTorque(drive, problem.chain.n) if len(drive.joints) else None
@@ -134,7 +134,7 @@ class TipWrench:
         As in `DriveTorque`.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: InitialValueProblem) -> None:
         self.middle: float | None = None
         self._table, (self._now, frame) = problem.inputs.table, wrench_at(problem.inputs, problem.start)
         self.follows = frame == "tip"
@@ -156,7 +156,7 @@ def rotate_wrench(rotation: Array, wrench: Array) -> Array:
     return (wrench.reshape(2, 3) @ rotation.T).ravel()
 
 
-def wrench_function(problem: Problem) -> TipWrench | None:
+def wrench_function(problem: InitialValueProblem) -> TipWrench | None:
     """The tip wrench as a function of time, or None if there is none."""
     return TipWrench(problem) if problem.scene.wrench.acts else None
 
@@ -206,7 +206,7 @@ def refuse_prescribed_motion(engine: str, chain: Chain) -> None:
         )
 
 
-def fixed_steps_problem(scene: Scene) -> Problem:
+def fixed_steps_problem(scene: Scene) -> InitialValueProblem:
     """The problem of a scene whose run other engines can follow.
 
     Raises
@@ -225,7 +225,7 @@ def fixed_steps_problem(scene: Scene) -> Problem:
     return problem
 
 
-def allocate_samples(problem: Problem) -> Samples:
+def allocate_samples(problem: InitialValueProblem) -> Samples:
     """Times and states of all samples; row 0 holds the initial state, the other rows are uninitialized."""
     run = problem.run
     q, qd = np.empty((2, run.samples, problem.chain.n))
@@ -233,7 +233,7 @@ def allocate_samples(problem: Problem) -> Samples:
     return run.times_from(problem.start), q, qd
 
 
-def divergence_error(engine: str, problem: Problem, samples: Samples, row: int) -> DivergenceError:
+def divergence_error(engine: str, problem: InitialValueProblem, samples: Samples, row: int) -> DivergenceError:
     """The error of a run whose sample `row` is the first that is not finite; it holds the samples before."""
     time = f"t = {samples[0][row]:.6g} s"
     message = f"{problem.scene.name}: the state in {engine} is no longer finite at {time}; {row} samples kept"

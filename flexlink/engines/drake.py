@@ -27,7 +27,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.problem import Problem
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base, drake_reader
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats.sdf import sdf_names, to_sdf
@@ -187,7 +187,7 @@ class DrakeEngine:
         plant.Finalize()
         return plant
 
-    def _simulator(self, problem: Problem) -> tuple[Simulator, MultibodyPlant]:
+    def _simulator(self, problem: InitialValueProblem) -> tuple[Simulator, MultibodyPlant]:
         """A simulator of a plant with the scene's drive and tip wrench and with Coulomb friction, and that plant."""
         builder = DiagramBuilder()
         plant = self._load(builder.AddSystem(MultibodyPlant(time_step=0.0)))

@@ -30,7 +30,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.problem import Problem
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base
 from flexlink.engines.read_back import ReadBack, of_chain
 from flexlink.formats import read_urdf, to_urdf
@@ -112,7 +112,7 @@ class ExudynEngine:
         torque: Array = hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
         return torque
 
-    def _torque_function(self, problem: Problem) -> TorqueFunction | None:
+    def _torque_function(self, problem: InitialValueProblem) -> TorqueFunction | None:
         """Drive less Coulomb friction with Exudyn's signature, or None if there is neither."""
         drive = base.drive_function(problem)
         if drive is None and not self.read.hinges["coulomb"].any():

@@ -23,7 +23,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
-from flexlink.dynamics.problem import Problem
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import pinocchio_reader
 from flexlink.engines.base import (
     ForeignFile,
@@ -178,7 +178,7 @@ class PinocchioEngine:
                 q[row], qd[row] = y[: self.n], y[self.n :]
         return samples
 
-    def _step_function(self, problem: Problem) -> Callable[[int, Array], Array]:
+    def _step_function(self, problem: InitialValueProblem) -> Callable[[int, Array], Array]:
         """A function that returns the state (q, q̇) at (number + 1) h from the one at number · h."""
         n, h, wrench = self.n, problem.run.step, wrench_function(problem)
         A, b, c = method(problem.run.method).arrays

@@ -7,11 +7,10 @@ import numpy as np
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
-from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
-from flexlink.dynamics.equilibrium import solve_static
+from flexlink.dynamics.static_postures import static_posture
 from flexlink.inputs.actuation import inputs_with
 from flexlink.inputs.drives import no_drive
 from flexlink.inputs.tip_wrench import wrench_at
@@ -21,10 +20,6 @@ from flexlink.kernels.inputs.record import Inputs, MotionTable
 APART = 1e-9
 """How far a state may be from a prescribed motion [rad, rad/s], as a part where it is more than 1: what a rate or angle
 that was written with ten digits leaves."""
-
-
-POSTURES = Memo(64)
-"""Static equilibria of chains at their start: runs of one scene share them."""
 
 
 def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
@@ -64,12 +59,7 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
     qd = _given("qd", initial.qd, np.radians(spread(chain, initial.rates)))
     if initial.passive == "static" and len(chain.active) < chain.n:
         wrench, frame = wrench_at(inputs, initial.time)
-        held, posture = chain.active.tolist(), q
-        rest = POSTURES(
-            chain, (q.tobytes(), wrench.tobytes(), frame),
-            lambda: solve_static(chain, posture, tip_wrench=wrench, frame=frame, locked=held),
-        )  # fmt: skip
-        q = rest.q.copy()
+        q = static_posture(chain, q, wrench, frame)
     if scene.motion:
         _check_followed(inputs.motion, scene, chain, q, qd)
     return q, qd

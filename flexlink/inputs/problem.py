@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.problem import Problem
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.initial_state import state_under
+from flexlink.inputs.references import check_start
 
 
-def problem_of(scene: Scene, chain: Chain | None = None) -> Problem:
+def problem_of(scene: Scene, chain: Chain | None = None) -> InitialValueProblem:
     """The problem of a scene, on its own chain or on another one of the same links.
 
     Raises
@@ -20,4 +23,11 @@ def problem_of(scene: Scene, chain: Chain | None = None) -> Problem:
     """
     chain = lump(scene) if chain is None else chain
     inputs = input_arrays(scene, chain)
-    return Problem(scene, chain, inputs, *state_under(inputs, scene, chain))
+    return InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain))
+
+
+def started(problem: InitialValueProblem, scene: Scene) -> InitialValueProblem:
+    """The problem with the start of another scene, which differs in nothing else; errors as above."""
+    check_start(scene, problem.chain)
+    q, qd = state_under(problem.inputs, scene, problem.chain)
+    return dataclasses.replace(problem, scene=scene, q=q, qd=qd)

@@ -26,19 +26,26 @@ def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:
     course, links = scene.course, [chain.coordinate(int(k)).link - 1 for k in chain.active]
     if course is None:
         return constant(np.radians(np.array(scene.drive.target_deg)[links]))
-    _check_start(scene, chain, links)
+    check_start(scene, chain)
     return PiecewisePolynomial(
         course.knots.copy(), course.coefficients.copy()
     )  # writable: kernels take them for another type
 
 
-def _check_start(scene: Scene, chain: Chain, links: list[int]) -> None:
-    """A run from a state of one's own starts at t = 0 where a reference without `from_deg` does."""
+def check_start(scene: Scene, chain: Chain) -> None:
+    """A run from a state of one's own starts at t = 0 where a reference without `from_deg` does.
+
+    Raises
+    ------
+    SceneError
+        It does not.
+    """
     close = 1e-9  # [deg] two roundings of one angle
     initial, reference = scene.initial, scene.drive.reference
     if initial.q is None or initial.time or reference is None or not reference.from_initial:
         return
-    for k, link in zip(chain.active, links, strict=True):
+    for k in chain.active.tolist():
+        link = chain.coordinates[k].link - 1
         starts, said = math.degrees(initial.q[k]), initial.joint_deg[link]
         if abs(starts - said) > close:
             raise SceneError(

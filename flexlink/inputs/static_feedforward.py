@@ -6,10 +6,10 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
-from flexlink.dynamics.equilibrium import solve_static
-from flexlink.dynamics.terms import gravity_torque
+from flexlink.dynamics.static_postures import static_postures
+from flexlink.kernels.derivatives.static_continuation import gravity_torques
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 
 TURN = np.radians(8.0)
@@ -21,7 +21,7 @@ TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True))
 def holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     """Torque of the driven joints with which the arm rests wherever its reference is, in the form of a reference [N m].
 
-    Polynomials through equilibria (`solve_static`), six to a piece, and as many pieces as its turn takes.
+    Polynomials through equilibria (`static_postures`), six to a piece, and as many pieces as its turn takes.
 
     Raises
     ------
@@ -40,25 +40,35 @@ TORQUES = Memo(16)
 
 def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     course = ReferenceTrajectory(*target)
-    knots = np.concatenate(
-        [*map(_divided, target.knots[:-1], target.knots[1:], target.coefficients[:-1]), target.knots[-1:]]
-    )
+    knots = _divided(*target)
     c, h = course.restated(knots), np.diff(knots, append=knots[-1] + 1.0)  # the last piece is constant
     x = NODES * h[:, None]
     angles = np.einsum("kjd,knj->knd", c, x[:, :, None] ** np.arange(c.shape[1]))
-    torques, q, moving = np.zeros_like(angles), np.zeros(chain.n), np.asarray(c[:, 1:].any(axis=(1, 2)))
-    for piece, moves in enumerate(moving):
-        for node in range(len(NODES) if moves else 1):
-            q[chain.active] = angles[piece, node]
-            if len(chain.active) < chain.n:
-                q = solve_static(chain, q, locked=chain.active.tolist()).q.copy()
-            torques[piece, node:] = gravity_torque(chain, q)[chain.active]
+    moving = np.asarray(c[:, 1:].any(axis=(1, 2)))
+    asked = np.arange(len(NODES)) < np.where(moving, len(NODES), 1)[:, None]  # of a piece that stays, one node
+    nodes, which = _different(angles[asked])
+    postures = nodes if len(chain.active) == chain.n else static_postures(chain, nodes)
+    holding = np.empty_like(postures)
+    gravity_torques(chain.arrays, postures, holding)
+    torques = np.zeros_like(angles)
+    torques[asked] = holding[which][:, chain.active]
+    torques[~moving] = torques[~moving, :1]
     powers = np.einsum("jn,knd->kjd", TO_POWERS, torques) / h[:, None, None] ** np.arange(len(NODES))[:, None]
     powers[~moving, 1:] = 0.0
     return PiecewisePolynomial(knots, powers)
 
 
-def _divided(start: float, end: float, c: Array) -> Array:
-    """Where the parts of a piece begin that turn no joint by more than `TURN`."""
-    farthest = (np.abs(c[1:]) * (end - start) ** np.arange(1, len(c))[:, None]).sum(axis=0).max(initial=0.0)
-    return np.linspace(start, end, max(1, int(np.ceil(farthest / TURN))), endpoint=False)
+def _different(nodes: Array) -> tuple[Array, Indices]:
+    """The nodes (rows, d) that differ from the one before, and which of them stands for each."""
+    new = np.append(True, (np.diff(nodes, axis=0) != 0).any(axis=1))
+    return np.ascontiguousarray(nodes[new]), np.cumsum(new) - 1
+
+
+def _divided(knots: Array, c: Array) -> Array:
+    """Where parts of pieces begin that turn no joint by more than `TURN`; the last piece, which stays, is one."""
+    h = np.diff(knots)
+    farthest = (np.abs(c[:-1, 1:]) * h[:, None, None] ** np.arange(1, c.shape[1])[:, None]).sum(axis=1)
+    parts = np.maximum(1, np.ceil(farthest.max(axis=1, initial=0.0) / TURN).astype(np.int64)).tolist()
+    pieces = zip(knots[:-1].tolist(), knots[1:].tolist(), parts, strict=True)
+    begins = [np.linspace(start, end, n, endpoint=False) if n > 1 else [start] for start, end, n in pieces]
+    return np.concatenate([*begins, knots[-1:]])

@@ -6,13 +6,13 @@ import numpy as np
 
 from flexlink.common.errors import UnstableStepError
 from flexlink.describe.schemes.methods import method
-from flexlink.dynamics.problem import Problem
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.vibration.stability import eigenvalue_bound, fastest_eigenvalues, stable_step_of
 from flexlink.dynamics.vibration.stability_function import stable_half_disc
 from flexlink.inputs.actuation import acting_at
 
 
-def judge_step(problem: Problem) -> tuple[str, ...]:
+def judge_step(problem: InitialValueProblem) -> tuple[str, ...]:
     """Check the fixed step against the largest stable one about the initial state; a warning where the run insists.
 
     Raises

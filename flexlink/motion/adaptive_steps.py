@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError, SceneError
-from flexlink.common.memo import Memo
+from flexlink.common.memo import Kept, Memo
 from flexlink.common.types import Array
 from flexlink.describe.conditions import AUTO, RunSettings
+from flexlink.describe.data_files import is_user_file
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.vibration.extremes import slowest_frequency
@@ -87,10 +89,14 @@ class AdaptiveSteps:
         self.count, self.evaluations_before = np.zeros(COUNT.size, np.int64), 0
         self.count[COUNT.row], self.count[COUNT.max_failures] = 1, often if run.method == AUTO else NEVER
         self.samples = record.t, record.q, record.qd, record.works
-        self._take(choose(run, record, self.slowest), start)
+        about = record.q[0].tobytes(), record.qd[0].tobytes()
+        self._take(record.kept("choice", about, lambda: choose(run, record, self.slowest)), start)
         self._aim(start, start)
         if run.controlled:
-            adaptive.first_step(self.work, self.state, self.settings, run.duration)
+            arguments = self.work, self.state, self.settings, run.duration
+            types = self._types(record.kept)
+            find = partial(direct, adaptive.first_step, *arguments, types=types)
+            record.kept("first step", (types, self.method), find)(*arguments)
             self.work.stepper[STEPPER.deflection] = min(self.work.stepper[STEPPER.deflection], record.chain.reach)
         else:
             self.work.stepper[STEPPER.step] = run.step
@@ -123,7 +129,7 @@ class AdaptiveSteps:
             self.inputs = inputs
             for array, value in zip(self.work.springs, drive_gains(self.record.chain, inputs), strict=False):
                 array[:] = value
-            self._compile()
+            self._compile(Kept())
         self._aim(start, end)
         self.budget.begin(self._spent(), end)
         if end == start:
@@ -148,8 +154,7 @@ class AdaptiveSteps:
             array[:] = before
 
     def _changing(self) -> tuple[Any, ...]:
-        stages = (self.work.stages,) if isinstance(self.work, ImplicitWork) else ()
-        return *self.state, self.count, self.work.stepper, *self.work.springs[:3], *stages
+        return *self.state, self.count, *carried(self.work)
 
     def _aim(self, start: float, end: float) -> None:
         """Begin a piece between two times [s], at which torques may jump."""
@@ -175,7 +180,8 @@ class AdaptiveSteps:
     @property
     def steps(self) -> Steps:
         """Counts of the steps so far."""
-        taken, rejected, failed = (int(n) for n in self.count[[COUNT.steps, COUNT.rejected, COUNT.failed]])
+        count = self.count.tolist()
+        taken, rejected, failed = count[COUNT.steps], count[COUNT.rejected], count[COUNT.failed]
         return Steps(self.name, taken, self._evaluations(), rejected, failed, self.why)
 
     def _evaluations(self) -> int:
@@ -183,14 +189,31 @@ class AdaptiveSteps:
 
     def _take(self, choice: Choice, now: float) -> None:
         """Prepare steps by a method from a time on; compiles, while no signal is deferred."""
-        run, record, (self.name, self.why) = self.run, self.record, choice
+        record, (self.name, self.why) = self.record, choice
         self.method = method(self.name)
-        self.work = workspace(self.method, record, self.slowest)
-        self.stop_times = StopTimes(self.method, record, self.control is None)
-        longest = longest_step(self.name, record, now, self.state) if self.method.explicit else np.inf
-        self.settings = settings(run, self.method, record, longest)
+        self.work = self._scratch()
+        key = choice, now, *(part.tobytes() for part in self.state[:2]), float(record.t[0])
+        self.stop_times, self.settings = record.kept("stops", key, lambda: self._stops(now))
         self.end, self.knots = now, np.array([now])
-        self._compile()
+        self._compile(record.kept)
+
+    def _stops(self, now: float) -> tuple[StopTimes, tuple[float, ...]]:
+        """Where and how the steps of the method stop, taken from a time on."""
+        record = self.record
+        longest = longest_step(self.name, record, now, self.state) if self.method.explicit else np.inf
+        stops = StopTimes(self.method, record, self.control is None)
+        return stops, settings(self.run, self.method, record, longest)
+
+    def _scratch(self) -> EmbeddedWork | ImplicitWork:
+        """The scratch of the method, new or as new."""
+        kept, key = self.record.kept, (self.method, self.run.controlled)
+        work: EmbeddedWork | ImplicitWork
+        work = kept("scratch", key, lambda: workspace(self.method, self.record, self.slowest))
+        new = kept("new scratch", key, lambda: [array.copy() for array in carried(work)])
+        for array, value in zip(carried(work), new, strict=True):
+            array[:] = value
+        work.stepper[STEPPER.inverse_ω1] = 1.0 / self.slowest
+        return work
 
     def _advance(self, most: int) -> int:
         """Take up to so many steps, to the end of the piece; goes on with another method where that is cheaper."""
@@ -276,9 +299,15 @@ class AdaptiveSteps:
         """Angle [rad] that all free joints went through so far, forth and back."""
         return float(self.work.stepper[STEPPER.angle_travelled])
 
-    def _compile(self) -> None:
-        self._begin = direct(adaptive.begin, 0.0, self.inputs, self.state, self.tau, self.record.scratch)
-        self._take_steps = direct(adaptive.advance, *self._arguments(0))
+    def _compile(self, kept: Kept) -> None:
+        start, steps = (0.0, self.inputs, self.state, self.tau, self.record.scratch), self._arguments(0)
+        types = self._types(kept)
+        self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
+        self._take_steps = kept("steps", (types, self.method), lambda: direct(adaptive.advance, *steps, types=types))
+
+    def _types(self, kept: Kept) -> bytes:
+        """Types of all that steps work on, which a method's own file may change."""
+        return b"" if is_user_file(self.name) or not kept.types else kept.types + self.name.encode()
 
     def _arguments(self, most: int) -> tuple[Any, ...]:
         inputs, state, samples, forward = self.inputs, self.state, self.samples, self.record.scratch
@@ -286,7 +315,7 @@ class AdaptiveSteps:
 
     def _explicit_is_cheaper(self, how: int) -> bool:
         """Whether the iteration of a method that was picked fails so often that DOP853's stable steps take less."""
-        failed, patience = (int(n) for n in self.count[[COUNT.failed, COUNT.max_failures]])
+        failed, patience = int(self.count[COUNT.failed]), int(self.count[COUNT.max_failures])
         if self.run.method != AUTO or self.method.explicit or how == OUTCOME.ended:
             return False
         if failed < patience and how != OUTCOME.stuck:
@@ -388,6 +417,12 @@ def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
     if drive.rate:
         kick = gains_of(chain, drive._replace(rate=0.0), 0.0, zero, zero).diagonals()[1] / drive.rate
     return *gains_of(chain, drive, 0.0, zero, zero).diagonals(), kick
+
+
+def carried(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
+    """What steps remember from one to the next; all else is scratch within one."""
+    stages = (work.stages,) if isinstance(work, ImplicitWork) else ()
+    return work.stepper, *work.springs[:3], *stages
 
 
 def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:

@@ -101,11 +101,12 @@ def pieces(monitor: RunMonitor, scratch: Any, state: Arrays, samples: Arrays) ->
     run, record = monitor.run, monitor.record
     first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
     fixed = scratch, method(run.method).arrays, record.inputs, run.step, record.origin
-    yield int(integrate(*fixed, 0, 0, every, state, samples))
+    go = record.kept("fixed steps", state[0].ndim, lambda: direct(integrate, *fixed, 0, 0, every, state, samples))
+    yield int(go(*fixed, 0, 0, every, state, samples))
     pace = ChunkSize(record.chain.n)
     while first < last:
         stop = min(first + pace.start(), last)
-        done = int(integrate(*fixed, first, stop, every, state, samples))
+        done = int(go(*fixed, first, stop, every, state, samples))
         due = pace.end()
         if due or done < stop or stop == last:
             yield done

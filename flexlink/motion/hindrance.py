@@ -10,9 +10,9 @@ from scipy import linalg
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
+from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
-from flexlink.dynamics.vibration.linear import linearize
 from flexlink.inputs.drives import gains_of
 from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.results.record import Record
@@ -59,29 +59,40 @@ def sampled_growth(record: Record) -> tuple[float, float]:
     """Growth of the fastest growing motion per sampling period of a drive, with and without the drive.
 
     The largest |λ| of Φ − Γ K, Φ = exp(A T) and Γ = ∫ exp(A t) B dt those of the linear arm about its start, held there
-    at rest, K the gains of the law; 0 where nothing is sampled.
+    at rest, K the gains of the law; 0 where nothing is sampled. That without the drive is told where the first is above
+    1, so that they are compared; else it is 1.
     """
-    chain, drive, q = record.chain, record.inputs.drive, record.q[0]
-    if not drive.rate:
+    if not record.inputs.drive.rate:
         return 0.0, 0.0
+    about = record.q[0].tobytes(), float(record.t[0])
+    growth: tuple[float, float] = record.kept("growth", about, lambda: _sampled_growth(record))
+    return growth
+
+
+def _sampled_growth(record: Record) -> tuple[float, float]:
+    chain, drive, q = record.chain, record.inputs.drive, record.q[0]
     n, zero, start = chain.n, np.zeros(chain.n), float(record.t[0])
     moving = chain.active[chain.hinges["prescribed"][chain.active] == 0]
     K = np.hstack([gain[moving] for gain in gains_of(chain, drive._replace(rate=0.0), start, q, zero).matrices()])
     wrench, frame = wrench_at(record.inputs, start)
     try:
         held = load_torque(chain, q, zero, wrench) + elastic_torque(chain, q)
-        model = linearize(chain, q, tau=held, tip_wrench=wrench, frame=frame)
+        slopes = forward_dynamics_derivatives(chain, q, zero, held, tip_wrench=wrench, frame=frame)
     except FlexlinkError:
         return 0.0, 0.0
-    ω = np.sqrt(np.abs(np.diag(model.A[n:, :n])))
-    unit = np.concatenate([np.where(ω > 0, ω, 1.0), np.ones(n)])  # angles in units of 1/ω, which balances A
-    B = (model.B * unit[:, None])[:, np.isin(chain.active, moving)]
-    size = 2 * n + B.shape[1]
+    ω = np.sqrt(np.abs(np.diag(slopes.dq)))
+    unit = np.where(ω > 0, ω, 1.0)  # angles in units of 1/ω, which balances A
+    size = 2 * n + len(moving)
     both = np.zeros((size, size))
-    both[: 2 * n, : 2 * n], both[: 2 * n, 2 * n :] = model.A * unit[:, None] / unit, B
+    both[np.arange(n), n + np.arange(n)] = unit
+    both[n : 2 * n] = np.hstack([slopes.dq / unit, slopes.dqd, slopes.dtau[:, moving]])
     both = linalg.expm(both / drive.rate)
     if not np.isfinite(both).all():  # it grows beyond all bounds within a period, by itself
         return np.inf, np.inf
     Φ, Γ = both[: 2 * n, : 2 * n], both[: 2 * n, 2 * n :]
-    closed, without = (float(np.abs(np.linalg.eigvals(X)).max()) for X in (Φ - Γ @ (K / unit), Φ))
-    return closed, without
+    growth = _spectral_radius(Φ - Γ @ (K / np.concatenate([unit, np.ones(n)])))
+    return growth, _spectral_radius(Φ) if growth > 1.0 else 1.0
+
+
+def _spectral_radius(A: Array) -> float:
+    return float(np.abs(np.linalg.eigvals(A)).max())

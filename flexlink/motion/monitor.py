@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.common.types import Array
+from flexlink.common.memo import Memo
+from flexlink.common.types import Array, Indices
 from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
+from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance
 from flexlink.motion.sampled_control import Control
 from flexlink.motion.step_errors import step_errors
 from flexlink.results import balance
@@ -23,11 +25,18 @@ from flexlink.results.stop_reasons import DivergenceError, Failure
 from flexlink.results.tip_motion import extent_of_motion
 from flexlink.results.trajectory import Trajectory
 
-Indices = NDArray[np.intp]
-
-FAR = np.radians(84.0)
+FAR = float(np.radians(84.0))
 """Angle of a hinge from which a chain says little of the beam, and of three axes at one point the outer two nearly
 coincide: cond(M) grows by 1/cos² 84° = 90, two decimal digits."""
+
+AT_LIMIT = 1e-9
+"""How far past a limit an angle still counts as at it [rad]: rounding of a run that starts or is led there."""
+
+WRONG_SAMPLES = {
+    WRONG.kinetic: "the kinetic energy is negative: M is not positive definite",
+    WRONG.finite: "energies or torques overflow float64",
+}
+NEGATIVE_ROTORS = Memo(64)
 
 TIP_SHARE = 0.05
 """Error of the tip, as a part of its motion, that counts as wrong: the same 5 % as in `balance.SHARE`."""
@@ -53,7 +62,7 @@ def least_tolerance(record: Record) -> float:
     """The smallest tolerance [m] that rounding allows, for the arm's reach and its initial angles."""
     # Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to
     roundings = 200.0
-    return roundings * rounding.of_reach(record.chain.reach, float(np.abs(record.q[0]).max()))
+    return roundings * rounding.of_reach(record.chain.reach, max(map(abs, record.q[0].tolist())))
 
 
 def tolerance_of(run: RunSettings, chain: Chain, deflection: float) -> float:
@@ -62,8 +71,8 @@ def tolerance_of(run: RunSettings, chain: Chain, deflection: float) -> float:
 
 
 def allowed_imbalance(
-    run: RunSettings, chain: Chain, kinetic: Array, δ: float, moved: float, explicit: bool, compared: bool
-) -> balance.Allowance:
+    run: RunSettings, chain: Chain, δ: float, moved: float, explicit: bool, compared: bool
+) -> Allowance:
     """Energy imbalance that position errors δ of the bodies, as large as the tolerance, explain: m g δ and m v δ/τ.
 
     τ, in which a body gets δ off its way, is a long step. Of a motion of a size, `moved` [m], errors of `TOLERABLE` δ
@@ -71,11 +80,11 @@ def allowed_imbalance(
     that stay below δ, however fast they are, and all energy may have been theirs, or work that a drive does on them:
     it is `compared` with a second run, if there is one, which judges.
     """
-    if not run.controlled:
+    if not run.controlled or run.duration == 0:
         return balance.NOTHING
-    momentum = np.sqrt(2 * chain.mass * np.abs(kinetic))
-    share = 2 * TOLERABLE * δ / moved if explicit and moved > 0 else np.inf
-    return balance.Allowance(δ * (chain.weight + momentum * LONG / run.duration), share, not explicit, compared)
+    momentum = δ * math.sqrt(2 * chain.mass) * LONG / run.duration
+    share = 2 * TOLERABLE * δ / moved if explicit and moved > 0 else math.inf
+    return Allowance(δ * chain.weight, momentum, share, not explicit, compared)
 
 
 class RunMonitor:
@@ -98,19 +107,24 @@ class RunMonitor:
     def __init__(self, record: Record, warnings: tuple[str, ...] = (), control: Control | None = None) -> None:
         chain, run = record.chain, record.run
         self.record, self.run, self.control = record, run, control
-        self.passive = np.array([k for k, c in enumerate(chain.coordinates) if c.segment], dtype=np.intp)
-        self.limited = np.flatnonzero(np.isfinite(chain.hinges["lower"]))
-        self.negative_rotors = bool((chain.hinges["armature"] < 0).any())
+        self._balance = balance.Balance(
+            chain, record.inputs.potential_force, insisted=run.unstable == "allow", bend=FAR, near=AT_LIMIT,
+            kept=record.kept,
+        )  # fmt: skip
+        self.negative_rotors = NEGATIVE_ROTORS(chain, None, lambda: bool((chain.hinges["armature"] < 0).any()))
         self.n_valid, self.failure = 0, ""
         self.warnings = list(warnings)
-        self._exchanged = 0.0  # up to now [J]
-        self._unbalanced = self._excused = 0.0  # largest imbalance so far, apart from what is allowed, and with it [J]
         self.tip_error = 0.0
         self.confirmed = False
         self.explicit = record.problem.explicit
         self.steps, self.deflection, self.angle_travelled = Steps(run.method, 0, 0), 0.0, 0.0
         self._warned: set[str] = set()
         self._extent = 0, 0.0  # number of samples, and theirs
+
+    def compile(self) -> None:
+        """Compile what `check` calls, while no signal is deferred."""
+        self.record.compile()
+        self._balance.compile(self.record.samples)
 
     def check(
         self,
@@ -130,14 +144,13 @@ class RunMonitor:
         self.deflection, self.angle_travelled = deflection, angle_travelled
         if stop == first or self.failure:
             return not self.failure
-        with np.errstate(all="ignore"):
-            self.record.derive(first, stop)
-            self.n_valid = stop
-            self._judge_energy(slice(first, stop))
-            if self.n_valid > first:
-                self._judge_bend(slice(first, self.n_valid))
-                self._judge_limits(slice(first, self.n_valid))
-            if self.n_valid > first and self.explicit:
+        self.record.derive(first, stop)
+        self.n_valid = stop
+        self._look(first, stop)
+        if self.n_valid > first and self.negative_rotors:
+            self._judge_mass(slice(first, self.n_valid))
+        if self.n_valid > first and self.explicit:
+            with np.errstate(all="ignore"):
                 self._probe_steps(slice(first, self.n_valid), errors)
         return not self.failure
 
@@ -176,77 +189,64 @@ class RunMonitor:
         message = f"{record.chain.name}: {failure.text}; {failure.advice or advice}; {self.n_valid} samples kept"
         return failure.kind(message, self.trajectory())
 
-    def _judge_energy(self, rows: slice) -> None:
-        """Samples are finite, their kinetic energy is positive, and their energy balances."""
-        record = self.record
-        energy, work = record.energy[:, rows], record.work(rows)
-        if rows.start == 0:
-            self._balance = balance.Balance(record.chain, record.energy[:, 0])
-        allowance = self._allowance(energy[0])
-        judged = self._balance.judge(energy, work, record.q[rows], self._steps_up_to(rows), allowance)
-        r, X, explained, ε, garbage = judged
-        finite = np.isfinite(r) & np.isfinite(X)
-        if not np.isfinite(record.tau[rows]).all():
-            finite &= np.isfinite(record.tau[rows]).all(axis=1)
-        self._exchanged = float(X[-1])
-        sound = finite & ~garbage
-        self._unbalanced = max(self._unbalanced, float((np.abs(r) - explained)[sound].max(initial=0.0)))
-        self._excused = max(self._excused, float((np.abs(r) - ε)[sound].max(initial=0.0)))
-        if garbage.any():
-            k = int(np.argmax(garbage))
-            unbalanced = f"the energy does not balance: E − E(0) − W = {r[k]:.3g} J of {X[k]:.3g} J exchanged"
-            if self.run.unstable == "allow":
-                self._warn("balance", rows.start + k, unbalanced)
+    def _look(self, first: int, stop: int) -> None:
+        """Judge samples: numbers are finite, the kinetic energy is positive, energy balances, hinges bend, limits."""
+        run, seen = self.run, self._balance.seen
+        if first == 0:
+            self._balance.start(self.record.energy[:, 0])
+        steps = (self.steps.taken, 0) if run.controlled else (0, run.steps_per_sample)
+        self.n_valid, wrong = self._balance.look(first, stop, self.record.samples, steps, self._allowance())
+        if (row := int(seen[SEEN.garbage])) >= 0:
+            r, X = seen[SEEN.imbalance], seen[SEEN.available]
+            unbalanced = f"the energy does not balance: E − E(0) − W = {r:.3g} J of {X:.3g} J exchanged"
+            if run.unstable == "allow":
+                self._warn("balance", row, unbalanced)
             else:
-                self._stop_at(rows, garbage, f"{unbalanced} (at most {balance.SHARE:.0%} allowed)")
-        self._stop_at(rows, energy[0] < -ε, "the kinetic energy is negative: M is not positive definite")
-        self._stop_at(rows, ~finite, "energies or torques overflow float64")
+                self.failure = f"{unbalanced} (at most {balance.SHARE:.0%} allowed)"
+        self.failure = WRONG_SAMPLES.get(wrong, self.failure)
+        rows = slice(first, self.n_valid)
+        if seen[SEEN.bent]:
+            self._tell_bend(rows)
+        if seen[SEEN.beyond]:
+            self._tell_limits(rows)
 
-    def _allowance(self, kinetic: Array) -> balance.Allowance:
-        """Energy imbalance [J] of the next samples that the tolerance explains, from their kinetic energies [J]."""
+    def _allowance(self) -> Allowance:
+        """Energy imbalance [J] of the next samples that the tolerance explains."""
         if not self.run.controlled:
             return balance.NOTHING
         name = self.steps.method  # before the first step it may not be picked yet
         explicit = name != AUTO and method(name).explicit
         moved = self.extent if explicit else 0.0
-        return allowed_imbalance(
-            self.run, self.record.chain, kinetic, self.tolerance, moved, explicit, compared=not explicit
-        )
+        return allowed_imbalance(self.run, self.record.chain, self.tolerance, moved, explicit, compared=not explicit)
 
-    def _steps_up_to(self, rows: slice) -> Array | int:
-        """Number of steps up to each of these samples; of adaptive steps the number so far."""
-        if self.run.controlled:
-            return self.steps.taken
-        return self.run.steps_per_sample * np.arange(rows.start, rows.stop)
-
-    def _judge_bend(self, rows: slice) -> None:
-        """Check that no hinge is bent too far, and that M is positive definite (matched twist has negative rotors)."""
-        record, passive = self.record, self.passive
-        if not passive.size:
-            return
-        bends = np.abs(record.q[rows][:, passive])
-        if bends.max() > FAR:
+    def _tell_bend(self, rows: slice) -> None:
+        """Warn of the first sample in which a hinge is bent too far."""
+        bends = self._bends(rows)
+        if bends.size and bends.max() > FAR:
             row = int(np.argmax(bends.max(axis=1) > FAR))
             text = (
                 f"{self._bent(rows.start + row, bends[row])}: beyond 84° the chain is no longer a good model of a beam"
             )
             self._warn("bend", rows.start + row, f"{text}; use more segments")
-        if not self.negative_rotors:
-            return
+
+    def _bends(self, rows: slice) -> Array:
+        return np.abs(self.record.q[rows][:, self._balance.bounds.bending])
+
+    def _judge_mass(self, rows: slice) -> None:
+        """Check that M is positive definite where hinges are bent most: matched twist has negative rotors."""
+        bends = self._bends(rows)
         row = int(np.argmax(bends.max(axis=1)))
-        if np.linalg.eigvalsh(mass_matrix(record.chain, record.q[rows][row]))[0] <= 0:
+        if np.linalg.eigvalsh(mass_matrix(self.record.chain, self.record.q[rows][row]))[0] <= 0:
             self.n_valid = rows.start + row
             bent = self._bent(self.n_valid, bends[row])
             self.failure = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
 
-    def _judge_limits(self, rows: slice) -> None:
+    def _tell_limits(self, rows: slice) -> None:
         """Warn of joints beyond their limits; the model has no end stops."""
-        # How far past a limit an angle still counts as at it [rad]: rounding of a run that starts or is led there
-        rounding_of_angles = 1e-9
         chain = self.record.chain
-        for k in self.limited:
+        for k in self._balance.bounds.limited:
             q, lower, upper = self.record.q[rows, k], chain.hinges["lower"][k], chain.hinges["upper"][k]
-            out = np.maximum(lower - q, q - upper) > rounding_of_angles
+            out = np.maximum(lower - q, q - upper) > AT_LIMIT
             if out.any():
                 row, (least, most) = rows.start + int(np.argmax(out)), np.degrees([lower, upper])
                 angle = f"joint {chain.joint_name(int(k))!r} is at {np.degrees(self.record.q[row, k]):.6g}°"
@@ -258,7 +258,7 @@ class RunMonitor:
 
     def _bent(self, row: int, bends: Array) -> str:
         """Name and angle of the hinge that is bent most in a sample, for messages."""
-        k = int(self.passive[np.argmax(bends)])
+        k = int(self._balance.bounds.bending[np.argmax(bends)])
         return f"hinge {self.record.chain.joint_name(k)!r} is bent by {np.degrees(self.record.q[row, k]):.1f}°"
 
     def probed(self, rows: slice) -> Indices:
@@ -298,16 +298,23 @@ class RunMonitor:
                 f"to {rounded:.2g} m, while the tip moves {moved:.3g} m; start at angles of a few turns or less"
             )
         if self.suspicious and not self.confirmed:
+            excused, exchanged = self._balance.seen[[SEEN.excused, SEEN.exchanged]]
             yield (
-                f"doubtful: the energy error is {self._excused / self._exchanged:.2g} of the energy "
+                f"doubtful: the energy error is {excused / exchanged:.2g} of the energy "
                 f"exchanged; {'take a tenth of the tolerance' if self.run.controlled else 'halve the step'} and compare"
             )
 
     @property
     def suspicious(self) -> bool:
         """Whether the energy imbalance is notable, or so large that only the tolerance explains it."""
-        least = DOUBT * balance.SHARE * self._exchanged
-        return self._unbalanced > least or self._excused > least / DOUBT
+        exchanged, _, unbalanced, excused = self._balance.seen[SEEN.exchanged : SEEN.travelled].tolist()
+        least = DOUBT * balance.SHARE * exchanged
+        return bool(unbalanced > least or excused > least / DOUBT)
+
+    @property
+    def travelled(self) -> float:
+        """Angle [rad] that all driven joints travel, back and forth, in all steps, or by their rates at the samples."""
+        return max(self.angle_travelled, float(self._balance.seen[SEEN.travelled]))
 
     def _rounded_away(self) -> float:
         """Tip motion [m] that rounding of q + h q̇ in N fixed steps may lose: N h q̇, at most N ulp(q)/2.
@@ -320,10 +327,6 @@ class RunMonitor:
         q, qd = (np.abs(part[: self.n_valid]).max(axis=0) for part in (record.q, record.qd))
         step, reach = float(np.minimum(run.step * qd, np.spacing(q) / 2).sum()), record.chain.reach
         return step * reach * self.n_valid * run.steps_per_sample if step * reach > rounding.of_reach(reach) else 0.0
-
-    def _stop_at(self, rows: slice, bad: NDArray[np.bool_], failure: str) -> None:
-        if bad.any() and rows.start + int(np.argmax(bad)) <= self.n_valid:
-            self.n_valid, self.failure = rows.start + int(np.argmax(bad)), failure
 
     def _warn(self, key: str, row: int, text: str) -> None:
         if key not in self._warned:

@@ -14,7 +14,7 @@ from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings, multiples, parts, whole
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import truncated
-from flexlink.dynamics.problem import Problem
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.inputs.drives import effort_of, held_torques
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.runge_kutta import integrate, stage
@@ -41,7 +41,7 @@ class Control:
         What it gave at its instants, held: so far, 0 later.
     """
 
-    def __init__(self, law: Law, rate: float | None, problem: Problem) -> None:
+    def __init__(self, law: Law, rate: float | None, problem: InitialValueProblem) -> None:
         run, start, chain, self.law, self.chain = problem.run, problem.start, problem.chain, law, problem.chain
         self.effort = effort_of(problem.scene, chain)
         self.sampled, self.origin = rate is not None, round(start / run.step)
@@ -148,7 +148,7 @@ class Control:
         return tau
 
 
-def control_of(problem: Problem, law: Law | None, rate: float | None) -> Control | None:
+def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None) -> Control | None:
     """The law of a run, checked, or None.
 
     Raises

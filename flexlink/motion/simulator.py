@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,9 +16,10 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.inputs.drives import effort_of, held_torques, remembered
 from flexlink.inputs.problem import problem_of
+from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.motion.monitor import allowed_imbalance, tolerance_of
-from flexlink.motion.simulate import prepare, starting_from, steps_of
+from flexlink.motion.simulate import prepare, started_from, steps_of
 from flexlink.results import balance
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
@@ -84,8 +84,7 @@ class Simulator:
         UnstableStepError
             The step is larger than the largest stable one there.
         """
-        changes = starting_from(q, qd, time)
-        scene = self._scene.varied(changes) if changes else self._scene
+        scene = started_from(self._scene, q, qd, time)
         monitor = prepare(problem_of(scene, self.chain), rows=1)
         monitor.check(1)
         self._run, self._record, self._steps = monitor.run, monitor.record, steps_of(monitor)
@@ -94,7 +93,8 @@ class Simulator:
         self._time, self._calls = float(self._record.t[0]), 0
         if not self._run.controlled:
             self._time = self._record.origin * self._run.step
-        self._balance = balance.Balance(self.chain, self._record.energy[:, 0])
+        self._balance = balance.Balance(self.chain, np.zeros(3))
+        self._balance.start(self._record.energy[:, 0])
         self._steps.go(self._pushed, self._time, self._time)  # compiles
         return self.state
 
@@ -172,18 +172,17 @@ class Simulator:
         tip, energy = np.empty((1, 3)), np.empty((3, 1))
         tips_and_energies(self.chain.arrays, q[None], qd[None], tip, energy)
         work = done[:1] + (tip - record.tip[0]) @ record.inputs.potential_force
-        after = copy.copy(self._balance)
         δ, moved = tolerance_of(run, self.chain, self._steps.deflection), float(np.linalg.norm(tip - record.tip[0]))
         explicit = method(self._steps.steps.method).explicit
-        allowed = allowed_imbalance(run, self.chain, energy[0], δ, moved, explicit, compared=False)
-        judged = after.judge(energy, work, q[None], self._steps.steps.taken, allowed)
-        if np.isfinite(judged.imbalance).all() and not judged.garbage.any():
-            self._balance = after
+        allowed = allowed_imbalance(run, self.chain, δ, moved, explicit, compared=False)
+        before = self._balance.seen.copy()
+        samples = record.t[:1], q[None], qd[None], record.tau[:1], tip, energy, work
+        _, wrong = self._balance.look(0, 1, samples, (self._steps.steps.taken, 0), allowed)
+        if wrong in {WRONG.nothing, WRONG.kinetic}:
             return None
-        return Failure(
-            f"the energy does not balance: E − E(0) − W = {judged.imbalance[0]:.3g} J of {judged.exchanged[0]:.3g} J "
-            "exchanged"
-        )
+        r, X = self._balance.seen[[SEEN.last, SEEN.exchanged]]
+        self._balance.seen[:] = before
+        return Failure(f"the energy does not balance: E − E(0) − W = {r:.3g} J of {X:.3g} J exchanged")
 
     def _diverged(self, fault: Failure) -> DivergenceError:
         (t, q, qd), run = self.state, self._run

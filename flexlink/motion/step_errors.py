@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -38,14 +39,12 @@ def _ends(record: Record, scratch: Any, samples: tuple[Array, Array], probed: ND
     ends, rates, work = np.empty((2, len(probed), *shape)), np.empty(shape), np.zeros((1, *shape[1:]))
     drive = record.inputs.drive._replace(next_instant=np.array([NEVER]))  # a sampled law is not asked by these steps
     fixed = scratch, method(run.method).arrays, record.inputs._replace(drive=drive)
-    go: Any = None
     for parts, (row, sample) in product((1, 2), enumerate(probed)):
         q = ends[parts - 1, row]
         q[:], rates[:] = samples[0][sample], samples[1][sample]
         origin = parts * (record.origin + int(sample) * run.steps_per_sample)
         arguments = *fixed, run.step / parts, origin, 0, parts, NEVER, (q, rates, work), none
-        go = go or direct(integrate, *arguments)
-        go(*arguments)
+        record.kept("probed steps", len(shape), partial(direct, integrate, *arguments))(*arguments)
     return ends[0], ends[1]
 
 

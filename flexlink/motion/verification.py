@@ -92,7 +92,7 @@ def multiplies(monitor: RunMonitor) -> str:
     # and postures change without end. Smooth test scenes travel 15.1 and less; of a thousand arms that were hit, those
     # with errors of more than ten tolerances travelled 29 and more.
     far = 16.0
-    if angle_travelled(monitor) > far:
+    if monitor.travelled > far:
         return ": this motion amplifies errors"
     growth, without = sampled_growth(monitor.record)
     more, rate = growth / max(1.0, without), monitor.record.problem.scene.drive.rate or 0.0
@@ -104,13 +104,6 @@ def multiplies(monitor: RunMonitor) -> str:
 def advice(monitor: RunMonitor) -> str:
     """What to change in a run that its verification run contradicts."""
     return "take a hundredth of the tolerance" if monitor.run.controlled else "halve the step"
-
-
-def angle_travelled(monitor: RunMonitor) -> float:
-    """Angle [rad] that all driven joints travel, back and forth, in all steps, or by their rates at the samples."""
-    record, chain = monitor.record, monitor.record.chain
-    rates = np.abs(record.qd[:, [k for k in chain.active if not chain.hinges["prescribed"][k]]])
-    return max(monitor.angle_travelled, float(np.trapezoid(rates, record.t, axis=0).sum()))
 
 
 def _stricter_and_stricter(monitor: RunMonitor) -> Iterator[Second]:

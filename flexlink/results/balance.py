@@ -8,14 +8,15 @@ run, so that the imbalance E − E(0) − W is what the discretisation, or an un
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.common.types import Array
-from flexlink.dynamics import rounding
+from flexlink.common.memo import Kept, Memo
+from flexlink.common.types import Array, Indices
+from flexlink.kernels.stepping.judgement import SEEN, Allowance, Bounds, look_at
+from flexlink.kernels.tools.machine_code import direct
 
 SHARE = 0.1
 """Imbalance, as a part of the energy exchanged, from which a run is garbage. An error ε of all rates changes the
@@ -32,53 +33,59 @@ def turned_over(energy: Array, work: Array, start: Array) -> Array:
     return np.asarray(energy[0] + np.abs(energy[1:] - start[1:, None]).sum(axis=0) + np.abs(work))
 
 
-class Allowance(NamedTuple):
-    """What a tolerance explains of an imbalance."""
-
-    energy: Array | float = 0.0  # at each sample [J]
-    share: float = np.inf  # of the energy exchanged, at most
-    damped: bool = False  # losses are explained: an implicit method damps fast vibrations
-    compared: bool = False  # the run is never stopped for its energy: a second run judges
-
-    def of(self, imbalance: Array, exchanged: Array) -> Array:
-        """Of such imbalances where so much was exchanged [J]."""
-        most = np.minimum(self.energy, self.share * exchanged) if np.isfinite(self.share) else self.energy
-        return np.where(self.damped & (imbalance < 0), np.inf, most)
-
-
-class Judgement(NamedTuple):
-    """Of some samples, each array of shape (samples,)."""
-
-    imbalance: Array  # [J]
-    exchanged: Array  # up to each sample [J]
-    explained: Array  # by rounding, and by the tolerance [J]
-    rounded: Array  # by rounding alone [J]
-    garbage: NDArray[np.bool_]
-
-
 NOTHING = Allowance()
+"""Explained of fixed steps."""
 
 
 class Balance:
-    """The power balance of a run so far, from the energies (3,) that it starts with."""
+    """What is known of the samples of a run so far: `seen`, by SEEN."""
 
-    def __init__(self, chain: Chain, start: Array) -> None:
-        self.chain, self.start = chain, start
-        self._exchanged = self._rounded = 0.0  # largest so far [J]
+    def __init__(
+        self,
+        chain: Chain,
+        force: Array,
+        *,
+        insisted: bool = False,
+        bend: float = np.inf,
+        near: float = np.inf,
+        kept: Kept | None = None,
+    ) -> None:
+        self.chain, self.kept = chain, Kept() if kept is None else kept
+        joints = WATCHED(chain, None, lambda: _watched(chain))
+        self.bounds = Bounds(force, chain.weight * chain.reach, SHARE, insisted, bend, near, *joints)
+        self.seen = np.zeros(SEEN.size)
+        self.seen[SEEN.garbage] = -1.0
 
-    def judge(
-        self, energy: Array, work: Array, q: Array, steps: Array | int, allowance: Allowance = NOTHING
-    ) -> Judgement:
-        """Energies (3, samples), work and angles (samples, n) of the next samples, after so many steps each."""
-        r = imbalance(energy, work, self.start)
-        X = _running_largest(self._exchanged, turned_over(energy, work, self.start))
-        one = _running_largest(self._rounded, rounding.of_energy_balance(self.chain, energy, work, q))
-        self._exchanged, self._rounded = float(X[-1]), float(one[-1])
-        ε = one * (1 + steps)
-        explained = ε + allowance.of(r, X)
-        garbage = (np.abs(r) > SHARE * X + explained) & (not allowance.compared)
-        return Judgement(r, X, explained, ε, garbage)
+    def start(self, energy: Array) -> None:
+        """The energies (3,) that the run starts with [J]."""
+        self.seen[SEEN.start : SEEN.start + 3] = energy
+
+    def look(
+        self, first: int, stop: int, samples: tuple[Array, ...], steps: tuple[int, int], allowance: Allowance = NOTHING
+    ) -> tuple[int, int]:
+        """Judge samples as `look_at` does: the row of the first that is wrong, or `stop`, and what is wrong (WRONG)."""
+        row, wrong = self._code(samples)(
+            first, stop, samples, self.chain.hinges, self.bounds, steps, allowance, self.seen
+        )
+        return row, wrong
+
+    def compile(self, samples: tuple[Array, ...]) -> None:
+        """Compile what judges samples in such arrays."""
+        self._code(samples)
+
+    def _code(self, samples: tuple[Array, ...]) -> Callable[..., tuple[int, int]]:
+        of_these = 0, 0, samples, self.chain.hinges, self.bounds, (0, 0), NOTHING, self.seen
+        code: Callable[..., tuple[int, int]] = self.kept(
+            "look", None, lambda: direct(look_at, *of_these, types=self.kept.types)
+        )
+        return code
 
 
-def _running_largest(so_far: float, values: Array) -> Array:
-    return np.asarray(np.maximum.accumulate(np.maximum(so_far, values)))
+WATCHED = Memo(64)
+"""By chain: the joints that bend, those with limits, and the driven ones whose motion is not prescribed."""
+
+
+def _watched(chain: Chain) -> tuple[Indices, Indices, Indices]:
+    bending = np.array([k for k, c in enumerate(chain.coordinates) if c.segment], dtype=np.int64)
+    free = chain.active[chain.hinges["prescribed"][chain.active] == 0]
+    return bending, np.flatnonzero(np.isfinite(chain.hinges["lower"])), free

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
+from flexlink.common.memo import Kept
 from flexlink.common.types import Array
-from flexlink.dynamics.problem import Problem
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.terms import Energy
-from flexlink.kernels.stepping.samples import drive_torques, prescribed_torques, tips_and_energies
+from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.samples import Steps
 from flexlink.results.trajectory import Trajectory
 
 
-def trajectory_from_states(problem: Problem, t: Array, q: Array, qd: Array) -> Trajectory:
+def trajectory_from_states(problem: InitialValueProblem, t: Array, q: Array, qd: Array) -> Trajectory:
     """Add tip, energies and drive torques to states that another engine's run of a problem went through."""
     record = Record(problem, t, q.copy(), qd.copy())
     record.derive(0, len(t))
@@ -33,33 +33,48 @@ class Record:
         force, which has a potential.
     origin
         Number of fixed steps from t = 0 to the start of the run.
+    kept
+        Scratch and machine code of the problem's runs, one after another.
     """
 
-    def __init__(self, problem: Problem, t: Array, q: Array, qd: Array) -> None:
+    def __init__(self, problem: InitialValueProblem, t: Array, q: Array, qd: Array, kept: Kept | None = None) -> None:
         self.problem, self.run, self.chain, self.inputs = problem, problem.run, problem.chain, problem.inputs
         self.t, self.q, self.qd = t, q, qd
         self.tau, self.tip, self.energy = np.empty_like(q), np.empty((len(t), 3)), np.empty((3, len(t)))
         self.works = np.zeros(len(t))
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.step)
-        self._drive_torques: Callable[..., Any] | None = None
-        self.scratch = problem.workspace()
+        self.kept = Kept() if kept is None else kept
+        self.scratch = self.kept("forward dynamics", None, problem.workspace)
+        self._derive: Callable[..., None] | None = None
+
+    @property
+    def samples(self) -> tuple[Array, ...]:
+        """All that is known of the samples."""
+        return self.t, self.q, self.qd, self.tau, self.tip, self.energy, self.works
+
+    def compile(self) -> None:
+        """Compile what `derive` calls."""
+        arguments = self.chain.arrays, self.inputs, 0, 0, *self.samples[:-1]
+        self._derive = self.kept("derive", None, lambda: direct(derive, *arguments, types=self.kept.types))
+        if len(self.inputs.motion.joints):
+            self._prescribe(slice(0))
 
     def derive(self, first: int, stop: int) -> None:
         """Tip, energies and drive torques of the samples first … stop − 1."""
-        rows = slice(first, stop)
-        t, q, qd = self.t[rows], self.q[rows], self.qd[rows]
-        tips_and_energies(self.chain.arrays, q, qd, self.tip[rows], self.energy[:, rows])
-        arguments = self.inputs, t, q, qd, self.tau[rows]  # of the same types in all calls
-        if self._drive_torques is None:
-            self._drive_torques = direct(drive_torques, *arguments)
-        self._drive_torques(*arguments)
+        if self._derive is None:
+            self.compile()
+        self._derive(self.chain.arrays, self.inputs, first, stop, *self.samples[:-1])  # type: ignore[misc]
         if len(self.inputs.motion.joints):
-            prescribed_torques(self.scratch, self.inputs, t, q, qd, self.tau[rows])
+            self._prescribe(slice(first, stop))
+
+    def _prescribe(self, rows: slice) -> None:
+        t, q, qd, tau = (part[rows] for part in self.samples[:4])
+        prescribed_torques(self.scratch, self.inputs, t, q, qd, tau)
 
     def work(self, rows: slice) -> Array:
         """Work done up to these samples [J]: to the integrated one a constant force f adds f·(p − p(0)), p the tip."""
         force = self.inputs.potential_force
-        if not force.any():
+        if not any(force.tolist()):
             return self.works[rows].copy()
         return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ force)
 
@@ -68,6 +83,8 @@ class Record:
     ) -> Trajectory:
         """The samples before `stop`, read-only; this record must not go on."""
         work = self.work(slice(stop)) if balanced else None
+        for array in (self.q, self.qd, self.tau, self.tip, self.energy):
+            array.setflags(write=False)
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
         energy, wrench = Energy(*self.energy[:, :stop]), self.inputs.tip_wrenches(t, q, qd)
         return Trajectory(self.chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, self.problem.scene)

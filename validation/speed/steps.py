@@ -19,7 +19,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
-from flexlink.dynamics.problem import Problem
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.inputs.initial_state import initial_state
@@ -44,7 +44,7 @@ def native_batch(members: Sequence[Scene]) -> Work:
     return _loop(problem, work, np.ascontiguousarray(starts.transpose(0, 2, 3, 1)))
 
 
-def _loop(problem: Problem, work: Any, starts: Array) -> Work:
+def _loop(problem: InitialValueProblem, work: Any, starts: Array) -> Work:
     """From each of the starts (runs, 2, n), or of eight side by side (blocks, 2, n, 8)."""
     fixed = work, method("RK4").arrays, problem.inputs, problem.run.step, 0
     lanes = starts.shape[3:]

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from typing import NamedTuple
 
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import SingularMassError
 from flexlink.common.memo import Memo
-from flexlink.common.types import Array
-from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.common.types import Array, Indices
 from flexlink.dynamics.terms import inverse_dynamics
+from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
+from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.forward.power_iteration import largest_eigenvalue, smallest_square
 
 FOUND = Memo(256)
 """Frequencies by chain and posture: runs of one scene share them."""
@@ -42,28 +44,32 @@ def slowest_frequency(chain: Chain, q: Array) -> float:
 
 
 def _slowest_frequency(chain: Chain, q: Array) -> float:
-    bent = np.flatnonzero((chain.stiffness > 0) & (chain.hinges["prescribed"] == 0))
-    free = np.flatnonzero((chain.stiffness == 0) & (chain.hinges["prescribed"] == 0))
-    if not len(bent):
+    parts = _parts(chain)
+    if not len(parts.bent):
         return np.inf
-    bare, zero = inertia_alone(chain), np.zeros(chain.n)
-
-    def times_mass(φ: Array) -> Array:
-        return inverse_dynamics(bare, q, zero, φ)
-
-    beside = np.array([times_mass(unit) for unit in np.eye(chain.n)[free]]).reshape(len(free), chain.n)
-    following = -np.linalg.pinv(beside[:, free]) @ beside[:, bent]
-    φ = np.zeros(chain.n)
-    φ[bent], last = 1.0, 0.0
-    for _ in range(PASSES):
-        φ[free] = following @ φ[bent]
-        after = times_mass(φ)[bent] / chain.stiffness[bent]
-        square = float(φ[bent] @ (chain.stiffness[bent] * φ[bent]) / (φ[bent] @ (chain.stiffness[bent] * after)))
-        φ[bent] = after / np.abs(after).max()
-        if abs(square - last) <= CLOSE * square:
-            break
-        last = square
+    square = smallest_square(chain.arrays, q, parts.bent, parts.free, PASSES, CLOSE)
+    if np.isnan(square):  # a torque is beyond float64: this names it
+        inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), (parts.stiffness > 0) * 1.0)
     return float(np.sqrt(square)) if square > 0 else np.inf
+
+
+class _Parts(NamedTuple):
+    """Of the joints whose motion is not prescribed."""
+
+    bent: Indices  # numbers of those with a spring
+    free: Indices  # and of the others
+    stiffness: Array  # (n,), 0 where motion is prescribed, and so
+    damping: Array
+
+
+def _parts(chain: Chain) -> _Parts:
+    return FOUND(chain, "parts", lambda: _parts_of(chain))
+
+
+def _parts_of(chain: Chain) -> _Parts:
+    moving, springs = chain.hinges["prescribed"] == 0, chain.stiffness > 0
+    bent, free = np.flatnonzero(springs & moving), np.flatnonzero(~springs & moving)
+    return _Parts(bent, free, np.where(moving, chain.stiffness, 0.0), np.where(moving, chain.damping, 0.0))
 
 
 def fastest_frequency(chain: Chain, q: Array) -> float:
@@ -71,30 +77,21 @@ def fastest_frequency(chain: Chain, q: Array) -> float:
 
     0 if there is none; inf where rounding leaves a joint nothing of its inertia.
     """
-    find = functools.partial(_largest_eigenvalue, chain, q, chain.stiffness)
+    find = functools.partial(_largest_eigenvalue, chain, q, _parts(chain).stiffness)
     return float(np.sqrt(FOUND(chain, ("stiffness", q.tobytes()), find)))
 
 
 def fastest_decay(chain: Chain, q: Array) -> float:
     """Highest rate at which the dampers alone take away a speed [1/s], as an estimate from below: D φ = δ M φ."""
-    return FOUND(chain, ("damping", q.tobytes()), functools.partial(_largest_eigenvalue, chain, q, chain.damping))
+    return FOUND(
+        chain, ("damping", q.tobytes()), functools.partial(_largest_eigenvalue, chain, q, _parts(chain).damping)
+    )
 
 
 def _largest_eigenvalue(chain: Chain, q: Array, weights: Array) -> float:
     """Largest λ of W φ = λ M φ, W diagonal: the power iteration φ ← M⁻¹ W φ."""
-    weights = np.where(chain.hinges["prescribed"] == 0, weights, 0.0)
     if not weights.any():
         return 0.0
-    bare, zero = inertia_alone(chain), np.zeros(chain.n)
-    φ, last = np.where(np.arange(chain.n) % 2, 1.0, -1.0), 0.0
-    for _ in range(PASSES):
-        try:
-            φ = forward_dynamics(bare, q, zero, weights * φ)
-        except SingularMassError:
-            return np.inf
-        size = float(np.abs(φ).max())
-        φ /= size
-        if abs(size - last) <= CLOSE * size:
-            break
-        last = size
-    return size
+    posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    found = largest_eigenvalue(chain.arrays, q, weights, PASSES, CLOSE, posture)
+    return float(found) if np.isfinite(found) else np.inf

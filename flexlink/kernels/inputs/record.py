@@ -93,7 +93,8 @@ class Inputs(NamedTuple):
 
     def tip_wrenches(self, t: Array, q: Array, qd: Array) -> Array:
         """Force and moment in frame 0 at samples (rows,) with states (rows, n), shape (rows, 6)."""
-        found = np.array(np.broadcast_to(self.wrench, (len(t), 6)))
+        found = np.empty((len(t), 6))
+        found[:] = self.wrench
         if self.table is not None:
             wrenches(self.table, t, q, qd, found)
         return found

@@ -54,14 +54,23 @@ ONLY_KERNELS: dict[str, Any] = {"no_cpython_wrapper": True, **NO_C}
 recursion itself."""
 
 
-def direct(compiled: Any, *arguments: Any) -> Callable[..., Any]:
-    """The code of a kernel for arguments of these types, compiled; it looks at no types, so none but these may come."""
+def direct(compiled: Any, *arguments: Any, types: bytes = b"") -> Callable[..., Any]:
+    """The code of a kernel for arguments of these types, compiled; it looks at no types, so none but these may come.
+
+    Who knows that other calls with the same `types`, such as `types_of` a part of the arguments, have the same in all
+    other arguments, too, need not have them looked at: 10 to 30 µs.
+    """
     if numba.config.DISABLE_JIT:
         return cast("Callable[..., Any]", compiled)
-    key = compiled, compute_fingerprint(arguments)
+    key = compiled, types or compute_fingerprint(arguments)
     if key not in _FOUND:
         _FOUND[key] = compiled.compile(tuple(compiled.typeof_pyval(argument) for argument in arguments))
     return _FOUND[key]
+
+
+def types_of(*arguments: Any) -> bytes:
+    """What distinguishes the types of arguments from all others."""
+    return b"" if numba.config.DISABLE_JIT else bytes(compute_fingerprint(arguments))
 
 
 _FOUND: dict[tuple[Any, bytes], Callable[..., Any]] = {}

@@ -1,4 +1,4 @@
-"""Problem: the equation of motion of a scene with its initial state, which a run integrates."""
+"""InitialValueProblem: the equation of motion of a scene with its initial state, which a run integrates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexlink.kernels.inputs.record import Inputs
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Problem:
+class InitialValueProblem:
     """The initial value problem M q̈ + T_GC + T_FL + T_FR = T_EX, q(t₀) and q̇(t₀) given.
 
     Attributes

@@ -1,0 +1,70 @@
+"""Postures in a row at which a chain rests, its driven joints held: what a static feed-forward goes through."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.common.memo import Memo
+from flexlink.common.types import Array
+from flexlink.describe.conditions import Frame
+from flexlink.dynamics.equilibrium import known_decimals, solve_static
+from flexlink.dynamics.tangent import unlocked
+from flexlink.kernels.derivatives.static_continuation import follow_equilibria
+
+DENSE = 100
+"""Joints up to which a posture is found from the one before with a matrix that is kept."""
+
+
+POSTURES = Memo(64)
+"""Static equilibria of chains: runs of one scene share that at their start."""
+
+
+def static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array:
+    """The posture (n,) at which a chain rests, its driven joints held as in q; errors as in `solve_static`."""
+    rest = POSTURES(
+        chain, (q.tobytes(), wrench.tobytes(), frame),
+        lambda: solve_static(chain, q, tip_wrench=wrench, frame=frame, locked=chain.active.tolist()),
+    )  # fmt: skip
+    return rest.q.copy()
+
+
+def static_postures(chain: Chain, angles: Array) -> Array:
+    """Postures (rows, n) at which a chain rests under gravity, its driven joints at angles (rows, driven) [rad].
+
+    Each as `solve_static` finds it from the one before: where Newton's method gets there at once, by that alone.
+
+    Raises
+    ------
+    ConvergenceError
+        At a row the arm has no equilibrium.
+    """
+    held, q, postures = chain.active, np.zeros(chain.n), np.zeros((len(angles), chain.n))
+    free, found = unlocked(chain, held.tolist()), 0
+    while found < len(angles):
+        q[held] = angles[found]
+        q = postures[found] = static_posture(chain, q, np.zeros(6), "world")
+        found += 1
+        if chain.n <= DENSE:
+            rest = angles[found:], q.copy(), postures[found:]
+            found += follow_equilibria(chain.arrays, held, free, *rest)
+            q = postures[found - 1].copy()
+    for i, decimals in known_decimals(chain, free, np.zeros(chain.n), np.zeros(6)):
+        postures[:, i] = chain.rest[i] + _rounded(postures[:, i] - chain.rest[i], decimals)
+    return postures
+
+
+def _rounded(x: Array, decimals: int) -> Array:
+    """`round` of every number (m,), half to even, by an exact product with the power of ten (Dekker 1971)."""
+    exact = 22  # decimals whose power of ten is a float64
+    scale, split = 10.0 ** max(decimals, 0), 2.0**27 + 1.0
+    y = x * scale
+    if not 0 <= decimals <= exact or np.abs(y).max(initial=0.0) >= 2.0**52:
+        return np.array([round(each, decimals) for each in x.tolist()])
+    (a, b), (c, d) = ((high, z - high) for z in (x, scale) for high in (split * z - (split * z - z),))
+    left = ((a * c - y) + a * d + b * c) + b * d  # of the product beyond its rounding y
+    whole = np.rint(y)
+    above, below = 0.5 - (y - whole), -0.5 - (y - whole)  # what may be left, for `whole` to be the nearest
+    up = (left > above) | ((left == above) & (whole % 2 == 1))
+    down = (left < below) | ((left == below) & (whole % 2 == 1))
+    return np.asarray((whole + up - down.astype(float)) / scale)

@@ -1,0 +1,100 @@
+"""Postures in which a chain rests, its springs bent by gravity, from one position of the held joints to the next.
+
+Newton's method, T_G(q) + T_FL(q) = 0 on the joints that are not held, with a matrix that is kept as long as every
+correction is a tenth of the last one, or less: what bends hardly changes from one position to the next.
+"""
+
+import math
+
+import numpy as np
+
+from flexlink.kernels.bodies.rne import rne, rne_workspace
+from flexlink.kernels.derivatives.load_derivatives import add_load_stiffness
+from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.vec3 import vector
+
+
+@kernel
+def follow_equilibria(chain, held, free, angles, q, postures):
+    """Write the postures (rows, n) with the joints `held` at `angles` (rows, held), from an equilibrium `q` (n,) on.
+
+    Returns how many were found: up to where Newton's method fails, bends by more than it should, or finds an
+    equilibrium that would not stay.
+    """
+    most, far, shrinks, small = 30, 0.1, 0.1, 1e-11  # corrections; rad; of the last one; rad
+    n, f = len(q), len(free)
+    zero, none, torque, x, work = np.zeros(n), np.zeros(6), np.zeros(n), np.zeros(f), rne_workspace(chain)
+    K, L, known = np.zeros((n, n)), np.zeros((f, f)), False
+    for row in range(len(angles)):
+        for j in range(len(held)):
+            q[held[j]] = angles[row, j]
+        last, moved = math.inf, 0.0
+        for correction in range(most + 1):
+            rne(chain, vector(chain.gravity), none, q, zero, zero, torque, work)
+            if not known:
+                for i in range(n):
+                    for j in range(n):
+                        K[i, j] = chain.hinges[i].stiffness if i == j else 0.0
+                add_load_stiffness(chain, none, False, q, zero, K)
+                known = factor_block(K, free, L)
+                last = math.inf
+            if not known or correction == most:
+                return row
+            for i in range(f):
+                hinge = chain.hinges[free[i]]
+                x[i] = torque[free[i]] + hinge.stiffness * (q[free[i]] - hinge.rest)
+            size = solve_block(L, x)
+            moved += size
+            if not moved < far:
+                return row
+            for i in range(f):
+                q[free[i]] -= x[i]
+            if size == 0.0 or (size < small and size > shrinks * last):  # rounding is all that is left
+                break
+            known = size <= shrinks * last
+            last = size
+        known = True
+        for k in range(n):
+            postures[row, k] = q[k]
+    return len(angles)
+
+
+@kernel
+def gravity_torques(chain, postures, torques):
+    """Write T_G (rows, n) at every posture (rows, n)."""
+    zero, none, work = np.zeros(postures.shape[1]), np.zeros(6), rne_workspace(chain)
+    for row in range(len(postures)):
+        rne(chain, vector(chain.gravity), none, postures[row], zero, zero, torques[row], work)
+
+
+@recursion
+def factor_block(K, free, L):
+    """L Lᵀ = K of the joints `free`, its lower triangle; False where it is not positive definite."""
+    for j in range(len(free)):
+        for i in range(j, len(free)):
+            total = K[free[i], free[j]]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i > j:
+                L[i, j] = total / L[j, j]
+            elif total > 0.0:
+                L[j, j] = math.sqrt(total)
+            else:
+                return False
+    return True
+
+
+@recursion
+def solve_block(L, x):
+    """x ← (L Lᵀ)⁻¹ x; returns the largest |x_i|, nan if one is."""
+    for i in range(len(x)):
+        for k in range(i):
+            x[i] -= L[i, k] * x[k]
+        x[i] /= L[i, i]
+    size = 0.0
+    for i in range(len(x) - 1, -1, -1):
+        for k in range(i + 1, len(x)):
+            x[i] -= L[k, i] * x[k]
+        x[i] /= L[i, i]
+        size = max(size, abs(x[i])) + (x[i] - x[i])
+    return size

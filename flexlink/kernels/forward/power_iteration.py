@@ -1,0 +1,141 @@
+"""The ends of a chain's spectrum by power iterations, each a product in O(n): estimates of frequencies.
+
+    fastest     φ ← M⁻¹ W φ        W φ = λ M φ, W diagonal, prescribed joints at rest
+    slowest     φ ← K⁻¹ S φ        K φ = ω² S φ on the joints with springs, S = M_pp − M_pa M_aa⁺ M_ap
+
+S is what is left of M with the free joints a, which follow the others without a torque: φ_a = −M_aa⁺ M_ap φ_p. M_aa is
+singular where a stretched arm moves nothing but a point mass; any inverse on its range will do, as M_ap lies in it.
+"""
+
+import math
+
+import numpy as np
+
+from flexlink.kernels.bodies.rne import rne, rne_workspace
+from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, factor, place_bodies, solve
+from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.vec3 import ZERO
+
+EPS = 2.0**-52
+
+
+@kernel
+def largest_eigenvalue(chain, q, weights, passes, close, posture):
+    """Largest λ of W φ = λ M φ, from below, after so many passes or as soon as one changes it by a part `close`.
+
+    `weights` (n,) on W's diagonal; scratch `posture` of the chain. Not finite where M is singular.
+    """
+    n, last = len(q), 0.0
+    φ, r, factors = np.zeros(n), np.zeros(n), np.zeros((n, FACTORS.size))
+    for k in range(n):
+        φ[k], factors[k, FACTORS.A] = 2 * (k % 2) - 1, chain.hinges[k].armature
+    place_bodies(q, posture)
+    factor(factors, posture)
+    for _ in range(passes):
+        for k in range(n):
+            r[k] = weights[k] * φ[k]
+        solve(factors, r, φ, posture)
+        size = largest(φ)
+        if not size < math.inf or abs(size - last) <= close * size:
+            return size
+        last = size
+        for k in range(n):
+            φ[k] /= size
+    return last
+
+
+@recursion
+def largest(φ):
+    """The largest |φ_k|; nan if one is."""
+    size = 0.0
+    for k in range(len(φ)):
+        size = max(size, abs(φ[k])) + (φ[k] - φ[k])
+    return size
+
+
+@kernel
+def smallest_square(chain, q, bent, free, passes, close):
+    """Smallest ω² of K φ = ω² S φ, from above, on the joints `bent`, with `free` ones that follow; passes as above."""
+    n, p, a, last = len(q), len(bent), len(free), 0.0
+    φ, none, M_a, M_aa, x, y = np.zeros(n), np.zeros(6), np.zeros((a, n)), np.zeros((a, a)), np.zeros(a), np.zeros(a)
+    zero, torque, order, work = np.zeros(n), np.zeros(n), np.zeros(a, np.int64), rne_workspace(chain)
+    for i in range(a):
+        φ[free[i]] = 1.0
+        rne(chain, ZERO, none, q, zero, φ, M_a[i], work)
+        φ[free[i]] = 0.0
+        for j in range(a):
+            M_aa[i, j] = M_a[i, free[j]]
+    rank = factor_semidefinite(M_aa, order)
+    for i in range(p):
+        φ[bent[i]] = 1.0
+    for _ in range(passes):
+        for j in range(a):
+            x[j] = 0.0
+            for i in range(p):
+                x[j] -= M_a[j, bent[i]] * φ[bent[i]]
+        solve_semidefinite(M_aa, order, rank, x, y)
+        for j in range(a):
+            φ[free[j]] = x[j]
+        rne(chain, ZERO, none, q, zero, φ, torque, work)
+        elastic, inertial, size = 0.0, 0.0, 0.0
+        for i in range(p):
+            k, stiffness = bent[i], chain.hinges[bent[i]].stiffness
+            elastic += φ[k] * (stiffness * φ[k])
+            inertial += φ[k] * torque[k]
+            torque[k] /= stiffness
+            size = max(size, abs(torque[k]))
+        square = elastic / inertial
+        if not abs(square - last) > close * square:
+            return square
+        last = square
+        for i in range(p):
+            φ[bent[i]] = torque[bent[i]] / size
+    return last
+
+
+@recursion
+def factor_semidefinite(A, order):
+    """P A Pᵀ = L Lᵀ by Cholesky's method, the largest pivot first; returns the rank r. L stands in the r first columns.
+
+    `order` (n,) becomes the rows of A in the order of L's. Where rounding is all that is left of the pivots, it ends.
+    """
+    n = len(A)
+    for i in range(n):
+        order[i] = i
+    for j in range(n):
+        pivot = j
+        for i in range(j + 1, n):
+            if A[i, i] > A[pivot, pivot]:
+                pivot = i
+        if j == 0:
+            least = n * EPS * A[pivot, pivot]
+        if not A[pivot, pivot] > least:
+            return j
+        order[j], order[pivot] = order[pivot], order[j]
+        for i in range(n):
+            A[j, i], A[pivot, i] = A[pivot, i], A[j, i]
+        for i in range(n):
+            A[i, j], A[i, pivot] = A[i, pivot], A[i, j]
+        A[j, j] = math.sqrt(A[j, j])
+        for i in range(j + 1, n):
+            A[i, j] /= A[j, j]
+        for i in range(j + 1, n):
+            for k in range(j + 1, n):
+                A[i, k] -= A[i, j] * A[k, j]
+    return n
+
+
+@recursion
+def solve_semidefinite(L, order, rank, x, y):
+    """A solution x, in place of b, of A x = b with b in A's range, 0 where L has no pivot; scratch `y` (n,), zeros."""
+    for i in range(rank):
+        y[i] = x[order[i]]
+        for k in range(i):
+            y[i] -= L[i, k] * y[k]
+        y[i] /= L[i, i]
+    for i in range(rank - 1, -1, -1):
+        for k in range(i + 1, rank):
+            y[i] -= L[k, i] * y[k]
+        y[i] /= L[i, i]
+    for i in range(len(x)):
+        x[order[i]] = y[i]
