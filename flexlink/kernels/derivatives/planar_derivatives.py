@@ -18,12 +18,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.plane import BASE, LINK, in_plane, planar_workspace
-from flexlink.kernels.derivatives.forward_derivatives import VARIABLE, joint_loads, keep_columns, keep_prescribed
+from flexlink.kernels.bodies.plane import BASE, LINK, PlanarWork, in_plane, planar_workspace
+from flexlink.kernels.derivatives.forward_derivatives import (
+    VARIABLE,
+    begin,
+    joint_loads,
+    keep_prescribed,
+)
+from flexlink.kernels.derivatives.inverse_derivatives import Arrays, keep_columns
 from flexlink.kernels.forward.mass_plus_diagonal_plane import PlanePosture, turn_levers
 from flexlink.kernels.forward.solvers import forward_dynamics
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
-from flexlink.kernels.tools.finite import is_finite
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.finite import are_finite, is_finite
 from flexlink.kernels.tools.lanes import LANES, at, put_at, vec, zero_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.vec3 import scale
@@ -38,39 +44,60 @@ CHANGE = numbered("n fx fy bx by")
 
 
 class PlanarDerivativesWork(NamedTuple):
-    """Scratch of `planar_derivatives`."""
+    """Scratch of `derivatives_in_plane`, with the constants of a chain."""
 
+    planar: PlanarWork
+    solution: Any  # (2, n) T_EX and q̈
     posture: PlanePosture
     rows: Any  # (n, SIZE)
-    turned: Any  # (9, 8) row t: σ of the first t columns of a block, 0 of the others
-    prescribed: Any  # (9, 8) the same of the columns of prescribed joints
+    turned: Any  # (⌈n/8⌉, 9, 8) row t: σ of the first t columns of a block, 0 of the others
+    prescribed: Any  # (⌈n/8⌉, 9, 8) the same of the columns of prescribed joints
     r: Any  # (3, n, 8)
     x: Any  # (3, n, 8)
 
 
 @kernel
+def planar_derivatives_workspace(bodies, hinges, gravity):
+    """Scratch of `derivatives_in_plane` for a chain."""
+    n, planar = len(hinges), planar_workspace(bodies, hinges, gravity)
+    levers, lanes, weights = (
+        np.empty((2, n, 2)),
+        np.empty((6, n, LANES)),
+        np.empty((2, -(-n // LANES), LANES + 1, LANES)),
+    )
+    for block in range(weights.shape[1]):
+        weigh(hinges, planar.links, block * LANES, weights[0, block], weights[1, block])
+    posture = PlanePosture(planar.links, planar.prescribed, planar.trig, levers[0], levers[1])
+    rows, r, x = np.empty((n, ROW.size)), lanes[:3], lanes[3:]
+    return PlanarDerivativesWork(planar, np.empty((2, n)), posture, rows, weights[0], weights[1], r, x)
+
+
+@kernel
 def planar_derivatives(bodies, hinges, gravity, wrench, q, qd, tau, found):
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n) as `forward_derivatives`; whether all is finite."""
-    n, planar = len(q), planar_workspace(bodies, hinges, gravity)
-    qdd, levers, lanes = np.zeros(n), np.empty((2, n, 2)), np.empty((6, n, LANES))
-    forward_dynamics(wrench, q, qd, tau.copy(), qdd, planar)
-    posture = PlanePosture(planar.links, planar.prescribed, planar.trig, levers[0], levers[1])
-    weights = np.zeros((2, LANES + 1, LANES))
-    work = PlanarDerivativesWork(posture, np.empty((n, ROW.size)), weights[0], weights[1], lanes[:3], lanes[3:])
-    turn_levers(posture)
+    work, slopes = planar_derivatives_workspace(bodies, hinges, gravity), (found[0], found[1], found[2])
+    return derivatives_in_plane(Arrays(bodies, hinges, gravity), wrench, q, qd, tau, slopes, work)
+
+
+@subroutine
+def derivatives_in_plane(chain, wrench, q, qd, tau, found, work):
+    """Write three arrays (n, n), on scratch that serves many states; whether all is finite."""
+    n, hinges, torque, qdd = len(q), chain.hinges, work.solution[0], work.solution[1]
+    begin(tau, torque, qdd)
+    forward_dynamics(wrench, q, qd, torque, qdd, work.planar)
+    turn_levers(work.posture)
     factor(work)
-    move(planar.base, wrench, qd, work)
+    move(work.planar.base, wrench, qd, work)
     for k in range(n):
         write_changes(k, work)
-    for first in range(0, n, LANES):
+    for first in range((n - 1) // LANES * LANES, -1, -LANES):
         for variable in range(3):
             joint_loads(hinges, qd, variable, first, work.r[variable])
-        weigh(hinges, first, work)
-        solve(first, work)
+        solve(first, work.turned[first // LANES], work.prescribed[first // LANES], work)
         for variable in range(3):
             keep_columns(work.x[variable], first, found[variable])
-    keep_prescribed(hinges, found)
-    return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and is_finite(found.reshape(-1))
+    keep_prescribed(hinges, found[VARIABLE.tau])
+    return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and are_finite(found)
 
 
 @recursion
@@ -138,45 +165,38 @@ def write_change(row, first, dx, dy, bx, by, fx, fy, n):
     row[first + CHANGE.by] = by
 
 
-@recursion
-def weigh(hinges, first, work):
+@kernel
+def weigh(hinges, links, first, turned, prescribed):
     """σ of the first columns of a block, and of those that are given alone."""
-    for j in range(LANES):
-        k, σ, prescribed = first + j, 0.0, 0.0
-        if k < len(hinges):
-            σ = work.posture.links[k, LINK.sign]
-            prescribed = σ * hinges[k].prescribed
-        work.turned[LANES, j], work.prescribed[LANES, j] = σ, prescribed
-    for t in range(LANES):
+    for t in range(LANES + 1):
         for j in range(LANES):
-            work.turned[t, j] = work.turned[LANES, j] if t > j else 0.0
-            work.prescribed[t, j] = work.prescribed[LANES, j] if t > j else 0.0
+            k = first + j
+            turned[t, j] = links[k, LINK.sign] if t > j and k < len(hinges) else 0.0
+            prescribed[t, j] = turned[t, j] * hinges[min(k, len(hinges) - 1)].prescribed
 
 
 @recursion
-def solve(first, work):
-    """x of a block of columns, of all three kinds of changes: steps of one do not wait for those of another."""
-    o = zero_of(work.turned)
+def solve(first, by_column, given, work):
+    """x of a block of columns, of all three kinds of changes: steps of one do not wait for those of another.
+
+    `by_column`: σ of the columns that turn a link, `given`: of those whose acceleration does.
+    """
+    o = zero_of(work.x, 0, 0)
     at_rest = o, o, o
     angle, speed, input = at_rest, at_rest, at_rest
     for k in range(len(work.rows) - 1, -1, -1):
-        turned, prescribed = weights_of(k, first, work)
+        columns = max(0, min(LANES, k + 1 - first))
+        turned, prescribed = at(by_column, columns), at(given, columns)
         angle = load(k, VARIABLE.q, turned, work, *angle)
         speed = load(k, VARIABLE.qd, turned, work, *speed)
         input = load(k, VARIABLE.tau, prescribed, work, *input)
     angle, speed, input = at_rest, at_rest, at_rest
     for k in range(len(work.rows)):
-        turned, prescribed = weights_of(k, first, work)
+        columns = max(0, min(LANES, k + 1 - first))
+        turned, prescribed = at(by_column, columns), at(given, columns)
         angle = turn(k, VARIABLE.q, turned, work, *angle)
         speed = turn(k, VARIABLE.qd, turned, work, *speed)
         input = turn(k, VARIABLE.tau, prescribed, work, *input)
-
-
-@inlined
-def weights_of(k, first, work):
-    """σ of the columns of a block that turn link k, and of those whose acceleration does."""
-    columns = max(0, min(LANES, k + 1 - first))
-    return at(work.turned, columns), at(work.prescribed, columns)
 
 
 @inlined
@@ -201,7 +221,7 @@ def turn(k, variable, weight, work, before, ax, ay):
     links, prescribed, d, rows = work.posture.links, work.posture.prescribed, work.posture.d, work.rows
     p = ROW.changes + variable * CHANGE.size
     if prescribed[k]:
-        put_at(work.x, zero_of(work.turned), variable, k)
+        put_at(work.x, zero_of(work.x, 0, 0), variable, k)
     else:
         pull = rows[k, ROW.hx] * ax + rows[k, ROW.hy] * ay
         α = at(work.x, variable, k) - rows[k, ROW.inverse] * pull
