@@ -53,8 +53,8 @@ def recorded(bodies: list[Body]) -> NDArray[np.void]:
     """The bodies as an array of dtype `BODY`."""
     records = np.array([body.record() for body in bodies], dtype=BODY)
     I = records["inertia"]
-    row, column = np.triu_indices(3, 1)  # of the elements above the diagonal
-    I[:, column, row] = I[:, row, column]  # R I Rᵀ is symmetric up to rounding only
+    for row, column in ((0, 1), (0, 2), (1, 2)):
+        I[:, column, row] = I[:, row, column]  # R I Rᵀ is symmetric up to rounding only
     records["turned"] = (records["rotation"] != HERE.R).any(axis=(1, 2))
     return records
 
@@ -114,12 +114,18 @@ class Builder:
 
     def add_payload(self, payload: RigidBody) -> None:
         """Join a body that is described in the running frame to the current one; most links have none."""
+        self.bodies[-1].rigid = self.carrying(payload)
+
+    def carrying(self, payload: RigidBody) -> SpatialInertia:
+        """The current body, joined to such a one."""
         if not payload.mass and not any(payload.inertia):
-            return
-        self.add(SpatialInertia(payload.mass, np.array(payload.center), payload.matrix))
+            return self.bodies[-1].rigid
+        return self._joined(SpatialInertia(payload.mass, np.array(payload.center), payload.matrix))
 
     def add(self, body: SpatialInertia) -> None:
-        """The same of a rigid body."""
-        current = self.bodies[-1]
-        moved = body if self.running is HERE else body.moved(self.running)
-        current.rigid = moved if current.rigid is NOTHING else current.rigid.plus(moved)
+        """Join a rigid body."""
+        self.bodies[-1].rigid = self._joined(body)
+
+    def _joined(self, body: SpatialInertia) -> SpatialInertia:
+        rigid, moved = self.bodies[-1].rigid, body if self.running is HERE else body.moved(self.running)
+        return moved if rigid is NOTHING else rigid.plus(moved)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -42,7 +43,11 @@ class Record:
         self.works = np.zeros(len(t))
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.step)
         self._drive_torques: Callable[..., Any] | None = None
-        self.scratch = problem.workspace()
+
+    @functools.cached_property
+    def scratch(self) -> Any:
+        """Scratch of the run's solver; members side by side have one together."""
+        return self.problem.workspace()
 
     def derive(self, first: int, stop: int) -> None:
         """Tip, energies and drive torques of the samples first … stop − 1."""
