@@ -13,11 +13,13 @@ import pytest
 from conftest import compiled, flexible, make_scene, nasty_scene, random_state
 
 import flexlink as fl
-from flexlink.common.interruption import Stop
+from flexlink.common.interruption import Stop, deferred
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.inputs.problem import problem_of
 from flexlink.kernels.tools.lanes import LANES
+from flexlink.motion import batch
 from flexlink.motion.simulate import prepare
+from flexlink.motion.soundness import sound
 from flexlink.motion.step_errors import step_errors, step_errors_side_by_side
 
 
@@ -240,3 +242,42 @@ def test_a_signal_keeps_what_every_member_has_done(models, number: int) -> None:
     for start, run in zip(starts, runs, strict=True):
         assert np.isfinite(run.q).all()
         np.testing.assert_array_equal(run.q[0], fl.initial_state(start, run.chain)[0])
+
+
+FLAWS: dict[str, dict[str, object]] = {
+    "steps that are too long": {"run.step": 5e-4, "initial.q": (0.0, 0.05, 0.0, 0.0, 0.0)},
+    "a joint beyond its limits": {"link.a.joint.limits_deg": (-0.1, 0.1)},
+    "a hinge bent by more than a beam bends": {"material.aluminium.young": 2e5, "initial.q": (0.0, 1.5, 0.0, 0.0, 0.0)},
+    "a joint that travels far": {"initial.rate_deg": (20000.0, 0.0)},
+    "angles of many turns": {"initial.joint_deg.a": 3.6e12},
+    "energy that is lost": {"run.step": 1e-3, "initial.q": (0.0, 0.05, 0.0, 0.0, 0.0)},
+    "a single sample": {"run.duration": 0.0},
+}
+
+
+@pytest.mark.parametrize("flaw", FLAWS)
+def test_a_member_that_is_not_sound_is_judged_as_it_is_alone(flaw: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`sound` spares checks; whom it does not know for sound, a `RunMonitor` judges, with the same words."""
+    base, known = driven().varied({"run.duration": 0.05}), []
+
+    def noted(records: list, *given: np.ndarray) -> np.ndarray:
+        known.append(sound(records, *given))
+        return known[-1]
+
+    scenes = [base, base.varied(FLAWS[flaw])]
+    with deferred() as stop:
+        monkeypatch.setattr(batch, "sound", noted)
+        near = batch.outcomes(scenes, stop)
+        monkeypatch.setattr(batch, "sound", lambda records, *_: np.zeros(len(records), dtype=bool))
+        judged = batch.outcomes(scenes, stop)
+    sure = np.concatenate(known)
+    assert sure[0] and not sure[1:].any()
+    for one, other in zip(near, judged, strict=True):
+        assert type(one) is type(other)
+        if isinstance(one, fl.Trajectory):
+            assert one.warnings == other.warnings and one.steps == other.steps
+            for name in ("t", "q", "qd", "tau", "tip", "work", "tip_wrench"):
+                np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+            np.testing.assert_array_equal(one.energy.parts, other.energy.parts)
+        else:
+            assert str(one) == str(other)

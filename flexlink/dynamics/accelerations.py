@@ -133,9 +133,10 @@ def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     if solver.lanes_workspace is None:
         raise ArgumentError("solver: several chains at once need solver 'articulated'")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
-    return solver.lanes_workspace(
-        np.array([c.bodies for c in eight]), np.array([c.hinges for c in eight]), np.array([c.gravity for c in eight])
-    )
+    bodies, hinges = (np.empty((LANES, len(one)), one.dtype) for one in (eight[0].bodies, eight[0].hinges))
+    for lane, one in enumerate(eight):
+        bodies[lane], hinges[lane] = one.bodies, one.hinges
+    return solver.lanes_workspace(bodies, hinges, np.array([c.gravity for c in eight]))
 
 
 def solver_for(chain: Chain, solver: str) -> solvers.Solver:

@@ -20,6 +20,7 @@ from flexlink.motion.budget import warn
 from flexlink.motion.fixed_steps import pieces, steps_up_to
 from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.simulate import SingleRun, allocate, verify
+from flexlink.motion.soundness import sound
 from flexlink.motion.step_errors import step_errors_side_by_side
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
@@ -143,18 +144,28 @@ def _simulate_block(block: Sequence[RunMonitor], stop: Stop) -> Sequence[Ended]:
         if len(block) == 1:
             return [_alone(block[0], stop)]
         return [ended for member in block for ended in _simulate_block([member], stop)]
-    rows = done // run.steps_per_sample + 1
-    errors = step_errors_side_by_side(records, work, samples[:2], block[0].probed(slice(0, rows)))
+    rows, steps = done // run.steps_per_sample + 1, steps_up_to(run, done)
+    probed = block[0].probed(slice(0, rows))
+    errors = step_errors_side_by_side(records, work, samples[:2], probed)
+    records = records[: len(block)]
+    for lane, record in enumerate(records):
+        for array, of_all in zip((record.q, record.qd, record.works), samples, strict=True):
+            array[:rows] = of_all[:rows, ..., lane]
+    flawless = np.zeros(len(block), dtype=bool)
+    if rows == run.samples and not stop.asked:
+        for record in records:
+            record.derive(0, rows)
+        flawless = sound(records, probed, errors[: len(block)])
     return [
-        _outcome(member, stop, steps_up_to(run, done), errors[lane], *(array[:rows, ..., lane] for array in samples))
+        member.record.trajectory(rows, steps=steps)
+        if flawless[lane] and not member.warnings
+        else _judged(member, stop, rows, steps, errors[lane])
         for lane, member in enumerate(block)
     ]
 
 
-def _outcome(monitor: RunMonitor, stop: Stop, steps: Steps, errors: Array, q: Array, qd: Array, works: Array) -> Ended:
-    """What became of a member, whose first samples are given, and the errors of steps between them."""
-    record, rows = monitor.record, len(works)
-    record.q[:rows], record.qd[:rows], record.works[:rows] = q, qd, works
+def _judged(monitor: RunMonitor, stop: Stop, rows: int, steps: Steps, errors: Array) -> Ended:
+    """What became of a member with so many samples, and the errors of steps between them."""
     if not monitor.check(rows, steps, errors):
         return monitor.diverged()
     if not stop.asked:

@@ -29,6 +29,11 @@ GIVEN_UP = 50
 """Times the evaluations of a run that a second one may take: one that ends takes a few times as many at most, and
 nobody waits for a second run much longer than for the first."""
 
+FAR_TRAVELLED = 16.0
+"""Angle travelled by all joints [rad] that calls for a verification run: errors of rates become errors of angles, and
+postures change without end. Smooth test scenes travel 15.1 and less; of a thousand arms that were hit, those with
+errors of more than ten tolerances travelled 29 and more."""
+
 UNKNOWN = (
     "doubtful: error unknown: no comparison run with other steps ended within {times} times the evaluations; "
     "{advice} and compare"
@@ -88,11 +93,7 @@ def multiplies(monitor: RunMonitor) -> str:
     # Growth of motion by a sampled loop within a run, beyond that without the drive, that calls for a verification run.
     # Of 44 random loops the stable ones came to 2.1 and less, the others to 4e3 and more.
     notable_growth = 10.0
-    # Angle travelled by all joints [rad] that calls for a verification run: errors of rates become errors of angles,
-    # and postures change without end. Smooth test scenes travel 15.1 and less; of a thousand arms that were hit, those
-    # with errors of more than ten tolerances travelled 29 and more.
-    far = 16.0
-    if angle_travelled(monitor) > far:
+    if angle_travelled(monitor) > FAR_TRAVELLED:
         return ": this motion amplifies errors"
     growth, without = sampled_growth(monitor.record)
     more, rate = growth / max(1.0, without), monitor.record.problem.scene.drive.rate or 0.0
