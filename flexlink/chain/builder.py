@@ -44,19 +44,26 @@ class Body:
     rigid: SpatialInertia = NOTHING
 
     def record(self) -> tuple[object, ...]:
-        """One row of dtype `BODY`."""
-        (R, p), (mass, center, I) = self.place, self.rigid
-        return self.first, self.stop, 1, R, p, mass, center, I
+        """One row of dtype `BODY`, whose inertia is still to be recorded."""
+        R, p = self.place
+        return self.first, self.stop, 1, R, p, 0.0, (0.0, 0.0, 0.0), NOTHING.inertia
 
 
 def recorded(bodies: list[Body]) -> NDArray[np.void]:
     """The bodies as an array of dtype `BODY`."""
     records = np.array([body.record() for body in bodies], dtype=BODY)
-    I = records["inertia"]
-    for row, column in ((0, 1), (0, 2), (1, 2)):
-        I[:, column, row] = I[:, row, column]  # R I Rᵀ is symmetric up to rounding only
+    record_inertia(records, [body.rigid for body in bodies])
     records["turned"] = (records["rotation"] != HERE.R).any(axis=(1, 2))
     return records
+
+
+def record_inertia(records: NDArray[np.void], rigid: list[SpatialInertia]) -> None:
+    """Write masses, centres and inertias into rows of dtype `BODY`."""
+    masses, centers, inertias = zip(*rigid, strict=True)
+    records["mass"], records["center"], I = masses, centers, np.array(inertias)
+    for row, column in ((0, 1), (0, 2), (1, 2)):
+        I[:, column, row] = I[:, row, column]  # R I Rᵀ is symmetric up to rounding only
+    records["inertia"] = I
 
 
 class Builder:

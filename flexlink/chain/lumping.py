@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import require_type
-from flexlink.chain.builder import Body, Builder, Piece, recorded
+from flexlink.chain.builder import Body, Builder, Piece, record_inertia, recorded
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
@@ -68,14 +68,12 @@ CHAINS = Memo(64)
 
 def _lumped(scene: Scene) -> Chain:
     """Of arms with other payloads, springs and gravity the frame is the same, and found once."""
-    arm = scene.arm
+    arm, frame = scene.arm, _frame_of(scene)
+    bodies, hinges = frame.bodies.copy(), frame.hinges.copy()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such numbers, by name
-        frame = _frame_of(scene)
-        bodies, hinges = frame.bodies.copy(), frame.hinges.copy()
         for springs in frame.springs:
             springs.write(arm, hinges)
-        last = frame.builder.bodies[-1]
-        bodies[-2] = recorded([dataclasses.replace(last, rigid=frame.builder.carrying(arm.tip))])[0]
+        record_inertia(bodies[-2:-1], [frame.builder.carrying(arm.tip)])
     for array in (bodies, hinges):
         _check_finite(scene.name, array)
     chain = frame.chain = frame.chain.with_numbers(scene.name, bodies, hinges, np.array(scene.gravity))
@@ -94,17 +92,15 @@ class _Springs(NamedTuple):
     """Hinges of a beam."""
 
     link: Link
-    beam: _Beam
-    nodes: Array
-    weights: Array
+    sections: Array  # (4, N) of the beam, at the hinges
+    lengths: Array  # (N,) of beam that each hinge stands for [m]
     rows: NDArray[np.intp]  # number of each hinge in the chain
     places: NDArray[np.intp]  # and its place among the stiffnesses, (3, N) in a row
 
     def write(self, arm: Arm, hinges: NDArray[np.void]) -> None:
         """Put spring and damping constants into the hinges of the chain."""
         link, material = self.link, arm.materials[self.link.material or ""]
-        stiffnesses = _stiffnesses(self.beam, material, self.nodes.tobytes(), self.weights.tobytes())
-        k = stiffnesses.reshape(-1)[self.places]
+        k = (rigidities(material, self.sections) / self.lengths).reshape(-1)[self.places]
         if not k.all():  # it would count as a joint without a spring
             raise SceneError(f"link {link.name!r}: the stiffness of a hinge underflows float64")
         hinges["stiffness"][self.rows], hinges["damping"][self.rows] = k, arm.loss_time(link) * k
@@ -140,10 +136,11 @@ def _framed(scene: Scene, beams: Sequence[_Beam | None]) -> _Frame:
     moved = {arm.number(motion.link) for motion in scene.motion}
     springs = []
     placed = hinges_of(arm)
-    for k, link in enumerate(arm.links):
-        _add_mount(builder, link, arm.links[k - 1] if k else None)
-        _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], k + 1 in moved)
-        springs += _add_line(builder, link, k + 1, beams[k], *placed[k])
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `lump` refuses such numbers, by name
+        for k, link in enumerate(arm.links):
+            _add_mount(builder, link, arm.links[k - 1] if k else None)
+            _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], k + 1 in moved)
+            springs += _add_line(builder, link, k + 1, beams[k], *placed[k])
     tip = Body(builder.running, len(builder.hinges), len(builder.hinges))
     chain = Chain(
         name=scene.name,
@@ -246,7 +243,8 @@ def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes:
         if body is not None:
             builder.add(body)
         builder.advance(number, part, end)
-    return _Springs(link, beam, nodes, weights, np.arange(first, len(builder.hinges)), np.array(places, dtype=np.intp))
+    rows = np.arange(first, len(builder.hinges))
+    return _Springs(link, beam.sections(nodes), weights * beam.length, rows, np.array(places, dtype=np.intp))
 
 
 def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weights: Array) -> Array:
@@ -271,11 +269,10 @@ def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weig
     return rotors
 
 
-@functools.lru_cache(maxsize=256)
-def _stiffnesses(beam: _Beam, material: Material, nodes: bytes, weights: bytes) -> Array:
-    """Spring constants, shape (3, N) [N m/rad]; links alike share them."""
-    x, w = np.frombuffer(nodes), np.frombuffer(weights)
-    return np.asarray(beam.rigidities(material, x) / (w * beam.length))
+def rigidities(material: Material, sections: Array) -> Array:
+    """GJ, EI_y, EI_z of sections (4, N), shape (3, N), in the order of the axes [N m²]."""
+    _, i_y, i_z, torsion = sections
+    return np.array([material.shear * torsion, material.young * i_y, material.young * i_z])
 
 
 @functools.lru_cache(maxsize=256)
@@ -314,11 +311,6 @@ class _Beam:
     def sections(self, x: Array) -> Array:
         """Area, I_y, I_z and J at every x, shape (4, *x.shape) [m², m⁴]."""
         return _sections(self.root, self.tip, x.tobytes()).reshape(4, *x.shape)
-
-    def rigidities(self, material: Material, x: Array) -> Array:
-        """GJ, EI_y, EI_z at every x, shape (3, N), in the order of the axes [N m²]."""
-        _, i_y, i_z, torsion = self.sections(x)
-        return np.array([material.shear * torsion, material.young * i_y, material.young * i_z])
 
     def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
         """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, of the last to the end [kg m²].
