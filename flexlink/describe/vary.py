@@ -68,7 +68,7 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
 def top_level_keys(changes: Mapping[str, object]) -> set[str]:
     """Top-level keys of the scene that the changes touch."""
     paths = changes if isinstance(changes, Mapping) else ()
-    return {part for path in paths if isinstance(path, str) for part in PART.findall(path)[:1]}
+    return {part for path in paths if isinstance(path, str) for part in parts_of(path)[:1]}
 
 
 @functools.lru_cache(maxsize=256)
