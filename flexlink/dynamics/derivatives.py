@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -12,7 +13,7 @@ from flexlink.chain.arguments import beyond_float64, require_type, vector, wrenc
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
-from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.dynamics.accelerations import forward_dynamics, lanes_workspace, solver_for
 from flexlink.dynamics.batches import each, is_batch, rows, wrench_rows
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.tangent import stiffness_matrix
@@ -22,9 +23,8 @@ from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_derivat
 from flexlink.kernels.derivatives.of_many import (
     forward_derivatives_of_many,
     inverse_derivatives_of_many,
-    planar_derivatives_of_many,
 )
-from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
+from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives, planar_derivatives_of_many
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -86,7 +86,8 @@ def inverse_dynamics_derivatives(
     """
     if is_batch(q, qd, qdd):
         state = {"q": q, "qd": qd, "qdd": qdd}
-        many = _of_many(inverse_derivatives_of_many, chain, state, tip_wrench, frame)
+        write = functools.partial(inverse_derivatives_of_many, require_type("chain", chain, Chain).arrays)
+        many = _of_many(write, chain.n, state, tip_wrench, frame)
         if many is None:
             return each(inverse_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
         return InverseDerivatives(*many)
@@ -144,9 +145,11 @@ def forward_dynamics_derivatives(
     """
     if is_batch(q, qd, tau):
         state = {"q": q, "qd": qd, "tau": tau}
-        planar = require_type("chain", chain, Chain).is_planar
-        kernel = planar_derivatives_of_many if planar else forward_derivatives_of_many
-        many = _of_many(kernel, chain, state, tip_wrench, frame)
+        write = functools.partial(forward_derivatives_of_many, require_type("chain", chain, Chain).arrays)
+        if chain.is_planar:
+            work = lanes_workspace(solver_for(chain, "articulated"), [chain])
+            write = functools.partial(planar_derivatives_of_many, chain.hinges, work)
+        many = _of_many(write, chain.n, state, tip_wrench, frame)
         if many is None:
             return each(forward_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
         return ForwardDerivatives(*many)
@@ -166,13 +169,12 @@ def forward_dynamics_derivatives(
 
 
 def _of_many(
-    kernel: Callable[..., bool], chain: Chain, state: dict[str, ArrayLike], tip_wrench: ArrayLike | None, frame: Frame
+    write: Callable[..., bool], n: int, state: dict[str, ArrayLike], tip_wrench: ArrayLike | None, frame: Frame
 ) -> Array | None:
     """Of b states, (3, b, n, n); None where something is not finite, and of wrenches that turn with the tip."""
-    n = require_type("chain", chain, Chain).n
     many = rows(n, state)
     found = np.empty((3, len(many[0]), n, n))
-    if turns_with_tip(frame) or not kernel(chain.arrays, wrench_rows(tip_wrench, len(many[0])), *many, found):
+    if turns_with_tip(frame) or not write(wrench_rows(tip_wrench, len(many[0])), *many, found):
         return None
     return found
 

@@ -11,17 +11,11 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
     derivatives_workspace,
     inverse_derivatives,
 )
-from flexlink.kernels.derivatives.planar_derivatives import (
-    PlanarDerivativesWork,
-    derivatives_in_plane,
-    planar_derivatives_workspace,
-)
 from flexlink.kernels.tools.compiler import by_type, kernel
 
 
 @by_type(
     {
-        PlanarDerivativesWork: derivatives_in_plane,
         ForwardDerivativesWork: derivatives_in_space,
         InverseDerivativesWork: inverse_derivatives,
     }
@@ -38,13 +32,6 @@ def write_all(chain, wrench, q, qd, given, found, work):
         slopes = (found[0, k], found[1, k], found[2, k])
         finite = derivatives_into(chain, wrench[k], q[k], qd[k], given[k], slopes, work) and finite
     return finite
-
-
-@kernel
-def planar_derivatives_of_many(chain, wrench, q, qd, tau, found):
-    """Of forward dynamics, in a plane."""
-    work = planar_derivatives_workspace(chain.bodies, chain.hinges, chain.gravity)
-    return write_all(Arrays(chain.bodies, chain.hinges, chain.gravity), wrench, q, qd, tau, found, work)
 
 
 @kernel
