@@ -30,6 +30,8 @@ from flexlink import (
     to_mjcf,
     to_urdf,
 )
+from flexlink.chain import lumping
+from flexlink.common.memo import Memo
 from flexlink.describe.arm import AXES
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.sections import SHAPES, SectionProperties, rectangle
@@ -311,3 +313,37 @@ def _massless(chain: Chain) -> np.ndarray:
     bodies = chain.bodies.copy()
     bodies["mass"] = 0.0
     return bodies
+
+
+def test_variants_of_an_arm_are_cut_as_they_are_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What variants share is found once; nothing of one gets into another."""
+    scene = nasty_scene()
+    found = ("is_planar", "axes", "active", "joint_names", "coordinates", "link_names", "_layout", "_sequential")
+    for name in found:
+        getattr(lump(scene), name)
+    for changes in (
+        {"tip.mass": 2.0},
+        {"tip.mass": 0.0, "tip.inertia": (0.0, 0.0, 0.0)},
+        {"tip.center": (0.1, 0.2, 0.0), "gravity": (0.0, 0.0, 0.0)},
+        {"material.aluminium.young": 1e9},
+        {"material.aluminium.density": 1e3},
+        {"material.aluminium.loss_time": 1e-4},
+        {"section.square.height": 0.03},
+        {"link.fore.damping": {"ratio": 0.1, "at_hz": 3.0}},
+        {"link.upper.length": 2.0, "name": "longer"},
+        {"initial.joint_deg.hand": -40.0},
+        {"initial.joint_deg.upper": -40.0},
+        {"link.2.joint.armature": 0.0},
+    ):
+        variant = scene.varied(changes)
+        near = lump(variant)
+        with monkeypatch.context() as patch:
+            patch.setattr(lumping, "FRAMES", Memo(1))
+            patch.setattr(lumping, "CHAINS", Memo(1))
+            alone = lump(variant)
+        assert near is not alone and near.name == alone.name
+        for array in ("bodies", "hinges", "gravity"):
+            assert getattr(near, array).tobytes() == getattr(alone, array).tobytes()
+            assert not getattr(near, array).flags.writeable
+        for name in found:
+            assert np.all(getattr(near, name) == getattr(alone, name))

@@ -1,4 +1,7 @@
-"""Functions of a state take many at once, (b, n) or (n,) for every part: results have a leading b and the same bits."""
+"""Functions of a state take many at once, (b, n) or (n,) for every part: results have a leading b and the same bits.
+
+Those that go eight side by side have the same up to rounding: cosines of their own, products and sums joined otherwise.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import pytest
 from conftest import nasty_scene, random_state
 
 import flexlink as fl
+from flexlink.dynamics import rounding
 from flexlink.dynamics.result import Result
 
 WRENCH = [1.0, -2.0, 3.0, 0.5, -0.4, 0.3]
@@ -26,6 +30,7 @@ CALLS: dict[str, tuple[Callable, list[str], dict[str, object]]] = {
     "point_motion": (fl.point_motion, ["q", "qd", "qdd"], {"body": 1, "point": (0.1, 0.2, 0.3)}),
     "forward_dynamics": (fl.forward_dynamics, ["q", "qd", "tau"], {"tip_wrench": WRENCH}),
 }
+SIDE_BY_SIDE = {"inverse_dynamics", "bias_torque", "gravity_torque"}
 NASTY = fl.lump(nasty_scene())
 
 
@@ -40,18 +45,59 @@ def fields(found: object) -> tuple:
     return found if isinstance(found, tuple) else (found,)
 
 
-def equal(many: object, singles: list[object]) -> None:
+def equal(many: object, singles: list[object], *, rtol: float = 0.0) -> None:
     for field, values in zip(fields(many), zip(*map(fields, singles), strict=True), strict=True):
-        np.testing.assert_array_equal(field, np.array(values))
+        np.testing.assert_allclose(field, np.array(values), rtol=0.0, atol=rtol * np.abs(values).max())
+
+
+def of_name(name: str) -> float:
+    """How far apart, as a part of the largest number, a row of a batch and the single call may be."""
+    return 1e-13 if name in SIDE_BY_SIDE else 0.0
+
+
+@pytest.mark.parametrize("b", [1, 8, 19])
+def test_rows_of_a_batch_side_by_side_are_the_single_calls_up_to_rounding(b: int, chain: fl.Chain, rng) -> None:
+    """Rounding of M q̈ + T_GC: that of T_GC, and of M* by the sum of the accelerations."""
+    states, wrenches = batch(chain, rng, b), rng.normal(size=(b, 6))
+    q, qd, qdd = states["q"], states["qd"], states["qdd"]
+    tau, M = fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrenches), fl.mass_matrix(chain, q)
+    turned = fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrenches, frame="tip")
+    for k in range(b):
+        one = fl.inverse_dynamics(chain, q[k], qd[k], qdd[k], tip_wrench=wrenches[k])
+        of_mass = rounding.of_mass_matrix(chain, q[k])
+        explained = rounding.of_bias_torque(chain, q[k], qd[k], tip_wrench=wrenches[k]) + of_mass * abs(qdd[k]).sum()
+        assert abs(tau[k] - one).max() <= explained
+        assert abs(M[k] - fl.mass_matrix(chain, q[k])).max() <= of_mass
+        one = fl.inverse_dynamics(chain, q[k], qd[k], qdd[k], tip_wrench=wrenches[k], frame="tip")
+        assert abs(turned[k] - one).max() <= explained
+
+
+def test_states_far_turned_keep_their_digits(rng) -> None:
+    """Angles of states side by side are reduced as the library of C does it, however many turns they are."""
+    q = rng.uniform(-1, 1, (9, NASTY.n)) * 10.0 ** rng.uniform(0, 12, (9, NASTY.n))
+    for many, one in zip(fl.mass_matrix(NASTY, q), q, strict=True):
+        assert abs(many - fl.mass_matrix(NASTY, one)).max() <= rounding.of_mass_matrix(NASTY, one)
+
+
+@pytest.mark.parametrize("derivatives", [fl.forward_dynamics_derivatives, fl.inverse_dynamics_derivatives])
+@pytest.mark.parametrize("frame", ["world", "tip"])
+def test_derivatives_of_many_states_are_those_of_each_to_the_bit(derivatives, frame, chain: fl.Chain, rng) -> None:
+    states, wrenches = batch(chain, rng, 3), rng.normal(size=(3, 6))
+    parts = [states[name] for name in ("q", "qd", "tau")]
+    many = derivatives(chain, *parts, tip_wrench=wrenches, frame=frame)
+    singles = [derivatives(chain, *(part[k] for part in parts), tip_wrench=wrenches[k], frame=frame) for k in range(3)]
+    equal(many, singles)
+    none = derivatives(chain, *(part[:0] for part in parts), frame=frame)
+    assert {field.shape for field in fields(none)} == {(0, chain.n, chain.n)}
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_every_row_of_a_batch_is_the_single_call_to_the_bit(name: str, chain: fl.Chain, rng) -> None:
+def test_every_row_of_a_batch_is_the_single_call(name: str, chain: fl.Chain, rng) -> None:
     function, names, options = CALLS[name]
     parts = [batch(chain, rng, 9)[part] for part in names]
     many = function(chain, *parts, **options)
     assert type(many) is type(function(chain, *(part[0] for part in parts), **options))
-    equal(many, [function(chain, *row, **options) for row in zip(*parts, strict=True)])
+    equal(many, [function(chain, *row, **options) for row in zip(*parts, strict=True)], rtol=of_name(name))
 
 
 @pytest.mark.parametrize("name", [name for name, (_, names, _) in CALLS.items() if len(names) > 1])
@@ -62,7 +108,7 @@ def test_a_part_of_one_state_belongs_to_all(name: str, batched: int, rng) -> Non
     lead = names[batched % len(names)]
     parts = {part: several[part] if part == lead else several[part][0].tolist() for part in names}
     many = function(NASTY, **parts, **options)
-    equal(many, [function(NASTY, **(parts | {lead: row}), **options) for row in several[lead]])
+    equal(many, [function(NASTY, **(parts | {lead: row}), **options) for row in several[lead]], rtol=of_name(name))
 
 
 @pytest.mark.parametrize("name", CALLS)
@@ -109,5 +155,9 @@ def test_an_error_of_one_state_of_many_says_of_which() -> None:
     rates[1] = 1e160
     with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: the torque of joint 'waist' overflows"):
         fl.bias_torque(NASTY, np.zeros(NASTY.n), rates)
+    with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: a derivative of the torques of .* overflows"):
+        fl.inverse_dynamics_derivatives(NASTY, np.zeros(NASTY.n), rates, np.zeros(NASTY.n))
+    with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: .* overflows"):
+        fl.forward_dynamics_derivatives(NASTY, np.zeros(NASTY.n), rates, np.zeros(NASTY.n))
     with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: the kinetic energy overflows"):
         fl.energy(NASTY, np.zeros(NASTY.n), rates)

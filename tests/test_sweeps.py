@@ -67,6 +67,25 @@ def test_what_keeps_members_from_going_side_by_side_varies_slowest(paper: fl.Sce
 
 
 @compiled
+@pytest.mark.parametrize(
+    ("fixed", "grid"),
+    [
+        ({"run.duration": 0.1, "gravity": [0.0, 0.0, 5.0]}, {"tip.mass": [0.0, 1.0]}),
+        ({"run.tolerance": 1e-4}, {"run.duration": [0.1, 0.2], "link.*.segments": [3, 5]}),
+        ({"run.step": 1e-4, "tip.mass": 2.0}, {"tip.center": [[0.0, 0.0, 0.1]], "engine": ["native", "mujoco"]}),
+        ({"link.2.name": "boom"}, {"initial.joint_deg.boom": [-70.0, -60.0]}),
+        ({"initial.joint_deg.upper": 50.0}, {"link.upper.joint.limits_deg": [[0.0, 60.0]]}),  # valid together only
+    ],
+)
+def test_a_member_is_the_scene_with_what_is_set_and_what_varies(paper: fl.Scene, fixed: dict, grid: dict) -> None:
+    scene = paper.varied({"link.upper.joint.limits_deg": [-90.0, 0.0]})
+    plan = Plan(fl.Sweep(scene=scene, quantity=WANTED, set=fixed, grid=grid))
+    for number in range(plan.members):
+        changes = {**fixed, **plan.values(number)}
+        engine = changes.pop("engine", "native")
+        assert plan.member(number) == (scene.varied(changes), engine)
+
+
 def test_a_members_numbers_do_not_depend_on_its_neighbours(paper: fl.Scene, rng: np.random.Generator) -> None:
     insisting = paper.varied({"run.unstable": "allow"})
     scenes = [

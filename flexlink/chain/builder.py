@@ -44,19 +44,26 @@ class Body:
     rigid: SpatialInertia = NOTHING
 
     def record(self) -> tuple[object, ...]:
-        """One row of dtype `BODY`."""
-        (R, p), (mass, center, I) = self.place, self.rigid
-        return self.first, self.stop, 1, R, p, mass, center, I
+        """One row of dtype `BODY`, whose inertia is still to be recorded."""
+        R, p = self.place
+        return self.first, self.stop, 1, R, p, 0.0, (0.0, 0.0, 0.0), NOTHING.inertia
 
 
 def recorded(bodies: list[Body]) -> NDArray[np.void]:
     """The bodies as an array of dtype `BODY`."""
     records = np.array([body.record() for body in bodies], dtype=BODY)
-    I = records["inertia"]
-    row, column = np.triu_indices(3, 1)  # of the elements above the diagonal
-    I[:, column, row] = I[:, row, column]  # R I Rᵀ is symmetric up to rounding only
+    record_inertia(records, [body.rigid for body in bodies])
     records["turned"] = (records["rotation"] != HERE.R).any(axis=(1, 2))
     return records
+
+
+def record_inertia(records: NDArray[np.void], rigid: list[SpatialInertia]) -> None:
+    """Write masses, centres and inertias into rows of dtype `BODY`."""
+    masses, centers, inertias = zip(*rigid, strict=True)
+    records["mass"], records["center"], I = masses, centers, np.array(inertias)
+    for row, column in ((0, 1), (0, 2), (1, 2)):
+        I[:, column, row] = I[:, row, column]  # R I Rᵀ is symmetric up to rounding only
+    records["inertia"] = I
 
 
 class Builder:
@@ -114,12 +121,18 @@ class Builder:
 
     def add_payload(self, payload: RigidBody) -> None:
         """Join a body that is described in the running frame to the current one; most links have none."""
+        self.bodies[-1].rigid = self.carrying(payload)
+
+    def carrying(self, payload: RigidBody) -> SpatialInertia:
+        """The current body, joined to such a one."""
         if not payload.mass and not any(payload.inertia):
-            return
-        self.add(SpatialInertia(payload.mass, np.array(payload.center), payload.matrix))
+            return self.bodies[-1].rigid
+        return self._joined(SpatialInertia(payload.mass, np.array(payload.center), payload.matrix))
 
     def add(self, body: SpatialInertia) -> None:
-        """The same of a rigid body."""
-        current = self.bodies[-1]
-        moved = body if self.running is HERE else body.moved(self.running)
-        current.rigid = moved if current.rigid is NOTHING else current.rigid.plus(moved)
+        """Join a rigid body."""
+        self.bodies[-1].rigid = self._joined(body)
+
+    def _joined(self, body: SpatialInertia) -> SpatialInertia:
+        rigid, moved = self.bodies[-1].rigid, body if self.running is HERE else body.moved(self.running)
+        return moved if rigid is NOTHING else rigid.plus(moved)

@@ -27,6 +27,9 @@ from flexlink.describe.spec import truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.layout import ChainArrays
 
+_OF_LAYOUT = {"active", "axes", "is_planar", "joint_names", "_sequential", "_layout"}
+"""What is found of a chain without its masses, springs and gravity."""
+
 Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
 """Joints of a chain: see `Chain.joint_indices`."""
 
@@ -99,6 +102,13 @@ class Chain:
             matplotlib is not installed.
         """
         return drawing_module("scene_report.arm_picture").plot_chain(self, q)
+
+    def with_numbers(self, name: str, bodies: NDArray[np.void], hinges: NDArray[np.void], gravity: Array) -> Chain:
+        """A chain whose hinges stand as they do here; what has been found of that is not sought again."""
+        other = Chain(name, bodies, hinges, gravity, self.coordinates, self.link_names)
+        known = vars(self)
+        vars(other).update((name, known[name]) for name in _OF_LAYOUT if name in known)
+        return other
 
     @functools.cached_property
     def arrays(self) -> ChainArrays:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import require_type
-from flexlink.chain.builder import Builder, Piece, recorded
+from flexlink.chain.builder import Body, Builder, Piece, record_inertia, recorded
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
@@ -65,19 +67,17 @@ CHAINS = Memo(64)
 
 
 def _lumped(scene: Scene) -> Chain:
-    name, builder = scene.name, _walked(scene)
-    bodies = recorded(builder.bodies[1:])  # bodies[0] is the fixed base
-    hinges = np.array(builder.hinges, dtype=HINGE)
+    """Of arms with other payloads, springs and gravity the frame is the same, and found once."""
+    arm, frame = scene.arm, _frame_of(scene)
+    bodies, hinges = frame.bodies.copy(), frame.hinges.copy()
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such numbers, by name
+        for springs in frame.springs:
+            springs.write(arm, hinges)
+        record_inertia(bodies[-2:-1], [frame.builder.carrying(arm.tip)])
     for array in (bodies, hinges):
-        _check_finite(name, array)
-    return Chain(
-        name=name,
-        bodies=bodies,
-        hinges=hinges,
-        gravity=np.array(scene.gravity),
-        coordinates=tuple(builder.coordinates),
-        link_names=tuple(link.name for link in scene.arm.links),
-    )
+        _check_finite(scene.name, array)
+    chain = frame.chain = frame.chain.with_numbers(scene.name, bodies, hinges, np.array(scene.gravity))
+    return chain
 
 
 def pieces(scene: Scene) -> list[Piece]:
@@ -85,22 +85,80 @@ def pieces(scene: Scene) -> list[Piece]:
 
     Errors as there.
     """
-    return _walked(require_type("scene", scene, Scene)).pieces
+    return _frame_of(require_type("scene", scene, Scene)).builder.pieces
 
 
-def _walked(scene: Scene) -> Builder:
-    """Bodies, hinges and pieces of an arm, from the base to its tip frame."""
+class _Springs(NamedTuple):
+    """Hinges of a beam."""
+
+    link: Link
+    sections: Array  # (4, N) of the beam, at the hinges
+    lengths: Array  # (N,) of beam that each hinge stands for [m]
+    rows: NDArray[np.intp]  # number of each hinge in the chain
+    places: NDArray[np.intp]  # and its place among the stiffnesses, (3, N) in a row
+
+    def write(self, arm: Arm, hinges: NDArray[np.void]) -> None:
+        """Put spring and damping constants into the hinges of the chain."""
+        link, material = self.link, arm.materials[self.link.material or ""]
+        k = (rigidities(material, self.sections) / self.lengths).reshape(-1)[self.places]
+        if not k.all():  # it would count as a joint without a spring
+            raise SceneError(f"link {link.name!r}: the stiffness of a hinge underflows float64")
+        hinges["stiffness"][self.rows], hinges["damping"][self.rows] = k, arm.loss_time(link) * k
+
+
+@dataclasses.dataclass
+class _Frame:
+    """An arm without springs in its beams, and without payload at its tip, which its last body but one carries."""
+
+    bodies: NDArray[np.void]
+    hinges: NDArray[np.void]
+    builder: Builder
+    springs: tuple[_Springs, ...]
+    chain: Chain  # the last one that was made of it: what is found of the layout is found once
+
+
+def _frame_of(scene: Scene) -> _Frame:
+    arm = scene.arm
+    beams = tuple(_beam_of(arm, link) for link in arm.links)
+    own_rules = tuple(lumping_rule(link.lumping) for link in arm.links if is_user_file(link.lumping))
+    locked = tuple(angle for link, angle in zip(arm.links, scene.initial.joint_deg, strict=True) if link.joint.locked)
+    moved = tuple(motion.link for motion in scene.motion)
+    return FRAMES(arm.links, (beams, own_rules, locked, moved), lambda: _framed(scene, beams))
+
+
+FRAMES = Memo(64)
+"""Arms of the same links, without what differs between variants of a material, a payload, a start."""
+
+
+def _framed(scene: Scene, beams: Sequence[_Beam | None]) -> _Frame:
+    """Bodies, hinges and pieces, from the base outward to the tip frame."""
     arm, builder = scene.arm, Builder()
     moved = {arm.number(motion.link) for motion in scene.motion}
+    springs = []
     placed = hinges_of(arm)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `lump` refuses such numbers, by name
         for k, link in enumerate(arm.links):
             _add_mount(builder, link, arm.links[k - 1] if k else None)
             _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], k + 1 in moved)
-            _add_line(builder, arm, link, k + 1, *placed[k])
-        builder.add_payload(arm.tip)
-    builder.start_body()
-    return builder
+            springs += _add_line(builder, link, k + 1, beams[k], *placed[k])
+    tip = Body(builder.running, len(builder.hinges), len(builder.hinges))
+    chain = Chain(
+        name=scene.name,
+        bodies=recorded([*builder.bodies[1:], tip]),  # bodies[0] is the fixed base
+        hinges=np.array(builder.hinges, dtype=HINGE),
+        gravity=np.array(scene.gravity),
+        coordinates=tuple(builder.coordinates),
+        link_names=tuple(link.name for link in arm.links),
+    )
+    return _Frame(chain.bodies, chain.hinges, builder, tuple(springs), chain)
+
+
+def _beam_of(arm: Arm, link: Link) -> _Beam | None:
+    """None of a link without one."""
+    if link.material is None or link.section is None:
+        return None
+    root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
+    return _Beam(link.beam.length, arm.materials[link.material].density, root, tip)
 
 
 def _check_finite(name: str, array: NDArray[np.void]) -> None:
@@ -149,43 +207,44 @@ def _add_joint(builder: Builder, link: Link, number: int, locked_deg: float, pre
     builder.add_payload(link.hub)
 
 
-def _add_line(builder: Builder, arm: Arm, link: Link, number: int, nodes: Array, weights: Array) -> None:
+def _add_line(
+    builder: Builder, link: Link, number: int, beam: _Beam | None, nodes: Array, weights: Array
+) -> list[_Springs]:
     """What stands between the axes of a link at its joint and those at its end: the beam, and the body behind it."""
     start, length, frame = link.beam
     builder.move(start, frame)
-    if link.material is None or link.section is None:
+    springs = []
+    if beam is None:
         builder.advance(number, (0.0, 1.0), np.array([length, 0, 0]))
     else:
-        _add_segments(builder, arm, link, number, nodes, weights)
+        springs = [_add_segments(builder, link, number, beam, nodes, weights)]
     builder.turn(frame.T)
     builder.add_payload(link.end)
     if link.dh is not None and link.dh.convention == "standard":
         builder.move(np.subtract(link.dh.end, link.stop), about_axis_deg(0, link.dh.alpha_deg))
+    return springs
 
 
-def _add_segments(builder: Builder, arm: Arm, link: Link, number: int, nodes: Array, weights: Array) -> None:
-    """Segments and hinges of a beam, along the x of the running frame."""
-    rule, material = lumping_rule(link.lumping), arm.materials[link.material or ""]
-    root, tip = arm.sections[link.section or ""], arm.sections[link.section_tip or link.section or ""]
-    beam, loss_time = _Beam(link.beam.length, material.density, root, tip), arm.loss_time(link)
+def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes: Array, weights: Array) -> _Springs:
+    """Segments and hinges of a beam, along the x of the running frame; returns the springs that are still to be."""
+    rule, first = lumping_rule(link.lumping), len(builder.hinges)
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
     rotors = _twist_rotors(link, rule, beam, nodes, weights).tolist()
-    stiffnesses = _stiffnesses(beam, material, nodes.tobytes(), weights.tobytes())
-    if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring
-        raise SceneError(f"link {link.name!r}: the stiffness of a hinge underflows float64")
-    springs = stiffnesses.tolist()
+    places = []
     for segment, (body, part, end) in enumerate(_segments(beam, nodes.tobytes())):
         if segment:
             builder.start_body()
             backward = rule.alternate_axes and segment % 2 == 0
             for axis in AXES[link.flex][:: -1 if backward else 1]:
-                k = springs[axis - 1][segment - 1]
+                places.append((axis - 1) * len(nodes) + segment - 1)
                 rotor = rotors[segment - 1] if axis == TWIST else 0.0
                 coordinate = Coordinate(number, segment, axis)
-                builder.add_hinge(coordinate, axis - 1, k, loss_time * k, *friction, armature=rotor)
+                builder.add_hinge(coordinate, axis - 1, 0.0, 0.0, *friction, armature=rotor)
         if body is not None:
             builder.add(body)
         builder.advance(number, part, end)
+    rows = np.arange(first, len(builder.hinges))
+    return _Springs(link, beam.sections(nodes), weights * beam.length, rows, np.array(places, dtype=np.intp))
 
 
 def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weights: Array) -> Array:
@@ -210,11 +269,10 @@ def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weig
     return rotors
 
 
-@functools.lru_cache(maxsize=256)
-def _stiffnesses(beam: _Beam, material: Material, nodes: bytes, weights: bytes) -> Array:
-    """Spring constants, shape (3, N) [N m/rad]; links alike share them."""
-    x, w = np.frombuffer(nodes), np.frombuffer(weights)
-    return np.asarray(beam.rigidities(material, x) / (w * beam.length))
+def rigidities(material: Material, sections: Array) -> Array:
+    """GJ, EI_y, EI_z of sections (4, N), shape (3, N), in the order of the axes [N m²]."""
+    _, i_y, i_z, torsion = sections
+    return np.array([material.shear * torsion, material.young * i_y, material.young * i_z])
 
 
 @functools.lru_cache(maxsize=256)
@@ -253,11 +311,6 @@ class _Beam:
     def sections(self, x: Array) -> Array:
         """Area, I_y, I_z and J at every x, shape (4, *x.shape) [m², m⁴]."""
         return _sections(self.root, self.tip, x.tobytes()).reshape(4, *x.shape)
-
-    def rigidities(self, material: Material, x: Array) -> Array:
-        """GJ, EI_y, EI_z at every x, shape (3, N), in the order of the axes [N m²]."""
-        _, i_y, i_z, torsion = self.sections(x)
-        return np.array([material.shear * torsion, material.young * i_y, material.young * i_z])
 
     def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
         """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, of the last to the end [kg m²].

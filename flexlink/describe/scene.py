@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Container, Mapping
 from pathlib import Path
@@ -266,9 +265,9 @@ class Scene(Spec, frozen=True):
         if isinstance(changes, Mapping):
             changes = {**implied(self.run, changes), **changes}
         anew = top_level_keys(changes)
-        seen = {} if "link" in anew else {"link": _document_of(self.arm.links)}
         parts = {**_parts(self), **_parts(self.arm)}
-        document = apply_changes({**_document_of_parts(parts, anew), **seen}, FIELDS, changes)
+        seen = {key: _seen(parts[key]) for key in {"link", *anew} & parts.keys() if parts[key] is not None}
+        document = apply_changes(seen, FIELDS, changes)
         kept = {key: value for key, value in parts.items() if key not in anew}
         arm = None if anew & _OF_ARM.keys() else self.arm
         varied = scene_from({key: value for key, value in document.items() if key in anew}, kept, arm)
@@ -378,14 +377,17 @@ def check_named(scene: Scene) -> None:
     check_method(scene.run)
 
 
-@functools.lru_cache(maxsize=16)
-def _document_of(links: tuple[Link, ...]) -> Any:
-    """Links as a TOML parser returns them, to look at only: variants of a scene share them."""
-    return to_document(links)
-
-
 def _document_of_parts(parts: Mapping[str, Any], keys: Container[str]) -> dict[str, Any]:
     return {key: to_document(value) for key, value in parts.items() if key in keys and value is not None}
+
+
+def _seen(value: Any) -> Any:
+    """A description as a TOML parser returns it, to look at only: variants share all of it but dicts."""
+    if isinstance(value, dict):
+        return {key: _seen(item) for key, item in value.items()}
+    if isinstance(value, Spec | tuple):
+        return DOCUMENTS(value, None, lambda: to_document(value))
+    return to_document(value)
 
 
 def _parts(spec: Spec) -> dict[str, Any]:
@@ -409,6 +411,8 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
     return build_validated(Scene, arm=arm or build_validated(Arm, **parts), **own)
 
 
+DOCUMENTS = Memo(64)
+"""Parts of scenes as a TOML parser returns them."""
 COURSES = Memo(64)
 """Trajectories of references: runs of one scene share them."""
 _OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}

@@ -297,9 +297,11 @@ def _check_finite(value: object, kind: Any, path: str) -> None:
 
 def _flaw(value: object) -> tuple[Any, ...] | None:
     """Keys to an item that is not finite, or has no order, at or below a value, and last what is wrong with it."""
+    if type(value) in {str, int, bool, NoneType}:
+        return None
     if isinstance(value, float):
         return None if math.isfinite(value) else (f"{value!r}: must be a finite number",)
-    if isinstance(value, (str, int, NoneType, Spec)):  # holds no float, or was checked before
+    if isinstance(value, (str, int, Spec)):  # holds no float, or was checked before
         return None
     if isinstance(value, (set, frozenset)):
         return (f"{truncated(value)}: a set has no order; expected a list",)

@@ -8,6 +8,7 @@ for all: of links, for those on which the key has an effect. Messages name a val
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, get_origin
@@ -36,7 +37,8 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
     Parameters
     ----------
     document
-        What `to_document` returns of a whole scene, its arm's keys beside its own; it is changed in place.
+        What `to_document` returns of a whole scene, its arm's keys beside its own; its tables and lists are copied on
+        the way to what changes, and left as they are.
     kinds
         The annotation of each key at its top.
     changes
@@ -66,7 +68,13 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
 def top_level_keys(changes: Mapping[str, object]) -> set[str]:
     """Top-level keys of the scene that the changes touch."""
     paths = changes if isinstance(changes, Mapping) else ()
-    return {part for path in paths if isinstance(path, str) for part in PART.findall(path)[:1]}
+    return {part for path in paths if isinstance(path, str) for part in parts_of(path)[:1]}
+
+
+@functools.lru_cache(maxsize=256)
+def parts_of(path: str) -> tuple[str, ...]:
+    """The keys and names of a path, none of what is no path."""
+    return tuple(PART.findall(path)) if PATH.fullmatch(path) else ()
 
 
 def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[Any]:
@@ -90,17 +98,23 @@ def to_document(value: object) -> Any:
     return [to_document(item) for item in value] if isinstance(value, list | tuple) else value
 
 
+@functools.cache
+def _keys_of(kind: type[msgspec.Struct]) -> tuple[str, ...]:
+    return tuple(field.encode_name for field in fields_of(kind))
+
+
 class _Change:
     """One value, on the way to its place."""
 
     def __init__(self, document: dict[str, Any], path: str, value: object) -> None:
-        self.path, self.value, self.parts, self.drops = path, value, PART.findall(path), value is None
-        if not PATH.fullmatch(path):
+        self.path, self.value, self.parts, self.drops = path, value, parts_of(path), value is None
+        if not self.parts:
             raise self.error("not a path; expected keys and names with dots between, such as run.step")
-        try:
-            self.value = to_document(to_builtin(value))
-        except RecursionError:
-            raise SceneError(f"{path}: nested too deeply") from None
+        if type(value) is not float:
+            try:
+                self.value = to_document(to_builtin(value))
+            except RecursionError:
+                raise SceneError(f"{path}: nested too deeply") from None
         links = document.get("link")
         self.links = links if isinstance(links, list) else []
 
@@ -114,6 +128,8 @@ class _Change:
                 below = kind[key] if isinstance(kind, dict) else type_below(kind, str(key))
                 if isinstance(node, dict) and key not in node:
                     node[key] = [0.0] * len(self.links) if is_per_link(below) else {}
+                elif isinstance(node[key], dict | list):
+                    node[key] = node[key].copy()
                 yield from self.places(node[key], below, depth + 1)
             else:
                 yield node, key
@@ -128,7 +144,7 @@ class _Change:
             return [self._one_of(part, kind)]
         above, per_link, kind = self._above(depth), is_per_link(kind), bare_type(kind)
         if isinstance(node, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-            return [self._one_of(part, [field.encode_name for field in fields_of(kind)])]
+            return [self._one_of(part, _keys_of(kind))]
         if isinstance(node, dict) and get_origin(kind) is dict:
             new = depth == len(self.parts) - 1  # a material or section as a whole
             return list(node) if part == "*" else [part if new else self._one_of(part, node)]
@@ -140,7 +156,7 @@ class _Change:
             )
         raise self.error(f"{above} is one value; set it as a whole")
 
-    def _one_of(self, part: str, names: Mapping[str, Any] | list[str]) -> str:
+    def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str]) -> str:
         if part not in names:
             raise self.error(
                 f"{part!r} is unknown here; allowed are {', '.join(names) or 'none'}{did_you_mean(part, names)}"
@@ -171,7 +187,7 @@ class _Change:
         if below and below[0] in {"material", "section", "section_tip", "up"}:
             return [get_in(link, "material") is not None for link in self.links]
         with_locked_joint = {"", "axis", "locked", "gear_stiffness", "gear_damping", "limits_deg"}
-        return free if below[:1] == ["joint"] and ".".join(below[1:]) not in with_locked_joint else [True] * len(free)
+        return free if below[:1] == ("joint",) and ".".join(below[1:]) not in with_locked_joint else [True] * len(free)
 
 
 def get_in(table: Any, *keys: str) -> Any:

@@ -14,9 +14,9 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.conditions import ForwardSolver, Frame
-from flexlink.dynamics.batches import about_state, is_batch, rows, wrench_rows
+from flexlink.dynamics.batches import about_state, is_batch, rows
 from flexlink.dynamics.singularity import no_acceleration
-from flexlink.dynamics.wrench import turns_with_tip, world_wrench
+from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.forward import solvers
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import LANES
@@ -105,10 +105,7 @@ def _forward_dynamics_of_many(
         raise ArgumentError(f"chain: {len(chains)} chains; expected one, or one per state, {b}")
     if b == 0:
         return np.zeros((b, n))
-    wrenches = wrench_rows(tip_wrench, b)
-    if turns_with_tip(frame):
-        given = zip(itertools.cycle(chains), states[0], wrenches, strict=False)
-        wrenches = np.array([world_wrench(chain, q, wrench, frame) for chain, q, wrench in given])
+    wrenches = world_wrenches(chains, states[0], tip_wrench, frame)
     qdd = _side_by_side(chains, solver, [wrenches, *states])
     if not is_finite(qdd.reshape(-1)):
         k = int(np.argmin(np.isfinite(qdd).all(axis=1)))
@@ -136,9 +133,10 @@ def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     if solver.lanes_workspace is None:
         raise ArgumentError("solver: several chains at once need solver 'articulated'")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
-    return solver.lanes_workspace(
-        np.array([c.bodies for c in eight]), np.array([c.hinges for c in eight]), np.array([c.gravity for c in eight])
-    )
+    bodies, hinges = (np.empty((LANES, len(one)), one.dtype) for one in (eight[0].bodies, eight[0].hinges))
+    for lane, one in enumerate(eight):
+        bodies[lane], hinges[lane] = one.bodies, one.hinges
+    return solver.lanes_workspace(bodies, hinges, np.array([c.gravity for c in eight]))
 
 
 def solver_for(chain: Chain, solver: str) -> solvers.Solver:

@@ -45,7 +45,7 @@ def rows(n: int, state: dict[str, ArrayLike]) -> list[Array]:
         if not np.isfinite(part).all():
             place = tuple(int(k) for k in np.argwhere(~np.isfinite(part))[0])
             raise ArgumentError(f"{name}{list(place)} = {part[place]} is not finite; expected finite numbers")
-    return [np.array(np.broadcast_to(part, (b, n))) for part in parts.values()]
+    return [np.array(part if part.ndim > 1 else np.broadcast_to(part, (b, n)), order="C") for part in parts.values()]
 
 
 def wrench_rows(tip_wrench: ArrayLike | None, b: int) -> Array:

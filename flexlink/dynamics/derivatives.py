@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,14 +13,18 @@ from flexlink.chain.arguments import beyond_float64, require_type, vector, wrenc
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
-from flexlink.dynamics.accelerations import forward_dynamics
-from flexlink.dynamics.batches import each, is_batch
+from flexlink.dynamics.accelerations import forward_dynamics, lanes_workspace, solver_for
+from flexlink.dynamics.batches import each, is_batch, rows, wrench_rows
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.tangent import stiffness_matrix
-from flexlink.dynamics.wrench import world_wrench
+from flexlink.dynamics.wrench import turns_with_tip, world_wrench
 from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
 from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_derivatives
-from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
+from flexlink.kernels.derivatives.of_many import (
+    forward_derivatives_of_many,
+    inverse_derivatives_of_many,
+)
+from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives, planar_derivatives_of_many
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -80,7 +86,11 @@ def inverse_dynamics_derivatives(
     """
     if is_batch(q, qd, qdd):
         state = {"q": q, "qd": qd, "qdd": qdd}
-        return each(inverse_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
+        write = functools.partial(inverse_derivatives_of_many, require_type("chain", chain, Chain).arrays)
+        many = _of_many(write, chain.n, state, tip_wrench, frame)
+        if many is None:
+            return each(inverse_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
+        return InverseDerivatives(*many)
     n = require_type("chain", chain, Chain).n
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     wrench = world_wrench(chain, q, tip_wrench, frame)
@@ -134,15 +144,21 @@ def forward_dynamics_derivatives(
         A joint moves no inertia of its own here.
     """
     if is_batch(q, qd, tau):
-        return each(
-            forward_dynamics_derivatives, chain, {"q": q, "qd": qd, "tau": tau}, tip_wrench=tip_wrench, frame=frame
-        )
+        state = {"q": q, "qd": qd, "tau": tau}
+        write = functools.partial(forward_derivatives_of_many, require_type("chain", chain, Chain).arrays)
+        if chain.is_planar:
+            work = lanes_workspace(solver_for(chain, "articulated"), [chain])
+            write = functools.partial(planar_derivatives_of_many, chain.hinges, work)
+        many = _of_many(write, chain.n, state, tip_wrench, frame)
+        if many is None:
+            return each(forward_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
+        return ForwardDerivatives(*many)
     n = require_type("chain", chain, Chain).n
     q, qd = vector("q", q, n, many=True, finite=False), vector("qd", qd, n, many=True, finite=False)
     tau = vector("tau", tau, n, many=True, finite=False)
     wrench = world_wrench(chain, q, tip_wrench, frame)
-    found, kernel = np.empty((3, n, n)), planar_derivatives if chain.is_planar else forward_derivatives
-    if not kernel(*chain.arrays, wrench, q, qd, tau, found):
+    found, write = np.empty((3, n, n)), planar_derivatives if chain.is_planar else forward_derivatives
+    if not write(*chain.arrays, wrench, q, qd, tau, found):
         forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises where there is no q̈
         raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
     if frame == "tip":
@@ -150,6 +166,17 @@ def forward_dynamics_derivatives(
         found[0] -= found[2][:, free] @ _of_turning(chain, q, qd, wrench, tip_wrench)[free]
     found.setflags(write=False)  # and with it the parts
     return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
+
+
+def _of_many(
+    write: Callable[..., bool], n: int, state: dict[str, ArrayLike], tip_wrench: ArrayLike | None, frame: Frame
+) -> Array | None:
+    """Of b states, (3, b, n, n); None where something is not finite, and of wrenches that turn with the tip."""
+    many = rows(n, state)
+    found = np.empty((3, len(many[0]), n, n))
+    if turns_with_tip(frame) or not write(wrench_rows(tip_wrench, len(many[0])), *many, found):
+        return None
+    return found
 
 
 def _of_turning(chain: Chain, q: Array, qd: Array, wrench: Array, tip_wrench: ArrayLike | None) -> Array:

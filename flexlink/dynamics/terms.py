@@ -20,12 +20,13 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
-from flexlink.dynamics.batches import each, is_batch
+from flexlink.dynamics.batches import each, is_batch, rows
 from flexlink.dynamics.result import Result
-from flexlink.dynamics.wrench import world_wrench
+from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.bodies import mass
 from flexlink.kernels.bodies.energy import energies
 from flexlink.kernels.bodies.rne import inverse_dynamics as inverse_dynamics_kernel
+from flexlink.kernels.bodies.rne import inverse_dynamics_of_many
 from flexlink.kernels.tools.finite import is_finite
 
 MASS_ALGORITHMS = {
@@ -83,9 +84,11 @@ def inverse_dynamics(
     chain
         The chain.
     q, qd, qdd
-        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
+        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states, eight of which
+        go side by side: equal to the single calls up to rounding (`rounding.of_residual`).
     tip_wrench, frame
-        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame.
+        Force and moment on the tip, shape (6,) [N, N m], or one row per state, (b, 6), in axes of frame 0, "world",
+        or of the "tip" frame.
 
     Returns
     -------
@@ -98,7 +101,7 @@ def inverse_dynamics(
         An argument has the wrong shape, is not real or not finite, or a torque is beyond float64.
     """
     if is_batch(q, qd, qdd):
-        return each(inverse_dynamics, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench, frame=frame)
+        return _inverse_dynamics_of_many(chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench, frame)
     n = require_type("chain", chain, Chain).n
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     wrench = world_wrench(chain, q, tip_wrench, frame)
@@ -106,6 +109,16 @@ def inverse_dynamics(
     if not is_finite(tau):
         raise beyond_float64(_at("torque", chain, tau), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
     return tau
+
+
+def _inverse_dynamics_of_many(
+    chain: Chain, state: dict[str, ArrayLike], tip_wrench: ArrayLike | None, frame: Frame
+) -> Array:
+    many = rows(require_type("chain", chain, Chain).n, state)
+    tau: Array = inverse_dynamics_of_many(chain.arrays, world_wrenches([chain], many[0], tip_wrench, frame), *many)
+    if is_finite(tau.reshape(-1)):
+        return tau
+    return each(inverse_dynamics, chain, state, tip_wrench=tip_wrench, frame=frame)  # says which state overflows
 
 
 def _at(what: str, chain: Chain, values: Array) -> str:
@@ -239,7 +252,8 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     chain
         The chain.
     q
-        Angles [rad], shape (n,), or (b, n) for b states.
+        Angles [rad], shape (n,), or (b, n) for b states, of which "composite" takes eight side by side: equal to the
+        single calls up to rounding (`rounding.of_mass_matrix`).
     algorithm
         "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper;
         "composite": composite rigid bodies in inertial axes (Featherstone 2008, section 6.2), the fastest.
@@ -256,11 +270,16 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     ArgumentError
         `q` has the wrong shape, is not real or not finite, the algorithm is unknown, or M is beyond float64.
     """
+    n, kernel = require_type("chain", chain, Chain).n, require_one_of("algorithm", algorithm, MASS_ALGORITHMS)
     if is_batch(q):
+        if kernel is mass.mass_composite:
+            found: Array = mass.mass_of_many(chain.arrays, *rows(n, {"q": q}))
+            if is_finite(found.reshape(-1)):
+                return found
         return each(mass_matrix, chain, {"q": q}, algorithm=algorithm)
-    q = vector("q", q, require_type("chain", chain, Chain).n, many=True)
-    M = np.zeros((chain.n, chain.n))
-    trace = require_one_of("algorithm", algorithm, MASS_ALGORITHMS)(chain.arrays, q, M)
+    q = vector("q", q, n, many=True)
+    M = np.zeros((n, n))
+    trace = kernel(chain.arrays, q, M)
     if not math.isfinite(trace):
         raise ArgumentError(f"the mass matrix of {chain.name!r} overflows float64; expected smaller masses and lengths")
     return M

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_one_of, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
+from flexlink.dynamics.batches import wrench_rows
 from flexlink.kernels.derivatives.load_derivatives import turned_with_tip
 
 
@@ -29,3 +34,12 @@ def world_wrench(chain: Chain, q: Array, tip_wrench: ArrayLike | None, frame: Fr
         return wrench
     turned: Array = turned_with_tip(chain.arrays, wrench, q)
     return turned
+
+
+def world_wrenches(chains: Sequence[Chain], q: Array, tip_wrench: ArrayLike | None, frame: Frame) -> Array:
+    """The same of b states, of one chain or of one each, shape (b, 6); see `wrench_rows`."""
+    wrenches = wrench_rows(tip_wrench, len(q))
+    if frame == "world" or not turns_with_tip(frame):
+        return wrenches
+    given = zip(itertools.cycle(chains), q, wrenches, strict=False)
+    return np.array([world_wrench(chain, angles, wrench, frame) for chain, angles, wrench in given]).reshape(-1, 6)

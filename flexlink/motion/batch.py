@@ -143,18 +143,18 @@ def _simulate_block(block: Sequence[RunMonitor], stop: Stop) -> Sequence[Ended]:
         if len(block) == 1:
             return [_alone(block[0], stop)]
         return [ended for member in block for ended in _simulate_block([member], stop)]
-    rows = done // run.steps_per_sample + 1
-    errors = step_errors_side_by_side(records, work, samples[:2], block[0].probed(slice(0, rows)))
-    return [
-        _outcome(member, stop, steps_up_to(run, done), errors[lane], *(array[:rows, ..., lane] for array in samples))
-        for lane, member in enumerate(block)
-    ]
+    rows, steps = done // run.steps_per_sample + 1, steps_up_to(run, done)
+    probed = block[0].probed(slice(0, rows))
+    errors = step_errors_side_by_side(records, work, samples[:2], probed)
+    records = records[: len(block)]
+    for lane, record in enumerate(records):
+        for array, of_all in zip((record.q, record.qd, record.works), samples, strict=True):
+            array[:rows] = of_all[:rows, ..., lane]
+    return [_judged(member, stop, rows, steps, errors[lane]) for lane, member in enumerate(block)]
 
 
-def _outcome(monitor: RunMonitor, stop: Stop, steps: Steps, errors: Array, q: Array, qd: Array, works: Array) -> Ended:
-    """What became of a member, whose first samples are given, and the errors of steps between them."""
-    record, rows = monitor.record, len(works)
-    record.q[:rows], record.qd[:rows], record.works[:rows] = q, qd, works
+def _judged(monitor: RunMonitor, stop: Stop, rows: int, steps: Steps, errors: Array) -> Ended:
+    """What became of a member with so many samples, and the errors of steps between them."""
     if not monitor.check(rows, steps, errors):
         return monitor.diverged()
     if not stop.asked:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from flexlink.common.types import Array
-from flexlink.dynamics.placement import tip_position, unbent
+from flexlink.dynamics.placement import unbent
+from flexlink.kernels.bodies.kinematics import tip_points
+from flexlink.results.tip_motion import distances
 from flexlink.results.trajectory import Trajectory
 
 
 def deflections(run: Trajectory) -> Array:
     """How far the springs bend the tip away, at every sample of a run [m]."""
-    return np.asarray(np.linalg.norm(run.tip - tip_position(run.chain, unbent(run.chain, run.q)), axis=1))
+    unmoved = np.empty(run.tip.shape)
+    tip_points(run.chain.arrays, np.ascontiguousarray(unbent(run.chain, run.q)), unmoved)
+    return distances(run.tip, unmoved)

@@ -74,11 +74,10 @@ class SweepOutput(Spec, frozen=True):
         if self.of in MEASURES:
             return float(MEASURES[self.of].value(self, run))
         column = column_of(run, self.of)
-        first = int(np.searchsorted(run.t, self.after))
+        first = int(np.searchsorted(run.t, self.after)) if self.after > run.t[0] else 0
         if first == len(run.t):
             raise ArgumentError(f"after = {self.after:g}: the run ends at {run.t[-1]:g} s")
-        with np.errstate(all="ignore"):
-            return float(REDUCTIONS[self.take or "final"](run.t[first:], column[first:]))
+        return float(REDUCTIONS[self.take or "final"](run.t[first:], column[first:]))
 
     def place(self, run: Trajectory) -> Array:
         """Where the tip is to come to rest, shape (3,) [m]."""
@@ -144,10 +143,11 @@ def measured(quantities: Mapping[str, SweepOutput], run: Trajectory) -> tuple[tu
     """The numbers of a run, None where one cannot be computed, and the reasons why not."""
     values: list[float | None] = []
     reasons = []
-    for name, quantity in quantities.items():
-        try:
-            values.append(quantity.measure(run))
-        except FlexlinkError as error:
-            values.append(None)
-            reasons.append(f"{name}: {error}")
+    with np.errstate(all="ignore"):
+        for name, quantity in quantities.items():
+            try:
+                values.append(quantity.measure(run))
+            except FlexlinkError as error:
+                values.append(None)
+                reasons.append(f"{name}: {error}")
     return tuple(values), "; ".join(reasons)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -10,11 +11,11 @@ from typing import Any
 
 import msgspec
 
-from flexlink.common.errors import DataFileError, SceneError
+from flexlink.common.errors import DataFileError, FlexlinkError, SceneError
 from flexlink.describe import data_files
 from flexlink.describe.scene import FIELDS, Scene, load_scene
 from flexlink.describe.spec import Spec, check_keys, decode, did_you_mean, fields_of, truncated
-from flexlink.describe.vary import apply_changes
+from flexlink.describe.vary import apply_changes, top_level_keys
 from flexlink.engines import ENGINES
 from flexlink.sweeps.measures import SweepOutput
 from flexlink.sweeps.ranges import MAX_MEMBERS, Axis, RandomDesign, grid_axis, sample_axis, together_axis
@@ -83,12 +84,28 @@ class Plan:
 
     def member(self, number: int) -> tuple[Scene, str]:
         """The scene of a member, and its engine; errors as in `Scene.varied`."""
-        changes = {**self.sweep.set, **self.values(number)}
+        scene, fixed = self._start
+        changes = {**fixed, **self.values(number)}
         engine = changes.pop("engine", "native")
         if engine not in ENGINES:
             allowed = ", ".join(ENGINES) + did_you_mean(engine, ENGINES)
             raise SceneError(f"engine = {truncated(engine)}: unknown; allowed are {allowed}")
-        return (self.sweep.scene.varied(changes) if changes else self.sweep.scene), engine
+        return (scene.varied(changes) if changes else scene), engine
+
+    @functools.cached_property
+    def _start(self) -> tuple[Scene, dict[str, Any]]:
+        """The scene that members vary, and what is set in each of them, beside what varies.
+
+        What is set in tables where nothing varies is set once, unless it fits the scene with the other values only.
+        """
+        scene, varied = self.sweep.scene, top_level_keys(dict.fromkeys(self.sweep.keys))
+        once = {path: value for path, value in self.sweep.set.items() if not top_level_keys({path: value}) & varied}
+        once.pop("engine", None)
+        beside = {path: value for path, value in self.sweep.set.items() if path not in once}
+        try:
+            return (scene.varied(once) if once else scene), beside
+        except FlexlinkError:
+            return scene, self.sweep.set
 
     @property
     def engines(self) -> set[str]:

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.tools.compiler import kernel, recursion
-from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, cos_sin, pick, place, place_axes, put, turn_axes, vector
+from flexlink.kernels.tools.lanes import cos_sin_of, put_vec_of, zero_of
+from flexlink.kernels.tools.vec3 import add, pick, place, place_axes, put, turn_axes, vector
 
 
 class KinematicsWork(NamedTuple):
@@ -45,21 +46,22 @@ def tip_points(chain, qs, tips):
 
 @recursion
 def kinematics(chain, q, work):
-    """Write R and p of every body and all hinge axes."""
+    """Write R and p of every body and all hinge axes, at angles (n,), or `Turns` of eight states side by side."""
     bodies, hinges = chain.bodies, chain.hinges
     rotations, points, axes = work.rotations, work.points, work.axes
-    x, y, z = X, Y, Z  # columns of R
-    p = ZERO
+    o = zero_of(points, 0, 0)
+    x, y, z = (1.0 + o, o, o), (o, 1.0 + o, o), (o, o, 1.0 + o)  # columns of R
+    p = (o, o, o)
     for i in range(len(bodies)):
         b = bodies[i]
         p = add(p, place(vector(b.translation), x, y, z))
-        put(points[i], p)
+        put_vec_of(points, p, i, 0)
         if b.turned:
             x, y, z = place_axes(b.rotation, x, y, z)
         for k in range(b.first, b.stop):
             axis = hinges[k].axis
-            put(axes[k], pick(axis, x, y, z))
-            c, s = cos_sin(q[k])
+            put_vec_of(axes, pick(axis, x, y, z), k, 0)
+            c, s = cos_sin_of(q, k)
             x, y, z = turn_axes(axis, c, s, x, y, z)
         for row in range(3):
-            put(rotations[i, row], (x[row], y[row], z[row]))
+            put_vec_of(rotations[i], (x[row], y[row], z[row]), row, 0)

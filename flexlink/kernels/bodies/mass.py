@@ -5,7 +5,7 @@ lower       the same, inward to the moving joint only: the part of the column on
 upper       the bodies beyond the joint move as one rigid body: the part on and above the diagonal, in body frames
 composite   the same bodies in inertial axes: a row needs only the joints' axes and points (Featherstone 2008, 6.2)
 
-All write M (n, n) and return its trace.
+All write M (n, n) and return its trace. One source of the last serves one state and eight side by side (`lanes`).
 """
 
 from typing import Any, NamedTuple
@@ -14,6 +14,18 @@ import numpy as np
 
 from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics, kinematics_workspace
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.lanes import (
+    LANES,
+    Turns,
+    at,
+    keep_lanes,
+    put_at,
+    put_lanes,
+    put_vec_of,
+    vec_of,
+    zero_of,
+)
+from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import (
     ZERO6,
     point_inertia,
@@ -181,7 +193,7 @@ def mass_composite(chain, q, M):
 
 @recursion
 def composite(chain, q, M, work):
-    """M by composite bodies in inertial axes.
+    """M by composite bodies in inertial axes, at angles (n,), or `Turns` of eight states side by side, M (n, n, 8).
 
     With mass m, centre C and inertia J of all bodies beyond hinge k at p_k, unit acceleration about its axis gives
     f = m axis_k × (C − p_k),  n = J axis_k + (C − p_k) × f,  and  M_jk = axis_j · (n + (p_k − p_j) × f),  j ≤ k.
@@ -191,11 +203,12 @@ def composite(chain, q, M, work):
     rotations, points, axes, pivots = work.placed.rotations, work.placed.points, work.placed.axes, work.pivots
     for i in range(len(bodies)):
         for k in range(bodies[i].first, bodies[i].stop):
-            put(pivots[k], vector(points[i]))
-    m, C, J = 0.0, ZERO, ZERO6
+            put_vec_of(pivots, vec_of(points, i, 0), k, 0)
+    o = zero_of(points, 0, 0)
+    m, C, J = 0.0, (o, o, o), (o, o, o, o, o, o)
     for i in range(len(bodies) - 1, -1, -1):
         b = bodies[i]
-        p = vector(points[i])
+        p = vec_of(points, i, 0)
         J = sym_add(J, sym_rotate(rotations[i], symmetric(b.inertia)))
         if b.mass > 0.0:
             d = sub(add(p, apply(rotations[i], vector(b.center))), C)
@@ -203,14 +216,30 @@ def composite(chain, q, M, work):
             m += b.mass
             C = add(C, scale(b.mass / m, d))
         for k in range(b.stop - 1, b.first - 1, -1):
-            axis = vector(axes[k])
+            axis = vec_of(axes, k, 0)
             lever = sub(C, p)
             f = scale(m, cross(axis, lever))
             n = add(sym_apply(J, axis), cross(lever, f))
             for j in range(k + 1):
-                n_j = add(n, cross(sub(p, vector(pivots[j])), f))
-                M[k, j] = dot(vector(axes[j]), n_j)
-            M[k, k] += hinges[k].armature
+                n_j = add(n, cross(sub(p, vec_of(pivots, j, 0)), f))
+                put_at(M, dot(vec_of(axes, j, 0), n_j), k, j)
+            put_at(M, at(M, k, k) + hinges[k].armature, k, k)
     for k in range(len(hinges)):
         for j in range(k):
-            M[j, k] = M[k, j]
+            put_at(M, at(M, k, j), j, k)
+
+
+@kernel
+def mass_of_many(chain, q):
+    """M of many states, (b, n, n) of angles (b, n), by composite bodies, eight states side by side."""
+    b, n, m = len(q), len(chain.hinges), len(chain.bodies)
+    found, M, trig = np.empty((b, n, n)), np.empty((n, n, LANES)), np.empty((3, n, LANES))
+    placed = KinematicsWork(np.empty((m, 3, 3, LANES)), np.empty((m, 3, LANES)), np.empty((n, 3, LANES)))
+    work, turns = CompositeWork(placed, np.empty((n, 3, LANES))), Turns(trig[1], trig[2])
+    rows, elements, flat = found.reshape(b, n * n), M.reshape(n * n, LANES), trig.reshape(3, n * LANES)
+    for start in range(0, b, LANES):
+        put_lanes(q, start, trig[0])
+        cos_sin_all(flat[0], flat[1], flat[2])
+        composite(chain, turns, M, work)
+        keep_lanes(elements, start, rows)
+    return found

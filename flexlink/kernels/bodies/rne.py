@@ -4,7 +4,8 @@
     body        F = m (a + α × c + ω × (ω × c))        N = I α + ω × I ω + c × F
     backward    f ← f + F        n ← n + N        τ = e·n + armature q̈        n ← R n + r × R f
 
-Gravity is an upward acceleration −g of the base; the tip wrench is carried outward to the tip frame.
+Gravity is an upward acceleration −g of the base; the tip wrench is carried outward to the tip frame. One source serves
+one state and eight side by side (`lanes`).
 """
 
 from typing import Any, NamedTuple
@@ -12,13 +13,25 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.tools.compiler import kernel, subroutine
+from flexlink.kernels.tools.lanes import (
+    LANES,
+    Turns,
+    at,
+    cos_sin_of,
+    keep_lanes,
+    put_at,
+    put_lanes,
+    put_vec_of,
+    vec,
+    vec_of,
+    zero_of,
+)
+from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.vec3 import (
-    ZERO,
     add,
     add_along,
     apply,
     apply_transposed,
-    cos_sin,
     cross,
     cross_unit,
     dot,
@@ -31,14 +44,14 @@ from flexlink.kernels.tools.vec3 import (
 class RneWork(NamedTuple):
     """Scratch of `rne`."""
 
-    turns: Any  # cosine and sine of every hinge
-    loads: Any  # force and moment of every body
+    turns: Any  # (n, 2) cosine and sine of every hinge
+    loads: Any  # (bodies, 6) force and moment of every body
 
 
 @kernel
 def rne_workspace(chain):
     """Scratch of `rne` for a chain."""
-    return RneWork(np.empty((len(chain.hinges), 2)), np.empty((len(chain.bodies), 2, 3)))
+    return RneWork(np.empty((len(chain.hinges), 2)), np.empty((len(chain.bodies), 6)))
 
 
 @kernel
@@ -49,18 +62,39 @@ def inverse_dynamics(chain, wrench, q, qd, qdd):
     return tau
 
 
+@kernel
+def inverse_dynamics_of_many(chain, wrench, q, qd, qdd):
+    """τ of many states (b, n) with wrenches (b, 6), eight states side by side."""
+    b, n = q.shape
+    tau, state, acting, trig = np.empty((b, n)), np.empty((4, n, LANES)), np.empty((6, LANES)), np.empty((2, n, LANES))
+    angles, flat, turns = state[0].reshape(-1), trig.reshape(2, n * LANES), Turns(trig[0], trig[1])
+    work = RneWork(np.empty((n, 2, LANES)), np.empty((len(chain.bodies), 6, LANES)))
+    for start in range(0, b, LANES):
+        put_lanes(wrench, start, acting)
+        put_lanes(q, start, state[0])
+        put_lanes(qd, start, state[1])
+        put_lanes(qdd, start, state[2])
+        cos_sin_all(angles, flat[0], flat[1])
+        rne(chain, vector(chain.gravity), acting, turns, state[1], state[2], state[3], work)
+        keep_lanes(state[3], start, tau)
+    return tau
+
+
 @subroutine
 def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
     """Inverse dynamics τ = M q̈ + T_GC, written to `tau` (n,); `gravity` tuple and `wrench` (6,) in frame 0.
+
+    Of eight states side by side `q` are their `Turns`, all else is (…, 8).
 
     Returns the power m·ω of the moment on the tip [W].
     """
     bodies, hinges = chain.bodies, chain.hinges
     turns, loads = work
 
-    ω = α = ZERO
-    a = scale(-1.0, gravity)
-    f_tip, n_tip = vector(wrench), (wrench[3], wrench[4], wrench[5])
+    o = zero_of(qd)
+    ω = α = (o, o, o)
+    a = scale(-1.0 + o, gravity)
+    f_tip, n_tip = vec(wrench, 0), vec(wrench, 3)
     for i in range(len(bodies)):
         b = bodies[i]
         r = vector(b.translation)
@@ -73,30 +107,31 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
             n_tip = apply_transposed(b.rotation, n_tip)
         for k in range(b.first, b.stop):
             axis = hinges[k].axis
-            c, s = cos_sin(q[k])
-            turns[k, 0], turns[k, 1] = c, s
+            c, s = cos_sin_of(q, k)
+            put_at(turns, c, k, 0)
+            put_at(turns, s, k, 1)
             ω = turn(axis, c, -s, ω)
-            α = add_along(axis, qdd[k], add(turn(axis, c, -s, α), scale(qd[k], cross_unit(ω, axis))))
-            ω = add_along(axis, qd[k], ω)
+            α = add_along(axis, at(qdd, k), add(turn(axis, c, -s, α), scale(at(qd, k), cross_unit(ω, axis, o))))
+            ω = add_along(axis, at(qd, k), ω)
             a = turn(axis, c, -s, a)
             f_tip = turn(axis, c, -s, f_tip)
             n_tip = turn(axis, c, -s, n_tip)
         c = vector(b.center)
         F = scale(b.mass, add(a, add(cross(α, c), cross(ω, cross(ω, c)))))
         N = add(add(apply(b.inertia, α), cross(ω, apply(b.inertia, ω))), cross(c, F))
-        loads[i, 0, 0], loads[i, 0, 1], loads[i, 0, 2] = F
-        loads[i, 1, 0], loads[i, 1, 1], loads[i, 1, 2] = N
+        put_vec_of(loads, F, i, 0)
+        put_vec_of(loads, N, i, 3)
 
     power = dot(n_tip, ω)
     f, n = scale(-1.0, f_tip), scale(-1.0, n_tip)
     for i in range(len(bodies) - 1, -1, -1):
         b = bodies[i]
-        f = add(f, vector(loads[i, 0]))
-        n = add(n, vector(loads[i, 1]))
+        f = add(f, vec_of(loads, i, 0))
+        n = add(n, vec_of(loads, i, 3))
         for k in range(b.stop - 1, b.first - 1, -1):
             axis = hinges[k].axis
-            c, s = turns[k, 0], turns[k, 1]
-            tau[k] = n[axis] + hinges[k].armature * qdd[k]
+            c, s = at(turns, k, 0), at(turns, k, 1)
+            put_at(tau, n[axis] + hinges[k].armature * at(qdd, k), k)
             f = turn(axis, c, s, f)
             n = turn(axis, c, s, n)
         if b.turned:

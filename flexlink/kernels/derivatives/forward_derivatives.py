@@ -22,17 +22,24 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
     BODY_MOTION,
     HINGE_MOTION,
     Arrays,
+    keep_columns,
     motion_workspace,
     of_hinge,
     outward,
     own_spin,
 )
 from flexlink.kernels.forward.articulated_layout import LAYOUT
-from flexlink.kernels.forward.articulated_rows import BODY_ROW, RESTART, articulated_workspace, axes_of
+from flexlink.kernels.forward.articulated_rows import (
+    BODY_ROW,
+    RESTART,
+    ArticulatedWork,
+    articulated_workspace,
+    axes_of,
+)
 from flexlink.kernels.forward.inverse_mass import solve_on_articulated
 from flexlink.kernels.forward.solvers import forward_dynamics
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
-from flexlink.kernels.tools.finite import is_finite
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.finite import are_finite, is_finite
 from flexlink.kernels.tools.lanes import LANES, put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sym3 import sym_apply
@@ -42,8 +49,10 @@ VARIABLE = numbered("q qd tau")  # along which the derivatives are taken
 
 
 class ForwardDerivativesWork(NamedTuple):
-    """Scratch of `forward_derivatives`."""
+    """Scratch of `derivatives_in_space`, with the constants of a chain."""
 
+    factors: ArticulatedWork
+    solution: Any  # (2, n) T_EX and q̈
     motion: Any  # of `outward`
     axes: Any  # (bodies, 9) working axes in frame 0
     accelerations: Any  # (bodies, 6) α of the body, and a − g of its hinge point, frame 0
@@ -54,25 +63,46 @@ class ForwardDerivativesWork(NamedTuple):
 
 
 @kernel
-def forward_derivatives(bodies, hinges, gravity, wrench, q, qd, tau, found):
-    """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n), of prescribed joints ∂q̈/∂q̈_given; whether all is finite."""
-    n, m, chain = len(q), len(bodies), Arrays(bodies, hinges, gravity)
-    factors, qdd = articulated_workspace(bodies, hinges, gravity), np.zeros(n)
-    forward_dynamics(wrench, q, qd, tau.copy(), qdd, factors)
-    work = ForwardDerivativesWork(
-        motion_workspace(chain), np.empty((m, 9)), np.empty((m, 6)), np.empty((m, 6)),
+def forward_derivatives_workspace(bodies, hinges, gravity):
+    """Scratch of `derivatives_in_space` for a chain."""
+    n, m = len(hinges), len(bodies)
+    return ForwardDerivativesWork(
+        articulated_workspace(bodies, hinges, gravity), np.empty((2, n)),
+        motion_workspace(Arrays(bodies, hinges, gravity)), np.empty((m, 9)), np.empty((m, 6)), np.empty((m, 6)),
         np.empty((m, 6, LANES)), np.empty((n, LANES)), np.empty((n, LANES)),
     )  # fmt: skip
+
+
+@kernel
+def forward_derivatives(bodies, hinges, gravity, wrench, q, qd, tau, found):
+    """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n), of prescribed joints ∂q̈/∂q̈_given; whether all is finite."""
+    work, slopes = forward_derivatives_workspace(bodies, hinges, gravity), (found[0], found[1], found[2])
+    return derivatives_in_space(Arrays(bodies, hinges, gravity), wrench, q, qd, tau, slopes, work)
+
+
+@subroutine
+def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
+    """Write three arrays (n, n), on scratch that serves many states; whether all is finite."""
+    n, hinges, factors, torque, qdd = len(q), chain.hinges, work.factors, work.solution[0], work.solution[1]
+    begin(tau, torque, qdd)
+    forward_dynamics(wrench, q, qd, torque, qdd, factors)
     keep_solution(factors, work.axes, work.accelerations)
     force, moment = outward(chain, wrench, False, q, qd, qdd, work.accelerations, work.motion)
     transmit(chain, force, moment, work)
     for variable in range(3):
-        for first in range(0, n, LANES):
+        for first in range((n - 1) // LANES * LANES, -1, -LANES):
             write_loads(chain, qd, variable, first, work)
             solve_on_articulated(work.r, work.loads, work.x, factors)
             keep_columns(work.x, first, found[variable])
-    keep_prescribed(hinges, found)
-    return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and is_finite(found.reshape(-1))
+    keep_prescribed(hinges, found[VARIABLE.tau])
+    return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and are_finite(found)
+
+
+@recursion
+def begin(tau, torque, qdd):
+    """Drive torques in scratch, where forward dynamics adds those of prescribed joints, which accelerate by 0 here."""
+    for k in range(len(tau)):
+        torque[k], qdd[k] = tau[k], 0.0
 
 
 @recursion
@@ -129,25 +159,11 @@ def joint_loads(hinges, qd, variable, first, r):
 
 
 @recursion
-def keep_columns(x, first, found):
-    """Copy a block of columns to its place."""
-    n = len(x)
-    if n - first >= LANES:  # a loop of known length becomes one instruction
-        for k in range(n):
-            for lane in range(LANES):
-                found[k, first + lane] = x[k, lane]
-    else:
-        for k in range(n):
-            for lane in range(n - first):
-                found[k, first + lane] = x[k, lane]
-
-
-@recursion
-def keep_prescribed(hinges, found):
+def keep_prescribed(hinges, by_input):
     """Put 1 where a prescribed acceleration is its own derivative."""
     for k in range(len(hinges)):
         if hinges[k].prescribed:
-            found[VARIABLE.tau, k, k] = 1.0
+            by_input[k, k] = 1.0
 
 
 @inlined

@@ -30,9 +30,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
-from flexlink.kernels.tools.finite import is_finite
-from flexlink.kernels.tools.lanes import LANES, put_at, put_vec_of, vec_of
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.finite import are_finite
+from flexlink.kernels.tools.lanes import LANES, at, put_at, put_eight, put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sym3 import (
     ZERO6,
@@ -77,12 +77,12 @@ class MotionWork(NamedTuple):
 
 
 class InverseDerivativesWork(NamedTuple):
-    """What `inverse_derivatives` writes, ∂τ_i/∂x_j at [i, j // 8, j % 8], 0 beyond column n − 1."""
+    """Scratch of `inverse_derivatives`: ∂τ_i/∂x_j, j ≤ i, at [j // 8, i, j % 8]."""
 
-    by_angle: Any  # (n, ⌈n/8⌉, 8)
+    by_angle: Any  # (⌈n/8⌉, n, 8)
     by_rate: Any
     by_acceleration: Any  # M
-    by_angle_inner: Any  # ∂τ_j/∂x_i, j < i, before they are mirrored
+    by_angle_inner: Any  # ∂τ_j/∂x_i, j < i
     by_rate_inner: Any
     motion: MotionWork
 
@@ -98,7 +98,7 @@ def motion_workspace(chain):
 def derivatives_workspace(chain):
     """Scratch of `inverse_derivatives` for a chain."""
     n = len(chain.hinges)
-    slopes = np.empty((5, n, -(-n // LANES), LANES))
+    slopes = np.empty((5, -(-n // LANES), n, LANES))
     return InverseDerivativesWork(slopes[0], slopes[1], slopes[2], slopes[3], slopes[4], motion_workspace(chain))
 
 
@@ -118,30 +118,44 @@ def all_inverse_derivatives(bodies, hinges, gravity, wrench, q, qd, qdd, found):
     """
     chain = Arrays(bodies, hinges, gravity)
     work = derivatives_workspace(chain)
-    inverse_derivatives(chain, wrench, False, q, qd, qdd, work)
-    keep_rows(work.by_angle, found[0])
-    keep_rows(work.by_rate, found[1])
-    keep_rows(work.by_acceleration, found[2])
-    return is_finite(found.reshape(-1))
+    return inverse_derivatives(chain, wrench, q, qd, qdd, (found[0], found[1], found[2]), work)
 
 
-@kernel
-def keep_rows(slopes, found):
-    """Copy slopes by blocks of eight to a matrix."""
-    for i in range(len(found)):
-        row = slopes[i].reshape(-1)
-        for j in range(len(found)):
-            found[i, j] = row[j]
+@subroutine
+def inverse_derivatives(chain, wrench, q, qd, qdd, found, work):
+    """Write three arrays (n, n), on scratch that serves many states; whether all is finite."""
+    force, moment = outward(chain, wrench, False, q, qd, qdd, None, work.motion)
+    inward(chain, force, moment, work)
+    keep_slopes(work.by_angle, work.by_angle_inner, found[0])
+    keep_slopes(work.by_rate, work.by_rate_inner, found[1])
+    keep_slopes(work.by_acceleration, work.by_acceleration, found[2])
+    return are_finite(found)
 
 
 @recursion
-def inverse_derivatives(chain, wrench, follower, q, qd, qdd, work):
-    """Write the slopes of τ = M q̈ + T_GC at q, q̇, q̈ (n,); wrench (6,) in frame 0, or, a follower, in tip axes."""
-    force, moment = outward(chain, wrench, follower, q, qd, qdd, None, work.motion)
-    inward(chain, force, moment, work)
-    mirror(work.by_angle, work.by_angle_inner)
-    mirror(work.by_rate, work.by_rate_inner)
-    mirror(work.by_acceleration, work.by_acceleration)
+def keep_slopes(outer, inner, found):
+    """Put ∂τ_i/∂x_j in its place, j ≤ i, and ∂τ_j/∂x_i, j < i."""
+    for block in range(len(outer) - 1, -1, -1):
+        keep_columns(outer[block], block * LANES, found)
+    for i in range(len(found)):
+        for j in range(i):
+            found[j, i] = inner[j // LANES, i, j % LANES]
+
+
+@recursion
+def keep_columns(x, first, found):
+    """Copy a block of columns to its place, the last block first: eight numbers of a row go at once.
+
+    What they write beyond the last column the next row, or the next block, writes anew.
+    """
+    n, elements = len(x), found.reshape(-1)
+    for k in range(n):
+        place = k * n + first
+        if place + LANES <= n * n:
+            put_eight(elements, at(x, k), place)
+        else:
+            for lane in range(min(LANES, n - first)):
+                elements[place + lane] = x[k, lane]
 
 
 @recursion
@@ -261,7 +275,7 @@ def inward(chain, force, moment, work):
         f, n = add(f, vec_of(rows, i, BODY_MOTION.F)), add(n, vec_of(rows, i, BODY_MOTION.N))
         for k in range(b.stop - 1, b.first - 1, -1):
             derivatives_of_hinge(k, m, s, I, P, G, f, n, d, work)
-            work.by_acceleration[k, k // LANES, k % LANES] += chain.hinges[k].armature
+            work.by_acceleration[k // LANES, k, k % LANES] += chain.hinges[k].armature
         if i > 0:
             u = cross(vec_of(rows, i - 1, BODY_MOTION.ω), r)
             t = add_scaled(s, m, r)
@@ -294,21 +308,8 @@ def derivatives_of_hinge(i, m, s, I, P, G, f, n, d, work):
         outer = dot(by_a, δa_j) + dot(by_η_j, η_j) + dot(by_ω_j, δω_j)
         outer -= dot(e, vec_of(hinges, b, HINGE_MOTION.δm)) + dot(by_F, vec_of(hinges, b, HINGE_MOTION.δF))
         lever = cross(e_j, Δp)
-        put_at(work.by_angle, outer, i, b)
-        put_at(work.by_angle_inner, dot(e_j, n_q) + dot(lever, f_q), i, b)
-        put_at(work.by_rate, 2.0 * dot(by_η_j, δω_j) + dot(by_ω_j, e_j), i, b)
-        put_at(work.by_rate_inner, dot(e_j, n_qd) + dot(lever, f_qd), i, b)
-        put_at(work.by_acceleration, dot(by_η_j, e_j), i, b)
-
-
-@recursion
-def mirror(slopes, inner):
-    """Put row i of the inner slopes into column i, and zero beyond the last column."""
-    n, last = len(slopes), slopes.shape[1] - 1
-    for i in range(n):
-        block, lane = i // LANES, i % LANES
-        for b in range(block + 1):
-            for j in range(min(LANES, i - b * LANES)):
-                slopes[b * LANES + j, block, lane] = inner[i, b, j]
-        for j in range(n - last * LANES, LANES):
-            slopes[i, last, j] = 0.0
+        put_at(work.by_angle, outer, b, i)
+        put_at(work.by_angle_inner, dot(e_j, n_q) + dot(lever, f_q), b, i)
+        put_at(work.by_rate, 2.0 * dot(by_η_j, δω_j) + dot(by_ω_j, e_j), b, i)
+        put_at(work.by_rate_inner, dot(e_j, n_qd) + dot(lever, f_qd), b, i)
+        put_at(work.by_acceleration, dot(by_η_j, e_j), b, i)

@@ -8,7 +8,8 @@ Where link k alone turns, r by d, d by −r, m c by h and h by −m c, its deman
 
 and where its rate alone changes by b = −2 ω r, f = M b − 2 ω m c, n = g·b + d·M b; its acceleration by b = d,
 f = M d + h, n = I + g·d + d·M d. A change of q_j by 1 turns all links from j on by σ_j: the same numbers for every
-column, from j on. They go through the factors of M eight columns side by side,
+column, from j on. They go through the factors of M eight columns side by side, or, of many states, column by column
+of eight states,
 
     inward      n ← n + d·f + n_k        f ← f + f_k        T = σ r − n       n ← σ r − A T / D       f ← f + H T / D
     outward     α = T / D + (A / D) α_before − H·a / D      σ x = α − α_before      a ← a + α d + b_k
@@ -19,12 +20,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.bodies.plane import BASE, LINK, in_plane, planar_workspace
-from flexlink.kernels.derivatives.forward_derivatives import VARIABLE, joint_loads, keep_columns, keep_prescribed
+from flexlink.kernels.derivatives.forward_derivatives import (
+    VARIABLE,
+    friction_derivative,
+    joint_loads,
+    keep_prescribed,
+)
+from flexlink.kernels.derivatives.inverse_derivatives import keep_columns
 from flexlink.kernels.forward.mass_plus_diagonal_plane import PlanePosture, turn_levers
 from flexlink.kernels.forward.solvers import forward_dynamics
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
-from flexlink.kernels.tools.finite import is_finite
-from flexlink.kernels.tools.lanes import LANES, at, put_at, vec, zero_of
+from flexlink.kernels.tools.finite import are_finite, is_finite
+from flexlink.kernels.tools.lanes import LANES, at, put_at, put_lanes, put_vec_of, vec, vec_of, zero_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.vec3 import scale
 
@@ -38,7 +45,7 @@ CHANGE = numbered("n fx fy bx by")
 
 
 class PlanarDerivativesWork(NamedTuple):
-    """Scratch of `planar_derivatives`."""
+    """Scratch, of one state, whose columns go side by side, or of eight states side by side."""
 
     posture: PlanePosture
     rows: Any  # (n, SIZE)
@@ -57,20 +64,27 @@ def planar_derivatives(bodies, hinges, gravity, wrench, q, qd, tau, found):
     posture = PlanePosture(planar.links, planar.prescribed, planar.trig, levers[0], levers[1])
     weights = np.zeros((2, LANES + 1, LANES))
     work = PlanarDerivativesWork(posture, np.empty((n, ROW.size)), weights[0], weights[1], lanes[:3], lanes[3:])
-    turn_levers(posture)
-    factor(work)
-    move(planar.base, wrench, qd, work)
-    for k in range(n):
-        write_changes(k, work)
-    for first in range(0, n, LANES):
+    differentiate(planar.base, wrench, qd, work)
+    for first in range((n - 1) // LANES * LANES, -1, -LANES):
         for variable in range(3):
             joint_loads(hinges, qd, variable, first, work.r[variable])
         weigh(hinges, first, work)
         solve(first, work)
         for variable in range(3):
             keep_columns(work.x[variable], first, found[variable])
-    keep_prescribed(hinges, found)
-    return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and is_finite(found.reshape(-1))
+    keep_prescribed(hinges, found[VARIABLE.tau])
+    finite = is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd)
+    return finite and are_finite((found[0], found[1], found[2]))
+
+
+@recursion
+def differentiate(base, wrench, qd, work):
+    """What links demand for changes, where forward dynamics has been."""
+    turn_levers(work.posture)
+    factor(work)
+    move(base, wrench, qd, work)
+    for k in range(len(work.rows)):
+        write_changes(k, work)
 
 
 @recursion
@@ -78,13 +92,16 @@ def factor(work):
     """M of the chain, link by link from the tip, as in `planar`, and what is beyond each link."""
     links, prescribed, d, h = work.posture.links, work.posture.prescribed, work.posture.d, work.posture.h
     rows = work.rows
-    Mxx = Mxy = Myy = j = gx = gy = 0.0
+    o = zero_of(rows, 0, 0)
+    Mxx = Mxy = Myy = j = gx = gy = o
     for k in range(len(rows) - 1, -1, -1):
-        dx, dy, A, m = d[k, 0], d[k, 1], links[k, LINK.armature], links[k, LINK.mass]
-        rows[k, ROW.Mxx], rows[k, ROW.Mxy], rows[k, ROW.Myy], rows[k, ROW.gx], rows[k, ROW.gy] = Mxx, Mxy, Myy, gx, gy
-        D = links[k, LINK.inertia] + j + 2.0 * (dx * gx + dy * gy)
+        dx, dy, A, m = at(d, k, 0), at(d, k, 1), at(links, k, LINK.armature), at(links, k, LINK.mass)
+        put_vec_of(rows, (Mxx, Mxy, Myy), k, ROW.Mxx)
+        put_at(rows, gx, k, ROW.gx)
+        put_at(rows, gy, k, ROW.gy)
+        D = at(links, k, LINK.inertia) + j + 2.0 * (dx * gx + dy * gy)
         D += dx * dx * Mxx + dy * dy * Myy + (2.0 * dx * dy) * Mxy
-        Hx, Hy = h[k, 0] + gx + Mxx * dx + Mxy * dy, h[k, 1] + gy + Mxy * dx + Myy * dy
+        Hx, Hy = at(h, k, 0) + gx + Mxx * dx + Mxy * dy, at(h, k, 1) + gy + Mxy * dx + Myy * dy
         Mxx, Myy = Mxx + m, Myy + m
         if prescribed[k]:
             j, gx, gy = D, Hx, Hy
@@ -93,49 +110,58 @@ def factor(work):
             β = A * inverse
             Mxx, Mxy, Myy = Mxx - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy - Hy * Hy * inverse
             j, gx, gy = β * D, β * Hx, β * Hy
-            rows[k, ROW.inverse], rows[k, ROW.hx], rows[k, ROW.hy] = inverse, Hx, Hy
-            rows[k, ROW.β], rows[k, ROW.γ] = β, D * inverse
+            put_vec_of(rows, (inverse, Hx, Hy), k, ROW.inverse)
+            put_at(rows, β, k, ROW.β)
+            put_at(rows, D * inverse, k, ROW.γ)
 
 
 @recursion
 def move(base, wrench, qd, work):
     """Absolute rates and accelerations, α as `planar` has found it, and the forces that hinges transmit."""
     links, d, h, rows = work.posture.links, work.posture.d, work.posture.h, work.rows
-    ω = 0.0
+    ω = zero_of(qd)
     ax, ay = in_plane(base, scale(-1.0, vec(base, BASE.gravity)))
     for k in range(len(rows)):
-        ω, α = ω + links[k, LINK.sign] * qd[k], links[k, LINK.α]
-        rows[k, ROW.ω], rows[k, ROW.α], rows[k, ROW.ax], rows[k, ROW.ay] = ω, α, ax, ay
-        ax, ay = ax + α * d[k, 0] - ω * ω * d[k, 1], ay + α * d[k, 1] + ω * ω * d[k, 0]
+        ω, α = ω + at(links, k, LINK.sign) * at(qd, k), at(links, k, LINK.α)
+        put_vec_of(rows, (ω, α, ax), k, ROW.ω)
+        put_at(rows, ay, k, ROW.ay)
+        dx, dy = at(d, k, 0), at(d, k, 1)
+        ax, ay = ax + α * dx - ω * ω * dy, ay + α * dy + ω * ω * dx
     fx, fy = in_plane(base, scale(-1.0, vec(wrench, 0)))
     for k in range(len(rows) - 1, -1, -1):
-        rows[k, ROW.fx], rows[k, ROW.fy] = fx, fy
-        ω, α, m = rows[k, ROW.ω], rows[k, ROW.α], links[k, LINK.mass]
-        fx += m * rows[k, ROW.ax] + α * h[k, 0] - ω * ω * h[k, 1]
-        fy += m * rows[k, ROW.ay] + α * h[k, 1] + ω * ω * h[k, 0]
+        put_at(rows, fx, k, ROW.fx)
+        put_at(rows, fy, k, ROW.fy)
+        ω, α, m = at(rows, k, ROW.ω), at(rows, k, ROW.α), at(links, k, LINK.mass)
+        hx, hy = at(h, k, 0), at(h, k, 1)
+        fx += m * at(rows, k, ROW.ax) + α * hx - ω * ω * hy
+        fy += m * at(rows, k, ROW.ay) + α * hy + ω * ω * hx
 
 
 @recursion
 def write_changes(k, work):
     """What link k demands for a change of its angle, its rate, its acceleration; r = (d_y, −d_x), m c = (h_y, −h_x)."""
-    row, d, h = work.rows[k], work.posture.d, work.posture.h
-    dx, dy, hx, hy = d[k, 0], d[k, 1], h[k, 0], h[k, 1]
-    ω, α = row[ROW.ω], row[ROW.α]
+    rows, d, h = work.rows, work.posture.d, work.posture.h
+    dx, dy, hx, hy = at(d, k, 0), at(d, k, 1), at(h, k, 0), at(h, k, 1)
+    ω, α, I = at(rows, k, ROW.ω), at(rows, k, ROW.α), at(work.posture.links, k, LINK.inertia)
     ωω = ω * ω
-    turned = -hy * row[ROW.ax] + hx * row[ROW.ay] - dy * row[ROW.fx] + dx * row[ROW.fy]
+    turned = -hy * at(rows, k, ROW.ax) + hx * at(rows, k, ROW.ay) - dy * at(rows, k, ROW.fx) + dx * at(rows, k, ROW.fy)
     bx, by, fx, fy = -α * dy - ωω * dx, α * dx - ωω * dy, -α * hy - ωω * hx, α * hx - ωω * hy
-    write_change(row, ROW.changes, dx, dy, bx, by, fx, fy, turned)
-    write_change(row, ROW.changes + CHANGE.size, dx, dy, -2.0 * ω * dy, 2.0 * ω * dx, -2.0 * ω * hy, 2.0 * ω * hx, 0.0)
-    write_change(row, ROW.changes + 2 * CHANGE.size, dx, dy, dx, dy, hx, hy, work.posture.links[k, LINK.inertia])
+    o = zero_of(rows, 0, 0)
+    write_change(rows, k, ROW.changes, dx, dy, bx, by, fx, fy, turned)
+    bx, by, fx, fy = -2.0 * ω * dy, 2.0 * ω * dx, -2.0 * ω * hy, 2.0 * ω * hx
+    write_change(rows, k, ROW.changes + CHANGE.size, dx, dy, bx, by, fx, fy, o)
+    write_change(rows, k, ROW.changes + 2 * CHANGE.size, dx, dy, dx, dy, hx, hy, I)
 
 
 @recursion
-def write_change(row, first, dx, dy, bx, by, fx, fy, n):
+def write_change(rows, k, first, dx, dy, bx, by, fx, fy, n):
     """Keep n, f, b, with what b demands of all beyond."""
-    Mbx, Mby = row[ROW.Mxx] * bx + row[ROW.Mxy] * by, row[ROW.Mxy] * bx + row[ROW.Myy] * by
-    row[first + CHANGE.n] = n + row[ROW.gx] * bx + row[ROW.gy] * by + dx * Mbx + dy * Mby
-    row[first + CHANGE.fx], row[first + CHANGE.fy], row[first + CHANGE.bx] = fx + Mbx, fy + Mby, bx
-    row[first + CHANGE.by] = by
+    Mxx, Mxy, Myy = vec_of(rows, k, ROW.Mxx)
+    Mbx, Mby = Mxx * bx + Mxy * by, Mxy * bx + Myy * by
+    turned = n + at(rows, k, ROW.gx) * bx + at(rows, k, ROW.gy) * by + dx * Mbx + dy * Mby
+    put_vec_of(rows, (turned, fx + Mbx, fy + Mby), k, first + CHANGE.n)
+    put_at(rows, bx, k, first + CHANGE.bx)
+    put_at(rows, by, k, first + CHANGE.by)
 
 
 @recursion
@@ -156,7 +182,7 @@ def weigh(hinges, first, work):
 @recursion
 def solve(first, work):
     """x of a block of columns, of all three kinds of changes: steps of one do not wait for those of another."""
-    o = zero_of(work.turned)
+    o = zero_of(work.x, 0, 0)
     at_rest = o, o, o
     angle, speed, input = at_rest, at_rest, at_rest
     for k in range(len(work.rows) - 1, -1, -1):
@@ -184,14 +210,14 @@ def load(k, variable, weight, work, n, fx, fy):
     """n and f before link k from those behind it; x keeps T / D."""
     links, prescribed, d, rows = work.posture.links, work.posture.prescribed, work.posture.d, work.rows
     p = ROW.changes + variable * CHANGE.size
-    n += d[k, 0] * fx + d[k, 1] * fy + rows[k, p + CHANGE.n] * weight
-    fx, fy = fx + rows[k, p + CHANGE.fx] * weight, fy + rows[k, p + CHANGE.fy] * weight
+    n += at(d, k, 0) * fx + at(d, k, 1) * fy + at(rows, k, p + CHANGE.n) * weight
+    fx, fy = fx + at(rows, k, p + CHANGE.fx) * weight, fy + at(rows, k, p + CHANGE.fy) * weight
     if not prescribed[k]:
-        τ = links[k, LINK.sign] * at(work.r, variable, k)
-        α = (τ - n) * rows[k, ROW.inverse]
+        τ = at(links, k, LINK.sign) * at(work.r, variable, k)
+        α = (τ - n) * at(rows, k, ROW.inverse)
         put_at(work.x, α, variable, k)
-        n = rows[k, ROW.γ] * τ + rows[k, ROW.β] * n
-        fx, fy = fx + rows[k, ROW.hx] * α, fy + rows[k, ROW.hy] * α
+        n = at(rows, k, ROW.γ) * τ + at(rows, k, ROW.β) * n
+        fx, fy = fx + at(rows, k, ROW.hx) * α, fy + at(rows, k, ROW.hy) * α
     return n, fx, fy
 
 
@@ -201,12 +227,75 @@ def turn(k, variable, weight, work, before, ax, ay):
     links, prescribed, d, rows = work.posture.links, work.posture.prescribed, work.posture.d, work.rows
     p = ROW.changes + variable * CHANGE.size
     if prescribed[k]:
-        put_at(work.x, zero_of(work.turned), variable, k)
+        put_at(work.x, zero_of(work.x, 0, 0), variable, k)
     else:
-        pull = rows[k, ROW.hx] * ax + rows[k, ROW.hy] * ay
-        α = at(work.x, variable, k) - rows[k, ROW.inverse] * pull
-        put_at(work.x, links[k, LINK.sign] * (α - rows[k, ROW.γ] * before), variable, k)
-        before = α + rows[k, ROW.β] * before
-    ax = ax + before * d[k, 0] + rows[k, p + CHANGE.bx] * weight
-    ay = ay + before * d[k, 1] + rows[k, p + CHANGE.by] * weight
+        pull = at(rows, k, ROW.hx) * ax + at(rows, k, ROW.hy) * ay
+        α = at(work.x, variable, k) - at(rows, k, ROW.inverse) * pull
+        put_at(work.x, at(links, k, LINK.sign) * (α - at(rows, k, ROW.γ) * before), variable, k)
+        before = α + at(rows, k, ROW.β) * before
+    ax = ax + before * at(d, k, 0) + at(rows, k, p + CHANGE.bx) * weight
+    ay = ay + before * at(d, k, 1) + at(rows, k, p + CHANGE.by) * weight
     return before, ax, ay
+
+
+@kernel
+def planar_derivatives_of_many(hinges, planar, wrench, q, qd, tau, found):
+    """Derivatives of states (b, n), wrenches (b, 6), into `found` (3, b, n, n), eight states side by side.
+
+    `planar`: scratch of eight of the chain. Returns whether all is finite.
+    """
+    n, finite = len(hinges), True
+    state, acting, levers = np.empty((4, n, LANES)), np.empty((6, LANES)), np.empty((2, n, 2, LANES))
+    lanes = np.zeros((6, n, LANES))
+    posture = PlanePosture(planar.links, planar.prescribed, planar.trig, levers[0], levers[1])
+    work = PlanarDerivativesWork(posture, np.empty((n, ROW.size, LANES)), None, None, lanes[:3], lanes[3:])
+    for start in range(0, len(q), LANES):
+        put_lanes(wrench, start, acting)
+        put_lanes(q, start, state[0])
+        put_lanes(qd, start, state[1])
+        put_lanes(tau, start, state[2])
+        state[3, :, :] = 0.0
+        forward_dynamics(acting, state[0], state[1], state[2], state[3], planar)
+        differentiate(planar.base, acting, state[1], work)
+        for j in range(n):
+            put_joint_loads(hinges[j], j, state[1], work.r)
+            solve_column(j, work)
+            work.r[:, j, :] = 0.0
+            for lane in range(min(LANES, len(q) - start)):
+                for variable in range(3):
+                    for k in range(n):
+                        found[variable, start + lane, k, j] = work.x[variable, k, lane]
+        for i in range(start, min(start + LANES, len(q))):
+            keep_prescribed(hinges, found[VARIABLE.tau, i])
+            finite = are_finite((found[0, i], found[1, i], found[2, i])) and finite
+    return finite
+
+
+@recursion
+def put_joint_loads(hinge, j, qd, r):
+    """Torques of joint j of eight states where its angle, its rate or its drive torque changes by 1."""
+    for lane in range(LANES):
+        r[VARIABLE.q, j, lane] = -hinge.stiffness
+        r[VARIABLE.qd, j, lane] = -friction_derivative(hinge, qd[j, lane])
+        r[VARIABLE.tau, j, lane] = 0.0 if hinge.prescribed else 1.0
+
+
+@recursion
+def solve_column(j, work):
+    """x of column j, of all three kinds of changes."""
+    o = zero_of(work.x, 0, 0)
+    σ = at(work.posture.links, j, LINK.sign)
+    given = σ if work.posture.prescribed[j] else o
+    at_rest = o, o, o
+    angle, speed, input = at_rest, at_rest, at_rest
+    for k in range(len(work.rows) - 1, -1, -1):
+        turned, prescribed = (σ, given) if k >= j else (o, o)
+        angle = load(k, VARIABLE.q, turned, work, *angle)
+        speed = load(k, VARIABLE.qd, turned, work, *speed)
+        input = load(k, VARIABLE.tau, prescribed, work, *input)
+    angle, speed, input = at_rest, at_rest, at_rest
+    for k in range(len(work.rows)):
+        turned, prescribed = (σ, given) if k >= j else (o, o)
+        angle = turn(k, VARIABLE.q, turned, work, *angle)
+        speed = turn(k, VARIABLE.qd, turned, work, *speed)
+        input = turn(k, VARIABLE.tau, prescribed, work, *input)

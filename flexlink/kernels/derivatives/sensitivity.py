@@ -99,7 +99,7 @@ def parameter_torques(varied, wrench, q, qd, qdd, δq, δqd, known):
     """δT_EX − δ(M q̈ + T_GC + T_FL + T_FR) of every joint and parameter, (n, p), the drive's feedback with it."""
     own, drive, n, m = varied.chain.hinges, varied.drive, len(q), len(varied.chain.bodies)
     torque = np.empty(n, np.complex128)
-    work = RneWork(np.empty((n, 2)), np.empty((m, 2, 3), np.complex128))
+    work = RneWork(np.empty((n, 2)), np.empty((m, 6), np.complex128))
     for j in range(len(varied.bodies)):
         hinges, slopes = varied.hinges[j], varied.drive_derivatives[j]
         chain = Arrays(varied.bodies[j], hinges, varied.chain.gravity)

@@ -16,6 +16,7 @@ import numpy as np
 
 from flexlink.kernels.bodies.plane import LINK, cos_sin_less_turns, planar_workspace
 from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.lanes import at, put_at
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
 
@@ -68,12 +69,15 @@ def place_in_plane(q, posture):
 
 @recursion
 def turn_levers(posture):
-    """d and h from the cosines and sines of the absolute angles."""
+    """d and h from the cosines and sines of the absolute angles, of one state or of eight side by side."""
     links, trig, d, h = posture.links, posture.trig, posture.d, posture.h
     for k in range(len(d)):
-        c, s = trig[1, k], trig[2, k]
-        d[k, 0], d[k, 1] = -s * links[k, LINK.rx] - c * links[k, LINK.ry], c * links[k, LINK.rx] - s * links[k, LINK.ry]
-        h[k, 0], h[k, 1] = -s * links[k, LINK.sx] - c * links[k, LINK.sy], c * links[k, LINK.sx] - s * links[k, LINK.sy]
+        c, s = at(trig[1], k), at(trig[2], k)
+        rx, ry, sx, sy = at(links, k, LINK.rx), at(links, k, LINK.ry), at(links, k, LINK.sx), at(links, k, LINK.sy)
+        put_at(d, -s * rx - c * ry, k, 0)
+        put_at(d, c * rx - s * ry, k, 1)
+        put_at(h, -s * sx - c * sy, k, 0)
+        put_at(h, c * sx - s * sy, k, 1)
 
 
 @recursion

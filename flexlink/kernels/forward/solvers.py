@@ -23,7 +23,7 @@ from flexlink.kernels.forward.articulated_rows import (
 from flexlink.kernels.forward.planar import planar
 from flexlink.kernels.inputs.tip_wrench import put_wrench
 from flexlink.kernels.tools.compiler import INLINED, by_type, kernel, recursion, subroutine
-from flexlink.kernels.tools.lanes import LANES
+from flexlink.kernels.tools.lanes import LANES, keep_lanes, put_lanes
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 from flexlink.kernels.tools.vec3 import ZERO, add_scaled, dot, vector
 
@@ -194,16 +194,12 @@ def accelerations_of_many(work, wrench, q, qd, tau):
     qdd = np.zeros((b, n))
     state, acting = np.zeros((4, n, LANES)), np.empty((6, LANES))
     for start in range(0, b, LANES):
-        for lane in range(LANES):
-            i = min(start + lane, b - 1)
-            for k in range(n):
-                state[0, k, lane], state[1, k, lane], state[2, k, lane] = q[i, k], qd[i, k], tau[i, k]
-            for k in range(6):
-                acting[k, lane] = wrench[i, k]
+        put_lanes(wrench, start, acting)
+        put_lanes(q, start, state[0])
+        put_lanes(qd, start, state[1])
+        put_lanes(tau, start, state[2])
         forward_dynamics(acting, state[0], state[1], state[2], state[3], work)
-        for i in range(start, min(start + LANES, b)):
-            for k in range(n):
-                qdd[i, k] = state[3, k, i - start]
+        keep_lanes(state[3], start, qdd)
     return qdd
 
 

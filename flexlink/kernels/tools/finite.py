@@ -1,7 +1,7 @@
-"""Whether an array holds only finite numbers: one pass, no temporary."""
+"""Whether arrays hold only finite numbers: one pass, no temporary."""
 
-from flexlink.kernels.tools.compiler import entry
-from flexlink.kernels.tools.lanes import all_zero, at, zero_of
+from flexlink.kernels.tools.compiler import entry, inlined
+from flexlink.kernels.tools.lanes import LANES, all_zero, at, eight_of, zero_of
 
 
 @entry
@@ -17,3 +17,18 @@ def is_finite(a):
     for k in range(whole, len(a)):
         first += at(a, k) - at(a, k)
     return all_zero((first + second) + (third + fourth))
+
+
+@inlined
+def are_finite(three):
+    """True if no element of three contiguous matrices (n, n) is nan or infinite."""
+    a, b, c = three[0].reshape(-1), three[1].reshape(-1), three[2].reshape(-1)
+    whole = len(a) - len(a) % LANES
+    first = second = third = zero_of(three[0])
+    for k in range(0, whole, LANES):
+        x, y, z = eight_of(a, k), eight_of(b, k), eight_of(c, k)
+        first, second, third = first + (x - x), second + (y - y), third + (z - z)
+    rest = 0.0
+    for k in range(whole, len(a)):
+        rest += (a[k] - a[k]) + (b[k] - b[k]) + (c[k] - c[k])
+    return all_zero((first + second) + third) and rest == 0.0

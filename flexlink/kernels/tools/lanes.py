@@ -9,6 +9,7 @@ With NUMBA_DISABLE_JIT=1 the functions run as they stand here, and eight numbers
 
 import math
 import operator
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -16,7 +17,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
-from flexlink.kernels.tools.compiler import INLINED, inlined
+from flexlink.kernels.tools.compiler import INLINED, inlined, recursion
 
 LANES = 8
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
@@ -96,16 +97,15 @@ def _neg(x):
     return (lambda x: _negative(x)) if x == lanes else None  # noqa: PLW0108
 
 
-def _row(context, builder, array_type, array, index):
+def _place(context, builder, array_type, array, first):
     data = cgutils.create_struct_proxy(array_type)(context, builder, array).data
-    offset = builder.mul(index, ir.Constant(index.type, LANES))
-    return builder.bitcast(builder.gep(data, [offset]), VECTOR.as_pointer())
+    return builder.bitcast(builder.gep(data, [first]), VECTOR.as_pointer())
 
 
 @intrinsic
 def _load(typing, array, index):
     def generate(context, builder, sig, args):
-        load = builder.load(_row(context, builder, sig.args[0], *args))
+        load = builder.load(_place(context, builder, sig.args[0], *args))
         load.align = 8
         return load
 
@@ -115,7 +115,7 @@ def _load(typing, array, index):
 @intrinsic
 def _store(typing, array, index, value):
     def generate(context, builder, sig, args):
-        store = builder.store(args[2], _row(context, builder, sig.args[0], args[0], args[1]))
+        store = builder.store(args[2], _place(context, builder, sig.args[0], args[0], args[1]))
         store.align = 8
         return context.get_dummy_value()
 
@@ -133,6 +133,16 @@ def put_at(array, value, *index):
     array[index] = value
 
 
+def eight_of(array, first):
+    """Eight numbers from `first` on of a contiguous array (m,), as lanes."""
+    return array[first : first + LANES].copy().view(Eight)
+
+
+def put_eight(array, value, first):
+    """Write what `eight_of` reads."""
+    array[first : first + LANES] = value
+
+
 def zero_of(array, *index):
     """Zero of the kind that `at` reads of an array, of one index unless others are named."""
     return np.zeros(LANES).view(Eight) if array.ndim > max(1, len(index)) else 0.0
@@ -143,10 +153,10 @@ def _at(array, *index):
     if len(index) == 1:
         if array.ndim == 1:
             return lambda array, *index: array[index[0]]
-        return lambda array, *index: _load(array, index[0])
+        return lambda array, *index: _load(array, index[0] * LANES)
     if array.ndim == 2:
         return lambda array, *index: array[index[0], index[1]]
-    return lambda array, *index: _load(array, index[0] * array.shape[1] + index[1])
+    return lambda array, *index: _load(array, (index[0] * array.shape[1] + index[1]) * LANES)
 
 
 @overload(put_at, jit_options=INLINED)
@@ -155,11 +165,11 @@ def _put_at(array, value, *index):
         if len(index) == 1:
 
             def put(array, value, *index):
-                _store(array, index[0], value)
+                _store(array, index[0] * LANES, value)
         else:
 
             def put(array, value, *index):
-                _store(array, index[0] * array.shape[1] + index[1], value)
+                _store(array, (index[0] * array.shape[1] + index[1]) * LANES, value)
     elif len(index) == 1:
 
         def put(array, value, *index):
@@ -170,6 +180,16 @@ def _put_at(array, value, *index):
             array[index[0], index[1]] = value
 
     return put
+
+
+@overload(eight_of, jit_options=INLINED)
+def _eight_of(array, first):
+    return (lambda array, first: _load(array, first)) if array.layout == "C" else None  # noqa: PLW0108
+
+
+@overload(put_eight, jit_options=INLINED)
+def _put_eight(array, value, first):
+    return (lambda array, value, first: _store(array, first, value)) if array.layout == "C" else None
 
 
 @intrinsic
@@ -252,6 +272,42 @@ def _clipped(x, limit):
         return x
 
     return each if x == lanes else (lambda x, limit: clip(x, limit))  # noqa: PLW0108
+
+
+class Turns(NamedTuple):
+    """Cosines and sines of angles side by side, in place of the angles: a loop over all of them finds them first."""
+
+    cosines: Any  # (n, 8)
+    sines: Any
+
+
+def cos_sin_of(q, k):
+    """Cosine and sine of angle `k` of an array (n,), or of `Turns`."""
+    return (at(q.cosines, k), at(q.sines, k)) if isinstance(q, Turns) else (math.cos(q[k]), math.sin(q[k]))
+
+
+@overload(cos_sin_of, jit_options=INLINED)
+def _cos_sin_of(q, k):
+    if isinstance(q, types.NamedUniTuple):
+        return lambda q, k: (at(q.cosines, k), at(q.sines, k))
+    return lambda q, k: (math.cos(q[k]), math.sin(q[k]))
+
+
+@recursion
+def put_lanes(rows, start, side):
+    """Put rows `start` … of an array (b, p) side by side, (p, 8); the last row fills up the last eight."""
+    for lane in range(LANES):
+        i = min(start + lane, len(rows) - 1)
+        for k in range(len(side)):
+            side[k, lane] = rows[i, k]
+
+
+@recursion
+def keep_lanes(side, start, rows):
+    """Write to rows `start` … what stands side by side."""
+    for lane in range(min(LANES, len(rows) - start)):
+        for k in range(len(side)):
+            rows[start + lane, k] = side[k, lane]
 
 
 @inlined

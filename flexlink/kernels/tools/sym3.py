@@ -1,6 +1,7 @@
 """Symmetric 3×3 tensors as tuples (xx, yy, zz, yz, xz, xy)."""
 
 from flexlink.kernels.tools.compiler import inlined
+from flexlink.kernels.tools.lanes import vec_of
 from flexlink.kernels.tools.vec3 import combine, dot
 
 ZERO6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -30,8 +31,8 @@ def sym_apply(A, v):
 
 @inlined
 def sym_rotate(R, A):
-    """R A Rᵀ, for an array R of shape (3, 3)."""
-    x, y, z = (R[0, 0], R[0, 1], R[0, 2]), (R[1, 0], R[1, 1], R[1, 2]), (R[2, 0], R[2, 1], R[2, 2])
+    """R A Rᵀ, for an array R of shape (3, 3), or eight side by side (3, 3, 8)."""
+    x, y, z = vec_of(R, 0, 0), vec_of(R, 1, 0), vec_of(R, 2, 0)
     Ax, Ay, Az = sym_apply(A, x), sym_apply(A, y), sym_apply(A, z)
     return (dot(x, Ax), dot(y, Ay), dot(z, Az), dot(y, Az), dot(x, Az), dot(x, Ay))
 

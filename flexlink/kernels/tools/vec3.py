@@ -3,6 +3,7 @@
 import math
 
 from flexlink.kernels.tools.compiler import inlined
+from flexlink.kernels.tools.lanes import at
 
 ZERO = (0.0, 0.0, 0.0)
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -70,11 +71,11 @@ def cross(a, b):
 
 @inlined
 def apply(R, a):
-    """R a, for an array R of shape (3, 3)."""
+    """R a, for an array R of shape (3, 3), or eight side by side (3, 3, 8)."""
     return (
-        R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
-        R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
-        R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2],
+        at(R, 0, 0) * a[0] + at(R, 0, 1) * a[1] + at(R, 0, 2) * a[2],
+        at(R, 1, 0) * a[0] + at(R, 1, 1) * a[1] + at(R, 1, 2) * a[2],
+        at(R, 2, 0) * a[0] + at(R, 2, 1) * a[1] + at(R, 2, 2) * a[2],
     )
 
 
@@ -119,13 +120,13 @@ def add_along(axis, x, a):
 
 
 @inlined
-def cross_unit(a, axis):
-    """a × e_axis."""
+def cross_unit(a, axis, zero):
+    """a × e_axis, with a zero of the kind of a's numbers."""
     if axis == 2:
-        return (a[1], -a[0], 0.0)
+        return (a[1], -a[0], zero)
     if axis == 1:
-        return (-a[2], 0.0, a[0])
-    return (0.0, a[2], -a[1])
+        return (-a[2], zero, a[0])
+    return (zero, a[2], -a[1])
 
 
 @inlined
