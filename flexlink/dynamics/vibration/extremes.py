@@ -51,7 +51,9 @@ def _slowest_frequency(chain: Chain, q: Array) -> float:
     def times_mass(φ: Array) -> Array:
         return inverse_dynamics(bare, q, zero, φ)
 
-    beside = np.array([times_mass(unit) for unit in np.eye(chain.n)[free]]).reshape(len(free), chain.n)
+    units = np.zeros((len(free), chain.n))
+    units[np.arange(len(free)), free] = 1.0
+    beside = np.array([times_mass(unit) for unit in units]).reshape(len(free), chain.n)
     following = -np.linalg.pinv(beside[:, free]) @ beside[:, bent]
     φ = np.zeros(chain.n)
     φ[bent], last = 1.0, 0.0
