@@ -13,6 +13,7 @@ from flexlink.common.types import Array
 from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
 from flexlink.dynamics.placement import frames
+from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.terms import bias_torque
 from flexlink.kernels.derivatives.load_derivatives import add_gyroscopic, add_load_stiffness, turned_with_tip
 
@@ -101,6 +102,23 @@ def tangent(
     S[S == 0] = 1.0  # a row of zeros
     conservative = bool((np.abs(K - K.T) <= entry * np.add.outer(load, load)).all())
     return Stiffness(K, S, conservative, len(free) * entry)
+
+
+def falls(chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.intp], follower: bool = False) -> bool:
+    """`tangent(…).falls`; of loads that have a potential, from the signs of the pivots of K̂, in O(n)."""
+    if qd.any() or not has_potential(chain, wrench, follower):
+        return tangent(chain, q, qd, wrench, free, follower).falls
+    locked = np.ones(chain.n, dtype=bool)
+    locked[free] = False
+    motion = SmallMotion(chain, q, qd, wrench, follower, locked)
+    square = chain.stiffness + rounding.largest_loads(chain, qd, wrench)
+    return motion.falling(K_ALONE, motion.rounding * np.where(square > 0, square, 1.0)) > 0
+
+
+def has_potential(chain: Chain, wrench: Array, follower: bool) -> bool:
+    """Whether the tip wrench has a potential: a force that keeps its direction, in a plane a moment, too."""
+    moment = wrench[3:].any() and not chain.is_planar
+    return not (moment or (follower and wrench[:3].any()))
 
 
 def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
