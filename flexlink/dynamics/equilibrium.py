@@ -244,19 +244,23 @@ class _Equations:
         return load_torque(self.chain, q, rates, wrench, follower) - drive
 
     def value(self, x: Array) -> Array:
+        return self._value(x, self.load(x[1:]))
+
+    def _value(self, x: Array, load: Array) -> Array:
         s, q = x[0], x[1:]
-        loaded = np.where(self.sprung, s, 1.0) * self.load(q)
+        loaded = np.where(self.sprung, s, 1.0) * load
         left = self.chain.stiffness * (q - self.chain.rest) + loaded - (1 - s) * self.held
         return np.where(self.locked, 0.0, left)
 
-    def slopes(self, x: Array) -> _Slopes:
+    def with_slopes(self, x: Array) -> tuple[Array, _Slopes]:
+        """F(x), and its slopes."""
         s, q = x[0], x[1:]
-        by_s = np.where(self.sprung, self.load(q), 0.0) + self.held
-        w = np.where(self.sprung, s, 1.0)
+        load, w = self.load(q), np.where(self.sprung, s, 1.0)
+        by_s = np.where(self.sprung, load, 0.0) + self.held
         rates, wrench, follower, _ = self.acting
         motion = SmallMotion(self.chain, q, rates, wrench, follower, self.locked)
         motion.eliminate(K_ALONE, w, self.chain.stiffness + np.abs(w) * self.sizes)
-        return _Slopes(motion, np.where(self.locked, 0.0, by_s))
+        return self._value(x, load), _Slopes(motion, np.where(self.locked, 0.0, by_s))
 
 
 class _Slopes:
@@ -272,8 +276,8 @@ class _Slopes:
     def __init__(self, motion: SmallMotion, by_s: Array) -> None:
         self.motion, self.by_s = motion, by_s
 
-    def solve(self, row: Array, left: Array, *, held: bool = False) -> Array:
-        """Shortest solution (δs, δq) of F' δx = left[:-1] and row · δx = left[-1], shape (1 + n,); nan if there is none.
+    def solve(self, row: Array, left: Array, last: float, *, held: bool = False) -> Array:
+        """Shortest solution (δs, δq) of F' δx = left (n,) and row · δx = last, shape (1 + n,); nan if there is none.
 
         A joint that nothing holds and nothing pushes stays where it is; where one is pushed there is no solution, unless
         it is `held` by a weak spring.
@@ -281,19 +285,24 @@ class _Slopes:
         if not (np.isfinite(self.by_s).all() and np.isfinite(left).all()):
             return np.full(len(row), np.nan)  # which the corrector gives up on
         spared = self.motion.spared
-        x, of_spared = self.motion.solve(np.array([self.by_s, left[:-1]]))
-        columns = np.vstack([-x[0], x[2:]])
-        small = np.empty((1 + len(spared), 1 + len(spared)))
-        small[:-1, 0] = self.by_s[spared] - of_spared[0]
-        small[:-1, 1:] = of_spared[2:].T
-        small[-1] = columns @ row[1:]
-        small[-1, 0] += row[0]
-        right = np.append(left[:-1][spared] - of_spared[1], left[-1] - row[1:] @ x[1])
-        sizes = np.append(self.motion.sizes[spared], max(np.abs(small[-1]).max(), TINY))
-        sizes[sizes == 0] = 1.0
-        if held:
-            small[:-1, 1:] += np.diag(np.sqrt(self.motion.rounding) * sizes[:-1])
-        found = _shortest(small, right, sizes, self.motion.rounding)
+        x, of_spared = self.motion.solve(np.array([self.by_s, left]))
+        columns = np.concatenate([-x[:1], x[2:]])
+        along = columns @ row[1:]
+        along[0] += row[0]
+        right = last - row[1:] @ x[1]
+        if len(spared):
+            small = np.empty((1 + len(spared), 1 + len(spared)))
+            small[:-1, 0] = self.by_s[spared] - of_spared[0]
+            small[:-1, 1:] = of_spared[2:].T
+            small[-1] = along
+            sizes = np.append(self.motion.sizes[spared], max(np.abs(along).max(), TINY))
+            sizes[sizes == 0] = 1.0
+            if held:
+                small[:-1, 1:] += np.diag(np.sqrt(self.motion.rounding) * sizes[:-1])
+            found = _shortest(small, np.append(left[spared] - of_spared[1], right), sizes, self.motion.rounding)
+        else:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                found = right / along
         return np.concatenate([found[:1], x[1] + found @ columns])
 
 
@@ -317,7 +326,7 @@ def _follow(equations: _Equations, tolerance: float) -> list[Array]:
     direction = along_s = np.append(1.0, np.zeros(len(point) - 1))
     path = [point]
     while point[0] < 1:
-        direction = _direction(equations.slopes(point), direction)
+        direction = _direction(equations.with_slopes(point)[1], direction)
         while True:
             step = min(arc, (1 - point[0]) / direction[0]) if direction[0] > 0 else arc
             new, corrections = _correct(equations, point + step * direction, direction, tolerance)
@@ -341,10 +350,10 @@ def _follow(equations: _Equations, tolerance: float) -> list[Array]:
 
 def _direction(slopes: _Slopes, before: Array) -> Array:
     """Unit tangent of the path, on the side of the direction before: F' t = 0."""
-    along = np.append(np.zeros(len(before) - 1), 1.0)
-    t = slopes.solve(before, along)
+    still = np.zeros(len(before) - 1)
+    t = slopes.solve(before, still, 1.0)
     if not np.isfinite(t).all():  # at a limit of the load: it moves what it pushes
-        t = slopes.solve(before, along, held=True)
+        t = slopes.solve(before, still, 1.0, held=True)
     return np.asarray(t / np.linalg.norm(t))
 
 
@@ -352,8 +361,8 @@ def _correct(equations: _Equations, target: Array, row: Array, tolerance: float)
     """Newton back to the path in the plane row · (x − target) = 0; None if it does not converge."""
     x, k = target.copy(), 0
     while k < CORRECTIONS and np.isfinite(x).all() and np.linalg.norm(x - target) <= 100 * LARGEST_ARC:
-        left = np.append(equations.value(x), row @ (x - target))
-        change = equations.slopes(x).solve(row, left)
+        value, slopes = equations.with_slopes(x)
+        change = slopes.solve(row, value, row @ (x - target))
         x, k = x - change, k + 1
         if np.abs(change).max() <= tolerance:
             return x, k
