@@ -279,8 +279,8 @@ class _Slopes:
     def solve(self, row: Array, left: Array, last: float, *, held: bool = False) -> Array:
         """Shortest solution (δs, δq) of F' δx = left (n,) and row · δx = last, shape (1 + n,); nan if there is none.
 
-        A joint that nothing holds and nothing pushes stays where it is; where one is pushed there is no solution, unless
-        it is `held` by a weak spring.
+        A joint that nothing holds and nothing pushes stays where it is; where one is pushed there is no solution,
+        unless it is `held` by a weak spring.
         """
         if not (np.isfinite(self.by_s).all() and np.isfinite(left).all()):
             return np.full(len(row), np.nan)  # which the corrector gives up on
@@ -362,7 +362,7 @@ def _correct(equations: _Equations, target: Array, row: Array, tolerance: float)
     x, k = target.copy(), 0
     while k < CORRECTIONS and np.isfinite(x).all() and np.linalg.norm(x - target) <= 100 * LARGEST_ARC:
         value, slopes = equations.with_slopes(x)
-        change = slopes.solve(row, value, row @ (x - target))
+        change = slopes.solve(row, value, float(row @ (x - target)))
         x, k = x - change, k + 1
         if np.abs(change).max() <= tolerance:
             return x, k

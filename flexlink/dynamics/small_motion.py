@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
-from flexlink.kernels.derivatives.small_motion import factor, multiply, small_motion, solve
+from flexlink.kernels.derivatives.small_motion import HINGE, factor, mass_products, multiply, small_motion, solve
 
 K_ALONE, C_ALONE, M_ALONE = np.eye(3)
 """Weights of K, C and M in a sum of them."""
@@ -31,9 +31,8 @@ class SmallMotion:
     def __init__(
         self, chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, locked: NDArray[np.bool_]
     ) -> None:
-        hinges = chain.hinges
-        friction = chain.damping + hinges["coulomb"] / hinges["coulomb_width"]
-        self._diagonals = np.array([chain.stiffness, friction, hinges["armature"]])
+        self._diagonals = np.array([chain.stiffness, damping_slope(chain), chain.hinges["armature"]])
+        self._arrays, self._q = chain.arrays, q
         self._work = small_motion(chain.arrays, wrench, follower, q, qd)
         self.locked, self.rounding = locked, int((~locked).sum()) * rounding.of_load_stiffness(chain)
         self.spared, self.sizes = np.zeros(0, np.intp), np.zeros(chain.n)
@@ -45,12 +44,32 @@ class SmallMotion:
         product[:, self.locked] = 0.0
         return product
 
-    def eliminate(self, weights: Array, w: Array, sizes: Array) -> None:
-        """Prepare `solve` for k + w (weights · (K, C, M) − k), k what springs, friction and rotors give, w by rows."""
+    def times_mass(self, x: Array) -> Array:
+        """M x for rows x (m, n), 0 at locked coordinates, shape (m, n): with more digits than `times`."""
+        product = np.empty_like(x)
+        mass_products(self._arrays, self._q, x, product)
+        product[:, self.locked] = 0.0
+        return product
+
+    def eliminate(self, weights: Array, w: Array, sizes: Array, smallest: float = SMALLEST) -> int:
+        """Prepare `solve` for k + w (weights · (K, C, M) − k), k what springs, friction and rotors give, w by rows.
+
+        Returns how many pivots are not positive.
+        """
         self.sizes, given = sizes, self._work.given
         given[:] = self.locked
-        factor(self._work, weights, weights @ self._diagonals, w, sizes, SMALLEST)
+        negative = int(factor(self._work, weights, weights @ self._diagonals, w, sizes, smallest))
         self.spared = np.flatnonzero(given & ~self.locked)
+        return negative
+
+    def inertias(self) -> tuple[Array, Array]:
+        """The diagonal of M, and what each coordinate moves while all beyond it give way, shape (n,) each [kg m²]."""
+        found, ones = [], np.ones(len(self.locked))
+        for given in (True, self.locked):
+            self._work.given[:] = given
+            factor(self._work, M_ALONE, M_ALONE @ self._diagonals, ones, ones, -1.0)
+            found.append(self._work.hinges[:, HINGE.D].copy())
+        return found[0], found[1]
 
     def solve(self, r: Array) -> tuple[Array, Array]:
         """Solutions for right sides r (m, n), 0 at spared coordinates, and those for none where these are 1 in turn.
@@ -69,3 +88,8 @@ class SmallMotion:
         self._work.given[:] = self.locked
         ones = np.ones(len(more))
         return int(factor(self._work, weights, weights @ self._diagonals + more, ones, ones, -1.0))
+
+
+def damping_slope(chain: Chain) -> Array:
+    """Slope of T_FR at rest, d + coulomb / coulomb_width, shape (n,)."""
+    return np.asarray(chain.damping + chain.hinges["coulomb"] / chain.hinges["coulomb_width"])

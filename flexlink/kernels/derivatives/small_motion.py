@@ -9,13 +9,13 @@ K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇. What a hinge that moves 
 Force and moment at a hinge point are linear in the y there, (f, n) = A y + b, with whatever the hinges beyond do. So
 from the tip on, as articulated bodies (Featherstone 2008, chapter 7), with A and b in place of the articulated inertia:
 
-    body        A ← A + what it asks for                              η, δω columns and moments moved by r to the body before
+    body        A ← A + what it asks for              then moved by r to the hinge point of the body before
     hinge       c = A j + (e × f, e × n)      p = e·A                 D = κ + w p·j        κ = k + λ d + λ² armature
                 A ← A − c w pᵀ / D            b ← b + c (r − w e·b) / D
     outward     x = (r − w (e·b + p·y)) / D                           row by row  κ x + w (e·n) = r
 
-w scales a row's part of the loads. D are the pivots of an elimination from the tip on: of a symmetric matrix as many are
-negative as eigenvalues are (Sylvester). Hinges with too small a pivot are not eliminated, their x is given.
+w scales a row's part of the loads. D are the pivots of an elimination from the tip on: of a symmetric matrix as many
+are negative as eigenvalues are (Sylvester). Hinges with too small a pivot are not eliminated, their x is given.
 
 Columns of A stand in the order of y; those that nothing can ask for, behind `size`, are zero and left out.
 """
@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.bodies.rne import rne, rne_workspace
 from flexlink.kernels.derivatives.inverse_derivatives import (
     BODY_MOTION,
     HINGE_MOTION,
@@ -109,7 +110,7 @@ def factor(work, weights, κ, w, sizes, smallest):
     """Eliminate (weights[0] K + weights[1] C + weights[2] M) x, springs, friction and rotors in `κ` (n,).
 
     Hinges that are `given` keep their x, and so do those with |D| ≤ smallest · sizes[k], which become given, too.
-    Returns how many pivots are not positive.
+    Returns how many pivots are not positive; of hinges that are given D is the diagonal of what is left of the matrix.
     """
     weigh(work, weights[0], weights[1], weights[2])
     rows, bodies, A, given, size = work.hinges, work.motion.bodies, work.A, work.given, work.size[0]
@@ -288,6 +289,14 @@ def multiply(work, weights, κ, x, product):
     for column in range(len(x)):
         ask(work, x[column])
         answer(work, weights[0], κ, x[column], product[column])
+
+
+@kernel
+def mass_products(chain, q, x, product):
+    """Write M x for x (columns, n), in body axes: twist of a slender arm, straight, keeps its digits."""
+    zero, wrench, work = np.zeros(len(q)), np.zeros(6), rne_workspace(chain)
+    for column in range(len(x)):
+        rne(chain, ZERO, wrench, q, zero, x[column], product[column], work)
 
 
 @recursion
