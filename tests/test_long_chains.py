@@ -117,6 +117,16 @@ def test_joints_that_nothing_holds_rest_in_a_long_chain_too() -> None:
     assert found.stable
 
 
+@pytest.mark.slow
+def test_fast_modes_beside_joints_that_nothing_holds_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two joints rest, the others' ω² goes up to 1e8: not by all modes."""
+    monkeypatch.setattr(modal, "_all", lambda _: pytest.fail("by matrices"))
+    chain = fl.lump(long_arm(400))
+    found = fl.modes(chain, count=10)
+    assert (found.eigenvalues == 0).tolist() == [True] * 2 + [False] * 8
+    assert found.frequencies[-1] > 5e3
+
+
 def test_a_joint_without_inertia_is_named_in_a_long_chain_too() -> None:
     chain = fl.lump(long_arm(60))
     bodies = chain.bodies.copy()

@@ -71,11 +71,6 @@ def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
     return found._replace(eigenvalues=λ)
 
 
-def undamped(M: Array, L: Array, stiffness: Stiffness) -> Array:
-    """Φ of the symmetric part of K alone, from the mode that falls fastest, Φᵀ M Φ = 1, shape (n, n)."""
-    return _conservative(M, L, stiffness).Φ
-
-
 def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
     """Step 2. Twice where something falls: the first lift is a bound that may be far too high."""
     w, V = np.linalg.eigh(stiffness.scaled)  # looks at the lower triangle: rows of outer hinges, of the smaller sums

@@ -44,15 +44,11 @@ class Subspace:
 
     def grow(self, rows: Array) -> bool:
         """Add what is new of some rows; whether anything was."""
-        new = self._orthonormal(rows)
-        products = zip((self.W, self.MW, self.KW, self.CW), (*new, *self._stiff(new[0])), strict=True)
-        self.W, self.MW, self.KW, self.CW = (np.vstack(parts) for parts in products)
-        return len(new[0]) > 0
-
-    def _stiff(self, rows: Array) -> tuple[Array, Array]:
-        """K and C times rows."""
-        times = self.motion.times
-        return times(K_ALONE, rows), times(C_ALONE, rows) if self.damped else np.zeros_like(rows)
+        new, M = self._orthonormal(rows)
+        K, C = self.motion.times(K_ALONE, new), self.motion.times(C_ALONE, new) if self.damped else np.zeros_like(new)
+        known = self.W, self.MW, self.KW, self.CW
+        self.W, self.MW, self.KW, self.CW = (np.vstack(parts) for parts in zip(known, (new, M, K, C), strict=True))
+        return len(new) > 0
 
     def _orthonormal(self, rows: Array) -> tuple[Array, Array]:
         """Directions of their own, W M Wᵀ = 1, and M times them; twice: what cancels in the first pass is noise."""
@@ -66,17 +62,6 @@ class Subspace:
             kept = μ > least**2
             rows, M = ((V[:, kept] / np.sqrt(μ[kept])).T @ part for part in (rows, M))
         return rows, M
-
-    def turn(self, count: int) -> None:
-        """Rows of W along the undamped modes: K of each then has its digits, however much stiffer others are.
-
-        Where neither damping nor loads couple them, the slowest `count` are enough.
-        """
-        stiffness = self.stiffness()
-        kept = None if self.damped or not stiffness.conservative else count
-        self.W = eigenproblem.undamped(*self._mass(), stiffness).T[:kept] @ self.W
-        self.MW = self.motion.times_mass(self.W)
-        self.KW, self.CW = self._stiff(self.W)
 
     def _mass(self) -> tuple[Array, Array]:
         M = self.W @ self.MW.T
@@ -168,15 +153,8 @@ def lowest(chain: Chain, motion: SmallMotion, loads: Array, count: int, damped: 
         open_ = left[np.abs(left).max(axis=1) > CLOSE]
         if not len(open_):
             if space.is_complete(λ):
-                return _turned(space, count)
+                return eigenproblem.Solution(λ, space.W.T @ shapes, found.rounding[:count])
             open_ = space.bent(dice, count + GUARD)
         if not space.grow(np.vstack([open_.real, open_.imag]) if np.iscomplexobj(open_) else open_):
             return None
     return None
-
-
-def _turned(space: Subspace, count: int) -> eigenproblem.Solution:
-    """The slowest modes, from rows along them."""
-    space.turn(count)
-    λ, shapes, moved = space.modes()
-    return eigenproblem.Solution(λ[:count], space.W.T @ shapes[:, :count], moved[:count])
