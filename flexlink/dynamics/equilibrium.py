@@ -235,6 +235,8 @@ class _Equations:
         self.chain, self.acting, self.sprung = chain, acting, chain.stiffness > 0
         self.locked = np.ones(chain.n, dtype=bool)
         self.locked[free] = False
+        rates, wrench, follower, _ = acting
+        self.motion = SmallMotion(chain, start, rates, wrench, follower, self.locked)
         self.start = np.concatenate([[0.0], start])
         self.sizes = rounding.largest_loads(chain, acting.rates, acting.wrench)
         self.held = np.where(self.sprung, chain.stiffness * (start - chain.rest), self.load(start))
@@ -253,14 +255,13 @@ class _Equations:
         return np.where(self.locked, 0.0, left)
 
     def with_slopes(self, x: Array) -> tuple[Array, _Slopes]:
-        """F(x), and its slopes."""
+        """F(x), and its slopes, which are good until those elsewhere are asked for."""
         s, q = x[0], x[1:]
         load, w = self.load(q), np.where(self.sprung, s, 1.0)
         by_s = np.where(self.sprung, load, 0.0) + self.held
-        rates, wrench, follower, _ = self.acting
-        motion = SmallMotion(self.chain, q, rates, wrench, follower, self.locked)
-        motion.eliminate(K_ALONE, w, self.chain.stiffness + np.abs(w) * self.sizes)
-        return self._value(x, load), _Slopes(motion, np.where(self.locked, 0.0, by_s))
+        self.motion.place(q)
+        self.motion.eliminate(K_ALONE, w, self.chain.stiffness + np.abs(w) * self.sizes)
+        return self._value(x, load), _Slopes(self.motion, np.where(self.locked, 0.0, by_s))
 
 
 class _Slopes:

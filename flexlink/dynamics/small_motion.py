@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
-from flexlink.kernels.derivatives.small_motion import HINGE, factor, mass_products, multiply, small_motion, solve
+from flexlink.kernels.derivatives.small_motion import HINGE, factor, mass_products, multiply, place, small_motion, solve
 
 K_ALONE, C_ALONE, M_ALONE = np.eye(3)
 """Weights of K, C and M in a sum of them."""
@@ -32,10 +32,16 @@ class SmallMotion:
         self, chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, locked: NDArray[np.bool_]
     ) -> None:
         self._diagonals = np.array([chain.stiffness, damping_slope(chain), chain.hinges["armature"]])
-        self._arrays, self._q = chain.arrays, q
-        self._work = small_motion(chain.arrays, wrench, follower, q, qd)
+        self._arrays, self._state, self._work = chain.arrays, (wrench, follower, qd), small_motion(chain.arrays)
+        self.place(q)
         self.locked, self.rounding = locked, int((~locked).sum()) * rounding.of_load_stiffness(chain)
         self.spared, self.sizes = np.zeros(0, np.intp), np.zeros(chain.n)
+
+    def place(self, q: Array) -> None:
+        """Take on another posture."""
+        wrench, follower, qd = self._state
+        place(self._work, wrench, follower, q, qd)
+        self._q = q
 
     def times(self, weights: Array, x: Array) -> Array:
         """(weights · (K, C, M)) x for rows x (m, n), 0 at locked coordinates, shape (m, n)."""

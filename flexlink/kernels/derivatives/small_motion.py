@@ -54,7 +54,7 @@ class SmallMotion(NamedTuple):
     chain: Any
     motion: MotionWork
     tip: Any  # (2, 3) force and moment that turn against the arm, 0 of a follower
-    moving: bool
+    moving: Any  # (1,) bool: rates are not zero
     hinges: Any  # (n, HINGE)
     demands: Any  # (bodies, 6) scratch
     A: Any  # (12, 6) scratch
@@ -63,13 +63,22 @@ class SmallMotion(NamedTuple):
 
 
 @kernel
-def small_motion(chain, wrench, follower, q, qd):
-    """The chain at angles and constant rates (n,); wrench (6,) in frame 0, or, a follower, in axes of the tip frame."""
+def small_motion(chain):
+    """Scratch of a chain, for `place`."""
     n, m = len(chain.hinges), len(chain.bodies)
-    motion, rows, tip = motion_workspace(chain), np.zeros((n, HINGE.size)), np.zeros((2, 3))
-    force, moment = outward(chain, wrench, follower, q, qd, np.zeros(n), None, motion)
+    return SmallMotion(
+        chain, motion_workspace(chain), np.zeros((2, 3)), np.zeros(1, np.bool_), np.zeros((n, HINGE.size)),
+        np.empty((m, 6)), np.empty((12, 6)), np.zeros(1, np.int64), np.zeros(n, np.bool_),
+    )  # fmt: skip
+
+
+@kernel
+def place(work, wrench, follower, q, qd):
+    """Angles and constant rates (n,); wrench (6,) in frame 0, or, a follower, in axes of the tip frame."""
+    chain, motion, rows = work.chain, work.motion, work.hinges
+    force, moment = outward(chain, wrench, follower, q, qd, np.zeros(len(q)), None, motion)
     f, t = scale(-1.0, force), scale(-1.0, moment)
-    for i in range(m - 1, -1, -1):
+    for i in range(len(chain.bodies) - 1, -1, -1):
         f = add(f, vec_of(motion.bodies, i, BODY_MOTION.F))
         t = add(t, vec_of(motion.bodies, i, BODY_MOTION.N))
         for k in range(chain.bodies[i].first, chain.bodies[i].stop):
@@ -78,16 +87,12 @@ def small_motion(chain, wrench, follower, q, qd):
             put_vec_of(rows, cross(e, f), k, HINGE.moved)
             put_vec_of(rows, cross(e, t), k, HINGE.moved + 3)
         t = add(t, cross(vec_of(motion.bodies, i, BODY_MOTION.r), f))
-    if not follower:
-        put_vec_of(tip, force, 0, 0)
-        put_vec_of(tip, moment, 1, 0)
-    moving = False
-    for k in range(n):
-        moving = moving or qd[k] != 0.0
-    return SmallMotion(
-        chain, motion, tip, moving, rows, np.empty((m, 6)), np.empty((12, 6)),
-        np.zeros(1, np.int64), np.zeros(n, np.bool_),
-    )  # fmt: skip
+    dead = 0.0 if follower else 1.0
+    put_vec_of(work.tip, scale(dead, force), 0, 0)
+    put_vec_of(work.tip, scale(dead, moment), 1, 0)
+    work.moving[0] = False
+    for k in range(len(qd)):
+        work.moving[0] = work.moving[0] or qd[k] != 0.0
 
 
 @recursion
@@ -102,7 +107,7 @@ def weigh(work, by_angle, by_rate, by_acceleration):
         put_vec_of(rows, scale(by_angle, e), k, HINGE.j + PARTS.δφ)
         put_vec_of(rows, η, k, HINGE.j + PARTS.η)
         put_vec_of(rows, add_scaled(scale(by_angle, δω), by_rate, e), k, HINGE.j + PARTS.δω)
-    work.size[0] = PARTS.size if work.moving else PARTS.δω if by_acceleration != 0.0 else PARTS.η
+    work.size[0] = PARTS.size if work.moving[0] else PARTS.δω if by_acceleration != 0.0 else PARTS.η
 
 
 @kernel
