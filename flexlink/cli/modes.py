@@ -67,9 +67,9 @@ def run_command(options: argparse.Namespace) -> int:
         locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]
         wrench, frame = initial_wrench(scene, chain)
         posture = initial_state(scene, chain)[0]
-        found = modes(chain, posture, locked=locked, tip_wrench=wrench, frame=frame)
+        found = modes(chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count)
         first = first_elastic(scene, chain, posture)
-    print_modes(scene, found, range(min(options.count, len(found.eigenvalues))))
+    print_modes(scene, found, range(len(found.eigenvalues)))
     print(first)
     if options.plot is not None:
         draw(plotting().plot_modes(found, chain, options.count), options.plot)

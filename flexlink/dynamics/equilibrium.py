@@ -7,14 +7,15 @@ The load grows in proportion to s from 0 to 1, while the torques that hold the s
     F(q, s) = T_FL(q) + s L(q) − (1 − s) T_FL(q0)             where there is a spring
     F(q, s) = L(q) − (1 − s) L(q0)                            where there is none: a load too small would not hold
 
-The path F = 0 is followed by its arc length in (s, q) (Riks 1979; Crisfield 1981), so that it may turn back in s.
+The path F = 0 is followed by its arc length in (s, q) (Riks 1979; Crisfield 1981), so that it may turn back in s. A
+step of Newton's method takes O(n): ∂F/∂q is eliminated along the chain (`kernels.derivatives.small_motion`).
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,15 +28,15 @@ from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
 from flexlink.dynamics import rounding
 from flexlink.dynamics.result import SavedResult
-from flexlink.dynamics.tangent import load_torque, stiffness_matrix, tangent, unlocked
+from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
+from flexlink.dynamics.tangent import falls, load_torque, stiffness_matrix, unlocked
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.wrench import turns_with_tip
-
-Function = Callable[[Array], Array]
 
 FIRST_ARC, LARGEST_ARC, SMALLEST_ARC = 0.5, 1.0, 1e-6  # rad over all joints
 CORRECTIONS, WANTED = 12, 6  # Newton steps after which a corrector has failed; below which the arc may grow
 STEPS = 500
+TINY = float(np.finfo(np.float64).tiny)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -126,21 +127,7 @@ def solve_static(
     drive = np.zeros(n) if tau is None else vector("tau", tau, n)
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     free = unlocked(chain, locked)
-
-    def whole(part: Array) -> Array:
-        posture = start.copy()
-        posture[free] = part
-        return posture
-
-    def load(part: Array) -> Array:
-        return (load_torque(chain, whole(part), rates, wrench, follower) - drive)[free]
-
-    def slope(part: Array) -> Array:
-        K = stiffness_matrix(chain, whole(part), rates, wrench, follower)
-        return (K - np.diag(chain.stiffness))[np.ix_(free, free)]
-
-    k, rest = chain.stiffness[free], chain.rest[free]
-    equations = _Equations(k, rest, load, slope, start[free])
+    equations = _Equations(chain, _Load(rates, wrench, follower, drive), free, start)
     try:
         path = _follow(equations, tolerance)
     except _LostError as lost:
@@ -150,18 +137,18 @@ def solve_static(
         raise ConvergenceError(
             f"solve_static: no equilibrium found; {lost.steps} steps from q reached {lost.part:.6g} of the load, "
             f"where the full load leaves {left:.3g} N m unbalanced{hint}",
-            q=whole(lost.q),
+            q=lost.q,
             load=lost.part,
         ) from None
-    posture = _as_known(chain, whole(path[-1][1:]), free, rates, wrench)
+    posture = _as_known(chain, path[-1][1:], free, rates, wrench)
     holding = load_torque(chain, posture, rates, wrench, follower) + elastic_torque(chain, posture)
     holding[free] = drive[free]
     return Equilibrium(
         posture,
         holding,
-        float(np.abs(equations.value(np.array([1.0, *posture[free]]))).max()),
-        not tangent(chain, posture, rates, wrench, free, follower).falls,
-        np.array([[point[0], *whole(point[1:])] for point in path]),
+        float(np.abs(equations.value(np.concatenate([[1.0], posture]))).max()),
+        not falls(chain, posture, rates, wrench, free, follower),
+        np.array(path),
     )
 
 
@@ -237,34 +224,115 @@ class _LostError(Exception):
         self.part, self.q, self.steps = float(furthest[0]), furthest[1:], len(path)
 
 
-class _Equations:
-    """F(x) and its slopes for x = (s, q)."""
+class _Load(NamedTuple):
+    """What acts on a chain beside its springs."""
 
-    def __init__(self, k: Array, rest: Array, load: Function, slope: Function, start: Array) -> None:
-        self.k, self.rest, self.load, self.slope = k, rest, load, slope
-        self.sprung = k > 0
+    rates: Array
+    wrench: Array
+    follower: bool
+    drive: Array
+
+
+class _Equations:
+    """F(x) for x = (s, q), shape (1 + n,), 0 at coordinates that are locked, and its slopes."""
+
+    def __init__(self, chain: Chain, acting: _Load, free: NDArray[np.intp], start: Array) -> None:
+        self.chain, self.acting, self.sprung = chain, acting, chain.stiffness > 0
+        self.locked = np.ones(chain.n, dtype=bool)
+        self.locked[free] = False
+        rates, wrench, follower, _ = acting
+        self.motion = SmallMotion(chain, start, rates, wrench, follower, self.locked)
         self.start = np.concatenate([[0.0], start])
-        self.held = np.where(self.sprung, k * (start - rest), load(start))
+        self.sizes = rounding.largest_loads(chain, acting.rates, acting.wrench)
+        self.held = np.where(self.sprung, chain.stiffness * (start - chain.rest), self.load(start))
+
+    def load(self, q: Array) -> Array:
+        rates, wrench, follower, drive = self.acting
+        return load_torque(self.chain, q, rates, wrench, follower) - drive
 
     def value(self, x: Array) -> Array:
-        s, q = x[0], x[1:]
-        loaded = np.where(self.sprung, s, 1.0) * self.load(q)
-        return np.asarray(self.k * (q - self.rest) + loaded - (1 - s) * self.held)
+        return self._value(x, self.load(x[1:]))
 
-    def slopes(self, x: Array) -> Array:
+    def _value(self, x: Array, load: Array) -> Array:
         s, q = x[0], x[1:]
-        by_q = np.diag(self.k) + np.where(self.sprung, s, 1.0)[:, None] * self.slope(q)
-        by_s = np.where(self.sprung, self.load(q), 0.0) + self.held
-        return np.column_stack([by_s, by_q])
+        loaded = np.where(self.sprung, s, 1.0) * load
+        left = self.chain.stiffness * (q - self.chain.rest) + loaded - (1 - s) * self.held
+        return np.where(self.locked, 0.0, left)
+
+    def with_slopes(self, x: Array) -> tuple[Array, _Slopes]:
+        """F(x), and its slopes, which are good until those elsewhere are asked for."""
+        s, q = x[0], x[1:]
+        load, w = self.load(q), np.where(self.sprung, s, 1.0)
+        by_s = np.where(self.sprung, load, 0.0) + self.held
+        self.motion.place(q)
+        self.motion.eliminate(K_ALONE, w, self.chain.stiffness + np.abs(w) * self.sizes)
+        return self._value(x, load), _Slopes(self.motion, np.where(self.locked, 0.0, by_s))
+
+
+class _Slopes:
+    """∂F/∂(s, q), with ∂F/∂q eliminated but for the coordinates d whose pivots are too small.
+
+    With q̂ and p̂ the solutions for a right side and for ∂F/∂s with δq_d = 0, and N those for none with δq_d = 1,
+
+        δq = q̂ − p̂ δs + N δq_d
+
+    so that δs and δq_d follow from the rows d, whose left sides the elimination tells, and from the row below.
+    """
+
+    def __init__(self, motion: SmallMotion, by_s: Array) -> None:
+        self.motion, self.by_s = motion, by_s
+
+    def solve(self, row: Array, left: Array, last: float, *, held: bool = False) -> Array:
+        """Shortest solution (δs, δq) of F' δx = left (n,) and row · δx = last, shape (1 + n,); nan if there is none.
+
+        A joint that nothing holds and nothing pushes stays where it is; where one is pushed there is no solution,
+        unless it is `held` by a weak spring.
+        """
+        if not (np.isfinite(self.by_s).all() and np.isfinite(left).all()):
+            return np.full(len(row), np.nan)  # which the corrector gives up on
+        spared = self.motion.spared
+        x, of_spared = self.motion.solve(np.array([self.by_s, left]))
+        columns = np.concatenate([-x[:1], x[2:]])
+        along = columns @ row[1:]
+        along[0] += row[0]
+        right = last - row[1:] @ x[1]
+        if len(spared):
+            small = np.empty((1 + len(spared), 1 + len(spared)))
+            small[:-1, 0] = self.by_s[spared] - of_spared[0]
+            small[:-1, 1:] = of_spared[2:].T
+            small[-1] = along
+            sizes = np.append(self.motion.sizes[spared], max(np.abs(along).max(), TINY))
+            sizes[sizes == 0] = 1.0
+            if held:
+                small[:-1, 1:] += np.diag(np.sqrt(self.motion.rounding) * sizes[:-1])
+            found = _shortest(small, np.append(left[spared] - of_spared[1], right), sizes, self.motion.rounding)
+        else:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                found = right / along
+        return np.concatenate([found[:1], x[1] + found @ columns])
+
+
+def _shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
+    """Shortest solution of A x = b, rows made of numbers of these sizes; nan if there is none.
+
+    What rounding leaves of a row counts as 0.
+    """
+    scaled, right = A / sizes[:, None], b / sizes
+    if not (np.isfinite(scaled).all() and np.isfinite(right).all()):
+        return np.full(len(b), np.nan)
+    columns = np.maximum(np.abs(scaled).max(axis=0), 1.0)
+    found = np.linalg.lstsq(scaled / columns, right, rcond=rounding)[0] / columns
+    consistent = np.abs(scaled @ found - right).max() <= rounding + np.sqrt(rounding) * np.abs(right).max()
+    return np.asarray(found if consistent else np.full(len(b), np.nan))
 
 
 def _follow(equations: _Equations, tolerance: float) -> list[Array]:
     """Points x = (s, q) from s = 0 to s = 1: predictor along the tangent, corrector orthogonal to it."""
     point, arc = equations.start, FIRST_ARC
-    direction = along_s = np.eye(len(point))[0]
+    direction = along_s = np.append(1.0, np.zeros(len(point) - 1))
     path = [point]
     while point[0] < 1:
-        direction = _direction(equations.slopes(point), direction)
+        direction = _direction(equations.with_slopes(point)[1], direction)
         while True:
             step = min(arc, (1 - point[0]) / direction[0]) if direction[0] > 0 else arc
             new, corrections = _correct(equations, point + step * direction, direction, tolerance)
@@ -286,9 +354,12 @@ def _follow(equations: _Equations, tolerance: float) -> list[Array]:
     return path
 
 
-def _direction(slopes: Array, before: Array) -> Array:
+def _direction(slopes: _Slopes, before: Array) -> Array:
     """Unit tangent of the path, on the side of the direction before: F' t = 0."""
-    t = _solve(np.vstack([slopes, before]), np.eye(len(before))[-1])
+    still = np.zeros(len(before) - 1)
+    t = slopes.solve(before, still, 1.0)
+    if not np.isfinite(t).all():  # at a limit of the load: it moves what it pushes
+        t = slopes.solve(before, still, 1.0, held=True)
     return np.asarray(t / np.linalg.norm(t))
 
 
@@ -296,16 +367,9 @@ def _correct(equations: _Equations, target: Array, row: Array, tolerance: float)
     """Newton back to the path in the plane row · (x − target) = 0; None if it does not converge."""
     x, k = target.copy(), 0
     while k < CORRECTIONS and np.isfinite(x).all() and np.linalg.norm(x - target) <= 100 * LARGEST_ARC:
-        left = np.append(equations.value(x), row @ (x - target))
-        change = _solve(np.vstack([equations.slopes(x), row]), left)
+        value, slopes = equations.with_slopes(x)
+        change = slopes.solve(row, value, float(row @ (x - target)))
         x, k = x - change, k + 1
         if np.abs(change).max() <= tolerance:
             return x, k
     return None, CORRECTIONS
-
-
-def _solve(A: Array, b: Array) -> Array:
-    """Shortest least-squares solution: a joint that nothing holds and nothing pushes stays where it is."""
-    if not (np.isfinite(A).all() and np.isfinite(b).all()):
-        return np.full(A.shape[1], np.nan)  # which the corrector gives up on
-    return np.asarray(np.linalg.lstsq(A, b)[0])

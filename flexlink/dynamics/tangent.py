@@ -12,8 +12,9 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
-from flexlink.dynamics.placement import frames
+from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.terms import bias_torque
+from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.derivatives.load_derivatives import add_gyroscopic, add_load_stiffness, turned_with_tip
 
 
@@ -103,6 +104,50 @@ def tangent(
     return Stiffness(K, S, conservative, len(free) * entry)
 
 
+def falls(chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.intp], follower: bool = False) -> bool:
+    """`tangent(…).falls` in O(n): of loads with a potential by the signs of pivots, of others by Arnoldi's method."""
+    potential = has_potential(chain, wrench, follower) and not qd.any()
+    if not potential and len(free) <= DENSE:
+        return tangent(chain, q, qd, wrench, free, follower).falls
+    locked = np.ones(chain.n, dtype=bool)
+    locked[free] = False
+    motion = SmallMotion(chain, q, qd, wrench, follower, locked)
+    square = chain.stiffness + rounding.largest_loads(chain, qd, wrench)
+    square[square == 0] = 1.0
+    if potential:
+        return motion.falling(K_ALONE, motion.rounding * square) > 0
+    least = _least_eigenvalue(motion, np.sqrt(square), free)
+    if np.isnan(least):
+        return tangent(chain, q, qd, wrench, free, follower).falls
+    return least < -motion.rounding
+
+
+DENSE = 100
+"""Coordinates up to which eigenvalues of a stiffness that is not symmetric are found by matrices, in O(n³)."""
+
+
+def _least_eigenvalue(motion: SmallMotion, S: Array, free: NDArray[np.intp]) -> float:
+    """The least real part of an eigenvalue of K̂, most of which are 1 or nearly; nan if it is not found."""
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs  # noqa: PLC0415  0.1 s that only long chains need
+
+    def times(φ: Array) -> Array:
+        x = np.zeros((1, len(S)))
+        x[0, free] = φ.ravel() / S[free]
+        return np.asarray(motion.times(K_ALONE, x)[0, free] / S[free])
+
+    scaled, first = LinearOperator((len(free),) * 2, times, dtype=np.float64), np.ones(len(free))
+    try:
+        return float(eigs(scaled, k=1, which="SR", v0=first, tol=1e-6, return_eigenvectors=False)[0].real)
+    except ArpackError:
+        return np.nan
+
+
+def has_potential(chain: Chain, wrench: Array, follower: bool) -> bool:
+    """Whether the tip wrench has a potential: a force that keeps its direction, in a plane a moment, too."""
+    moment = wrench[3:].any() and not chain.is_planar
+    return not (moment or (follower and wrench[:3].any()))
+
+
 def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
     """G = ∂T_GC/∂q̇, shape (n, n) [N m s/rad]; zero at rest, since T_GC is quadratic in the rates."""
     G = np.zeros((chain.n, chain.n))
@@ -111,9 +156,14 @@ def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
     return G
 
 
-def point_jacobian(chain: Chain, q: Array) -> Array:
-    """∂p/∂q of the body origins and the tip, frame 0, shape (bodies, n, 3) [m/rad]; Riesz's formula for degree 1."""
-    J = np.empty((len(chain.bodies), chain.n, 3))
-    for j, quarter in enumerate(np.pi / 2 * np.eye(chain.n)):
-        J[:, j] = (frames(chain, q + quarter).points - frames(chain, q - quarter).points) / 2
-    return J
+def displacements(chain: Chain, q: Array, φ: NDArray[np.inexact]) -> NDArray[np.inexact]:
+    """Displacements of body origins and tip, frame 0, that go with small angles φ (m, n), shape (m, bodies, 3) [m].
+
+    Each body turns by the sum of φ_k e_k before it, and carries the origin of the next one along.
+    """
+    _, points, axes = forward_kinematics(chain.arrays, q)
+    ahead = np.concatenate([np.zeros((len(φ), 1, 3)), np.cumsum(φ[:, :, None] * axes, axis=1)], axis=1)
+    turned = ahead[:, chain.bodies["stop"][:-1]]
+    moved = np.zeros((len(φ), len(points), 3), dtype=φ.dtype)
+    np.cumsum(np.cross(turned, np.diff(points, axis=0)), axis=1, out=moved[:, 1:])
+    return moved

@@ -138,11 +138,13 @@ def linearize(
     slopes = forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)
     names, values, by_angle, by_rate = zip(*(output(chain, q, qd) for output in wanted), strict=True)
     C = np.hstack([np.vstack(by_angle), np.vstack(by_rate)])
-    driven, still = chain.active, np.zeros((n, n))
+    driven = chain.active
     given_motion = chain.hinges["prescribed"][driven] != 0
-    B = np.vstack([still, slopes.dtau])[:, driven]
+    A, B = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, len(driven)))  # no block of zeros besides: half a gigabyte each
+    np.fill_diagonal(A[:n, n:], 1.0)
+    A[n:, :n], A[n:, n:], B[n:] = slopes.dq, slopes.dqd, slopes.dtau[:, driven]
     return LinearModel(
-        A=np.block([[still, np.eye(n)], [slopes.dq, slopes.dqd]]),
+        A=A,
         B=B,
         C=C,
         D=np.zeros((len(C), len(driven))),

@@ -9,13 +9,14 @@ slope of T_FR at rest.
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from flexlink.chain.arguments import require_type, vector, wrench_vector
+from flexlink.chain.arguments import integer, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError, SingularMassError
 from flexlink.common.notebook import drawing_module, html_table
@@ -24,10 +25,13 @@ from flexlink.describe.conditions import Frame
 from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult
-from flexlink.dynamics.tangent import gyroscopic_matrix, point_jacobian, tangent, unlocked
+from flexlink.dynamics.rounding import largest_loads
+from flexlink.dynamics.small_motion import K_ALONE, SmallMotion, damping_slope
+from flexlink.dynamics.tangent import displacements, gyroscopic_matrix, tangent, unlocked
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration import eigenproblem
-from flexlink.dynamics.vibration.mode_kinds import mode_kinds
+from flexlink.dynamics.vibration.lowest import lowest
+from flexlink.dynamics.vibration.mode_kinds import Loads, mode_kinds
 from flexlink.dynamics.wrench import turns_with_tip
 
 
@@ -121,6 +125,7 @@ def modes(
     tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
     locked: Joints = (),
+    count: int | None = None,
 ) -> Modes:
     """Modes of small motion about a posture, which should be an equilibrium (`solve_static`).
 
@@ -141,6 +146,9 @@ def modes(
     locked
         Coordinates that do not move, such as servo-held joints: names or sequential indices of joints, names of links,
         or a boolean mask, shape (n,). Prescribed joints never do.
+    count
+        How many modes, the slowest ones; None: all. Of more than 100 free coordinates few modes are found in O(n), with
+        the digits that they have among all, where neither damping nor rotation couples them; else λ to 1e-9 of itself.
 
     Returns
     -------
@@ -159,17 +167,80 @@ def modes(
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
-    friction = damping_slope(chain)
-    C = (gyroscopic_matrix(chain, q, rates) + np.diag(friction))[np.ix_(free, free)]
-    M, L = factored_mass(chain, q, free)
-    K = tangent(chain, q, rates, wrench, free, follower)
-    λ, vectors, rounding = eigenproblem.solve(M, L, C, K)
+    few = None if count is None else integer("count", count, 1)
+    small = _Small(chain, q, rates, wrench, follower, free)
+    found = None
+    if few is not None and len(free) > DENSE and 3 * few < len(free):
+        found = _lowest(small, few)
+    λ, vectors, rounding, loads = _all(small) if found is None else found
+    λ, vectors, rounding = λ[:few], vectors[:, :few], rounding[:few]
     shapes = np.zeros((len(λ), n), dtype=vectors.dtype)
     largest = vectors[np.abs(vectors).argmax(axis=0), np.arange(len(λ))]
     shapes[:, free] = (vectors / largest).T
-    paths = np.einsum("mk,bkx->mbx", shapes, point_jacobian(chain, q))
-    kinds, shares = mode_kinds(λ, shapes[:, free], K, chain.stiffness[free], friction[free])
-    return Modes(λ, shapes, paths, frames(chain, q).points, rounding, kinds, shares)
+    points = frames(chain, q).points
+    friction = damping_slope(chain)[free]
+    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), chain.stiffness[free], friction)
+    return Modes(λ, shapes, displacements(chain, q, shapes), points, rounding, kinds, shares)
+
+
+DENSE = 100
+"""Free coordinates up to which all modes are found, however few are asked for: by matrices, in O(n³)."""
+
+
+class _Found(NamedTuple):
+    """Modes, shapes of the free coordinates in columns, and what loads hold of shapes (modes, n)."""
+
+    eigenvalues: Complex
+    vectors: NDArray[np.inexact]
+    rounding: Array
+    loads: Callable[[NDArray[np.inexact]], Loads]
+
+
+class _Small(NamedTuple):
+    """A chain about a state."""
+
+    chain: Chain
+    q: Array
+    qd: Array
+    wrench: Array
+    follower: bool
+    free: NDArray[np.intp]
+
+
+def _all(small: _Small) -> _Found:
+    chain, q, qd, wrench, follower, free = small
+    friction = damping_slope(chain)
+    C = (gyroscopic_matrix(chain, q, qd) + np.diag(friction))[np.ix_(free, free)]
+    M, L = factored_mass(chain, q, free)
+    K = tangent(chain, q, qd, wrench, free, follower)
+
+    def loads(shapes: NDArray[np.inexact]) -> Loads:
+        return Loads(shapes[:, free] @ (K.K - np.diag(chain.stiffness[free])).T, K.S**2, K.rounding)
+
+    return _Found(*eigenproblem.solve(M, L, C, K), loads)
+
+
+def _lowest(small: _Small, count: int) -> _Found | None:
+    """The slowest ones; None if the iteration does not find them."""
+    chain, q, qd, wrench, follower, free = small
+    locked = np.ones(chain.n, dtype=bool)
+    locked[free] = False
+    motion, sizes = SmallMotion(chain, q, qd, wrench, follower, locked), largest_loads(chain, qd, wrench)
+    whole, own = (part[free] for part in motion.inertias())
+    idle = ~(own > len(free) * np.finfo(float).eps * whole)
+    if idle.any():
+        raise _idle(chain, int(free[np.flatnonzero(idle)[-1]]))
+    found = lowest(chain, motion, sizes, count, bool(qd.any() or damping_slope(chain)[free].any()))
+    if found is None:
+        return None
+
+    def loads(shapes: NDArray[np.inexact]) -> Loads:
+        parts = np.vstack([shapes.real, shapes.imag])
+        real, imaginary = np.split((motion.times(K_ALONE, parts) - chain.stiffness * parts)[:, free], 2)
+        square = chain.stiffness[free] + sizes[free]
+        return Loads(real + 1j * imaginary, np.where(square > 0, square, 1.0), motion.rounding)
+
+    return _Found(found.eigenvalues, found.shapes[free], found.rounding, loads)
 
 
 def natural_frequencies(
@@ -231,11 +302,15 @@ def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array
         good = np.diag(L) > np.sqrt(len(M) * np.finfo(float).eps * np.diag(M))  # False for nan, too
     if stopped or not good.all():
         k = free[stopped - 1 if stopped else int(np.argmin(good))]
-        raise SingularMassError(
-            f"{chain.name}: joint {chain.joint_name(int(k))!r} moves no inertia of its own at this posture, or one "
-            "that overflows float64; M must be positive definite"
-        )
+        raise _idle(chain, int(k))
     return M, np.asarray(L)
+
+
+def _idle(chain: Chain, k: int) -> SingularMassError:
+    return SingularMassError(
+        f"{chain.name}: joint {chain.joint_name(k)!r} moves no inertia of its own at this posture, or one "
+        "that overflows float64; M must be positive definite"
+    )
 
 
 def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
@@ -246,8 +321,3 @@ def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
     if not np.isfinite(A).all():
         raise ArgumentError("stiffness, damping, loads or rates are so large that accelerations overflow float64")
     return A
-
-
-def damping_slope(chain: Chain) -> Array:
-    """Slope of T_FR at rest, d + coulomb / coulomb_width, shape (n,)."""
-    return np.asarray(chain.damping + chain.hinges["coulomb"] / chain.hinges["coulomb_width"])

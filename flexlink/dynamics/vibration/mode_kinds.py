@@ -10,15 +10,24 @@ A mode is elastic if E > P + F. Of the others, loads hold a pendulum mode, or ma
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Complex
-from flexlink.dynamics.tangent import Stiffness
+
+
+class Loads(NamedTuple):
+    """The load stiffness times shapes, (K − k) φ, shape (modes, n), and what its zeros are told from rounding by."""
+
+    products: NDArray[np.inexact]
+    square: Array  # S² of `Stiffness`, shape (n,)
+    rounding: float
 
 
 def mode_kinds(
-    λ: Complex, shapes: NDArray[np.inexact], tangent: Stiffness, stiffness: Array, damping: Array
+    λ: Complex, shapes: NDArray[np.inexact], loads: Loads, stiffness: Array, damping: Array
 ) -> tuple[tuple[str, ...], Array]:
     """The kind of every mode, and the share of its energy that is elastic, E / (E + P + F), shape (modes,).
 
@@ -26,8 +35,8 @@ def mode_kinds(
     ----------
     λ, shapes
         Eigenvalues [1/s], shape (modes,), and shapes of the free coordinates, shape (modes, n).
-    tangent
-        K of the free coordinates.
+    loads
+        What loads hold of them.
     stiffness, damping
         Springs [N m/rad] and slopes of friction at rest [N m s/rad] of the free coordinates, shape (n,).
     """
@@ -35,9 +44,9 @@ def mode_kinds(
     losses = np.abs(λ)[:, None] * damping * square
     E = square @ stiffness + losses @ spring
     F = losses @ ~spring
-    P = np.abs(np.einsum("mi,ij,mj->m", shapes.conj(), tangent.K - np.diag(stiffness), shapes))
+    P = np.abs(np.einsum("mi,mi->m", shapes.conj(), loads.products))
     moving, total = λ != 0, E + P + F  # what rounding leaves of E where nothing moves is no share
     share = np.where(moving, E / np.where(total > 0, total, 1.0), 0.0)
-    loaded = moving & (P > F) & (tangent.rounding * (square @ tangent.S**2) < P)
+    loaded = moving & (P > F) & (loads.rounding * (square @ loads.square) < P)
     names = np.where(share > 0.5, "elastic", np.where(loaded, "pendulum", "rigid"))
     return tuple(names.tolist()), share

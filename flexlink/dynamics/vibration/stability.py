@@ -21,10 +21,11 @@ from flexlink.common.types import Array, Complex
 from flexlink.describe.conditions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.dynamics.small_motion import damping_slope
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.extremes import inertia_alone
-from flexlink.dynamics.vibration.modal import damping_slope, factored_mass, first_order_matrix, regular_mass
+from flexlink.dynamics.vibration.modal import factored_mass, first_order_matrix, regular_mass
 from flexlink.dynamics.vibration.stability_function import stable_reach
 from flexlink.dynamics.wrench import turns_with_tip
 

@@ -1,0 +1,101 @@
+"""Small motion x exp(λt) of a chain about a state, (λ² M + λ C + K) x = r: products and solutions in O(n)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
+from flexlink.dynamics import rounding
+from flexlink.kernels.derivatives.small_motion import HINGE, factor, mass_products, multiply, place, small_motion, solve
+
+K_ALONE, C_ALONE, M_ALONE = np.eye(3)
+"""Weights of K, C and M in a sum of them."""
+
+SMALLEST = 1e-8
+"""Pivot, as a part of what its row is made of, below which a coordinate is spared: half of all digits are left."""
+
+
+class SmallMotion:
+    """K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇ and M about a posture at constant rates, locked coordinates at rest.
+
+    Attributes
+    ----------
+    spared
+        Coordinates that `eliminate` has left, since their pivots are too small: sequential indices.
+    sizes
+        What the rows of the matrix that was eliminated are made of, shape (n,).
+    """
+
+    def __init__(
+        self, chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, locked: NDArray[np.bool_]
+    ) -> None:
+        self._diagonals = np.array([chain.stiffness, damping_slope(chain), chain.hinges["armature"]])
+        self._arrays, self._state, self._work = chain.arrays, (wrench, follower, qd), small_motion(chain.arrays)
+        self.place(q)
+        self.locked, self.rounding = locked, int((~locked).sum()) * rounding.of_load_stiffness(chain)
+        self.spared, self.sizes = np.zeros(0, np.intp), np.zeros(chain.n)
+
+    def place(self, q: Array) -> None:
+        """Take on another posture."""
+        wrench, follower, qd = self._state
+        place(self._work, wrench, follower, q, qd)
+        self._q = q
+
+    def times(self, weights: Array, x: Array) -> Array:
+        """(weights · (K, C, M)) x for rows x (m, n), 0 at locked coordinates, shape (m, n)."""
+        product = np.empty_like(x)
+        multiply(self._work, weights, weights @ self._diagonals, x, product)
+        product[:, self.locked] = 0.0
+        return product
+
+    def times_mass(self, x: Array) -> Array:
+        """M x for rows x (m, n), 0 at locked coordinates, shape (m, n): with more digits than `times`."""
+        product = np.empty_like(x)
+        mass_products(self._arrays, self._q, x, product)
+        product[:, self.locked] = 0.0
+        return product
+
+    def eliminate(self, weights: Array, w: Array, sizes: Array, smallest: float = SMALLEST) -> int:
+        """Prepare `solve` for k + w (weights · (K, C, M) − k), k what springs, friction and rotors give, w by rows.
+
+        Returns how many pivots are not positive.
+        """
+        self.sizes, given = sizes, self._work.given
+        given[:] = self.locked
+        negative = int(factor(self._work, weights, weights @ self._diagonals, w, sizes, smallest))
+        self.spared = np.flatnonzero(given & ~self.locked)
+        return negative
+
+    def inertias(self) -> tuple[Array, Array]:
+        """The diagonal of M, and what each coordinate moves while all beyond it give way, shape (n,) each [kg m²]."""
+        found, ones = [], np.ones(len(self.locked))
+        for given in (True, self.locked):
+            self._work.given[:] = given
+            factor(self._work, M_ALONE, M_ALONE @ self._diagonals, ones, ones, -1.0)
+            found.append(self._work.hinges[:, HINGE.D].copy())
+        return found[0], found[1]
+
+    def solve(self, r: Array) -> tuple[Array, Array]:
+        """Solutions for right sides r (m, n), 0 at spared coordinates, and those for none where these are 1 in turn.
+
+        Returns the solutions (m + spared, n), and the left sides of the spared rows, (m + spared, spared).
+        """
+        m, spared = len(r), self.spared
+        right, x = (np.zeros((m + len(spared), r.shape[1])) for _ in range(2))
+        right[:m], left = r, np.zeros_like(right)
+        x[m + np.arange(len(spared)), spared] = 1.0
+        solve(self._work, right, x, left)
+        return x, left[:, spared]
+
+    def falling(self, weights: Array, more: Array) -> int:
+        """Number of negative eigenvalues of weights · (K, C, M) + diag(more), if that is symmetric."""
+        self._work.given[:] = self.locked
+        ones = np.ones(len(more))
+        return int(factor(self._work, weights, weights @ self._diagonals + more, ones, ones, -1.0))
+
+
+def damping_slope(chain: Chain) -> Array:
+    """Slope of T_FR at rest, d + coulomb / coulomb_width, shape (n,)."""
+    return np.asarray(chain.damping + chain.hinges["coulomb"] / chain.hinges["coulomb_width"])

@@ -1,0 +1,340 @@
+"""(λ² M + λ C + K) x = r in O(n) for small motion x exp(λt) of a chain about a state with constant rates.
+
+K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇. What a hinge that moves by x_k asks of all bodies beyond it is that of
+`inverse_derivatives`, seen from them and added up along the chain:
+
+    y ← y + j_k x_k         y = (δa, δφ, η, δω)         δa ← δa + η × r + 2 δω × (ω × r)        from body to body
+    j_k = along q_k + λ along q̇_k + λ² along q̈_k
+
+Force and moment at a hinge point are linear in the y there, (f, n) = A y + b, with whatever the hinges beyond do. So
+from the tip on, as articulated bodies (Featherstone 2008, chapter 7), with A and b in place of the articulated inertia:
+
+    body        A ← A + what it asks for              then moved by r to the hinge point of the body before
+    hinge       c = A j + (e × f, e × n)      p = e·A                 D = κ + w p·j        κ = k + λ d + λ² armature
+                A ← A − c w pᵀ / D            b ← b + c (r − w e·b) / D
+    outward     x = (r − w (e·b + p·y)) / D                           row by row  κ x + w (e·n) = r
+
+w scales a row's part of the loads. D are the pivots of an elimination from the tip on: of a symmetric matrix as many
+are negative as eigenvalues are (Sylvester). Hinges with too small a pivot are not eliminated, their x is given.
+
+Columns of A stand in the order of y; those that nothing can ask for, behind `size`, are zero and left out.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.bodies.rne import rne, rne_workspace
+from flexlink.kernels.derivatives.inverse_derivatives import (
+    BODY_MOTION,
+    HINGE_MOTION,
+    MotionWork,
+    motion_workspace,
+    of_hinge,
+    outward,
+    own_spin,
+    spin,
+)
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.lanes import put_vec_of, vec_of
+from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.sym3 import sym_apply
+from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, scale
+
+UNITS = (X, Y, Z)
+PARTS = numbered("δa:3 δφ:3 η:3 δω:3")
+"""Numbers of y, and columns of A."""
+HINGE = numbered("e:3 moved:6 j:12 c:6 p:12 D w eb")
+"""Numbers of a hinge: e; e × f and e × n; then j, c, p, D, w and e·b of the elimination."""
+
+
+class SmallMotion(NamedTuple):
+    """A chain in a state, and the matrix that `factor` has eliminated."""
+
+    chain: Any
+    motion: MotionWork
+    tip: Any  # (2, 3) force and moment that turn against the arm, 0 of a follower
+    moving: Any  # (1,) bool: rates are not zero
+    hinges: Any  # (n, HINGE)
+    demands: Any  # (bodies, 6) scratch
+    A: Any  # (12, 6) scratch
+    size: Any  # (1,) how many numbers of y can differ from 0
+    given: Any  # (n,) bool: not eliminated
+
+
+@kernel
+def small_motion(chain):
+    """Scratch of a chain, for `place`."""
+    n, m = len(chain.hinges), len(chain.bodies)
+    return SmallMotion(
+        chain, motion_workspace(chain), np.zeros((2, 3)), np.zeros(1, np.bool_), np.zeros((n, HINGE.size)),
+        np.empty((m, 6)), np.empty((12, 6)), np.zeros(1, np.int64), np.zeros(n, np.bool_),
+    )  # fmt: skip
+
+
+@kernel
+def place(work, wrench, follower, q, qd):
+    """Angles and constant rates (n,); wrench (6,) in frame 0, or, a follower, in axes of the tip frame."""
+    chain, motion, rows = work.chain, work.motion, work.hinges
+    force, moment = outward(chain, wrench, follower, q, qd, np.zeros(len(q)), None, motion)
+    f, t = scale(-1.0, force), scale(-1.0, moment)
+    for i in range(len(chain.bodies) - 1, -1, -1):
+        f = add(f, vec_of(motion.bodies, i, BODY_MOTION.F))
+        t = add(t, vec_of(motion.bodies, i, BODY_MOTION.N))
+        for k in range(chain.bodies[i].first, chain.bodies[i].stop):
+            e = of_hinge(motion.hinges, k, HINGE_MOTION.e)
+            put_vec_of(rows, e, k, HINGE.e)
+            put_vec_of(rows, cross(e, f), k, HINGE.moved)
+            put_vec_of(rows, cross(e, t), k, HINGE.moved + 3)
+        t = add(t, cross(vec_of(motion.bodies, i, BODY_MOTION.r), f))
+    dead = 0.0 if follower else 1.0
+    put_vec_of(work.tip, scale(dead, force), 0, 0)
+    put_vec_of(work.tip, scale(dead, moment), 1, 0)
+    work.moving[0] = False
+    for k in range(len(qd)):
+        work.moving[0] = work.moving[0] or qd[k] != 0.0
+
+
+@recursion
+def weigh(work, by_angle, by_rate, by_acceleration):
+    """j of every hinge, of so much of K, C and M."""
+    rows, motion = work.hinges, work.motion.hinges
+    for k in range(len(rows)):
+        e, δω = vec_of(rows, k, HINGE.e), of_hinge(motion, k, HINGE_MOTION.δω)
+        η = scale(by_angle, of_hinge(motion, k, HINGE_MOTION.η))
+        η = add_scaled(add_scaled(η, 2.0 * by_rate, δω), by_acceleration, e)
+        put_vec_of(rows, scale(by_angle, of_hinge(motion, k, HINGE_MOTION.δa)), k, HINGE.j + PARTS.δa)
+        put_vec_of(rows, scale(by_angle, e), k, HINGE.j + PARTS.δφ)
+        put_vec_of(rows, η, k, HINGE.j + PARTS.η)
+        put_vec_of(rows, add_scaled(scale(by_angle, δω), by_rate, e), k, HINGE.j + PARTS.δω)
+    work.size[0] = PARTS.size if work.moving[0] else PARTS.δω if by_acceleration != 0.0 else PARTS.η
+
+
+@kernel
+def factor(work, weights, κ, w, sizes, smallest):
+    """Eliminate (weights[0] K + weights[1] C + weights[2] M) x, springs, friction and rotors in `κ` (n,).
+
+    Hinges that are `given` keep their x, and so do those with |D| ≤ smallest · sizes[k], which become given, too.
+    Returns how many pivots are not positive; of hinges that are given D is the diagonal of what is left of the matrix.
+    """
+    weigh(work, weights[0], weights[1], weights[2])
+    rows, bodies, A, given, size = work.hinges, work.motion.bodies, work.A, work.given, work.size[0]
+    negative = 0
+    begin_at_tip(work.tip, A)
+    for i in range(len(bodies) - 1, -1, -1):
+        add_body(bodies, work.chain.bodies[i].mass, i, size, A)
+        for k in range(work.chain.bodies[i].stop - 1, work.chain.bodies[i].first - 1, -1):
+            D = κ[k] + w[k] * demand(rows, k, size, weights[0], A)
+            rows[k, HINGE.D], rows[k, HINGE.w] = D, w[k]
+            if given[k] or not abs(D) > smallest * sizes[k]:
+                given[k] = True
+            else:
+                negative += not D > 0.0
+                eliminate(rows, k, size, w[k] / D, A)
+        if i > 0:
+            move_columns(bodies, i, size, A)
+    return negative
+
+
+@recursion
+def begin_at_tip(tip, A):
+    """A of the tip: a wrench that keeps its direction turns against the arm."""
+    for column in range(PARTS.size):
+        for i in range(6):
+            A[column, i] = 0.0
+    for column in range(3):
+        put_vec_of(A, cross(UNITS[column], vec_of(tip, 0, 0)), PARTS.δφ + column, 0)
+        put_vec_of(A, cross(UNITS[column], vec_of(tip, 1, 0)), PARTS.δφ + column, 3)
+
+
+@recursion
+def add_body(bodies, m, i, size, A):
+    """A ← A + what body i asks for."""
+    for column in range(3):
+        unit = UNITS[column]
+        add_column(A, PARTS.δa + column, *by_acceleration(bodies, m, i, unit))
+        if size > PARTS.η:
+            add_column(A, PARTS.η + column, *by_turning(bodies, i, unit))
+        if size > PARTS.δω:
+            add_column(A, PARTS.δω + column, *by_spin(bodies, i, unit))
+
+
+@inlined
+def by_acceleration(bodies, m, i, δa):
+    """Force and moment that body i asks for where its hinge point is accelerated."""
+    return scale(m, δa), cross(vec_of(bodies, i, BODY_MOTION.mc), δa)
+
+
+@inlined
+def by_turning(bodies, i, η):
+    """The same of η."""
+    low, high = vec_of(bodies, i, BODY_MOTION.I), vec_of(bodies, i, BODY_MOTION.I + 3)
+    I = (low[0], low[1], low[2], high[0], high[1], high[2])
+    return cross(η, vec_of(bodies, i, BODY_MOTION.mc)), sym_apply(I, η)
+
+
+@inlined
+def by_spin(bodies, i, δω):
+    """The same of δω."""
+    low, high = vec_of(bodies, i, BODY_MOTION.I), vec_of(bodies, i, BODY_MOTION.I + 3)
+    ω, I = vec_of(bodies, i, BODY_MOTION.ω), (low[0], low[1], low[2], high[0], high[1], high[2])
+    return scale(2.0, cross(δω, cross(ω, vec_of(bodies, i, BODY_MOTION.mc)))), spin(own_spin(ω, I), δω)
+
+
+@inlined
+def add_column(A, column, f, n):
+    """Column += (f, n)."""
+    put_vec_of(A, add(vec_of(A, column, 0), f), column, 0)
+    put_vec_of(A, add(vec_of(A, column, 3), n), column, 3)
+
+
+@recursion
+def move_columns(bodies, i, size, A):
+    """A at the hinge point of the body before i."""
+    r, ω = vec_of(bodies, i, BODY_MOTION.r), vec_of(bodies, i - 1, BODY_MOTION.ω)
+    u = scale(2.0, cross(ω, r))
+    for column in range(3):
+        if size > PARTS.η:
+            add_combined(A, PARTS.η + column, cross(UNITS[column], r))
+        if size > PARTS.δω:
+            add_combined(A, PARTS.δω + column, cross(UNITS[column], u))
+    for column in range(size):
+        put_vec_of(A, add(vec_of(A, column, 3), cross(r, vec_of(A, column, 0))), column, 3)
+
+
+@inlined
+def add_combined(A, column, δa):
+    """Column += that of an acceleration δa."""
+    for i in range(6):
+        A[column, i] += A[PARTS.δa, i] * δa[0] + A[PARTS.δa + 1, i] * δa[1] + A[PARTS.δa + 2, i] * δa[2]
+
+
+@recursion
+def demand(rows, k, size, by_angle, A):
+    """c and p of hinge k, into its row, and p·j."""
+    e, total = vec_of(rows, k, HINGE.e), 0.0
+    for i in range(6):
+        rows[k, HINGE.c + i] = by_angle * rows[k, HINGE.moved + i]
+    for column in range(size):
+        j, p = rows[k, HINGE.j + column], dot(e, vec_of(A, column, 3))
+        rows[k, HINGE.p + column] = p
+        total += p * j
+        for i in range(6):
+            rows[k, HINGE.c + i] += A[column, i] * j
+    return total
+
+
+@recursion
+def eliminate(rows, k, size, factor, A):
+    """A ← A − c w pᵀ / D."""
+    for column in range(size):
+        part = factor * rows[k, HINGE.p + column]
+        for i in range(6):
+            A[column, i] -= rows[k, HINGE.c + i] * part
+
+
+@kernel
+def solve(work, r, x, left):
+    """Write x with the matrix of `factor` times x = r (columns, n), x as it is where it is given.
+
+    `left` (columns, n): of given hinges, which the elimination has not touched, the matrix times x.
+    """
+    for column in range(len(r)):
+        load(work, r[column], x[column])
+        move(work, x[column], left[column])
+
+
+@recursion
+def load(work, r, x):
+    """b from the tip on; T = (r − w e·b) / D into x, e·b of given hinges into their rows."""
+    rows, bodies, given = work.hinges, work.motion.bodies, work.given
+    f = n = ZERO
+    for i in range(len(bodies) - 1, -1, -1):
+        for k in range(work.chain.bodies[i].stop - 1, work.chain.bodies[i].first - 1, -1):
+            eb = dot(vec_of(rows, k, HINGE.e), n)
+            if given[k]:
+                rows[k, HINGE.eb] = eb
+            else:
+                x[k] = (r[k] - rows[k, HINGE.w] * eb) / rows[k, HINGE.D]
+            f = add_scaled(f, x[k], vec_of(rows, k, HINGE.c))
+            n = add_scaled(n, x[k], vec_of(rows, k, HINGE.c + 3))
+        n = add(n, cross(vec_of(bodies, i, BODY_MOTION.r), f))
+
+
+@recursion
+def move(work, x, left):
+    """x = T − w p·y / D, and y with it."""
+    rows, bodies, given, size = work.hinges, work.motion.bodies, work.given, work.size[0]
+    δa = δφ = η = δω = ω = ZERO
+    for i in range(len(bodies)):
+        r = vec_of(bodies, i, BODY_MOTION.r)
+        δa = add(δa, add(cross(η, r), scale(2.0, cross(δω, cross(ω, r)))))
+        ω = vec_of(bodies, i, BODY_MOTION.ω)
+        for k in range(work.chain.bodies[i].first, work.chain.bodies[i].stop):
+            py = dot(vec_of(rows, k, HINGE.p + PARTS.δa), δa) + dot(vec_of(rows, k, HINGE.p + PARTS.δφ), δφ)
+            if size > PARTS.η:
+                py += dot(vec_of(rows, k, HINGE.p + PARTS.η), η)
+            if size > PARTS.δω:
+                py += dot(vec_of(rows, k, HINGE.p + PARTS.δω), δω)
+            w, D = rows[k, HINGE.w], rows[k, HINGE.D]
+            if given[k]:
+                left[k] = D * x[k] + w * (py + rows[k, HINGE.eb])
+            else:
+                x[k] -= w * py / D
+            δa = add_scaled(δa, x[k], vec_of(rows, k, HINGE.j + PARTS.δa))
+            δφ = add_scaled(δφ, x[k], vec_of(rows, k, HINGE.j + PARTS.δφ))
+            η = add_scaled(η, x[k], vec_of(rows, k, HINGE.j + PARTS.η))
+            δω = add_scaled(δω, x[k], vec_of(rows, k, HINGE.j + PARTS.δω))
+
+
+@kernel
+def multiply(work, weights, κ, x, product):
+    """Write (weights[0] K + weights[1] C + weights[2] M) x for x (columns, n), springs, friction and rotors in `κ`."""
+    weigh(work, weights[0], weights[1], weights[2])
+    for column in range(len(x)):
+        ask(work, x[column])
+        answer(work, weights[0], κ, x[column], product[column])
+
+
+@kernel
+def mass_products(chain, q, x, product):
+    """Write M x for x (columns, n), in body axes: twist of a slender arm, straight, keeps its digits."""
+    zero, wrench, work = np.zeros(len(q)), np.zeros(6), rne_workspace(chain)
+    for column in range(len(x)):
+        rne(chain, ZERO, wrench, q, zero, x[column], product[column], work)
+
+
+@recursion
+def ask(work, x):
+    """What every body asks for, with the turned wrench in that of the last."""
+    rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
+    δa = δφ = η = δω = ω = ZERO
+    for i in range(len(bodies)):
+        r = vec_of(bodies, i, BODY_MOTION.r)
+        δa = add(δa, add(cross(η, r), scale(2.0, cross(δω, cross(ω, r)))))
+        ω = vec_of(bodies, i, BODY_MOTION.ω)
+        for k in range(work.chain.bodies[i].first, work.chain.bodies[i].stop):
+            δa = add_scaled(δa, x[k], vec_of(rows, k, HINGE.j + PARTS.δa))
+            δφ = add_scaled(δφ, x[k], vec_of(rows, k, HINGE.j + PARTS.δφ))
+            η = add_scaled(η, x[k], vec_of(rows, k, HINGE.j + PARTS.η))
+            δω = add_scaled(δω, x[k], vec_of(rows, k, HINGE.j + PARTS.δω))
+        f, n = by_acceleration(bodies, work.chain.bodies[i].mass, i, δa)
+        of_η, of_δω = by_turning(bodies, i, η), by_spin(bodies, i, δω)
+        put_vec_of(demands, add(f, add(of_η[0], of_δω[0])), i, 0)
+        put_vec_of(demands, add(n, add(of_η[1], of_δω[1])), i, 3)
+    last = len(bodies) - 1
+    add_column(demands, last, cross(δφ, vec_of(work.tip, 0, 0)), cross(δφ, vec_of(work.tip, 1, 0)))
+
+
+@recursion
+def answer(work, by_angle, κ, x, product):
+    """Forces and moments from the tip on, and of every hinge κ x + e·n."""
+    rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
+    f = n = ZERO
+    for i in range(len(bodies) - 1, -1, -1):
+        f, n = add(f, vec_of(demands, i, 0)), add(n, vec_of(demands, i, 3))
+        for k in range(work.chain.bodies[i].stop - 1, work.chain.bodies[i].first - 1, -1):
+            product[k] = κ[k] * x[k] + dot(vec_of(rows, k, HINGE.e), n)
+            f = add_scaled(f, by_angle * x[k], vec_of(rows, k, HINGE.moved))
+            n = add_scaled(n, by_angle * x[k], vec_of(rows, k, HINGE.moved + 3))
+        n = add(n, cross(vec_of(bodies, i, BODY_MOTION.r), f))

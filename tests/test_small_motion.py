@@ -1,0 +1,140 @@
+"""(λ² M + λ C + K) x = r in O(n): products, solutions and pivots are those of the matrices."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from beams import cantilever
+from conftest import ROOT, random_state
+
+import flexlink as fl
+from flexlink.dynamics import equilibrium, small_motion
+from flexlink.dynamics.small_motion import K_ALONE, SmallMotion, damping_slope
+from flexlink.dynamics.tangent import displacements, falls, gyroscopic_matrix, stiffness_matrix, tangent
+from flexlink.errors import ConvergenceError
+
+Rng = np.random.Generator
+
+
+def matrices(chain: fl.Chain, q, qd, wrench, follower) -> np.ndarray:
+    """K, C and M."""
+    K = stiffness_matrix(chain, q, qd, wrench, follower)
+    C = gyroscopic_matrix(chain, q, qd) + np.diag(damping_slope(chain))
+    return np.array([K, C, fl.mass_matrix(chain, q)])
+
+
+@pytest.mark.parametrize("follower", [False, True])
+def test_products_and_solutions_are_those_of_the_matrices(chain: fl.Chain, follower: bool, rng: Rng) -> None:
+    (q, qd), wrench, locked = random_state(chain, rng), rng.normal(size=6) * 10, np.zeros(chain.n, bool)
+    locked[chain.n // 2] = True
+    springs = [chain.stiffness, damping_slope(chain), chain.hinges["armature"]]
+    motion, each = SmallMotion(chain, q, qd, wrench, follower, locked), matrices(chain, q, qd, wrench, follower)
+    x = np.where(locked, 0.0, rng.normal(size=(2, chain.n)))
+    for weights in (*np.eye(3), np.array([1.0, 0.7, 0.49])):
+        A = np.tensordot(weights, each, 1)
+        wanted = np.where(locked, 0.0, x @ A.T)
+        assert np.abs(motion.times(weights, x) - wanted).max() <= 1e-13 * chain.n * np.abs(A).max()
+    own, w = np.diag(weights @ np.array(springs)), rng.uniform(0.3, 1.0, chain.n)
+    scaled = own + w[:, None] * (A - own)
+    motion.eliminate(weights, w, np.abs(scaled).max(axis=1), 0.0)
+    found = motion.solve(x @ scaled.T)[0]
+    assert np.abs(found - x).max() <= 1e-14 * np.linalg.cond(scaled) * np.abs(x).max()
+    assert np.abs(np.where(locked, 0.0, (found - x) @ scaled.T)).max() <= 1e-9 * np.abs(scaled).max()
+    assert motion.times_mass(x) == pytest.approx(np.where(locked, 0.0, x @ each[2]), abs=1e-13 * np.abs(each[2]).max())
+
+
+@pytest.mark.parametrize("smallest", [1e-8, 0.9, 1e9])
+def test_whatever_is_spared_a_step_of_newton_s_method_is_that_of_the_whole_matrix(
+    chain: fl.Chain, smallest: float, rng: Rng, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Coordinates whose pivots are too small, none, some or all, are found with the load and the row below."""
+    monkeypatch.setattr(small_motion.SmallMotion.eliminate, "__defaults__", (smallest,))
+    q, acting = rng.uniform(-1, 1, chain.n), equilibrium._Load(np.zeros(chain.n), np.zeros(6), False, np.zeros(chain.n))
+    equations = equilibrium._Equations(chain, acting, np.arange(chain.n), q)
+    x = np.append(0.6, q + rng.normal(size=chain.n) * 0.1)
+    _, slopes = equations.with_slopes(x)
+    K, k = stiffness_matrix(chain, x[1:], acting.rates, acting.wrench), np.diag(chain.stiffness)
+    w = np.where(chain.stiffness > 0, x[0], 1.0)
+    row = rng.normal(size=chain.n + 1)
+    A = np.vstack([np.column_stack([slopes.by_s, k + w[:, None] * (K - k)]), row])
+    wanted = rng.normal(size=chain.n + 1)
+    neutral = np.abs(A[:-1, 1:]).max(axis=0) < 1e-12  # a waist along gravity: nothing holds it
+    wanted[1:][neutral] = 0.0
+    row[1:][neutral] = A[-1, 1:][neutral] = 0.0
+    left = A @ wanted
+    found = slopes.solve(row, left[:-1], float(left[-1]))
+    assert found == pytest.approx(wanted, abs=1e-7)
+    assert np.abs(found[1:][neutral]).max(initial=0.0) <= 1e-14
+    assert len(slopes.motion.spared) == chain.n or smallest < 1
+
+
+def test_pivots_tell_what_eigenvalues_tell(rng: Rng) -> None:
+    """Of columns about their buckling load, of an arm in any posture, of a moment in space."""
+    seen = []
+    for _ in range(40):
+        column = cantilever("gauss", 6)
+        force = np.array([-rng.uniform(2.0, 3.0), 0, 0, 0, 0, rng.uniform(-1, 1)])
+        seen.append((column, rng.uniform(-0.1, 0.1, column.n), force))
+    for name in ("t3_spatial", "three_links"):
+        arm = fl.lump(fl.load_scene(ROOT / "models" / f"{name}.toml"))
+        for _ in range(10):
+            q = np.where(arm.stiffness > 0, 0.01, 2.0) * rng.normal(size=arm.n)
+            seen += [(arm, q, np.zeros(6)), (arm, q, rng.normal(size=6) * 100)]
+    found = []
+    for arm, q, wrench in seen:
+        zero, free = np.zeros(arm.n), np.arange(arm.n)
+        for follower in (False, True):
+            found.append(falls(arm, q, zero, wrench, free, follower))
+            assert found[-1] == tangent(arm, q, zero, wrench, free, follower).falls
+    assert 20 < sum(found) < len(found) - 20
+    resting = dataclasses.replace(fl.lump(fl.load_scene(ROOT / "models" / "three_links.toml")), gravity=np.zeros(3))
+    zero = np.zeros(resting.n)
+    assert not falls(resting, zero, zero, np.zeros(6), np.arange(resting.n)), "what nothing holds rests"
+
+
+@pytest.mark.parametrize(
+    "name", ["models/three_links", "validation/scenes/pendulum", "validation/scenes/double_pendulum_rods"]
+)
+def test_an_arm_that_starts_level_comes_to_hang(name: str) -> None:
+    """Its load is largest there, so that no more of it can be let go at first: the path starts along what is pushed."""
+    scene = fl.load_scene(ROOT / f"{name}.toml")
+    chain = fl.lump(scene)
+    rest = fl.solve_static(chain, chain.rest)
+    assert rest.stable
+    assert rest.residual <= 1e-9
+    zero = np.zeros(chain.n)
+    assert fl.energy(chain, rest.q, zero).gravity < fl.energy(chain, chain.rest, zero).gravity, "down, not up"
+    weightless = dataclasses.replace(chain, gravity=np.zeros(3))
+    with pytest.raises(ConvergenceError):
+        fl.solve_static(weightless, tau=np.eye(chain.n)[0])
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda"])
+def test_a_joint_along_gravity_stays_where_it_is(name: str) -> None:
+    scene = fl.load_scene(ROOT / "models" / "robots" / f"{name}.toml")
+    chain = fl.lump(scene)
+    start = fl.initial_state(scene, chain)[0]
+    rest = fl.solve_static(chain, start)
+    assert rest.q[0] == pytest.approx(start[0], abs=1e-9)
+    assert rest.residual <= 1e-9
+
+
+def test_displacements_are_those_of_the_points(chain: fl.Chain, rng: Rng) -> None:
+    """A quarter turn forth and back is exact: every point goes round on a circle."""
+    q = random_state(chain, rng)[0]
+    turned = np.array(
+        [
+            (fl.frames(chain, q + quarter).points - fl.frames(chain, q - quarter).points) / 2
+            for quarter in np.pi / 2 * np.eye(chain.n)
+        ]
+    )
+    assert displacements(chain, q, np.eye(chain.n)) == pytest.approx(turned, abs=1e-13 * chain.reach)
+
+
+def test_springs_alone_need_no_elimination() -> None:
+    chain = dataclasses.replace(cantilever("midpoint", 5), gravity=np.zeros(3))
+    motion = SmallMotion(chain, chain.rest, np.zeros(5), np.zeros(6), False, np.zeros(5, bool))
+    assert motion.eliminate(K_ALONE, np.ones(5), chain.stiffness) == 0
+    assert motion.solve(np.ones((1, 5)))[0][0] == pytest.approx(1 / chain.stiffness, rel=1e-15)
