@@ -11,20 +11,27 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.dynamics.vibration.extremes import fastest_frequency
+from flexlink.inputs.problem import problem_of
 from flexlink.motion.method_choice import SMALL, STIFF, cheapest
 
-CHAIN = fl.lump(make_scene(flexible("a", segments=3)))
+SCENE = make_scene(flexible("a", segments=3))
+CHAIN = fl.lump(SCENE)
 FASTEST = fastest_frequency(CHAIN, np.zeros(CHAIN.n))
 
 
-def chosen(duration: float, part: float = 1e-4, **hinges: float) -> str:
+def chosen(duration: float, part: float = 1e-4, drive: dict[str, Any] | None = None, **hinges: float) -> str:
     """The method for a run of this length with an error of this part of the reach, springs like those of `CHAIN`."""
+    scene = SCENE if drive is None else SCENE.varied({"drive": drive})
     changed = CHAIN.hinges.copy()
     for name, value in hinges.items():
         changed[name][CHAIN.stiffness > 0] = value
     chain = dataclasses.replace(CHAIN, hinges=changed)
     record = SimpleNamespace(
-        chain=chain, q=np.zeros((1, chain.n)), qd=np.zeros((1, chain.n)), run=SimpleNamespace(duration=duration)
+        chain=chain,
+        q=np.zeros((1, chain.n)),
+        qd=np.zeros((1, chain.n)),
+        run=SimpleNamespace(duration=duration),
+        inputs=problem_of(scene, CHAIN).inputs,
     )
     return cheapest(cast("Any", record), part * chain.reach, 10.0).method
 
@@ -41,3 +48,13 @@ def test_high_order_is_for_small_tolerances_and_not_for_dry_friction() -> None:
     assert chosen(duration, 10 * SMALL) == "Radau5"
     assert chosen(duration, 0.1 * SMALL) == "Radau9"
     assert chosen(duration, 0.1 * SMALL, coulomb=1.0) == "Radau5"
+
+
+def test_gains_of_a_drive_and_dry_friction_make_an_arm_stiff() -> None:
+    duration = 0.1 * STIFF / FASTEST
+    stiff, braked = 1e6 * float(CHAIN.stiffness.max()), 1e6 * float(CHAIN.stiffness.max()) / FASTEST
+    pd = {"kind": "pd", "kp": [0.0], "kd": [0.0], "target_deg": [0.0]}
+    assert chosen(duration, drive=pd) == "DOP853"
+    assert chosen(duration, drive={**pd, "kp": [stiff]}) == "Radau5"
+    assert chosen(duration, drive={**pd, "kd": [braked]}) == "Radau5"
+    assert chosen(duration, coulomb=braked, coulomb_width=1.0) == "Radau5"

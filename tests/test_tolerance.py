@@ -189,21 +189,6 @@ def test_a_run_says_which_method_was_picked_why_and_what_it_took() -> None:
     assert (picked.method, picked.why) == ("DOP853", "not stiff: fastest mode 0 rad/s")
 
 
-@pytest.mark.parametrize(
-    ("changes", "wanted"),
-    [
-        ({"material.aluminium.young": 7e8}, "DOP853 (soft: stiffness by gravity and rotation is 0.1"),
-        ({"material.aluminium.young": 7e8, "link.*.flex": "yz"}, "Radau5"),
-        ({}, "Radau5"),
-    ],
-)  # fmt: skip
-def test_a_soft_arm_that_twists_is_left_to_an_explicit_method(models, changes: dict[str, Any], wanted: str) -> None:
-    """Radau5 follows its twist with a third of Newton's iterations in vain: four times what DOP853 takes."""
-    scene = fl.load_scene(models / "t3_spatial.toml").varied({"link.*.segments": 8, **changes})
-    run = fl.simulate(scene, tolerance=1e-3, duration=1.0, sample=0.05)
-    assert str(run.steps).startswith(wanted)
-
-
 def test_deflections_are_followed_where_they_are_asked_for() -> None:
     """Slack springs under a sudden load ring: too little to matter for the tip, and half of the deflection."""
     scene = swinging(**{"material.aluminium.loss_time": 0.0, "run.duration": 0.5})

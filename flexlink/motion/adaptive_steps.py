@@ -78,6 +78,7 @@ class AdaptiveSteps:
 
     def __init__(self, monitor: RunMonitor) -> None:
         often = 20  # failures of the Newton iteration before Python considers an explicit method
+        self.look_at = 2000  # evaluations, likewise
         record, run = monitor.record, monitor.run
         self.failure: Failure | None = None
         self.record, self.run, self.control, self.inputs = record, run, monitor.control, record.inputs
@@ -314,13 +315,16 @@ class AdaptiveSteps:
         return self.work, forward, inputs, self.settings, self.count, state, self.knots, samples, most
 
     def _explicit_is_cheaper(self, how: int) -> bool:
-        """Whether the iteration of a method that was picked fails so often that DOP853's stable steps take less."""
-        failed, patience = int(self.count[COUNT.failed]), int(self.count[COUNT.max_failures])
+        """Whether DOP853's stable steps take less than those so far of an implicit method that was picked.
+
+        It is asked where the iteration fails often, or the run takes many evaluations, each time twice as many.
+        """
         if self.run.method != AUTO or self.method.explicit or how == OUTCOME.ended:
             return False
-        if failed < patience and how != OUTCOME.stuck:
+        failed, patience = int(self.count[COUNT.failed]), int(self.count[COUNT.max_failures])
+        if failed < patience and self._evaluations() < self.look_at and how != OUTCOME.stuck:
             return False
-        self.count[COUNT.max_failures] = 2 * failed
+        self.count[COUNT.max_failures], self.look_at = max(patience, 2 * failed), 2 * self._evaluations()
         try:
             now = float(self.work.stepper[STEPPER.time])
             explicit = method(EXPLICIT).stages / longest_step(EXPLICIT, self.record, now, self.state)

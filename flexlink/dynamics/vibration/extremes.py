@@ -7,6 +7,7 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
@@ -49,7 +50,7 @@ def _slowest_frequency(chain: Chain, q: Array) -> float:
         return np.inf
     square = smallest_square(chain.arrays, q, parts.bent, parts.free, PASSES, CLOSE)
     if np.isnan(square):  # a torque is beyond float64: this names it
-        inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), (parts.stiffness > 0) * 1.0)
+        inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), ((chain.stiffness > 0) & parts.moving) * 1.0)
     return float(np.sqrt(square)) if square > 0 else np.inf
 
 
@@ -58,8 +59,7 @@ class _Parts(NamedTuple):
 
     bent: Indices  # numbers of those with a spring
     free: Indices  # and of the others
-    stiffness: Array  # (n,), 0 where motion is prescribed, and so
-    damping: Array
+    moving: NDArray[np.bool_]  # (n,) whether it is one of them
 
 
 def _parts(chain: Chain) -> _Parts:
@@ -68,24 +68,25 @@ def _parts(chain: Chain) -> _Parts:
 
 def _parts_of(chain: Chain) -> _Parts:
     moving, springs = chain.hinges["prescribed"] == 0, chain.stiffness > 0
-    bent, free = np.flatnonzero(springs & moving), np.flatnonzero(~springs & moving)
-    return _Parts(bent, free, np.where(moving, chain.stiffness, 0.0), np.where(moving, chain.damping, 0.0))
+    return _Parts(np.flatnonzero(springs & moving), np.flatnonzero(~springs & moving), moving)
 
 
-def fastest_frequency(chain: Chain, q: Array) -> float:
-    """Highest angular frequency of the springs [rad/s], as an estimate from below: K φ = ω² M φ.
+def fastest_frequency(chain: Chain, q: Array, stiffness: Array | None = None) -> float:
+    """Highest angular frequency of springs [rad/s], the chain's or others, as an estimate from below: K φ = ω² M φ.
 
     0 if there is none; inf where rounding leaves a joint nothing of its inertia.
     """
-    find = functools.partial(_largest_eigenvalue, chain, q, _parts(chain).stiffness)
-    return float(np.sqrt(FOUND(chain, ("stiffness", q.tobytes()), find)))
+    return float(np.sqrt(_found(chain, "stiffness", q, chain.stiffness if stiffness is None else stiffness)))
 
 
-def fastest_decay(chain: Chain, q: Array) -> float:
-    """Highest rate at which the dampers alone take away a speed [1/s], as an estimate from below: D φ = δ M φ."""
-    return FOUND(
-        chain, ("damping", q.tobytes()), functools.partial(_largest_eigenvalue, chain, q, _parts(chain).damping)
-    )
+def fastest_decay(chain: Chain, q: Array, damping: Array | None = None) -> float:
+    """Highest rate at which dampers, the chain's or others, take away a speed [1/s], from below: D φ = δ M φ."""
+    return _found(chain, "damping", q, chain.damping if damping is None else damping)
+
+
+def _found(chain: Chain, name: str, q: Array, weights: Array) -> float:
+    find = functools.partial(_largest_eigenvalue, chain, q, np.where(_parts(chain).moving, weights, 0.0))
+    return FOUND(chain, (name, q.tobytes(), weights.tobytes()), find)
 
 
 def _largest_eigenvalue(chain: Chain, q: Array, weights: Array) -> float:
