@@ -54,12 +54,12 @@ def _slowest_frequency(chain: Chain, q: Array) -> float:
 
 
 class _Parts(NamedTuple):
-    """Of the joints whose motion is not prescribed."""
+    """Of a chain."""
 
-    bent: Indices  # numbers of those with a spring
+    bent: Indices  # numbers of the joints with a spring whose motion is not prescribed,
     free: Indices  # and of the others
-    stiffness: Array  # (n,), 0 where motion is prescribed, and so
-    damping: Array
+    stiffness: Array  # (n,) of all joints
+    damping: Array  # (n,)
 
 
 def _parts(chain: Chain) -> _Parts:
@@ -69,7 +69,7 @@ def _parts(chain: Chain) -> _Parts:
 def _parts_of(chain: Chain) -> _Parts:
     moving, springs = chain.hinges["prescribed"] == 0, chain.stiffness > 0
     bent, free = np.flatnonzero(springs & moving), np.flatnonzero(~springs & moving)
-    return _Parts(bent, free, np.where(moving, chain.stiffness, 0.0), np.where(moving, chain.damping, 0.0))
+    return _Parts(bent, free, chain.stiffness.copy(), chain.damping.copy())
 
 
 def fastest_frequency(chain: Chain, q: Array) -> float:
@@ -89,7 +89,7 @@ def fastest_decay(chain: Chain, q: Array) -> float:
 
 
 def _largest_eigenvalue(chain: Chain, q: Array, weights: Array) -> float:
-    """Largest λ of W φ = λ M φ, W diagonal: the power iteration φ ← M⁻¹ W φ."""
+    """Largest λ of W φ = λ M φ, W diagonal: the power iteration φ ← M⁻¹ W φ, at rest where motion is prescribed."""
     if not weights.any():
         return 0.0
     posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
