@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -44,8 +45,12 @@ class Record:
         self.works = np.zeros(len(t))
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.step)
         self.kept = Kept() if kept is None else kept
-        self.scratch = self.kept("forward dynamics", None, problem.workspace)
         self._derive: Callable[..., None] | None = None
+
+    @property
+    def scratch(self) -> Any:
+        """Scratch of the run's solver of forward dynamics."""
+        return self.kept("forward dynamics", None, self.problem.workspace)
 
     @property
     def samples(self) -> tuple[Array, ...]:
