@@ -414,8 +414,8 @@ def allocate(
         ) from None
     record.q[0], record.qd[0] = problem.q, problem.qd
     if not record.kept.types:  # all else that kernels are given here is made in one way
-        own = chain.arrays, problem.inputs, record.scratch, (1 if chain.is_planar else 1.0)
-        record.kept.types = types_of(*own)
+        solver = f"{run.solver} {chain.is_planar}".encode()
+        record.kept.types = types_of(chain.arrays, problem.inputs) + solver
     about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
     monitor = RunMonitor(record, record.kept("step", about, lambda: judge_step(problem)), control)
     if control is not None:

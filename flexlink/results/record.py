@@ -49,7 +49,7 @@ class Record:
 
     @property
     def scratch(self) -> Any:
-        """Scratch of the run's solver."""
+        """Scratch of the run's solver of forward dynamics."""
         return self.kept("forward dynamics", None, self.problem.workspace)
 
     @property

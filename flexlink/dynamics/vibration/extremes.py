@@ -7,7 +7,6 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
@@ -50,16 +49,15 @@ def _slowest_frequency(chain: Chain, q: Array) -> float:
         return np.inf
     square = smallest_square(chain.arrays, q, parts.bent, parts.free, PASSES, CLOSE)
     if np.isnan(square):  # a torque is beyond float64: this names it
-        inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), ((chain.stiffness > 0) & parts.moving) * 1.0)
+        inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), (chain.stiffness > 0) * 1.0)
     return float(np.sqrt(square)) if square > 0 else np.inf
 
 
 class _Parts(NamedTuple):
-    """Of the joints whose motion is not prescribed."""
+    """Of a chain."""
 
-    bent: Indices  # numbers of those with a spring
+    bent: Indices  # numbers of the joints with a spring whose motion is not prescribed,
     free: Indices  # and of the others
-    moving: NDArray[np.bool_]  # (n,) whether it is one of them
 
 
 def _parts(chain: Chain) -> _Parts:
@@ -68,7 +66,7 @@ def _parts(chain: Chain) -> _Parts:
 
 def _parts_of(chain: Chain) -> _Parts:
     moving, springs = chain.hinges["prescribed"] == 0, chain.stiffness > 0
-    return _Parts(np.flatnonzero(springs & moving), np.flatnonzero(~springs & moving), moving)
+    return _Parts(np.flatnonzero(springs & moving), np.flatnonzero(~springs & moving))
 
 
 def fastest_frequency(chain: Chain, q: Array, stiffness: Array | None = None) -> float:
@@ -85,12 +83,12 @@ def fastest_decay(chain: Chain, q: Array, damping: Array | None = None) -> float
 
 
 def _found(chain: Chain, name: str, q: Array, weights: Array) -> float:
-    find = functools.partial(_largest_eigenvalue, chain, q, np.where(_parts(chain).moving, weights, 0.0))
+    find = functools.partial(_largest_eigenvalue, chain, q, weights)
     return FOUND(chain, (name, q.tobytes(), weights.tobytes()), find)
 
 
 def _largest_eigenvalue(chain: Chain, q: Array, weights: Array) -> float:
-    """Largest λ of W φ = λ M φ, W diagonal: the power iteration φ ← M⁻¹ W φ."""
+    """Largest λ of W φ = λ M φ, W diagonal: the power iteration φ ← M⁻¹ W φ, at rest where motion is prescribed."""
     if not weights.any():
         return 0.0
     posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
