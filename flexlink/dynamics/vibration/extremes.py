@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import NamedTuple
 
 import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
-from flexlink.common.types import Array, Indices
+from flexlink.common.types import Array
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
@@ -44,29 +43,14 @@ def slowest_frequency(chain: Chain, q: Array) -> float:
 
 
 def _slowest_frequency(chain: Chain, q: Array) -> float:
-    parts = _parts(chain)
-    if not len(parts.bent):
-        return np.inf
-    square = smallest_square(chain.arrays, q, parts.bent, parts.free, PASSES, CLOSE)
-    if np.isnan(square):  # a torque is beyond float64: this names it
-        inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), (chain.stiffness > 0) * 1.0)
-    return float(np.sqrt(square)) if square > 0 else np.inf
-
-
-class _Parts(NamedTuple):
-    """Of a chain."""
-
-    bent: Indices  # numbers of the joints with a spring whose motion is not prescribed,
-    free: Indices  # and of the others
-
-
-def _parts(chain: Chain) -> _Parts:
-    return FOUND(chain, "parts", lambda: _parts_of(chain))
-
-
-def _parts_of(chain: Chain) -> _Parts:
     moving, springs = chain.hinges["prescribed"] == 0, chain.stiffness > 0
-    return _Parts(np.flatnonzero(springs & moving), np.flatnonzero(~springs & moving))
+    bent, free = np.flatnonzero(springs & moving), np.flatnonzero(~springs & moving)
+    if not len(bent):
+        return np.inf
+    square = smallest_square(chain.arrays, q, bent, free, PASSES, CLOSE)
+    if np.isnan(square):  # a torque is beyond float64: this names it
+        inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), springs * 1.0)
+    return float(np.sqrt(square)) if square > 0 else np.inf
 
 
 def fastest_frequency(chain: Chain, q: Array, stiffness: Array | None = None) -> float:
