@@ -60,8 +60,8 @@ errors at the end are at most 2.5 tolerances, 14 if it counts once."""
 FEW_PASSES = 12
 """Newton iterations of a step with a tolerance, after which a shorter step is cheaper."""
 
-EXPLICIT = "DOP853"
-"""The method that takes over from an automatically chosen implicit one whose Newton iteration keeps failing."""
+EXPLICIT, IMPLICIT = "DOP853", "Radau5"
+"""Methods that take over from an automatically chosen one of the other kind, once in a run."""
 
 PARTS = (2, 4, 8, 16, 32, 64)
 """Parts of a fixed step whose stages Newton's iteration does not find; in half a step it converges 4 times as fast."""
@@ -77,8 +77,11 @@ class AdaptiveSteps:
     """Stepper of a run; `failure` says why it ended early."""
 
     def __init__(self, monitor: RunMonitor) -> None:
-        often = 20  # failures of the Newton iteration before Python considers an explicit method
-        self.look_at = 2000  # evaluations, likewise
+        often = 20  # failures of the Newton iteration before Python considers another method
+        self.look_at, self.taken_over = (
+            4000,
+            False,
+        )  # evaluations after which another method is considered; whether one is
         record, run = monitor.record, monitor.run
         self.failure: Failure | None = None
         self.record, self.run, self.control, self.inputs = record, run, monitor.control, record.inputs
@@ -224,8 +227,8 @@ class AdaptiveSteps:
             left = max(0, last - int(self.count[COUNT.steps]))
             over = self.count[COUNT.knot] == len(self.knots)
             how = OUTCOME.ended if over else int(self._take_steps(*self._arguments(left)))
-        if self._explicit_is_cheaper(how):
-            how = self._go_on_explicitly()
+        if other := self._other_is_cheaper(how):
+            how = self._go_on_with(other)
         if how == OUTCOME.stuck:
             self.failure = self._stuck()
         return how
@@ -314,32 +317,39 @@ class AdaptiveSteps:
         inputs, state, samples, forward = self.inputs, self.state, self.samples, self.record.scratch
         return self.work, forward, inputs, self.settings, self.count, state, self.knots, samples, most
 
-    def _explicit_is_cheaper(self, how: int) -> bool:
-        """Whether DOP853's stable steps take less than those so far of an implicit method that was picked.
+    def _other_is_cheaper(self, how: int) -> str:
+        """Which other method takes less for the rest of a run whose method was picked; empty: none.
 
-        It is asked where the iteration fails often, or the run takes many evaluations, each time twice as many.
+        DOP853's stable steps may take less than an implicit method did so far; and steps of DOP853 that are not much
+        shorter than the largest stable one are as short for the sake of vibrations alone. It is asked where Newton's
+        iteration fails often, or the run takes many evaluations, each time twice as many.
         """
-        if self.run.method != AUTO or self.method.explicit or how == OUTCOME.ended:
-            return False
-        failed, patience = int(self.count[COUNT.failed]), int(self.count[COUNT.max_failures])
-        if failed < patience and self._evaluations() < self.look_at and how != OUTCOME.stuck:
-            return False
-        self.count[COUNT.max_failures], self.look_at = max(patience, 2 * failed), 2 * self._evaluations()
+        nearly_unstable = 0.3  # part of the largest stable step: what the error asks for is rarely that long
+        stuck = how == OUTCOME.stuck
+        if self.run.method != AUTO or how == OUTCOME.ended or self.taken_over:
+            return ""
+        failed = int(self.count[COUNT.failed])
+        if failed >= self.count[COUNT.max_failures]:
+            self.count[COUNT.max_failures] = 2 * failed
+        if self._evaluations() < self.look_at and not stuck:
+            return ""
+        self.look_at = 2 * self._evaluations()
+        now, step = float(self.work.stepper[STEPPER.time]), float(self.work.stepper[STEPPER.step])
         try:
-            now = float(self.work.stepper[STEPPER.time])
-            explicit = method(EXPLICIT).stages / longest_step(EXPLICIT, self.record, now, self.state)
+            longest = longest_step(EXPLICIT, self.record, now, self.state)
         except FlexlinkError:  # of a posture whose M is singular, or nearly so
-            return False
-        past = now - self.record.t[0]
-        return explicit * past < self._evaluations() or how == OUTCOME.stuck
+            return ""
+        if self.method.explicit:
+            return IMPLICIT if step >= nearly_unstable * longest or stuck else ""
+        explicit = method(EXPLICIT).stages * (now - self.record.t[0]) / longest
+        return EXPLICIT if 2 * explicit < self._evaluations() or stuck else ""
 
-    def _go_on_explicitly(self) -> int:
-        """Take the rest of the run with DOP853, from where it is."""
+    def _go_on_with(self, name: str) -> int:
+        """Take the rest of the run with another method, from where it is."""
         before, self.evaluations_before, end = self.work.stepper, self._evaluations(), self.end
-        failed = f"{self.name} until t = {before[STEPPER.time]:.3g} s: its iteration failed too often"
+        time, self.taken_over = float(before[STEPPER.time]), True
         self.count[COUNT.iterations] = 0
-        time = float(before[STEPPER.time])
-        self._take(Choice(EXPLICIT, f"{self.why}; {failed}"), time)
+        self._take(Choice(name, f"{self.why}; {self.name} until t = {time:.3g} s: its steps became too short"), time)
         self._aim(time, end)
         now, carried = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
         now[carried], now[STEPPER.step] = before[carried], min(before[STEPPER.step], self.settings[-1])
