@@ -339,18 +339,18 @@ def test_fixed_implicit_steps_end_where_a_table_has_a_kink_and_then_on_their_own
 
 
 @pytest.mark.slow
-def test_a_heavy_load_at_which_the_iteration_fails_is_left_to_an_explicit_method(models: Path) -> None:
-    """Its weight is stiffer than the springs: Radau5 takes steps of 14 μs, a twentieth of what DOP853 may take."""
-    scene = fl.load_scene(models / "t3_spatial.toml")
-    scene = scene.varied({"tip.mass": 1e3, "run.relative_tolerance": 1e-4, "run.duration": 0.15})
+def test_a_soft_arm_that_whips_is_left_to_an_explicit_method(models: Path) -> None:
+    """It bends far and fast: after a while steps of Radau5 are no longer than those that DOP853 may take."""
+    scene = fl.load_scene(models / "t3_spatial.toml").varied({"tip.mass": 20.0, "material.aluminium.young": 2e8})
+    scene = scene.varied({"run.relative_tolerance": 1e-4, "run.duration": 0.5})
     runs = {name: fl.simulate(scene, method=name) for name in ("auto", "Radau5")}
     exact = fl.simulate(scene, method="DOP853", relative_tolerance=1e-8)
     picked, named = (run.steps for run in runs.values())
     assert picked is not None
     assert named is not None
     assert picked.method == "DOP853"
-    assert "its iteration failed too often" in picked.why
-    assert picked.evaluations < named.evaluations / 10
+    assert "its steps became too short" in picked.why
+    assert picked.evaluations < 0.8 * named.evaluations
     assert np.abs(runs["auto"].tip - exact.tip).max() <= 1e-3
 
 

@@ -78,10 +78,7 @@ class AdaptiveSteps:
 
     def __init__(self, monitor: RunMonitor) -> None:
         often = 20  # failures of the Newton iteration before Python considers another method
-        self.look_at, self.taken_over = (
-            4000,
-            False,
-        )  # evaluations after which another method is considered; whether one is
+        self.look_at, self.taken_over = 400, False  # tries of steps, likewise; whether one goes on
         record, run = monitor.record, monitor.run
         self.failure: Failure | None = None
         self.record, self.run, self.control, self.inputs = record, run, monitor.control, record.inputs
@@ -191,6 +188,10 @@ class AdaptiveSteps:
     def _evaluations(self) -> int:
         return self.evaluations_before + int(self.count[COUNT.iterations]) * self.method.stages
 
+    def _tries(self) -> int:
+        """Steps that were tried so far."""
+        return int(self.count[[COUNT.steps, COUNT.rejected, COUNT.failed]].sum())
+
     def _take(self, choice: Choice, now: float) -> None:
         """Prepare steps by a method from a time on; compiles, while no signal is deferred."""
         record, (self.name, self.why) = self.record, choice
@@ -221,6 +222,8 @@ class AdaptiveSteps:
 
     def _advance(self, most: int) -> int:
         """Take up to so many steps, to the end of the piece; goes on with another method where that is cheaper."""
+        if self.run.method == AUTO and not self.taken_over:
+            most = min(most, max(1, self.look_at - self._tries()))
         last = int(self.count[COUNT.steps]) + most
         how = int(self._take_steps(*self._arguments(most)))
         while how == OUTCOME.stuck and not self.run.controlled and self._step_in_parts():
@@ -322,7 +325,7 @@ class AdaptiveSteps:
 
         DOP853's stable steps may take less than an implicit method did so far; and steps of DOP853 that are not much
         shorter than the largest stable one are as short for the sake of vibrations alone. It is asked where Newton's
-        iteration fails often, or the run takes many evaluations, each time twice as many.
+        iteration fails often, or the run takes many steps, each time twice as many.
         """
         nearly_unstable = 0.3  # part of the largest stable step: what the error asks for is rarely that long
         stuck = how == OUTCOME.stuck
@@ -331,9 +334,9 @@ class AdaptiveSteps:
         failed = int(self.count[COUNT.failed])
         if failed >= self.count[COUNT.max_failures]:
             self.count[COUNT.max_failures] = 2 * failed
-        if self._evaluations() < self.look_at and not stuck:
+        if self._tries() < self.look_at and not stuck:
             return ""
-        self.look_at = 2 * self._evaluations()
+        self.look_at = 2 * self._tries()
         now, step = float(self.work.stepper[STEPPER.time]), float(self.work.stepper[STEPPER.step])
         try:
             longest = longest_step(EXPLICIT, self.record, now, self.state)

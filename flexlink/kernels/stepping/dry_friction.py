@@ -15,14 +15,14 @@ import math
 from flexlink.kernels.forward.mass_plus_diagonal import solve
 from flexlink.kernels.stepping.implicit_layout import COUPLING, STAGE, VECTOR
 from flexlink.kernels.stepping.newton import add_change, changes, inertia_beyond
-from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.solve import solve_lu
 
 ROW = numbered("free v step f slope")  # of `Turning.rows`: v⁰, V, what one iteration adds to V, f(V) and f'(V)
 
 
-@recursion
+@subroutine
 def note_turning(h, qd, work):
     """Add joints that friction may stop within the step to those where it has its own law; whether there are any.
 
@@ -52,7 +52,7 @@ def is_noted(k, turning):
     return noted
 
 
-@recursion
+@subroutine
 def factor_turning(h, work):
     """Y = (M + A_λ)⁻¹ of these joints' columns, and G; after `factor_all`."""
     method, turning, s = work.method, work.turning, work.stages.shape[1]
@@ -96,7 +96,7 @@ def leave_out_friction(work):
             work.stages[STAGE.residual, i, k] += hinge.coulomb * part
 
 
-@recursion
+@subroutine
 def put_in_friction(h, qd, work):
     """K −= L⁻¹ f(V), after K has been improved without friction; whether V was found."""
     turning, stages = work.turning, work.stages

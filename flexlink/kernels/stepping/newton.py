@@ -31,7 +31,7 @@ from flexlink.kernels.forward.mass_plus_diagonal import (
 )
 from flexlink.kernels.stepping.implicit_layout import STAGE, VECTOR, WEIGHT
 from flexlink.kernels.stepping.step_state import STEPPER
-from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 
 
 @inlined
@@ -87,7 +87,7 @@ def inertia_beyond(k, work):
     return abs(1.0 / work.factors_pairs[0, k, FACTORS.inverse] - work.factors_pairs[0, k, FACTORS.A])
 
 
-@recursion
+@subroutine
 def factor_stages(work):
     """Prepare M(Q_i) + A_γ of every stage, at the angles where the iteration begins."""
     for i in range(work.stages.shape[1]):
@@ -98,7 +98,7 @@ def factor_stages(work):
         factor(factors, posture)
 
 
-@recursion
+@subroutine
 def divide_stages(work):
     """w_i = (M(Q_i) + A_γ)⁻¹ R_i."""
     for i in range(work.stages.shape[1]):
