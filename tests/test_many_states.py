@@ -81,12 +81,13 @@ def test_states_far_turned_keep_their_digits(rng) -> None:
 
 @pytest.mark.parametrize("derivatives", [fl.forward_dynamics_derivatives, fl.inverse_dynamics_derivatives])
 @pytest.mark.parametrize("frame", ["world", "tip"])
-def test_derivatives_of_many_states_are_those_of_each_to_the_bit(derivatives, frame, chain: fl.Chain, rng) -> None:
+def test_derivatives_of_many_states_are_those_of_each(derivatives, frame, chain: fl.Chain, rng) -> None:
+    """But for rounding: a loop over states and a single call are compiled apart, and contract a·b + c apart."""
     states, wrenches = batch(chain, rng, 3), rng.normal(size=(3, 6))
     parts = [states[name] for name in ("q", "qd", "tau")]
     many = derivatives(chain, *parts, tip_wrench=wrenches, frame=frame)
     singles = [derivatives(chain, *(part[k] for part in parts), tip_wrench=wrenches[k], frame=frame) for k in range(3)]
-    equal(many, singles)
+    equal(many, singles, rtol=1e-12)  # a few roundings, times cond(M)
     none = derivatives(chain, *(part[:0] for part in parts), frame=frame)
     assert {field.shape for field in fields(none)} == {(0, chain.n, chain.n)}
 
