@@ -67,7 +67,7 @@ PARTS = (2, 4, 8, 16, 32, 64)
 """Parts of a fixed step whose stages Newton's iteration does not find; in half a step it converges 4 times as fast."""
 
 NEVER = 2**62
-"""Steps, or failures, that do not end anything."""
+"""Steps that do not end anything."""
 
 NEAR = 1e-9
 """Part of the time between samples within which two times are one."""
@@ -77,7 +77,6 @@ class AdaptiveSteps:
     """Stepper of a run; `failure` says why it ended early."""
 
     def __init__(self, monitor: RunMonitor) -> None:
-        often = 20  # failures of the Newton iteration before Python considers another method
         self.look_at, self.taken_over = 400, False  # tries of steps, likewise; whether one goes on
         record, run = monitor.record, monitor.run
         self.failure: Failure | None = None
@@ -88,7 +87,7 @@ class AdaptiveSteps:
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n), np.zeros(2)
         self.tau = np.zeros(record.chain.n)
         self.count, self.evaluations_before = np.zeros(COUNT.size, np.int64), 0
-        self.count[COUNT.row], self.count[COUNT.max_failures] = 1, often if run.method == AUTO else NEVER
+        self.count[COUNT.row] = 1
         self.samples = record.t, record.q, record.qd, record.works
         about = record.q[0].tobytes(), record.qd[0].tobytes()
         self._take(record.kept("choice", about, lambda: choose(run, record, self.slowest)), start)
@@ -324,16 +323,13 @@ class AdaptiveSteps:
         """Which other method takes less for the rest of a run whose method was picked; empty: none.
 
         DOP853's stable steps may take less than an implicit method did so far; and steps of DOP853 that are not much
-        shorter than the largest stable one are as short for the sake of vibrations alone. It is asked where Newton's
-        iteration fails often, or the run takes many steps, each time twice as many.
+        shorter than the largest stable one are as short for the sake of vibrations alone. It is asked after 400 tries
+        of steps, and each time after twice as many.
         """
         nearly_unstable = 0.3  # part of the largest stable step: what the error asks for is rarely that long
         stuck = how == OUTCOME.stuck
         if self.run.method != AUTO or how == OUTCOME.ended or self.taken_over:
             return ""
-        failed = int(self.count[COUNT.failed])
-        if failed >= self.count[COUNT.max_failures]:
-            self.count[COUNT.max_failures] = 2 * failed
         if self._tries() < self.look_at and not stuck:
             return ""
         self.look_at = 2 * self._tries()

@@ -84,8 +84,6 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
             refuse(h, error / tolerance, p, stepper, count)
             if stepper[STEPPER.step] <= smallest:
                 return OUTCOME.stuck
-            if count[COUNT.failed] == count[COUNT.max_failures]:
-                return OUTCOME.goes_on
             continue
         sample(t, h, inputs, state, work, count, samples, tau)
         wanted = following(h, error / tolerance, p, iterations, stepper)

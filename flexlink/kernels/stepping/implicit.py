@@ -151,15 +151,6 @@ def likely_contraction(h, moved, stepper):
 
 
 @inlined
-def has_dry_friction(hinges):
-    """Whether any joint has dry friction."""
-    largest = 0.0
-    for k in range(len(hinges)):
-        largest = max(largest, hinges[k].coulomb)
-    return largest > 0.0
-
-
-@inlined
 def predict(h, work):
     """K from the last step's polynomial; from 0 after none, or a much shorter one: h² would magnify stiff noise."""
     c, qdd, before = work.method.weights[WEIGHT.c], work.stages[STAGE.qdd], work.stages[STAGE.last_qdd]
@@ -228,7 +219,7 @@ def unsettled(h, work):
     The slope of friction at rest moves such a joint by next to nothing, however far it is from where it belongs.
     """
     δ, largest = work.vectors[VECTOR.q_middle], 0.0
-    if not has_dry_friction(work.chain.hinges):
+    if len(work.turning.dry) == 0:
         return largest
     for i in range(work.stages.shape[1]):
         for k in range(len(δ)):
@@ -324,7 +315,7 @@ def estimate(h, qd, qdd, tolerance, work):
     hγ, vectors = h * work.method.γ, work.vectors
     if hγ == 0.0 or tolerance == math.inf:  # none is estimated, or none is asked for
         return 0.0
-    if has_dry_friction(work.chain.hinges):
+    if len(work.turning.dry) > 0:
         shift_rotors(hγ, work.new[1], work.factors[0], work)
         factor(work.factors[0], work.posture)
     e_q, e_v = vectors[VECTOR.q_middle], vectors[VECTOR.qd_middle]

@@ -24,7 +24,6 @@ COUNT = numbered(
     "steps rejected failed",  # taken; refused for their error, and for their iteration
     "iterations",
     "knot row",  # numbers of the next knot and sample
-    "max_failures",  # of iterations before Python is asked
 )
 REFUSAL = numbered("none error iteration")
 """Why a step was refused: not at all; for its error; for an iteration that did not end."""
