@@ -170,8 +170,6 @@ def _is_damped_or_spatial(name: str) -> bool:
 
 
 def _cost(group: str, name: str, points: Sequence[Point], error: float) -> Cost | None:
-    if len(points) == 1 and points[0].time_only:
-        return Cost(points[0].seconds, "limit")
     return cost(points, error, ORDERS_OF_OTHERS.get(group, {}).get(name, ORDER_OF_RK4))
 
 

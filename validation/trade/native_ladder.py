@@ -2,15 +2,15 @@
 
 Those of an explicit method begin at its limit of stability, those of an implicit one at the time between outputs.
 
-The clock runs while steps are taken and the states of samples filled in, as MuJoCo's runs in `mj_step`; setting a run
-up, and tips, energies and the judgement of its samples, cost another few milliseconds, whatever its length.
+The clock of `timed_run` runs while steps are taken and the states of samples filled in, as MuJoCo's runs in `mj_step`;
+those of `whole_calls` time set-up, tips, energies and the judgement of samples, too.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from flexlink.common.errors import FlexlinkError
@@ -56,7 +56,11 @@ class TooDearError(FlexlinkError):
     """A run takes longer than it may."""
 
 
-def by_tolerance(name: str, method: str, budget: float, smallest: float) -> list[Point]:
+Clock = Callable[[Scene, float], Timed]
+"""Makes a run and times it; one that takes longer than so many seconds may raise a TooDearError."""
+
+
+def by_tolerance(name: str, method: str, budget: float, smallest: float, clock: Clock = timed_run) -> list[Point]:
     """Runs of a method with finer and finer tolerances, until both errors are met or a run passes the budget.
 
     Where a finer one takes no more evaluations, stability sets the steps, and the next tolerances are left out.
@@ -66,7 +70,7 @@ def by_tolerance(name: str, method: str, budget: float, smallest: float) -> list
         tolerance = COARSEST * motion * FINER**rung
         try:
             run = scene.varied({"run.method": method, "run.tolerance": tolerance})
-            points.append(_point(name, run, tolerance, TOO_DEAR * budget))
+            points.append(_point(name, run, tolerance, TOO_DEAR * budget, clock))
         except TooDearError:  # finer ones would be, too
             break
         if points[-1].worst <= smallest or points[-1].seconds >= budget:
@@ -81,7 +85,7 @@ def _bound_by_stability(points: Sequence[Point]) -> bool:
     return abs(last - before) < 0.02 * before
 
 
-def _point(name: str, scene: Scene, setting: float, longest: float = math.inf) -> Point:
+def _point(name: str, scene: Scene, setting: float, longest: float = math.inf, clock: Clock = timed_run) -> Point:
     """The fastest of some runs, more of them if they are short, one if it is long; an error of infinity if it fails.
 
     Raises
@@ -90,9 +94,9 @@ def _point(name: str, scene: Scene, setting: float, longest: float = math.inf) -
         A run takes more than `longest` [s].
     """
     try:
-        runs = [timed_run(scene, longest)]
+        runs = [clock(scene, longest)]
         more = 4 if runs[0].seconds < 0.01 else 1 if runs[0].seconds < 0.2 else 0
-        runs += [timed_run(scene) for _ in range(more)]
+        runs += [clock(scene, math.inf) for _ in range(more)]
     except TooDearError:
         raise
     except FlexlinkError:

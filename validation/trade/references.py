@@ -15,6 +15,7 @@ from collections.abc import Sequence
 import flexlink as fl
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
+from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.tip_motion import largest_distance, tip_travel
 from validation.reference_values import REFERENCE_FOLDER, look_up, store_reference
 from validation.runs import stable_steps
@@ -22,7 +23,7 @@ from validation.trade.scenes import Seen, is_of, probe, reference_name, scenes, 
 
 AGREE = 1e-10  # of the motion; a hundredth of the smallest error that the trade asks for
 OF_STABLE = 0.9  # of the largest stable step at the start, which postures passed later may shorten
-HALVINGS = 6
+HALVINGS = 9
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -56,8 +57,11 @@ def compute(name: str) -> float:
     """
     scene, start = trade_scene(name), time.process_time()
     for halvings in range(HALVINGS):
-        tenth, step10 = _run(scene, "RK10", 2**halvings)
-        fourth, step4 = _run(scene, "RK4", 2 ** (halvings + 1))
+        try:
+            tenth, step10 = _run(scene, "RK10", 2**halvings)
+            fourth, step4 = _run(scene, "RK4", 2 ** (halvings + 1))
+        except DivergenceError:  # the largest stable step becomes shorter on the way
+            continue
         agree = largest_distance(tenth.tip, fourth.tip) / tip_travel(tenth.tip)
         if agree <= AGREE:
             store_reference(
@@ -71,7 +75,7 @@ def compute(name: str) -> float:
                 },
             )  # fmt: skip
             return agree
-    raise FlexlinkError(f"{name}: RK10 at {step10:g} s and RK4 at {step4:g} s are {agree:.1e} of the motion apart")
+    raise FlexlinkError(f"{name}: RK10 and RK4 do not agree, though their steps were halved {HALVINGS - 1} times")
 
 
 def _run(scene: Scene, method: str, divided: int) -> tuple[Seen, float]:

@@ -119,10 +119,13 @@ def reference(name: str) -> Seen:
 
 
 def errors(name: str, found: Seen) -> tuple[float, float]:
-    """Of the tip, as a part of its motion; of the deflection, as a part of the largest; inf where a run failed."""
+    """Of the tip, as a part of its motion; of the deflection, as a part of the largest; inf where a run failed.
+
+    A rigid arm has no deflection, nor any error of it.
+    """
     exact = reference(name)
     sizes = tip_travel(exact.tip), float(np.linalg.norm(exact.bend, axis=1).max())
-    parts = (largest_distance(ours, theirs) / size for ours, theirs, size in zip(found, exact, sizes, strict=True))
+    parts = (largest_distance(ours, theirs) / (size or 1.0) for ours, theirs, size in zip(found, exact, sizes, strict=True))
     of_tip, of_bend = (part if np.isfinite(part) else np.inf for part in parts)
     return of_tip, of_bend
 

@@ -104,9 +104,13 @@ def ladders(
 def cost(points: Sequence[Point], target: float, order: float) -> Cost | None:
     """Least CPU time of an error, along the line between points of the ladder; None if no run was any good.
 
+    Of a run that is too long at its limit of stability it is the time, whatever the error.
+
     The line is straight in logarithms, which favours a method of few points against one of many. Beyond the last point
     the error falls with the method's order, or faster if it did so at the end.
     """
+    if len(points) == 1 and points[0].time_only:
+        return Cost(points[0].seconds, "limit")
     good = [point for point in points if point.error < 1.0]
     met = [point.seconds for point in good if point.error <= target]
     for coarse, fine in itertools.pairwise(points):

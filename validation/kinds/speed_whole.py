@@ -1,0 +1,84 @@
+"""Time for a given error as a user pays it: whole calls of flexlink against MuJoCo and Pinocchio, like with like.
+
+prepared      a problem that has run before, called again, tips, energies and the judgement of the run included, against
+              the steps alone of a model that is loaded
+description   from the text of the description to the result: a scene file, an MJCF, a URDF
+
+CPU time of the thread, everything compiled. Others are given the line between their runs and their own order beyond
+them; flexlink has only its runs that met the error. Pinocchio is charged with evaluations in a loop of C++ alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from flexlink.chain.lumping import lump
+from flexlink.describe.spec import Positive
+from validation.case import Case, Measured
+from validation.facts import Facts
+from validation.trade import mujoco_ladder, native_ladder, pinocchio_ladder
+from validation.trade.scenes import trade_scene
+from validation.trade.whole_calls import described, loading_mujoco, loading_pinocchio, prepared
+from validation.trade.work_precision import Point, cost
+
+TIMED = True
+
+Ladders = dict[str, list[Point]]
+RIGID, OF_ORDER = ", rigid", 1e-4  # arms without springs, and the error from which on orders of methods count
+CLOCKS = {"prepared": prepared, "description": described}
+ORDERS: Mapping[str, Mapping[str, float]] = {"MuJoCo": mujoco_ladder.ORDER, "Pinocchio": pinocchio_ladder.ORDER}
+
+
+def run(
+    case: Case,
+    scenes: tuple[str, ...],
+    errors: tuple[Positive, ...],
+    methods: tuple[str, ...],
+    budget: Positive,
+    pinocchio: int,
+    pinocchio_tolerances: tuple[Positive, ...],
+) -> Iterator[Measured]:
+    """Times by clock and method, and the least of others over the least of flexlink.
+
+    `errors` are parts of the motion, `budget` the longest run [s of CPU], `pinocchio` the most evaluations of a run.
+    """
+    smallest = min(errors)
+    for name in scenes:
+        chain = lump(trade_scene(name))
+        others: dict[str, tuple[Ladders, float]] = {
+            "MuJoCo": (mujoco_ladder.points(name, budget, smallest), loading_mujoco(chain)),
+            "Pinocchio": (
+                pinocchio_ladder.points(name, pinocchio_tolerances, pinocchio, smallest), loading_pinocchio(chain),
+            ),
+        }  # fmt: skip
+        for what, clock in CLOCKS.items():
+            ours = {method: native_ladder.by_tolerance(name, method, budget, smallest, clock) for method in methods}
+            for error in errors:
+                yield from _rows(name, what, error, ours, others)
+
+
+def _rows(
+    name: str, what: str, error: float, ours: Ladders, others: dict[str, tuple[Ladders, float]]
+) -> Iterator[Measured]:
+    for method, points in ours.items():
+        if own := native_ladder.cheapest({method: points}, error):
+            facts: Facts = {"method": method, "error": error}
+            yield Measured(f"CPU time, {what}", 1e3 * own[1].seconds, name, varied=facts, timed=True)
+    best, rigid = native_ladder.cheapest(ours, error), "" if lump(trade_scene(name)).stiffness.any() else RIGID
+    for group, (ladders, loading) in others.items():
+        costs = {
+            each: known.seconds
+            for each, points in ladders.items()
+            if (known := cost(points, error, ORDERS[group][each])) is not None
+        }
+        if not costs:
+            continue
+        least = min(costs, key=lambda each: costs[each])
+        seconds = costs[least] + (loading if what == "description" else 0.0)
+        cheapest: Facts = {"method": least, "error": error}
+        yield Measured(f"CPU time, {what}", 1e3 * seconds, name, group, cheapest, timed=True)
+        note = f"{least}: {1e3 * seconds:.4g} ms"
+        note += f"; {best[0]}: {1e3 * best[1].seconds:.4g} ms" if best else "; flexlink does not get there"
+        ratio = seconds / best[1].seconds if best else 0.0
+        quantity = f"{group} / flexlink, {what}, error {error:g}{rigid if error <= OF_ORDER else ''}"
+        yield Measured(quantity, ratio, name, group, {"error": error}, note=note, timed=True)
