@@ -10,7 +10,6 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 import flexlink as fl
-from flexlink.advice.evaluation_cost import bodies_of, evaluation_time, run_cost
 from flexlink.advice.goal import Goal, TipErrorNorm, goal_of
 from flexlink.advice.model import Bend, all_axes, limited_axes, uniform, with_model
 from flexlink.advice.model_runner import ModelRunner, Stepping
@@ -19,6 +18,7 @@ from flexlink.advice.verdict import Advice
 from flexlink.cli.main import main
 from flexlink.describe.spec import decode
 from flexlink.inputs.problem import problem_of
+from flexlink.motion.evaluation_cost import bodies_of, evaluation_time, run_cost
 from validation.advice import truth as advice_truth
 from validation.advice.scenes import robot_scene
 from validation.case import CASES, load_case

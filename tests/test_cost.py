@@ -8,9 +8,9 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
-from flexlink.advice.evaluation_cost import evaluation_time, machine_factor, run_cost, step_cost
 from flexlink.chain.chain import Chain
 from flexlink.inputs.problem import problem_of
+from flexlink.motion.evaluation_cost import evaluation_time, machine_factor, run_cost, step_cost
 
 
 def chain_of(flex: str, segments: int = 12) -> Chain:
@@ -27,7 +27,7 @@ def test_a_step_costs_its_stages() -> None:
 def test_the_factor_of_a_machine_is_measured_over_listed(monkeypatch) -> None:
     scene = make_scene(flexible("a", "z", 12))
     chain = fl.lump(scene)
-    monkeypatch.setattr("flexlink.advice.evaluation_cost.evaluation_time", lambda *_: 3 * run_cost(chain, "RK2", 1))
+    monkeypatch.setattr("flexlink.motion.evaluation_cost.evaluation_time", lambda *_: 3 * run_cost(chain, "RK2", 1))
     assert machine_factor(problem_of(scene)) == pytest.approx(3.0)
 
 

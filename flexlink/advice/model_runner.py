@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.advice.evaluation_cost import bodies_of, evaluation_cost, run_cost
 from flexlink.advice.model import Bend, Model, with_model
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
@@ -23,6 +22,7 @@ from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequenc
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.actuation import acting_at, input_arrays
 from flexlink.inputs.problem import problem_of
+from flexlink.motion.evaluation_cost import bodies_of, evaluation_cost, run_cost
 from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory

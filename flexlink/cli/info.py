@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlink.advice.evaluation_cost import machine_factor, step_cost
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.modes import first_elastic, print_modes
@@ -28,6 +27,7 @@ from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_st
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.problem import problem_of
 from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.motion.evaluation_cost import machine_factor, step_cost
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

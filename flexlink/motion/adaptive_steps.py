@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.errors import SceneError
 from flexlink.common.memo import Kept, Memo
 from flexlink.common.types import Array
 from flexlink.describe.conditions import AUTO, RunSettings
@@ -17,9 +17,9 @@ from flexlink.describe.data_files import is_user_file
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.vibration.extremes import slowest_frequency
-from flexlink.dynamics.vibration.stability import stable_step
+from flexlink.dynamics.vibration.stability import bounding_eigenvalues, stable_step, stable_step_of
 from flexlink.inputs.actuation import acting_at
-from flexlink.inputs.drives import gains_of
+from flexlink.inputs.drives import gains_of, remembered
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS
@@ -35,8 +35,10 @@ from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.budget import Budget, Spent, warn
 from flexlink.motion.chunk_size import ChunkSize, Reached
+from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.hindrance import hindrance
-from flexlink.motion.method_choice import Choice, cheapest
+from flexlink.motion.method_choice import Choice, cheapest, fastest_motion
+from flexlink.motion.method_trial import FIRST, go_on_with_the_cheapest
 from flexlink.motion.monitor import LONG, RunMonitor, least_tolerance
 from flexlink.motion.sampled_control import Control
 from flexlink.motion.stop_times import SHORTEST, StopTimes
@@ -77,7 +79,7 @@ class AdaptiveSteps:
     """Stepper of a run; `failure` says why it ended early."""
 
     def __init__(self, monitor: RunMonitor) -> None:
-        self.look_at, self.taken_over = 400, False  # tries of steps, likewise; whether one goes on
+        self.compare_at, self.taken_over = FIRST, False  # tries of steps; whether a method goes on for one that failed
         record, run = monitor.record, monitor.run
         self.failure: Failure | None = None
         self.record, self.run, self.control, self.inputs = record, run, monitor.control, record.inputs
@@ -91,7 +93,7 @@ class AdaptiveSteps:
         self.samples = record.t, record.q, record.qd, record.works
         about = record.q[0].tobytes(), record.qd[0].tobytes()
         self._take(record.kept("choice", about, lambda: choose(run, record, self.slowest)), start)
-        self._aim(start, start)
+        self.aim(start, start)
         if run.controlled:
             arguments = self.work, self.state, self.settings, run.duration
             types = self._types(record.kept)
@@ -104,9 +106,9 @@ class AdaptiveSteps:
     def __iter__(self) -> Iterator[Reached]:
         yield Reached(1, 0.0 if self.ends else 1.0)
         self.budget.begin(self._spent(), float(self.record.t[-1]))
-        pace, start = ChunkSize(self.record.chain.n), float(self.work.stepper[STEPPER.time])
+        pace, start = ChunkSize(self.record.chain.n), self.time
         for k, end in enumerate(self.ends, 1):
-            self._aim(start, end)
+            self.aim(start, end)
             start, how = end, OUTCOME.goes_on
             while how == OUTCOME.goes_on:
                 pace.size = self._affordable(pace.size)
@@ -130,7 +132,7 @@ class AdaptiveSteps:
             for array, value in zip(self.work.springs, drive_gains(self.record.chain, inputs), strict=False):
                 array[:] = value
             self._compile(Kept())
-        self._aim(start, end)
+        self.aim(start, end)
         self.budget.begin(self._spent(), end)
         if end == start:
             self._advance(0)
@@ -142,21 +144,23 @@ class AdaptiveSteps:
                 warned = True
         return self.failure
 
-    def saved(self) -> Any:
-        """All that `go` changes, for `restore`."""
-        return dict(vars(self)), [array.copy() for array in self._changing()]
+    def saved(self, row: int | None = None) -> Any:
+        """All that steps change, for `restore`; samples from a row on, too."""
+        rows = slice(self.row if row is None else row, self.row)
+        return dict(vars(self)), rows, [array.copy() for array in self._changing(rows)]
 
     def restore(self, saved: Any) -> None:
         """Go back to where `saved` was."""
-        attributes, arrays = saved
+        attributes, rows, arrays = saved
         vars(self).update(attributes)
-        for array, before in zip(self._changing(), arrays, strict=True):
-            array[:] = before
+        for array, before in zip(self._changing(rows), arrays, strict=True):
+            array[...] = before
 
-    def _changing(self) -> tuple[Any, ...]:
-        return *self.state, self.count, *carried(self.work)
+    def _changing(self, rows: slice) -> tuple[Any, ...]:
+        samples = (array[rows] for array in self.samples)
+        return *self.state, self.count, *carried(self.work), *remembered(self.inputs.drive), *samples
 
-    def _aim(self, start: float, end: float) -> None:
+    def aim(self, start: float, end: float) -> None:
         """Begin a piece between two times [s], at which torques may jump."""
         self.end, self.knots = end, self.stop_times.between(start, end)
         self.count[COUNT.knot], self.work.stepper[STEPPER.time] = 0, start
@@ -182,12 +186,25 @@ class AdaptiveSteps:
         """Counts of the steps so far."""
         count = self.count.tolist()
         taken, rejected, failed = count[COUNT.steps], count[COUNT.rejected], count[COUNT.failed]
-        return Steps(self.name, taken, self._evaluations(), rejected, failed, self.why)
+        return Steps(self.name, taken, self.evaluations, rejected, failed, self.why)
 
-    def _evaluations(self) -> int:
+    @property
+    def evaluations(self) -> int:
+        """Evaluations so far."""
         return self.evaluations_before + int(self.count[COUNT.iterations]) * self.method.stages
 
-    def _tries(self) -> int:
+    @property
+    def time(self) -> float:
+        """Where the run is [s]."""
+        return float(self.work.stepper[STEPPER.time])
+
+    @property
+    def row(self) -> int:
+        """Row of the next sample."""
+        return int(self.count[COUNT.row])
+
+    @property
+    def tries(self) -> int:
         """Steps that were tried so far."""
         return int(self.count[[COUNT.steps, COUNT.rejected, COUNT.failed]].sum())
 
@@ -197,23 +214,27 @@ class AdaptiveSteps:
         self.method = method(self.name)
         self.work = self._scratch()
         key = choice, now, *(part.tobytes() for part in self.state[:2]), float(record.t[0])
-        self.stop_times, self.settings = record.kept("stops", key, lambda: self._stops(now))
+        self.stop_times, self.settings = record.kept(("stops", self.name), key, lambda: self._stops(now))
         self.end, self.knots = now, np.array([now])
         self._compile(record.kept)
 
     def _stops(self, now: float) -> tuple[StopTimes, tuple[float, ...]]:
         """Where and how the steps of the method stop, taken from a time on."""
         record = self.record
-        longest = longest_step(self.name, record, now, self.state) if self.method.explicit else np.inf
+        longest = np.inf
+        if self.method.explicit and now > record.t[0]:
+            longest = stable_step_of(bounding_eigenvalues(*fastest_motion(record, self.state[0])), self.name)
+        elif self.method.explicit:
+            longest = longest_step(self.name, record, now, self.state)
         stops = StopTimes(self.method, record, self.control is None)
         return stops, settings(self.run, self.method, record, longest)
 
     def _scratch(self) -> EmbeddedWork | ImplicitWork:
         """The scratch of the method, new or as new."""
-        kept, key = self.record.kept, (self.method, self.run.controlled)
+        kept, key, name = self.record.kept, (self.method, self.run.controlled), self.name
         work: EmbeddedWork | ImplicitWork
-        work = kept("scratch", key, lambda: workspace(self.method, self.record, self.slowest))
-        new = kept("new scratch", key, lambda: [array.copy() for array in carried(work)])
+        work = kept(("scratch", name), key, lambda: workspace(self.method, self.record, self.slowest))
+        new = kept(("new scratch", name), key, lambda: [array.copy() for array in carried(work)])
         for array, value in zip(carried(work), new, strict=True):
             array[:] = value
         work.stepper[STEPPER.inverse_ω1] = 1.0 / self.slowest
@@ -221,19 +242,29 @@ class AdaptiveSteps:
 
     def _advance(self, most: int) -> int:
         """Take up to so many steps, to the end of the piece; goes on with another method where that is cheaper."""
-        if self.run.method == AUTO and not self.taken_over:
-            most = min(most, max(1, self.look_at - self._tries()))
+        if self.run.method == AUTO:
+            most = min(most, max(0, self.compare_at - self.tries))
         last = int(self.count[COUNT.steps]) + most
-        how = int(self._take_steps(*self._arguments(most)))
+        how = self.take(most) if most else self._compare()
         while how == OUTCOME.stuck and not self.run.controlled and self._step_in_parts():
             left = max(0, last - int(self.count[COUNT.steps]))
             over = self.count[COUNT.knot] == len(self.knots)
             how = OUTCOME.ended if over else int(self._take_steps(*self._arguments(left)))
-        if other := self._other_is_cheaper(how):
-            how = self._go_on_with(other)
+        if how == OUTCOME.stuck and self.run.method == AUTO and not self.taken_over:
+            self.go_on_with(IMPLICIT if self.method.explicit else EXPLICIT, self.end)
+            how, self.taken_over = int(OUTCOME.goes_on), True
         if how == OUTCOME.stuck:
             self.failure = self._stuck()
         return how
+
+    def _compare(self) -> int:
+        """Take some steps by each method that may be cheaper; an OUTCOME."""
+        self.compare_at = 2 * self.tries
+        return go_on_with_the_cheapest(self)
+
+    def take(self, most: int) -> int:
+        """Try up to so many steps; an OUTCOME."""
+        return int(self._take_steps(*self._arguments(most)))
 
     def _step_in_parts(self) -> bool:
         """Go to the end of a fixed step in 2, 4, … 64 parts, each try from where the last one got to; whether one does.
@@ -278,7 +309,7 @@ class AdaptiveSteps:
         return most
 
     def _spent(self) -> Spent:
-        return Spent(float(self.work.stepper[STEPPER.time]), int(self.count[COUNT.steps]), self._evaluations())
+        return Spent(self.time, int(self.count[COUNT.steps]), self.evaluations)
 
     def _hanging(self, how: str) -> tuple[str, str]:
         """Where and how the run hangs, and what may help."""
@@ -309,7 +340,9 @@ class AdaptiveSteps:
         start, steps = (0.0, self.inputs, self.state, self.tau, self.record.scratch), self._arguments(0)
         types = self._types(kept)
         self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
-        self._take_steps = kept("steps", (types, self.method), lambda: direct(adaptive.advance, *steps, types=types))
+        self._take_steps = kept(
+            ("steps", self.name), (types, self.method), lambda: direct(adaptive.advance, *steps, types=types)
+        )
 
     def _types(self, kept: Kept) -> bytes:
         """Types of all that steps work on, which a method's own file may change."""
@@ -319,40 +352,23 @@ class AdaptiveSteps:
         inputs, state, samples, forward = self.inputs, self.state, self.samples, self.record.scratch
         return self.work, forward, inputs, self.settings, self.count, state, self.knots, samples, most
 
-    def _other_is_cheaper(self, how: int) -> str:
-        """Which other method takes less for the rest of a run whose method was picked; empty: none.
-
-        DOP853's stable steps may take less than an implicit method did so far; and steps of DOP853 that are not much
-        shorter than the largest stable one are as short for the sake of vibrations alone. It is asked after 400 tries
-        of steps, and each time after twice as many.
-        """
-        nearly_unstable = 0.3  # part of the largest stable step: what the error asks for is rarely that long
-        stuck = how == OUTCOME.stuck
-        if self.run.method != AUTO or how == OUTCOME.ended or self.taken_over:
-            return ""
-        if self._tries() < self.look_at and not stuck:
-            return ""
-        self.look_at = 2 * self._tries()
-        now, step = float(self.work.stepper[STEPPER.time]), float(self.work.stepper[STEPPER.step])
-        try:
-            longest = longest_step(EXPLICIT, self.record, now, self.state)
-        except FlexlinkError:  # of a posture whose M is singular, or nearly so
-            return ""
-        if self.method.explicit:
-            return IMPLICIT if step >= nearly_unstable * longest or stuck else ""
-        explicit = method(EXPLICIT).stages * (now - self.record.t[0]) / longest
-        return EXPLICIT if 2 * explicit < self._evaluations() or stuck else ""
-
-    def _go_on_with(self, name: str) -> int:
-        """Take the rest of the run with another method, from where it is."""
-        before, self.evaluations_before, end = self.work.stepper, self._evaluations(), self.end
-        time, self.taken_over = float(before[STEPPER.time]), True
+    def go_on_with(self, name: str, end: float) -> None:
+        """Go on with another method, from where it is to a time [s]."""
+        before, time, self.evaluations_before = self.work.stepper.copy(), self.time, self.evaluations
         self.count[COUNT.iterations] = 0
-        self._take(Choice(name, f"{self.why}; {self.name} until t = {time:.3g} s: its steps became too short"), time)
-        self._aim(time, end)
+        self._take(Choice(name, f"{self.why}; {self.name} until t = {time:.3g} s"), time)
+        self.aim(time, end)
         now, carried = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
         now[carried], now[STEPPER.step] = before[carried], min(before[STEPPER.step], self.settings[-1])
-        return int(OUTCOME.goes_on)
+
+    def cost(self, name: str, evaluations: float) -> float:
+        """CPU time of evaluations by a method [s], as it is listed."""
+        return run_cost(self.record.chain, name, evaluations)
+
+    @property
+    def fastest(self) -> float:
+        """The fastest frequency, or decay, at this posture [rad/s]."""
+        return max(fastest_motion(self.record, self.state[0]))
 
     def _stuck(self) -> Failure:
         now, h = self.work.stepper[STEPPER.time], self.work.stepper[STEPPER.step]

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlink.common.types import Array
 from flexlink.dynamics.small_motion import damping_slope
 from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequency
 from flexlink.inputs.drives import gains_of
@@ -36,14 +37,18 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
     Measured on the scenes of the trade study: an implicit method's steps do not depend on how fast the chain's fastest
     modes are, an explicit one's do; Radau9 wants smooth motion, which dry friction does not leave.
     """
-    chain, q = record.chain, record.q[0]
+    chain, fastest = record.chain, max(fastest_motion(record, record.q[0]))
     duration, part = record.run.duration, tolerance / chain.reach
-    zero = np.zeros(chain.n)
-    kp, kd = gains_of(chain, record.inputs.drive, 0.0, zero, zero).diagonals()
-    fastest = max(fastest_frequency(chain, q, chain.stiffness + kp), fastest_decay(chain, q, damping_slope(chain) + kd))
     if fastest * duration <= STIFF:
         return Choice("DOP853", f"not stiff: fastest mode {fastest:.3g} rad/s")
     stiffness = f"stiffness ratio {fastest / slowest:.3g}"
     if part <= SMALL and not chain.hinges["coulomb"].any():
         return Choice("Radau9", f"{stiffness}, tolerance {part:.2g} of the reach")
     return Choice("Radau5", stiffness)
+
+
+def fastest_motion(record: Record, q: Array) -> tuple[float, float]:
+    """The fastest frequency [rad/s] and decay [1/s] of a chain under its drive at a posture."""
+    chain, zero = record.chain, np.zeros(record.chain.n)
+    kp, kd = gains_of(chain, record.inputs.drive, 0.0, zero, zero).diagonals()
+    return fastest_frequency(chain, q, chain.stiffness + kp), fastest_decay(chain, q, damping_slope(chain) + kd)

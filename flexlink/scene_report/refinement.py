@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.advice.evaluation_cost import machine_factor, run_cost
 from flexlink.advice.model import FLEX, Bend, Model, can_move, limited_axes
 from flexlink.advice.model_runner import Outcome, Stepping
 from flexlink.common.types import Array
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
 from flexlink.inputs.problem import problem_of
+from flexlink.motion.evaluation_cost import machine_factor, run_cost
 from flexlink.results.convergence import Limit, extrapolated, observed_order
 from flexlink.results.tip_motion import distances, largest_distance, largest_so_far
 from flexlink.scene_report.study import Study
@@ -149,7 +149,7 @@ class Refinement:
 
     @cached_property
     def scale(self) -> float:
-        """CPU time of evaluations on this machine over that in the list of `advice.evaluation_cost`."""
+        """CPU time of evaluations on this machine over that in the list of `motion.evaluation_cost`."""
         return machine_factor(problem_of(self.scene, self.chain))
 
     @cached_property

@@ -125,7 +125,9 @@ def errors(name: str, found: Seen) -> tuple[float, float]:
     """
     exact = reference(name)
     sizes = tip_travel(exact.tip), float(np.linalg.norm(exact.bend, axis=1).max())
-    parts = (largest_distance(ours, theirs) / (size or 1.0) for ours, theirs, size in zip(found, exact, sizes, strict=True))
+    parts = (
+        largest_distance(ours, theirs) / (size or 1.0) for ours, theirs, size in zip(found, exact, sizes, strict=True)
+    )
     of_tip, of_bend = (part if np.isfinite(part) else np.inf for part in parts)
     return of_tip, of_bend
 

@@ -116,8 +116,7 @@ def fastest_eigenvalues(
     """Those of `eigenvalues` that bound an explicit method's step; of more than 100 joints, estimates in O(n) [1/s].
 
     The largest ω² of K φ = ω² M φ and the largest δ of D φ = δ M φ by Lanczos' method, M and M⁻¹ through inverse and
-    forward dynamics. They are then combined as if the stiffest mode were the most damped one, λ² + δ λ + ω² = 0,
-    which it is under Kelvin-Voigt damping. Arguments and errors as in `eigenvalues`.
+    forward dynamics. They are then combined by `bounding_eigenvalues`. Arguments and errors as in `eigenvalues`.
     """
     state = _state(chain, q, qd, tip_wrench, frame, gains)
     if chain.n <= DENSE:
@@ -125,8 +124,7 @@ def fastest_eigenvalues(
     square = max(0.0, _largest_ratio(chain, state, lambda φ: _stiffness_along(chain, state, φ)))
     friction, brakes = damping_slope(chain), state.gains.kd
     δ = _largest_ratio(chain, state, lambda φ: friction * φ + _along(brakes, φ))
-    pair = np.roots([1.0, δ, square]).astype(complex)
-    return np.concatenate([pair, [1j * np.sqrt(square), -1j * np.sqrt(square), -δ]])
+    return bounding_eigenvalues(np.sqrt(square), δ)
 
 
 def eigenvalue_bound(
@@ -275,6 +273,16 @@ def stable_step(
     q = require_type("chain", chain, Chain).rest if q is None else q
     λ = fastest_eigenvalues(chain, q, qd, tip_wrench=tip_wrench, frame=frame, gains=gains)
     return stable_step_of(λ, method)
+
+
+def bounding_eigenvalues(ω: float, δ: float) -> Complex:
+    """λ [1/s] that bound an explicit method's step where the fastest motions swing at ω [rad/s] and decay at δ [1/s].
+
+    λ² + δ λ + ω² = 0, as if the stiffest mode were the most damped one, which it is under Kelvin-Voigt damping; and
+    either alone.
+    """
+    pair = np.roots([1.0, δ, ω * ω]).astype(complex)
+    return np.concatenate([pair, [1j * ω, -1j * ω, -δ]])
 
 
 def stable_step_of(λ: Complex, method: str) -> float:

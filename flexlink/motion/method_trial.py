@@ -1,0 +1,120 @@
+"""Which method goes on with a run: each that may be cheaper takes the same stretch of it, and evaluations are counted.
+
+Nothing at the start tells how an arm will whip, and so what a method will cost. Counts are the same on every machine,
+so that runs repeat to the bit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Protocol
+
+from flexlink.describe.schemes.methods import method
+from flexlink.kernels.stepping.adaptive import OUTCOME
+
+METHODS = "Radau5", "Radau9", "DOP853"
+
+FIRST = 100
+"""Tries of steps before the first stretch; the next is after twice as many, and so on."""
+
+LEAST_TRIES, OF_ALL = 10, 16
+"""Tries of steps that a stretch has at least, and all tries so far over those of a stretch."""
+
+CLEARLY = 0.7
+"""Part of the cost of a stretch by which another method must do: in the next stretch the first may be the cheaper."""
+
+LONGEST = 6.0
+"""|h ω| of an explicit method up to which steps may be stable: that of DOP853 ends there, or before."""
+
+AT_ONCE = 4
+"""Tries between which the cost of another method is looked at."""
+
+
+class Stepping(Protocol):
+    """What a trial asks of a run: name of its method, end of its piece [s], evaluations by other methods."""
+
+    name: str
+    end: float
+    evaluations_before: int
+
+    @property
+    def time(self) -> float:
+        """Where the run is [s]."""
+
+    @property
+    def row(self) -> int:
+        """Row of the next sample."""
+
+    @property
+    def tries(self) -> int:
+        """Steps that were tried so far."""
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations so far, those of other methods in trials included."""
+
+    def take(self, most: int) -> int:
+        """Try up to so many steps; an OUTCOME."""
+
+    def go_on_with(self, name: str, end: float) -> None:
+        """Go on with another method, up to a time [s]."""
+
+    def aim(self, start: float, end: float) -> None:
+        """Begin a piece between two times [s]."""
+
+    def cost(self, name: str, evaluations: float) -> float:
+        """CPU time of evaluations by a method [s], as it is listed."""
+
+    @property
+    def fastest(self) -> float:
+        """The fastest frequency, or decay, at this posture [rad/s]."""
+
+    def saved(self, row: int) -> Any:
+        """All that steps change, samples from a row on included."""
+
+    def restore(self, saved: Any) -> None:
+        """Go back to where `saved` was."""
+
+
+def go_on_with_the_cheapest(steps: Stepping) -> int:
+    """Take a stretch of a run by its method and by each that may be cheaper; stay with the cheapest; an OUTCOME."""
+    row, begin, end = steps.row, steps.time, steps.end
+    start, first, before = steps.saved(row), steps.name, steps.evaluations
+    how = steps.take(max(LEAST_TRIES, steps.tries // OF_ALL))
+    if how != OUTCOME.goes_on:
+        return how
+    until, least, best, all_evaluations = steps.time, _cost(steps, before), steps.saved(row), steps.evaluations
+    angle = (until - begin) * steps.fastest
+    for name in METHODS:
+        if name == first or _least_cost(steps, name, angle) > CLEARLY * least:
+            continue
+        steps.restore(start)
+        steps.go_on_with(name, until)
+        cost = _cost_up_to_the_end(steps, CLEARLY * least)
+        all_evaluations += steps.evaluations - before
+        if cost < CLEARLY * least:
+            least, best = cost, steps.saved(row)
+    steps.restore(best)
+    steps.evaluations_before += all_evaluations - steps.evaluations
+    if steps.name != first:
+        steps.aim(until, end)
+    return how
+
+
+def _cost_up_to_the_end(steps: Stepping, most: float) -> float:
+    """Cost of going to the end of the piece [s]; infinite if it is more than `most`."""
+    before, how = steps.evaluations, int(OUTCOME.goes_on)
+    while how == OUTCOME.goes_on and _cost(steps, before) < most:
+        how = steps.take(AT_ONCE)
+    return _cost(steps, before) if how == OUTCOME.ended else math.inf
+
+
+def _cost(steps: Stepping, before: int) -> float:
+    """Of the evaluations since there were so many [s]."""
+    return steps.cost(steps.name, steps.evaluations - before)
+
+
+def _least_cost(steps: Stepping, name: str, angle: float) -> float:
+    """What a method costs at least [s] in a time in which the fastest motion turns by an angle [rad]."""
+    explicit = method(name).explicit
+    return steps.cost(name, method(name).stages * angle / LONGEST) if explicit else 0.0
