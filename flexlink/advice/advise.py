@@ -226,7 +226,7 @@ class Advisor:
         own = f", including {length(limit.error)} uncertainty of the reference" if limit else ", at most"
         one = run_time(lambda: self.runner.scene_of(model, outcome.stepping))
         took = thread_time() - self._started
-        cost = f"CPU time {time(one.whole)}, set-up included; again by fl.Problem {time(one.again)}"
+        cost = f"CPU time {time(one.whole)}, set-up included, {time(one.again)} again"
         last = (
             line("error", f"{length(error)}{own}"),
             line("cost", f"{cost}; advice took {self.runner.count} runs, {time(took)}"),

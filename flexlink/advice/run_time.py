@@ -10,18 +10,20 @@ from time import thread_time
 from typing import NamedTuple
 
 from flexlink.describe.scene import Scene
-from flexlink.motion.simulate import Problem
+from flexlink.motion.simulate import simulate
 
-REPEATS = 5
+FEWEST, MOST = 2, 8
+"""Times that a run is made: the first one may load or compile code."""
+
 ENOUGH = 0.05
-"""Repeats, at most, and time [s] after which none begins: the shortest counts, and a long run needs no other."""
+"""CPU time [s] after which it is not made more often: other programs disturb a long run less."""
 
 
 class RunTime(NamedTuple):
-    """CPU time of a run [s]."""
+    """CPU time of `simulate(scene)` [s]."""
 
-    whole: float  # of `simulate` from a scene
-    again: float  # of `Problem.simulate`, prepared before
+    whole: float  # the first time
+    again: float  # each further time, when it is prepared, as a `Problem` is
 
 
 def run_time(scene_of: Callable[[], Scene]) -> RunTime:
@@ -29,14 +31,11 @@ def run_time(scene_of: Callable[[], Scene]) -> RunTime:
 
     Errors as in `simulate`.
     """
-    found: list[RunTime] = []
-    began = thread_time()
-    while not found or (len(found) < REPEATS and thread_time() - began < ENOUGH):
+    whole, again = list[float](), list[float]()
+    while len(whole) < FEWEST or (len(whole) < MOST and sum(whole[1:] + again) < ENOUGH):
         scene = scene_of()
-        started = thread_time()
-        problem = Problem(scene)
-        problem.simulate()
-        ended = thread_time()
-        problem.simulate()
-        found.append(RunTime(ended - started, thread_time() - ended))
-    return RunTime(*map(min, zip(*found, strict=True)))
+        for times in (whole, again):
+            started = thread_time()
+            simulate(scene)
+            times.append(thread_time() - started)
+    return RunTime(min(whole), min(again))

@@ -26,7 +26,7 @@ class Advice:
     run_time
         CPU time [s] of `simulate(advice.scene)`, set-up included, measured: the shortest of a few times.
     again_time
-        The same of each further run by `Problem(advice.scene)`, which is prepared once.
+        The same of each further run of that scene, or of one `Problem`, which is prepared once.
     converged_tip
         The tip's path that finer and finer models converge to, with its error; None where rigid links are enough.
     horizon
