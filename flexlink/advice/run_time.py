@@ -12,7 +12,7 @@ from typing import NamedTuple
 from flexlink.describe.scene import Scene
 from flexlink.motion.simulate import simulate
 
-FEWEST, MOST = 2, 8
+FEWEST, MOST = 2, 5
 """Times that a run is made: the first one may load or compile code."""
 
 ENOUGH = 0.05
