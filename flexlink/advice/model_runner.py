@@ -52,7 +52,7 @@ class Outcome(NamedTuple):
     """Result of a run."""
 
     tip: Array  # (samples, 3) [m]; nan from where the run ended early
-    seconds: float  # CPU time of its steps [s], by evaluations and list: the same on every machine
+    seconds: float  # CPU time of its steps [s], by evaluations, at listed costs
     run: Trajectory | None
     stepping: Stepping
     reason: str = ""  # why it ended early, or empty

@@ -1,6 +1,6 @@
 """CPU time of the run that advice hands over, measured where it is given: of its whole, and of its repetition.
 
-What is chosen, and why, follows from costs by a list, `evaluation_cost`: the same on any machine, at any time.
+What is chosen, and why, follows from costs by a list, `evaluation_cost`, and never from these times.
 """
 
 from __future__ import annotations
