@@ -35,8 +35,8 @@ class Advice:
         Number of runs that the advice is found by, and CPU time [s] that all of it took, measured; where kernels were
         compiled, with that.
     lines
-        The choices with their numbers, one line each: `print(advice)`. The last one tells the times; all others, and the
-        scene, do not depend on how fast the machine is.
+        The choices with their numbers, one line each: `print(advice)`. The last one tells the times; all others, and
+        the scene, do not depend on how fast the machine is.
     """
 
     met: bool
