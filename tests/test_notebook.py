@@ -42,7 +42,7 @@ class Table(HTMLParser):
 @pytest.fixture(scope="module")
 def shown() -> dict[str, Any]:
     chain = fl.lump(SCENE)
-    advice = Advice(True, SCENE, 1e-6, 1e-3, 0.1, 0.2, None, 1.0, 3, 1.5, ("model      a < b", "steps      RK4"))
+    advice = Advice(True, SCENE, 1e-6, 1e-3, 0.1, 0.2, 0.1, None, 1.0, 3, 1.5, ("model      a < b", "steps      RK4"))
     return {
         "scene": SCENE, "chain": chain, "run": fl.simulate(SCENE), "modes": fl.modes(chain), "advice": advice,
         "comparison": fl.compare(nasty_scene(), engines=["native"], samples=2),

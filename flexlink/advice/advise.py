@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from time import thread_time
+
 import numpy as np
 
 from flexlink.advice import horizon as horizons
@@ -12,6 +14,7 @@ from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Model, all_axes, checked_scene, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import RefinementStudy
+from flexlink.advice.run_time import run_time
 from flexlink.advice.search import Search
 from flexlink.advice.verdict import Advice, length, line, time
 from flexlink.chain.arguments import positive, require_bool, require_type
@@ -43,7 +46,7 @@ def advise(
     band
         Vibrations above this frequency do not count [Hz]; None: all do that the samples resolve.
     budget
-        CPU time that one run may take [s], also of the finer models.
+        CPU time that the steps of one run may take [s], also of the finer models; by their number, at listed costs.
 
     Returns
     -------
@@ -71,7 +74,7 @@ class Advisor:
     """Finds the advice on one scene."""
 
     def __init__(self, scene: Scene, goal: Goal, budget: float) -> None:
-        self.scene, self.goal = scene, goal
+        self.scene, self.goal, self._started = scene, goal, thread_time()
         self.runner, self.norm = ModelRunner(scene, budget), TipErrorNorm(goal, scene.run.sample)
         self.axes, self.lines = all_axes(scene), list[str]()
         self.rigid: Outcome | None = None
@@ -221,12 +224,16 @@ class Advisor:
         part = "" if self.goal.metres else f"{self.goal} of {'the deflection' if self.goal.deflection else 'it'} = "
         first = line("motion", f"tip travels {length(travel)}; tolerance {part}{length(tolerance)}")
         own = f", including {length(limit.error)} uncertainty of the reference" if limit else ", at most"
-        took = f"advice took {self.runner.count} runs, {time(self.runner.seconds)}"
-        last = line("error", f"{length(error)}{own}; CPU time {time(outcome.seconds)}; {took}")
-        met = error <= tolerance
+        one = run_time(lambda: self.runner.scene_of(model, outcome.stepping))
+        took = thread_time() - self._started
+        cost = f"CPU time {time(one.whole)}, set-up included, {time(one.again)} again"
+        last = (
+            line("error", f"{length(error)}{own}"),
+            line("cost", f"{cost}; advice took {self.runner.count} runs, {time(took)}"),
+        )
         return Advice(
-            met, self.runner.scene_of(model, outcome.stepping), error, tolerance, travel, outcome.seconds, limit, holds,
-            self.runner.count, self.runner.seconds, (first, *self.lines, *lines, last),
+            error <= tolerance, self.runner.scene_of(model, outcome.stepping), error, tolerance, travel, one.whole,
+            one.again, limit, holds, self.runner.count, took, (first, *self.lines, *lines, *last),
         )  # fmt: skip
 
     def _choices(self, model: Model, outcome: Outcome) -> list[str]:

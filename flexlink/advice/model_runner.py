@@ -52,7 +52,7 @@ class Outcome(NamedTuple):
     """Result of a run."""
 
     tip: Array  # (samples, 3) [m]; nan from where the run ended early
-    seconds: float  # CPU time [s], by its evaluations
+    seconds: float  # CPU time of its steps [s], by evaluations, at listed costs
     run: Trajectory | None
     stepping: Stepping
     reason: str = ""  # why it ended early, or empty
@@ -77,7 +77,7 @@ class Posture(NamedTuple):
 
 
 class ModelRunner:
-    """Runs of one scene, their `count` and CPU `seconds`."""
+    """Runs of one scene, their `count` and the CPU `seconds` of their steps, by list."""
 
     def __init__(self, scene: Scene, budget: float) -> None:
         self.scene, self.budget = scene, budget

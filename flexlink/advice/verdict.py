@@ -24,15 +24,19 @@ class Advice:
     tip_travel
         Largest distance of the tip from its start [m].
     run_time
-        CPU time of a run of the model [s], by its evaluations.
+        CPU time [s] of `simulate(advice.scene)`, set-up included, measured: the shortest of a few times.
+    again_time
+        The same of each further run of that scene, or of one `Problem`, which is prepared once.
     converged_tip
         The tip's path that finer and finer models converge to, with its error; None where rigid links are enough.
     horizon
         Time up to which the tolerance holds [s]: the end if it is met.
     runs, compute_time
-        Number of runs that the advice took, and their CPU time [s], by their evaluations.
+        Number of runs that the advice is found by, and CPU time [s] that all of it took, measured; where kernels were
+        compiled, with that.
     lines
-        The choices with their numbers, one line each: `print(advice)`.
+        The choices with their numbers, one line each: `print(advice)`. The last one tells the times; all others, and
+        the scene, do not depend on how fast the machine is.
     """
 
     met: bool
@@ -41,6 +45,7 @@ class Advice:
     tolerance: float
     tip_travel: float
     run_time: float
+    again_time: float
     converged_tip: Limit | None
     horizon: float
     runs: int

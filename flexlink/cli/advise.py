@@ -23,7 +23,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     command.add_argument("--deflection", action="store_true", help="the error is a fraction of the tip's deflection")
     command.add_argument("--band", type=float, metavar="HZ", help="ignore vibrations faster than this")
-    command.add_argument("--budget", type=float, default=1.0, metavar="S", help="CPU time of one run [s]; default: 1")
+    command.add_argument(
+        "--budget", type=float, default=1.0, metavar="S", help="CPU time of one run's steps [s]; default: 1"
+    )
     command.add_argument("-o", "--out", type=Path, help="write the scene with this model, ready to run (.toml)")
 
 

@@ -1,5 +1,6 @@
-"""CPU time of runs: number of evaluations times the cost of one, from a list of what each body of a chain adds.
+"""CPU time of a run's steps: number of evaluations times the cost of one, by a list of what each body of a chain adds.
 
+Choices are made by it, so that they do not depend on how fast the machine is; set-up and samples are not in it.
 An evaluation is a stage of an explicit method, or a stage in one pass of Newton's iteration of an implicit one. Costs
 are those of the machine that the list was measured on; `machine_factor` scales them to this one.
 """

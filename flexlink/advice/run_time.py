@@ -1,0 +1,41 @@
+"""CPU time of the run that advice hands over, measured where it is given: of its whole, and of its repetition.
+
+What is chosen, and why, follows from costs by a list, `evaluation_cost`, and never from these times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import thread_time
+from typing import NamedTuple
+
+from flexlink.describe.scene import Scene
+from flexlink.motion.simulate import simulate
+
+FEWEST, MOST = 2, 5
+"""Times that a run is made: the first one may load or compile code."""
+
+ENOUGH = 0.05
+"""CPU time [s] after which it is not made more often: other programs disturb a long run less."""
+
+
+class RunTime(NamedTuple):
+    """CPU time of `simulate(scene)` [s]."""
+
+    whole: float  # the first time
+    again: float  # each further time, when it is prepared, as a `Problem` is
+
+
+def run_time(scene_of: Callable[[], Scene]) -> RunTime:
+    """The shortest times of a run, by a scene that is made anew for each, so that nothing of it is prepared.
+
+    Errors as in `simulate`.
+    """
+    whole, again = list[float](), list[float]()
+    while len(whole) < FEWEST or (len(whole) < MOST and sum(whole[1:] + again) < ENOUGH):
+        scene = scene_of()
+        for times in (whole, again):
+            started = thread_time()
+            simulate(scene)
+            times.append(thread_time() - started)
+    return RunTime(min(whole), min(again))
