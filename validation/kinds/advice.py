@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.advice.advise import Advisor
-from flexlink.advice.evaluation_cost import run_cost
 from flexlink.advice.goal import goal_of
 from flexlink.advice.verdict import Advice
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene, scene_from
 from flexlink.describe.spec import NonNegative, Positive, Spec
+from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.tip_motion import largest_distance
