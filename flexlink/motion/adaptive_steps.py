@@ -73,6 +73,9 @@ NEAR = 1e-9
 """Part of the time between samples within which two times are one."""
 
 
+NO_JOINTS = np.empty(0, np.int64)
+
+
 class AdaptiveSteps:
     """Stepper of a run; `failure` says why it ended early."""
 
@@ -469,7 +472,8 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
 def turning_of(chain: Chain, stages: int, r: int, p: int) -> Turning:
     """Scratch of joints that turn round in a step of a method with r real and p pairs of eigenvalues."""
     most = 8  # joints; the small matrix grows as (stages · joints)³
-    dry = np.flatnonzero((chain.hinges["coulomb"] > 0) & (chain.hinges["prescribed"] == 0))
+    coulomb = chain.hinges["coulomb"]
+    dry = np.flatnonzero((coulomb > 0) & (chain.hinges["prescribed"] == 0)) if any(coulomb.tolist()) else NO_JOINTS
     d = min(most, len(dry))
     G, J = np.zeros((2, stages * d, stages * d))
     rows, probe = np.zeros((5, stages * d)), np.zeros((3, stages * d))

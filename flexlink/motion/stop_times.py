@@ -51,7 +51,9 @@ class StopTimes:
         asked = instants(self.drive, start, end)
         if not fixed and not samples and not len(asked):
             return np.array([end])
-        times = np.unique(np.concatenate([fixed, self._times(np.array(samples)), asked]))
+        times = self._times(np.array(samples))
+        if fixed or len(asked):
+            times = np.unique(np.concatenate([fixed, times, asked]))
         shortest = SHORTEST * self.run.duration + 2 * np.spacing(end)
         times = times[(times > start + shortest) & (times < end - shortest)]
         return np.append(times, end)
