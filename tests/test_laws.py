@@ -403,3 +403,16 @@ def test_a_simulator_that_cannot_go_on_remembers_what_its_law_gave_before() -> N
     for array, kept in zip(drives.remembered(drive), before, strict=True):
         np.testing.assert_array_equal(array, kept)
     np.testing.assert_array_equal(simulator.step(duration=0.01).q, other.step(duration=0.01).q)
+
+
+def test_arms_that_share_a_description_of_torques_drive_their_own_joints() -> None:
+    """The same torques, of an arm whose base is free and of one whose base is locked: other joints, other numbers."""
+    drive = fl.Drive(kind="constant", torque=(0.0, 2.0, 3.0))
+    free = arm().varied({"drive": drive})
+    locked = free.varied({"link.base.joint": {"locked": True}})
+    assert free.drive is locked.drive
+    for scene, torques in ((free, (0.0, 2.0, 3.0)), (locked, (2.0, 3.0))):
+        chain = fl.lump(scene)
+        found = drive_arrays(scene, chain)
+        np.testing.assert_array_equal(found.joints, chain.active)
+        np.testing.assert_array_equal(found.feedforward.coefficients[0, 0], torques)

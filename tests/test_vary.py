@@ -207,3 +207,21 @@ def test_a_setting_that_is_none_is_refused_in_one_line(text: str, capsys) -> Non
     assert main(["info", str(PAPER), "--set", text]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"flexlink: --set {' '.join(text.split())}: ")
+
+
+def test_settings_of_a_run_that_scenes_share_are_still_checked_with_each_of_them(paper: fl.Scene) -> None:
+    """The second scene has the settings of the first, and a table that their steps do not fit."""
+    steps = {"run.step": 2e-4}
+    held = fl.Drive(kind="table", times=(0.0, 1e-4), torques=((0.0, 0.0, 0.0),) * 2, hold=True)
+    driven = paper.varied({"drive": held})
+    assert driven.run is paper.run
+    assert paper.varied(steps).run is paper.varied(steps).run
+    with pytest.raises(fl.errors.SceneError, match=r"drive.times\[1\] = 0.0001: must be a multiple of run.step"):
+        driven.varied(steps)
+
+
+def test_a_number_and_a_truth_are_not_one_setting(paper: fl.Scene) -> None:
+    """1 and True are equal, and only one of them is a duration."""
+    assert paper.varied({"run.duration": 1}).run.duration == 1.0
+    with pytest.raises(fl.errors.SceneError, match=r"run\.duration = True"):
+        paper.varied({"run.duration": True})

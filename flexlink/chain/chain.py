@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
+import math
 from collections.abc import Iterable
 from itertools import accumulate
 from typing import Any, NamedTuple
@@ -27,7 +28,7 @@ from flexlink.describe.spec import truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.layout import ChainArrays
 
-_OF_LAYOUT = {"active", "axes", "is_planar", "joint_names", "_sequential", "_layout"}
+_OF_LAYOUT = {"active", "bending", "axes", "is_planar", "joint_names", "_sequential", "_layout"}
 """What is found of a chain without its masses, springs and gravity."""
 
 Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
@@ -162,6 +163,13 @@ class Chain:
         return active
 
     @functools.cached_property
+    def bending(self) -> NDArray[np.intp]:
+        """Sequential indices of the hinges within links."""
+        bending = np.array([k for k, c in enumerate(self.coordinates) if c.segment], dtype=np.intp)
+        bending.flags.writeable = False
+        return bending
+
+    @functools.cached_property
     def axes(self) -> Array:
         """Hinge axes in frame 0 at zero angles, unit vectors, shape (n, 3)."""
         turned = self.bodies["turned"] != 0
@@ -189,13 +197,12 @@ class Chain:
     @functools.cached_property
     def reach(self) -> float:
         """How far from the origin of frame 0 any of the masses can get [m], at most."""
-        offsets, centers = (np.linalg.norm(self.bodies[name], axis=1) for name in ("translation", "center"))
-        return float(offsets.sum() + centers.max())
+        return _reach(self.bodies["translation"].tobytes(), self.bodies["center"].tobytes())
 
     @functools.cached_property
     def weight(self) -> float:
         """Σ m g of all bodies [N]."""
-        return self.mass * float(np.linalg.norm(self.gravity))
+        return self.mass * math.sqrt(self.gravity @ self.gravity)
 
     @functools.cached_property
     def _sequential(self) -> dict[Coordinate, int]:
@@ -314,6 +321,13 @@ def _joint_names(links: tuple[str, ...], coordinates: tuple[Coordinate, ...]) ->
     distinct = unique([*links, *(f"{links[c.link - 1]}.{_hinge_name(c)}" for c in coordinates)])
     own = len(links)  # which come first: they keep their own names
     return tuple(distinct[c.link - 1 if c.axis == 0 else own + k] for k, c in enumerate(coordinates))
+
+
+@functools.lru_cache(maxsize=64)
+def _reach(translations: bytes, centers: bytes) -> float:
+    """`Chain.reach`; chains that differ in stiffness alone share it."""
+    away, centres = (np.linalg.norm(np.frombuffer(part).reshape(-1, 3), axis=1) for part in (translations, centers))
+    return float(away.sum() + centres.max())
 
 
 @functools.lru_cache(maxsize=64)

@@ -7,8 +7,10 @@ import functools
 import numpy as np
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.describe.arm import Arm, Link
+from flexlink.describe.data_files import is_user_file
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 
 
@@ -22,6 +24,16 @@ def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
     DataFileError
         A rule's own file is not valid.
     """
+    if any(is_user_file(link.lumping) for link in arm.links):  # a file, which may change
+        return _of_all(arm)
+    return HINGES(arm, None, lambda: _of_all(arm))
+
+
+HINGES = Memo(64)
+"""Nodes and weights of arms."""
+
+
+def _of_all(arm: Arm) -> list[tuple[Array, Array]]:
     hinges = []
     for k, link in enumerate(arm.links, 1):
         try:

@@ -262,6 +262,15 @@ class Scene(Spec, frozen=True):
         >>> soft = scene.varied({"material.aluminium.young": 35e9, "initial.joint_deg.upper": -45.0})
         >>> free = scene.varied({"motion": (), "drive": Drive(kind="constant", torque=(0.0, 5.0, 0.0))})
         """
+        if not isinstance(changes, Mapping) or not changes or not all(map(_of_run, changes.items())):
+            return self._varied(changes)
+        known = tuple((path, type(value), value) for path, value in changes.items())
+        run = RUNS(self.run, known, lambda: self._varied(changes).run)
+        varied: Scene = build_validated(replace, self, run=run)
+        check_named(varied)
+        return varied
+
+    def _varied(self, changes: Mapping[str, object]) -> Scene:
         if isinstance(changes, Mapping):
             changes = {**implied(self.run, changes), **changes}
         anew = top_level_keys(changes)
@@ -411,6 +420,15 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
     return build_validated(Scene, arm=arm or build_validated(Arm, **parts), **own)
 
 
+def _of_run(change: tuple[object, object]) -> bool:
+    """Whether a change is one of a run, to a value that means the same everywhere, as a user's file does not."""
+    path, value = change
+    plain = value is None or isinstance(value, str | int | float)
+    return plain and isinstance(path, str) and path.startswith("run.") and not data_files.is_user_file(value)
+
+
+RUNS = Memo(256)
+"""Settings of runs by those that they are variants of, and the changes: scenes share them."""
 DOCUMENTS = Memo(64)
 """Parts of scenes as a TOML parser returns them."""
 COURSES = Memo(64)

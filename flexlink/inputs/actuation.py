@@ -43,6 +43,8 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
     SceneError
         An angle changes faster than float64 can hold.
     """
+    if not scene.motion:
+        return no_motion()
     joints = [chain.index(scene.arm.number(motion.link), 0, 0) for motion in scene.motion]
     with np.errstate(all="ignore"):
         pieces = [_pieces(motion) for motion in scene.motion]
@@ -53,12 +55,14 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
                 "motion"
             )
     knots = [np.array(motion.times) for motion in scene.motion]
-    return MotionTable(
-        np.array(joints, dtype=np.int64),
-        np.cumsum([0, *map(len, knots)], dtype=np.int64),
-        np.concatenate([np.empty(0), *knots]),
-        np.concatenate([np.empty((0, 6)), *pieces]),
-    )
+    first = np.cumsum([0, *map(len, knots)], dtype=np.int64)
+    return MotionTable(np.array(joints, dtype=np.int64), first, np.concatenate(knots), np.concatenate(pieces))
+
+
+@functools.cache
+def no_motion() -> MotionTable:
+    """Motions of no joint. All runs share them, as nothing is written to them."""
+    return MotionTable(np.empty(0, np.int64), np.zeros(1, np.int64), np.empty(0), np.empty((0, 6)))
 
 
 @functools.lru_cache(maxsize=64)

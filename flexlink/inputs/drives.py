@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.memo import Memo
 from flexlink.common.types import Array, Indices
 from flexlink.describe.rigidified import rigidified
 from flexlink.describe.scene import Scene
@@ -43,8 +44,15 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
     kind = scene.drive.kind if len(chain.active) else "none"
     if kind == "none":
         return no_drive()
+    if kind in {"constant", "table"} and scene.drive.rate is None:  # nothing is written to it
+        joints = chain.active.tobytes(), tuple(chain.coordinates[k].link for k in chain.active.tolist())
+        return TORQUES(scene.drive, (joints, len(chain.link_names)), lambda: _table(scene, chain))
     law = LAWS[kind](scene, chain)
     return law if scene.drive.rate is None else _sampled(scene, law)
+
+
+TORQUES = Memo(64)
+"""Drives of torques in time by what describes them, and the joints that they drive: variants of an arm share them."""
 
 
 def drive_of(joints: Indices, **parts: Any) -> Drive:
@@ -96,7 +104,7 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
     Shape (n,) each if every joint's torque depends on its own motion only, else (n, n).
     """
     n, joints = chain.n, drive.joints
-    if not len(joints):
+    if not len(joints) or drive.law == TABLE:  # which asks nothing of the state
         return Gains(*np.zeros((2, n)))
     slopes = np.zeros((2, n, len(joints)))
     if not drive.rate:

@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
@@ -33,7 +34,7 @@ from flexlink.kernels.stepping.error_norm import Springs
 from flexlink.kernels.stepping.implicit_layout import VECTOR, ImplicitMethod, ImplicitWork, Turning
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
 from flexlink.kernels.tools.machine_code import direct
-from flexlink.motion.budget import Budget, Spent, warn
+from flexlink.motion.budget import FEWEST, Budget, Spent, warn
 from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.hindrance import hindrance
@@ -75,6 +76,9 @@ NEAR = 1e-9
 """Part of the time between samples within which two times are one."""
 
 
+NO_JOINTS = np.empty(0, np.int64)
+
+
 class AdaptiveSteps:
     """Stepper of a run; `failure` says why it ended early."""
 
@@ -86,16 +90,18 @@ class AdaptiveSteps:
         self.budget = Budget(run.max_evaluations, run.duration)
         start, self.ends = pieces(record, monitor.control)
         self.slowest = slowest_frequency(record.chain, record.q[0] if run.controlled else np.zeros(record.chain.n))
-        self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n), np.zeros(2)
+        n, self.memory = record.chain.n, np.zeros(3 * record.chain.n + 2)
+        self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
+        self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
         self.tau = np.zeros(record.chain.n)
         self.count, self.evaluations_before = np.zeros(COUNT.size, np.int64), 0
         self.count[COUNT.row] = 1
-        self.samples = record.t, record.q, record.qd, record.works
+        self.samples, self.forward = (record.t, record.q, record.qd, record.works), record.scratch
         about = record.q[0].tobytes(), record.qd[0].tobytes()
         self._take(record.kept("choice", about, lambda: choose(run, record, self.slowest)), start)
         self.aim(start, start)
         if run.controlled:
-            arguments = self.work, self.state, self.settings, run.duration
+            arguments = self.work, self.state, self.settings, run.duration, self.tau
             types = self._types(record.kept)
             find = partial(direct, adaptive.first_step, *arguments, types=types)
             record.kept("first step", (types, self.method), find)(*arguments)
@@ -129,25 +135,24 @@ class AdaptiveSteps:
         """Go on from `start` to `end` [s] under these inputs; returns why not, if not. If they are one, it compiles."""
         if inputs is not self.inputs:
             self.inputs = inputs
-            for array, value in zip(self.work.springs, drive_gains(self.record.chain, inputs), strict=False):
-                array[:] = value
+            self._put_gains()
             self._compile(Kept())
         self.aim(start, end)
-        self.budget.begin(self._spent(), end)
+        self.budget.begin(self._spent(), end, self.dearest)
         if end == start:
             self._advance(0)
             return None
         warned = False
-        while (most := self._affordable(NEVER)) and self._advance(most) == OUTCOME.goes_on:
+        while (most := self._affordable(FEWEST)) and self._advance(most) == OUTCOME.goes_on:
             if self.budget.slow and not warned:
                 warn(f"{self.record.chain.name}: {self.slow}")
                 warned = True
         return self.failure
 
     def saved(self, row: int | None = None) -> Any:
-        """All that steps change, for `restore`; samples from a row on, too."""
-        rows = slice(self.row if row is None else row, self.row)
-        return dict(vars(self)), rows, [array.copy() for array in self._changing(rows)]
+        """All that steps change, for `restore`; from a row on, samples and what the drive holds, too."""
+        rows = None if row is None else slice(row, self.row)
+        return vars(self).copy(), rows, [array.copy() for array in self._changing(rows)]
 
     def restore(self, saved: Any) -> None:
         """Go back to where `saved` was."""
@@ -155,16 +160,23 @@ class AdaptiveSteps:
         vars(self).update(attributes)
         for array, before in zip(self._changing(rows), arrays, strict=True):
             array[...] = before
+        self._put_gains()
 
-    def _changing(self, rows: slice) -> tuple[Any, ...]:
-        samples = (array[rows] for array in self.samples)
-        return *self.state, self.count, *carried(self.work), *remembered(self.inputs.drive), *samples
+    def _changing(self, rows: slice | None) -> tuple[NDArray[Any], ...]:
+        changing = self.memory, self.count, self.work.stepper, *stages_of(self.work)
+        if rows is None:
+            return changing
+        return *changing, *remembered(self.inputs.drive), *(array[rows] for array in self.samples)
+
+    def _put_gains(self) -> None:
+        for array, value in zip(self.work.springs, drive_gains(self.record.chain, self.inputs), strict=False):
+            array[:] = value
 
     def aim(self, start: float, end: float) -> None:
         """Begin a piece between two times [s], at which torques may jump."""
         self.end, self.knots = end, self.stop_times.between(start, end)
         self.count[COUNT.knot], self.work.stepper[STEPPER.time] = 0, start
-        self._begin(start, self.inputs, self.state, self.tau, self.record.scratch)
+        self._begin(start, self.inputs, self.state, self.tau, self.forward)
 
     def _ask(self, k: int) -> Iterator[Reached]:
         """Let a law say what it holds from instant `k` on, if that is one; where it fails, say what came before."""
@@ -212,6 +224,8 @@ class AdaptiveSteps:
         """Prepare steps by a method from a time on; compiles, while no signal is deferred."""
         record, (self.name, self.why) = self.record, choice
         self.method = method(self.name)
+        self.dearest = self.method.stages * (1 if self.method.explicit else FEW_PASSES) if self.run.controlled else 0
+        self.budget.safe = 0.0
         self.work = self._scratch()
         key = choice, now, *(part.tobytes() for part in self.state[:2]), float(record.t[0])
         self.stop_times, self.settings = record.kept(("stops", self.name), key, lambda: self._stops(now))
@@ -242,10 +256,11 @@ class AdaptiveSteps:
 
     def _advance(self, most: int) -> int:
         """Take up to so many steps, to the end of the piece; goes on with another method where that is cheaper."""
-        if self.run.method == AUTO:
-            most = min(most, max(0, self.compare_at - self.tries))
-        last = int(self.count[COUNT.steps]) + most
-        how = self.take(most) if most else self._compare()
+        due = most > 0 and self.run.method == AUTO and self.tries >= self.compare_at
+        if self.run.method == AUTO and not due:
+            most = min(most, self.compare_at - self.tries)
+        last = 0 if self.run.controlled else int(self.count[COUNT.steps]) + most
+        how = self._compare() if due else self.take(most)
         while how == OUTCOME.stuck and not self.run.controlled and self._step_in_parts():
             left = max(0, last - int(self.count[COUNT.steps]))
             over = self.count[COUNT.knot] == len(self.knots)
@@ -285,7 +300,7 @@ class AdaptiveSteps:
         if at_knot:
             count[COUNT.knot] += 1
         if count[COUNT.knot] < len(knots):
-            self._begin(end, self.inputs, self.state, self.tau, self.record.scratch)
+            self._begin(end, self.inputs, self.state, self.tau, self.forward)
         return True
 
     def _solved_in(self, part: float, end: float, fixed: list[float]) -> bool:
@@ -301,9 +316,8 @@ class AdaptiveSteps:
 
     def _affordable(self, most: int) -> int:
         """As many of so many steps as the budget allows; 0, and the run has failed: none."""
-        if self.run.controlled:
-            dearest = self.method.stages * (1 if self.method.explicit else FEW_PASSES)
-            most = min(most, self.budget.affordable(self._spent(), dearest))
+        if self.dearest and self.evaluations + most * self.dearest > self.budget.safe:
+            most = min(most, self.budget.affordable(self._spent(), self.dearest))
             if not most:
                 self.failure = Failure(*self._hanging(self.budget.over), EvaluationLimitError)
         return most
@@ -337,7 +351,7 @@ class AdaptiveSteps:
         return float(self.work.stepper[STEPPER.angle_travelled])
 
     def _compile(self, kept: Kept) -> None:
-        start, steps = (0.0, self.inputs, self.state, self.tau, self.record.scratch), self._arguments(0)
+        start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self._arguments(0)
         types = self._types(kept)
         self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
         self._take_steps = kept(
@@ -349,8 +363,8 @@ class AdaptiveSteps:
         return b"" if is_user_file(self.name) or not kept.types else kept.types + self.name.encode()
 
     def _arguments(self, most: int) -> tuple[Any, ...]:
-        inputs, state, samples, forward = self.inputs, self.state, self.samples, self.record.scratch
-        return self.work, forward, inputs, self.settings, self.count, state, self.knots, samples, most
+        of_the_method = self.work, self.forward, self.inputs, self.settings
+        return *of_the_method, self.count, self.state, self.tau, self.knots, self.samples, most
 
     def go_on_with(self, name: str, end: float) -> None:
         """Go on with another method, from where it is to a time [s]."""
@@ -450,8 +464,12 @@ def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
 
 def carried(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
     """What steps remember from one to the next; all else is scratch within one."""
-    stages = (work.stages,) if isinstance(work, ImplicitWork) else ()
-    return work.stepper, *work.springs[:3], *stages
+    return work.stepper, *work.springs[:3], *stages_of(work)
+
+
+def stages_of(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
+    """Stages of the last step, from which an implicit one starts its iteration."""
+    return (work.stages,) if isinstance(work, ImplicitWork) else ()
 
 
 def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:
@@ -485,7 +503,8 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
 def turning_of(chain: Chain, stages: int, r: int, p: int) -> Turning:
     """Scratch of joints that turn round in a step of a method with r real and p pairs of eigenvalues."""
     most = 8  # joints; the small matrix grows as (stages · joints)³
-    dry = np.flatnonzero((chain.hinges["coulomb"] > 0) & (chain.hinges["prescribed"] == 0))
+    coulomb = chain.hinges["coulomb"]
+    dry = np.flatnonzero((coulomb > 0) & (chain.hinges["prescribed"] == 0)) if any(coulomb.tolist()) else NO_JOINTS
     d = min(most, len(dry))
     G, J = np.zeros((2, stages * d, stages * d))
     rows, probe = np.zeros((5, stages * d)), np.zeros((3, stages * d))

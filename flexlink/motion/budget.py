@@ -33,35 +33,43 @@ class Budget:
         Why it may not go on; empty as long as it may.
     slow
         Why it will not end within the budget, if it goes on as it goes; empty until two looks have found that.
+    safe
+        Evaluations up to which there is nothing to look at.
     """
 
     def __init__(self, most: float, duration: float) -> None:
         self.most, self.duration = most, duration
         self.begin(Spent(0.0, 0, 0), 0.0)
 
-    def begin(self, now: Spent, end: float) -> None:
-        """Allow all of it from here to a time [s]."""
+    def begin(self, now: Spent, end: float, dearest: int = 0) -> None:
+        """Allow all of it from here to a time [s]; there may be nothing to look at for a while of steps so dear."""
         self.over = self.slow = ""
         self._crawls = False
         self._start = self._last = now
-        self._end, self._pause = end, 0.0
+        self._end = end
+        self.safe = now.evaluations + min(self.most, self._apart(dearest)) if dearest else 0.0
 
     def affordable(self, now: Spent, dearest: int) -> int:
         """Number of steps up to the next look, each as dear as one may be; 0: no more.
 
         By evaluations, not by time, so that a run stops at the same step on every machine.
         """
-        used = now.evaluations - self._start.evaluations
-        self._pause = max(self.most / LOOKS, float(FEWEST * dearest))
+        used, pause = now.evaluations - self._start.evaluations, self._apart(dearest)
         if used + dearest > self.most:
             part = (now.time - self._start.time) / (self._end - self._start.time)
             self.over = (
                 f"after {used:,} evaluations, of max_evaluations = {self.most:g}, {part:.2%} of the time is done"
             )
-        elif now.evaluations - self._last.evaluations + dearest > self._pause:
+        elif now.evaluations - self._last.evaluations + dearest > pause:
             self._look(now)
-        left = min(self.most - used, self._last.evaluations + self._pause - now.evaluations)
-        return 0 if self.over else int(left / dearest)
+        if self.over:
+            return 0
+        self.safe = min(self._start.evaluations + self.most, self._last.evaluations + pause)
+        return int((self.safe - now.evaluations) / dearest)
+
+    def _apart(self, dearest: int) -> float:
+        """Evaluations from one look to the next."""
+        return max(self.most / LOOKS, float(FEWEST * dearest))
 
     def _look(self, now: Spent) -> None:
         """Whether it gets on since the last look."""

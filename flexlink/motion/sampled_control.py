@@ -18,6 +18,7 @@ from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.inputs.drives import effort_of, held_torques
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.runge_kutta import integrate, stage
+from flexlink.kernels.tools.finite import is_finite
 from flexlink.motion.chunk_size import ChunkSize
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import LawFailure
@@ -37,13 +38,16 @@ class Control:
         Number of fixed steps between two instants; of steps with a tolerance there are no numbers.
     times
         Instants [s] for which the run holds what the law gives: where it is sampled, or the samples of the run.
+    joints
+        Number of driven joints.
     drive
         What it gave at its instants, held: so far, 0 later.
     """
 
     def __init__(self, law: Law, rate: float | None, problem: InitialValueProblem) -> None:
         run, start, chain, self.law, self.chain = problem.run, problem.start, problem.chain, law, problem.chain
-        self.effort = effort_of(problem.scene, chain)
+        self.effort, self.joints = effort_of(problem.scene, chain), len(chain.active)
+        self.limited = bool(np.isfinite(self.effort).any())
         self.sampled, self.origin = rate is not None, round(start / run.step)
         between = run.sample if rate is None else 1 / positive("rate", rate)
         if self.sampled:
@@ -56,11 +60,6 @@ class Control:
             self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.step)
         self.drive = held_torques(chain, self.times, np.zeros((len(self.times), self.joints)))
 
-    @property
-    def joints(self) -> int:
-        """Number of driven joints."""
-        return len(self.chain.active)
-
     def torque(self, t: float, q: Array, qd: Array) -> Array:
         """Torques of the law, limited to the drive's `effort`, shape (d,).
 
@@ -69,17 +68,22 @@ class Control:
         LawFailure
             It raises, or gives no d finite numbers.
         """
-        name = getattr(self.law, "__qualname__", type(self.law).__name__)
         try:
             given = np.asarray(self.law(t, q.copy(), qd.copy()))
         except Exception as error:
-            raise LawFailure(f"t = {t:.6g} s: control law {name} raised {type(error).__name__}: {error}") from error
-        if given.dtype.kind not in "fiu" or given.shape != (self.joints,) or not np.isfinite(given).all():
-            raise LawFailure(
-                f"t = {t:.6g} s: control law {name} returned {truncated(given.tolist())}; expected one finite number "
-                f"per driven joint, shape ({self.joints},)"
-            )
-        return np.clip(given.astype(np.float64), -self.effort, self.effort)
+            raise LawFailure(f"{self._asked(t)} raised {type(error).__name__}: {error}") from error
+        if given.dtype.kind in "fiu" and given.shape == (self.joints,):
+            torque = given.astype(np.float64)
+            if is_finite(torque):
+                return np.clip(torque, -self.effort, self.effort) if self.limited else torque
+        raise LawFailure(
+            f"{self._asked(t)} returned {truncated(given.tolist())}; expected one finite number per driven joint, "
+            f"shape ({self.joints},)"
+        )
+
+    def _asked(self, t: float) -> str:
+        """When a law was asked, and which."""
+        return f"t = {t:.6g} s: control law {getattr(self.law, '__qualname__', type(self.law).__name__)}"
 
     def note(self, k: int, q: Array, qd: Array) -> None:
         """Evaluate the law at instant `k`, and hold its torques from there."""

@@ -217,6 +217,9 @@ class Problem:
             self._idle.append((problem, kept))
 
 
+TYPES = Memo(64)
+"""Of drives, which runs share."""
+
 FILES = Memo(64)
 """Whether scenes name files."""
 
@@ -415,7 +418,8 @@ def allocate(
     record.q[0], record.qd[0] = problem.q, problem.qd
     if not record.kept.types:  # all else that kernels are given here is made in one way
         solver = f"{run.solver} {chain.is_planar}".encode()
-        record.kept.types = types_of(chain.arrays, problem.inputs) + solver
+        drive, *others = problem.inputs
+        record.kept.types = types_of(chain.arrays, *others) + TYPES(drive, None, lambda: types_of(drive)) + solver
     about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
     monitor = RunMonitor(record, record.kept("step", about, lambda: judge_step(problem)), control)
     if control is not None:

@@ -132,7 +132,8 @@ class Simulator:
         if tau is not None:
             self._held.feedforward.coefficients[0, 0] = vector("tau", tau, len(self.chain.active))
             inputs = self._pushed
-        before = steps.saved(), [array.copy() for array in remembered(self._driven.drive)]
+        drive = remembered(inputs.drive) if inputs.drive.rate else ()  # that of torques which are held remembers none
+        before = steps.saved(), drive, [array.copy() for array in drive]
         calls = self._calls + 1
         try:
             fault = steps.go(inputs, self._time, end)
@@ -147,9 +148,9 @@ class Simulator:
         self._time, self._calls = end, calls
         return self.state
 
-    def _restore(self, steps: Any, drive: Sequence[NDArray[Any]]) -> None:
+    def _restore(self, steps: Any, drive: Sequence[NDArray[Any]], remembered: Sequence[NDArray[Any]]) -> None:
         self._steps.restore(steps)
-        for array, before in zip(remembered(self._driven.drive), drive, strict=True):
+        for array, before in zip(drive, remembered, strict=True):
             array[:] = before
 
     def _later(self, duration: float) -> float:

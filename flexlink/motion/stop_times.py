@@ -31,7 +31,7 @@ class StopTimes:
         on_the_grid = 1e-6  # part of a fixed step within which a time counts as one of its ends
         run, (drive, motion, _, wrench) = record.run, record.inputs
         tables = [table for table in (drive if by_drive else None, wrench) if table is not None]
-        self.drive = drive if by_drive else None
+        self.drive = drive if by_drive and drive.rate else None
         self.run, self.start, self.origin = run, float(record.t[0]), record.origin
         self.at_samples = method.explicit or not run.controlled
         if run.controlled:
@@ -47,11 +47,15 @@ class StopTimes:
     def between(self, start: float, end: float) -> Array:
         """Those after `start` and before `end`, and `end` [s]."""
         fixed = self.fixed[bisect_right(self.fixed, start) : bisect_left(self.fixed, end)]
+        if not (fixed or self.at_samples or self.drive):
+            return np.array([end])
         samples = self._samples(start, end) if self.at_samples else range(0)
         asked = instants(self.drive, start, end)
         if not fixed and not samples and not len(asked):
             return np.array([end])
-        times = np.unique(np.concatenate([fixed, self._times(np.array(samples)), asked]))
+        times = self._times(np.array(samples))
+        if fixed or len(asked):
+            times = np.unique(np.concatenate([fixed, times, asked]))
         shortest = SHORTEST * self.run.duration + 2 * np.spacing(end)
         times = times[(times > start + shortest) & (times < end - shortest)]
         return np.append(times, end)

@@ -87,6 +87,5 @@ WATCHED = Memo(64)
 
 
 def _watched(chain: Chain) -> tuple[Indices, Indices, Indices]:
-    bending = np.array([k for k, c in enumerate(chain.coordinates) if c.segment], dtype=np.int64)
     free = chain.active[chain.hinges["prescribed"][chain.active] == 0]
-    return bending, np.flatnonzero(np.isfinite(chain.hinges["lower"])), free
+    return chain.bending, np.flatnonzero(np.isfinite(chain.hinges["lower"])), free

@@ -92,10 +92,7 @@ class Method(Spec, frozen=True):
         An explicit one by its rows `error`; an implicit one, as Radau IIA of 3, 5, … stages, if it ends on its last
         stage and A has one real eigenvalue.
         """
-        if self.explicit:
-            return bool(self.error_rows)
-        A, b, c = self.exact
-        return A[-1] == b and len(set(c)) == len(c) and len(self.modes.real) == 1
+        return _controlled(self)
 
     @property
     def exact(self) -> collocation.Tableau:
@@ -219,6 +216,14 @@ def _rounded(method: Method) -> tuple[Array, Array, Array]:
 @functools.lru_cache(maxsize=64)
 def _explicit(method: Method) -> bool:
     return not any(any(row[i:]) for i, row in enumerate(method.exact[0]))
+
+
+@functools.lru_cache(maxsize=64)
+def _controlled(method: Method) -> bool:
+    if method.explicit:
+        return bool(method.error_rows)
+    A, b, c = method.exact
+    return A[-1] == b and len(set(c)) == len(c) and len(method.modes.real) == 1
 
 
 @functools.lru_cache(maxsize=64)

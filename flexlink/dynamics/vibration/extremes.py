@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 
 import numpy as np
 
@@ -43,14 +44,10 @@ def slowest_frequency(chain: Chain, q: Array) -> float:
 
 
 def _slowest_frequency(chain: Chain, q: Array) -> float:
-    moving, springs = chain.hinges["prescribed"] == 0, chain.stiffness > 0
-    bent, free = np.flatnonzero(springs & moving), np.flatnonzero(~springs & moving)
-    if not len(bent):
-        return np.inf
-    square = smallest_square(chain.arrays, q, bent, free, PASSES, CLOSE)
-    if np.isnan(square):  # a torque is beyond float64: this names it
-        inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), springs * 1.0)
-    return float(np.sqrt(square)) if square > 0 else np.inf
+    square = smallest_square(chain.arrays, q, PASSES, CLOSE)
+    if math.isnan(square):  # a torque is beyond float64: this names it
+        inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), (chain.stiffness > 0) * 1.0)
+    return math.sqrt(square) if square > 0 else math.inf
 
 
 def fastest_frequency(chain: Chain, q: Array, stiffness: Array | None = None) -> float:

@@ -25,7 +25,7 @@ from flexlink.describe.conditions import Frame
 from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult
-from flexlink.dynamics.rounding import largest_loads
+from flexlink.dynamics.rounding import EPS, largest_loads
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion, damping_slope
 from flexlink.dynamics.tangent import displacements, gyroscopic_matrix, tangent, unlocked
 from flexlink.dynamics.terms import mass_matrix
@@ -296,10 +296,10 @@ def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array
         It does not, or M is beyond float64.
     """
     whole = mass_matrix(chain, q, algorithm="upper")  # in body axes: twist of a slender arm, straight, keeps its digits
-    M = np.ascontiguousarray(whole[np.ix_(free, free)])
+    M = whole if len(free) == chain.n else np.ascontiguousarray(whole[np.ix_(free, free)])
     L, stopped = linalg.lapack.dpotrf(M, lower=1)
     with np.errstate(invalid="ignore"):
-        good = np.diag(L) > np.sqrt(len(M) * np.finfo(float).eps * np.diag(M))  # False for nan, too
+        good = L.diagonal() > np.sqrt(len(M) * EPS * M.diagonal())  # False for nan, too
     if stopped or not good.all():
         k = free[stopped - 1 if stopped else int(np.argmin(good))]
         raise _idle(chain, int(k))

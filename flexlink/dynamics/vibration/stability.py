@@ -28,6 +28,7 @@ from flexlink.dynamics.vibration.extremes import inertia_alone
 from flexlink.dynamics.vibration.modal import factored_mass, first_order_matrix, regular_mass
 from flexlink.dynamics.vibration.stability_function import stable_reach
 from flexlink.dynamics.wrench import turns_with_tip
+from flexlink.kernels.tools.finite import is_finite
 
 DENSE = 100
 """Joints up to which all eigenvalues are found, in O(n³); beyond, only those that bound the step, in O(n)."""
@@ -178,8 +179,16 @@ def _all_eigenvalues(chain: Chain, state: _State) -> Complex:
     if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # the rounding of K
         values: Complex = linalg.eigvals(first_order_matrix(M, C, K))
         return values
-    ω = np.sqrt(linalg.eigh((K + K.T) / 2, M, eigvals_only=True).astype(complex))
+    ω = np.sqrt(_squares((K + K.T) / 2, M).astype(complex))
     return np.concatenate([1j * ω, -1j * ω])
+
+
+def _squares(K: Array, M: Array) -> Array:
+    """`linalg.eigh(K, M, eigvals_only=True)`, less its checks of what is known, which take three times as long."""
+    squares, _, failed = linalg.lapack.dsygvd(K, M, jobz="N", uplo="L")
+    if failed or not is_finite(squares):
+        squares = linalg.eigh(K, M, eigvals_only=True)  # says what is wrong
+    return np.asarray(squares)
 
 
 def _damping_and_stiffness(chain: Chain, state: _State) -> tuple[Array, Array]:
@@ -289,6 +298,8 @@ def stable_step_of(λ: Complex, method: str) -> float:
     """The `stable_step` [s] of eigenvalues λ [1/s]; inf if nothing holds or brakes any joint."""
     moving = λ[λ != 0]
     rates = np.abs(moving)
+    if not moving.real.any():  # all swing, and none is damped
+        return float((stable_reach(methods.method(method), np.array([1j])) / rates).min(initial=np.inf))
     directions = np.where(moving.real > 0, 1j, moving.real / rates + 1j * np.abs(moving.imag) / rates)  # R(z̄) = R(z)̄
     different, which = np.unique(directions, return_inverse=True)
     reach = stable_reach(methods.method(method), different)

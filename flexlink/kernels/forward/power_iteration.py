@@ -54,9 +54,12 @@ def largest(φ):
 
 
 @kernel
-def smallest_square(chain, q, bent, free, passes, close):
-    """Smallest ω² of K φ = ω² S φ, from above, on the joints `bent`, with `free` ones that follow; passes as above."""
+def smallest_square(chain, q, passes, close):
+    """Smallest ω² of K φ = ω² S φ, from above, on the joints with springs, others free; inf: none; passes as above."""
+    bent, free = joints_of(chain, True), joints_of(chain, False)
     n, p, a, last = len(q), len(bent), len(free), 0.0
+    if p == 0:
+        return math.inf
     φ, none, M_a, M_aa, x, y = np.zeros(n), np.zeros(6), np.zeros((a, n)), np.zeros((a, a)), np.zeros(a), np.zeros(a)
     zero, torque, order, work = np.zeros(n), np.zeros(n), np.zeros(a, np.int64), rne_workspace(chain)
     for i in range(a):
@@ -91,6 +94,17 @@ def smallest_square(chain, q, bent, free, passes, close):
         for i in range(p):
             φ[bent[i]] = torque[bent[i]] / size
     return last
+
+
+@kernel
+def joints_of(chain, springs):
+    """The joints with springs, or those without, whose motion is not prescribed."""
+    found, count = np.zeros(len(chain.hinges), np.int64), 0
+    for k in range(len(chain.hinges)):
+        if (chain.hinges[k].stiffness > 0.0) == springs and not chain.hinges[k].prescribed:
+            found[count] = k
+            count += 1
+    return found[:count]
 
 
 @recursion

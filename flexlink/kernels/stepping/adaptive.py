@@ -12,7 +12,6 @@ who starts from the state there goes on with the same numbers.
 
 import math
 
-import numpy as np
 from numba.extending import overload
 
 from flexlink.kernels.forward.mass_plus_diagonal import displacement, place_bodies
@@ -24,7 +23,7 @@ from flexlink.kernels.stepping.error_norm import deflection_norm
 from flexlink.kernels.stepping.implicit import between_stages, implicit_step
 from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
-from flexlink.kernels.tools.compiler import RECURSION, entry, inlined, kernel, recursion
+from flexlink.kernels.tools.compiler import RECURSION, entry, inlined, recursion
 from flexlink.kernels.tools.numbered import numbered
 
 OUTCOME = numbered("goes_on ended stuck")  # of `advance`
@@ -57,11 +56,11 @@ def _between(x, h, state, work, angles, rates):
     return lambda x, h, state, work, angles, rates: math.nan  # no sample of an explicit step is between its ends
 
 
-@kernel
-def advance(work, forward, inputs, settings, count, state, knots, samples, most):
+@entry
+def advance(work, forward, inputs, settings, count, state, tau, knots, samples, most):
     """Take up to `most` steps from `state` q, q̇, q̈ (n,) and W (2,), in place, and fill in the samples on the way.
 
-    `work` is scratch of the method, `forward` of forward dynamics.
+    `work` is scratch of the method, `forward` of forward dynamics, `tau` (n,).
 
     `settings`: error that a long step may have [m], and that as a part of the largest deflection; the length from which
     a step is long [s], a shorter one may have its part of that length of it, so that the errors of many steps add up to
@@ -70,7 +69,7 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
     (rows, n), W (rows,).
     """
     absolute, part, long, exact, left, p, smallest, largest = settings
-    tau, stepper = np.zeros(len(state[0])), work.stepper
+    stepper = work.stepper
     least = 1e-3  # part of the error of a long step that any step may have: the shortest are few, after a jump
     for _ in range(most):
         t, end = stepper[STEPPER.time], knots[count[COUNT.knot]]
@@ -105,12 +104,15 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
     return OUTCOME.goes_on
 
 
-@kernel
-def first_step(work, state, settings, duration):
-    """Set the deflection, and the first step to one in which q̈ moves no body by more than the error of a step."""
+@entry
+def first_step(work, state, settings, duration, bent):
+    """Set the deflection, and the first step to one in which q̈ moves no body by more than the error of a step.
+
+    Scratch `bent` (n,).
+    """
     absolute, part, largest = settings[0], settings[1], settings[7]
     q, qd, qdd = state[0], state[1], state[2]
-    bent, stepper, τ = np.zeros(len(q)), work.stepper, min(work.stepper[STEPPER.inverse_ω1], duration)
+    stepper, τ = work.stepper, min(work.stepper[STEPPER.inverse_ω1], duration)
     place_bodies(q, work.posture)
     stepper[STEPPER.deflection] = spring_displacement(q, bent, work)
     for k in range(len(q)):  # of an arm with slack springs: what q̇ and q̈ bend in 1 / ω₁

@@ -10,7 +10,7 @@ garbage where |r| > share · X + ε + what the tolerance explains.
 import math
 from typing import Any, NamedTuple
 
-from flexlink.kernels.tools.compiler import entry, kernel, recursion
+from flexlink.kernels.tools.compiler import entry, recursion
 from flexlink.kernels.tools.numbered import numbered
 
 EPS = 2.0**-52
@@ -54,7 +54,7 @@ class Bounds(NamedTuple):
     travelling: Any  # of the driven ones whose motion is not prescribed
 
 
-@kernel
+@entry
 def look_at(first, stop, samples, hinges, bounds, steps, allowance, seen):
     """Look at the samples `first` … `stop` − 1, up to one that is wrong; returns its row (`stop`: none is) and why.
 
