@@ -26,11 +26,11 @@ def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
     """
     if any(is_user_file(link.lumping) for link in arm.links):  # a file, which may change
         return _of_all(arm)
-    return HINGES(arm, None, lambda: _of_all(arm))
+    return HINGES(arm.links, None, lambda: _of_all(arm))
 
 
 HINGES = Memo(64)
-"""Nodes and weights of arms."""
+"""Nodes and weights of arms by their links, which variants of a material or a payload share."""
 
 
 def _of_all(arm: Arm) -> list[tuple[Array, Array]]:

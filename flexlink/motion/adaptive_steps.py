@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.memo import Kept, Memo
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
 from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.describe.data_files import is_user_file
 from flexlink.describe.schemes.methods import Method, method
@@ -40,7 +40,7 @@ from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.hindrance import hindrance
 from flexlink.motion.method_choice import Choice, cheapest, fastest_motion
 from flexlink.motion.method_trial import FIRST, go_on_with_the_cheapest
-from flexlink.motion.monitor import LONG, RunMonitor, least_tolerance
+from flexlink.motion.monitor import LONG, RunMonitor
 from flexlink.motion.sampled_control import Control
 from flexlink.motion.stop_times import SHORTEST, StopTimes
 from flexlink.results.record import Record
@@ -76,9 +76,6 @@ NEAR = 1e-9
 """Part of the time between samples within which two times are one."""
 
 
-NO_JOINTS = np.empty(0, np.int64)
-
-
 class AdaptiveSteps:
     """Stepper of a run; `failure` says why it ended early."""
 
@@ -103,7 +100,7 @@ class AdaptiveSteps:
         if run.controlled:
             arguments = self.work, self.state, self.settings, run.duration, self.tau
             types = self._types(record.kept)
-            find = partial(direct, adaptive.first_step, *arguments, types=types)
+            find = functools.partial(direct, adaptive.first_step, *arguments, types=types)
             record.kept("first step", (types, self.method), find)(*arguments)
             self.work.stepper[STEPPER.deflection] = min(self.work.stepper[STEPPER.deflection], record.chain.reach)
         else:
@@ -434,7 +431,7 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
             f"run.accuracy = 'deflection': no link of {record.chain.name!r} bends, so there is no deflection to take "
             "a fraction of; take accuracy = 'tip'"
         )
-    least = least_tolerance(record)
+    least = record.least_tolerance
     absolute, part = least, run.relative_tolerance or 0.0  # of no deflection what rounding leaves
     if run.accuracy == "tip":
         absolute, part = run.tolerance_within(reach), 0.0
@@ -502,13 +499,25 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
 
 def turning_of(chain: Chain, stages: int, r: int, p: int) -> Turning:
     """Scratch of joints that turn round in a step of a method with r real and p pairs of eigenvalues."""
-    most = 8  # joints; the small matrix grows as (stages · joints)³
     coulomb = chain.hinges["coulomb"]
-    dry = np.flatnonzero((coulomb > 0) & (chain.hinges["prescribed"] == 0)) if any(coulomb.tolist()) else NO_JOINTS
+    if not any(coulomb.tolist()):
+        return without_friction(chain.n, stages, r, p)._replace(count=np.zeros(1, np.int64))
+    return turning_at(np.flatnonzero((coulomb > 0) & (chain.hinges["prescribed"] == 0)), chain.n, stages, r, p)
+
+
+@functools.cache
+def without_friction(n: int, stages: int, r: int, p: int) -> Turning:
+    """Scratch of no joints, empty but for their count; runs share the rest."""
+    return turning_at(np.empty(0, np.int64), n, stages, r, p)
+
+
+def turning_at(dry: Indices, n: int, stages: int, r: int, p: int) -> Turning:
+    """Scratch of these joints with dry friction, of n in all."""
+    most = 8  # joints; the small matrix grows as (stages · joints)³
     d = min(most, len(dry))
     G, J = np.zeros((2, stages * d, stages * d))
     rows, probe = np.zeros((5, stages * d)), np.zeros((3, stages * d))
-    real, pairs = np.zeros((r, d, chain.n)), np.zeros((p, d, chain.n), complex)
+    real, pairs = np.zeros((r, d, n)), np.zeros((p, d, n), complex)
     return Turning(dry, np.zeros(d, np.int64), np.zeros(1, np.int64), G, J, rows, probe, real, pairs)
 
 

@@ -1,4 +1,9 @@
-"""simulate_many(scenes): members of one layout side by side, eight in one pass of the compiled loop."""
+"""simulate_many(scenes): members of one layout side by side, eight in one pass of the compiled loop.
+
+Those with a tolerance run one by one: the lengths of their steps, and so the matrices that they factor, are their own;
+a step that one of eight refuses would hold up seven; and all their steps are but 15 to 30 % of what they cost, measured
+with ten joints, Radau5, 1e-4 m, 0.1 to 1 s.
+"""
 
 from __future__ import annotations
 

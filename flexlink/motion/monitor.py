@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Iterator
 
@@ -56,13 +55,6 @@ TOLERABLE = 3.0
 APART = 128
 """How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
 one in so many, which costs three in 128, 2 %."""
-
-
-def least_tolerance(record: Record) -> float:
-    """The smallest tolerance [m] that rounding allows, for the arm's reach and its initial angles."""
-    # Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to
-    roundings = 200.0
-    return roundings * rounding.of_reach(record.chain.reach, max(map(abs, record.q[0].tolist())))
 
 
 def tolerance_of(run: RunSettings, chain: Chain, deflection: float) -> float:
@@ -163,12 +155,7 @@ class RunMonitor:
     @property
     def tolerance(self) -> float:
         """Tolerance of the steps so far [m]; the rounding limit where nothing has bent yet."""
-        return max(tolerance_of(self.run, self.record.chain, self.deflection), self.least)
-
-    @functools.cached_property
-    def least(self) -> float:
-        """The smallest tolerance that rounding allows [m]."""
-        return least_tolerance(self.record)
+        return max(tolerance_of(self.run, self.record.chain, self.deflection), self.record.least_tolerance)
 
     @property
     def extent(self) -> float:

@@ -19,7 +19,7 @@ from msgspec.structs import replace
 from flexlink.common.types import Array
 from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.motion.hindrance import sampled_growth
-from flexlink.motion.monitor import DOUBT, TIP_SHARE, TOLERABLE, RunMonitor, least_tolerance
+from flexlink.motion.monitor import DOUBT, TIP_SHARE, TOLERABLE, RunMonitor
 
 STRICTER = 0.1
 """Part of the tolerance, or of the error from which a run is doubtful, that the second run is allowed."""
@@ -109,18 +109,18 @@ def advice(monitor: RunMonitor) -> str:
 def _stricter_and_stricter(monitor: RunMonitor) -> Iterator[Second]:
     """Settings of stricter and stricter runs that may explain a difference by their own errors."""
     finer = 1e-2  # Tolerance of a run that is to explain why two differ, over that of the one before
-    tolerance, own = STRICTER * _tolerance(monitor), STRICTER * max(monitor.tip_error, least_tolerance(monitor.record))
+    tolerance, own = STRICTER * _tolerance(monitor), STRICTER * max(monitor.tip_error, monitor.record.least_tolerance)
     while tolerance > own:
         yield Second(_within(monitor.run, AUTO, tolerance), 1, 1.0, strict=False)
         tolerance *= finer
-    yield Second(_within(monitor.run, AUTO, max(own, least_tolerance(monitor.record))), 1, 1.0)
+    yield Second(_within(monitor.run, AUTO, max(own, monitor.record.least_tolerance)), 1, 1.0)
 
 
 def _stricter(monitor: RunMonitor, name: str) -> RunSettings:
     """The same settings with a stricter tolerance of the same kind."""
     run = monitor.run
     if run.accuracy == "tip":
-        return _within(run, name, max(STRICTER * _tolerance(monitor), least_tolerance(monitor.record)))
+        return _within(run, name, max(STRICTER * _tolerance(monitor), monitor.record.least_tolerance))
     return replace(run, method=name, relative_tolerance=STRICTER * (run.relative_tolerance or 0.0))
 
 
@@ -132,4 +132,4 @@ def _tolerance(monitor: RunMonitor) -> float:
     """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if monitor.run.controlled:
         return monitor.tolerance
-    return max(DOUBT * TIP_SHARE * monitor.extent, least_tolerance(monitor.record) / STRICTER)
+    return max(DOUBT * TIP_SHARE * monitor.extent, monitor.record.least_tolerance / STRICTER)

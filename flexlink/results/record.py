@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
+from flexlink.dynamics import rounding
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
@@ -56,6 +58,13 @@ class Record:
     def samples(self) -> tuple[Array, ...]:
         """All that is known of the samples."""
         return self.t, self.q, self.qd, self.tau, self.tip, self.energy, self.works
+
+    @functools.cached_property
+    def least_tolerance(self) -> float:
+        """The smallest tolerance [m] that rounding allows, for the arm's reach and its initial angles."""
+        # Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to
+        roundings = 200.0
+        return roundings * rounding.of_reach(self.chain.reach, max(map(abs, self.q[0].tolist())))
 
     def compile(self) -> None:
         """Compile what `derive` calls."""
