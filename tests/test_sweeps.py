@@ -15,6 +15,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import msgspec
 import numpy as np
 import pytest
 from conftest import ROOT, compiled, flexible, make_scene
@@ -28,7 +29,7 @@ from flexlink.motion.batch import outcomes
 from flexlink.sweeps import fingerprint, worker
 from flexlink.sweeps import run as sweeping
 from flexlink.sweeps.execution import MAX_WORKER_DEATHS, Execution
-from flexlink.sweeps.measures import REDUCTIONS, SweepOutput
+from flexlink.sweeps.measures import REDUCTIONS, SweepOutput, measured
 from flexlink.sweeps.plan import Plan
 from flexlink.sweeps.ranges import RandomDesign, Range, Spread, points
 from flexlink.sweeps.table import SweepRows
@@ -101,6 +102,54 @@ def test_a_members_numbers_do_not_depend_on_its_neighbours(paper: fl.Scene, rng:
         else:
             assert type(one) is type(other) is type(alone) is fl.errors.DivergenceError
             assert scene is scenes[4]
+
+
+MANY: dict[str, Any] = {
+    "of arm and start": {
+        "tip.mass": [0.0, 1.0, -1.0, 1e308],
+        "material.aluminium.young": [6e10, 7e10],
+        "initial.joint_deg.upper": [-70.0, 10.0],
+        "tip.center": [[0.0, 0.0, 0.0], [0.1, 0.2, 0.0]],
+    },
+    "of damping and friction": {
+        "link.fore.damping.ratio": [0.001, 0.02],
+        "link.*.joint.coulomb": [0.0, 0.5],
+        "tip.mass": [0.0, 1.0],
+        "link.upper.length": [1.0, 1.1],
+    },
+    "of run and segments": {
+        "link.*.segments": [3, 5],
+        "run.method": ["RK4", "RK10"],
+        "run.step": [1e-4, 3e-4, 5e-4, 1e-2],
+        "tip.mass": [0.0, 1.0],
+    },
+    "insisted": {"run.unstable": ["allow"], "run.step": [3e-4, 5e-4], "run.duration": [0.03], "tip.mass": [0.0, 1.0]},
+    "of a drive": {"drive.kp.fore": [0.0, 100.0], "tip.mass": [0.0, 1.0], "drive.effort.fore": [1.0, 100.0]},
+    "with a tolerance": {"run.tolerance": [1e-4], "tip.mass": [0.0, 1.0], "run.method": ["RK4", "Radau5"]},
+}
+
+
+@pytest.mark.parametrize("grid", MANY.values(), ids=MANY)
+def test_members_of_many_keys_are_the_runs_of_their_scenes(paper: fl.Scene, grid: dict) -> None:
+    """To the bit, or refused in the same words."""
+    wanted = {
+        f"{of} {take}": SweepOutput(of=of, take=cast("Any", take), after=5e-4)
+        for of in ("tip x [m]", "q fore [rad]", "deflection [m]", "imbalance [J]", "kinetic [J]", "work [J]")
+        for take in ("final", "largest", "mean", "rms", "range", "time of max")
+    } | {"steps": SweepOutput(of="steps"), "over": SweepOutput(of="overshoot [m]", target="final")}
+    drive = fl.Drive(kind="pd", kp=(0.0, 10.0, 20.0), kd=(0.0, 1.0, 0.5), target_deg=(0.0, -80.0, -10.0),
+                     effort=(1.0, 50.0, 50.0))  # fmt: skip
+    damped = paper.varied({"link.fore.damping": fl.Damping(ratio=0.01, at_hz=3.0)})
+    scene = damped.varied({"drive": drive}) if "drive.kp.fore" in grid else damped
+    plan = Plan(fl.Sweep(scene=scene, quantity=wanted, set={"run.duration": 0.006, "run.sample": 1e-3}, grid=grid))
+    rows, _ = worker.rows_of(msgspec.json.encode(plan.sweep), fingerprint.version(), range(plan.members))
+    for row in rows:
+        try:
+            run = fl.simulate(scene.varied({**plan.sweep.set, **plan.values(row.number)}))
+            assert (row.values, row.reason) == measured(wanted, run)
+            assert row.warnings == "\n".join(run.warnings)
+        except fl.FlexlinkError as error:
+            assert row.reason == f"{type(error).__name__}: {error}"
 
 
 def test_a_member_that_is_refused_or_diverges_is_a_row_with_its_reason(paper: fl.Scene) -> None:
