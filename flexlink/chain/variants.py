@@ -21,8 +21,10 @@ def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
     """The chain of every scene as `lump` makes it, equal to the bit, or the error that it raises."""
     shared: dict[int, list[int]] = {}
     frames: dict[int, Frame] = {}
+    frame = None
     for k, scene in enumerate(scenes):
-        frame = _frame(scene)
+        if not k or not _same_frame(scenes[k - 1], scene):
+            frame = _frame(scene)
         if frame is not None:
             frames[id(frame)] = frame
             shared.setdefault(id(frame), []).append(k)
@@ -32,6 +34,17 @@ def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
             for k, chain in zip(members, _of_frame(frames[place], [scenes[k] for k in members]), strict=True):
                 chains[k] = chain
     return [_alone(scene) if chain is None else chain for scene, chain in zip(scenes, chains, strict=True)]
+
+
+def _same_frame(before: Scene, scene: Scene) -> bool:
+    """Whether it is plain that two scenes share a frame, or that neither has one."""
+    a, b = before.arm, scene.arm
+    if not (a.links is b.links and a.sections is b.sections and before.motion is scene.motion):
+        return False
+    densities = (a.materials[name].density == b.materials[name].density for name in a.materials if name in b.materials)
+    angles = zip(a.links, before.initial.joint_deg, scene.initial.joint_deg, strict=True)
+    held = all(one == other for link, one, other in angles if link.joint.locked)
+    return held and a.materials.keys() == b.materials.keys() and all(densities)
 
 
 def _frame(scene: Scene) -> Frame | None:

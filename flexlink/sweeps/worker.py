@@ -24,6 +24,9 @@ from flexlink.sweeps.fingerprint import version
 from flexlink.sweeps.measures import measured, measured_together
 from flexlink.sweeps.plan import Plan, Sweep
 
+TOGETHER = 512
+"""Members that are prepared at once: their chains take some megabytes."""
+
 
 class Row(NamedTuple):
     """The row of a member."""
@@ -56,12 +59,12 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row]
     handshake(text, theirs)
     plan = plan_of(text)
     with deferred() as stop:
-        ends = _ends(plan, numbers, stop)
-        rows = [
-            _row(plan, number, end)
-            for number, end in zip(numbers, ends, strict=True)
-            if not isinstance(end, InterruptedRunError)
-        ]
+        rows = []
+        for part in (numbers[first : first + TOGETHER] for first in range(0, len(numbers), TOGETHER)):
+            if stop.asked:
+                break
+            ends = zip(part, _ends(plan, part, stop), strict=True)
+            rows += [_row(plan, number, end) for number, end in ends if not isinstance(end, InterruptedRunError)]
     return rows, time.perf_counter() - started
 
 
