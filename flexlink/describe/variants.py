@@ -15,7 +15,7 @@ import msgspec
 from msgspec.structs import replace
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.describe.conditions import check_method, implied
+from flexlink.describe.conditions import implied
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.scene import FIELDS, OF_ARM, Scene
 from flexlink.describe.spec import Spec, bare_type, build_validated, decode, fields_of, to_builtin
@@ -80,8 +80,6 @@ class _Base(NamedTuple):
             scene: Scene = build_validated(_with, self.scene, self.tree, read)
             if scene.arm.links is not self.scene.arm.links:
                 hinges_of(scene.arm)
-            if scene.run is not self.scene.run:
-                check_method(scene.run)
         except (FlexlinkError, msgspec.ValidationError):
             return None
         return scene

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -39,12 +40,23 @@ def _within_bounds(problems: Sequence[InitialValueProblem]) -> list[bool]:
     for n in {problem.chain.n for problem in problems}:
         these = [k for k, p in enumerate(problems) if p.chain.n == n and p.run.duration and p.explicit]
         with contextlib.suppress(FlexlinkError):  # which the one whose it is raises by itself
-            acting = [acting_at(p.inputs, p.chain, p.start, p.q, p.qd) for p in map(problems.__getitem__, these)]
             abouts = [(p.chain, p.q, p.qd) for p in map(problems.__getitem__, these)]
-            for k, bound in zip(these, eigenvalue_bounds(abouts, acting), strict=True):
+            for k, bound in zip(these, eigenvalue_bounds(abouts, _acting([problems[k] for k in these])), strict=True):
                 run = problems[k].run
                 within[k] = run.step * bound <= stable_half_disc(method(run.method))
     return within
+
+
+def _acting(problems: Sequence[InitialValueProblem]) -> list[dict[str, Any]]:
+    """`acting_at` the start of each; what neither knows the arm nor the time is found once for all that share it."""
+    found: list[dict[str, Any]] = []
+    for k, problem in enumerate(problems):
+        inputs = problem.inputs
+        if found and inputs is problems[k - 1].inputs and inputs.table is None and not len(inputs.drive.joints):
+            found.append(found[-1])
+        else:
+            found.append(acting_at(inputs, problem.chain, problem.start, problem.q, problem.qd))
+    return found
 
 
 def judge_step(problem: InitialValueProblem) -> tuple[str, ...]:

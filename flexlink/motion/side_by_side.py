@@ -180,7 +180,7 @@ class Block:
     def _passed(self) -> NDArray[np.bool_]:
         """Whose samples pass every look without a word."""
         chains = [record.chain for record in self.records]
-        rounded = np.array([rounding.of_position(chain) for chain in chains])
+        rounded = rounding.of_reach(1.0) * np.array([chain.reach for chain in chains])
         seen, good = self._look()
         least = NEARLY * DOUBT * balance.SHARE * seen[:, SEEN.exchanged]
         good &= (seen[:, SEEN.unbalanced] <= least) & (seen[:, SEEN.excused] <= least / DOUBT)
