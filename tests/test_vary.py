@@ -214,7 +214,10 @@ def test_a_setting_that_is_none_is_refused_in_one_line(text: str, capsys) -> Non
 
 
 VARIANTS: dict[str, list[dict[str, Any]]] = {
-    "numbers": [{"tip.mass": m, "material.aluminium.young": E} for m in (0.0, 1, -1.0, math.nan) for E in (7e10, "x")],
+    "numbers": [
+        {"tip.mass": m, "material.aluminium.young": E} for m in (0.0, 1, -1.0, math.nan) for E in (7e10, math.inf, "x")
+    ],
+    "not finite": [{"material.aluminium.young": E, "tip.mass": m} for E in (7e10, math.inf) for m in (math.inf, 1.0)],
     "None": [{"tip.mass": None, "run.duration": 0.1}, {"tip.mass": 2.0, "run.duration": None}],
     "arrays": [{"gravity": np.array([0.0, 0.0, g]), "tip.mass": np.float64(g)} for g in (1.0, np.inf)],
     "segments": [{"link.*.lumping": rule, "link.*.segments": n} for rule in ("gauss", "paper") for n in (3, 4, 1)],
