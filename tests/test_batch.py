@@ -189,7 +189,7 @@ def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
 
 def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
     """Asked to stop after 100 of 500 steps, which are 2 of 10 samples."""
-    stop, batch, scenes = Stop(), sys.modules["flexlink.motion.batch"], members("yz", 10)
+    stop, batch, scenes = Stop(), sys.modules["flexlink.motion.side_by_side"], members("yz", 10)
     pieces = batch.pieces
 
     def interrupted(*arguments):
@@ -200,7 +200,7 @@ def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
 
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # a piece a step
     monkeypatch.setattr(batch, "pieces", interrupted)
-    monkeypatch.setattr(batch, "deferred", lambda: contextlib.nullcontext(stop))
+    monkeypatch.setattr(sys.modules["flexlink.motion.batch"], "deferred", lambda: contextlib.nullcontext(stop))
     with pytest.raises(fl.errors.InterruptedRunError) as caught:
         fl.simulate_many(scenes)
     assert len(caught.value.runs) == len(scenes)

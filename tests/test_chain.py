@@ -7,7 +7,7 @@ import itertools
 
 import numpy as np
 import pytest
-from conftest import ALUMINIUM, SQUARE, chain_of, flexible, make_scene, nasty_scene
+from conftest import ALUMINIUM, ROOT, SQUARE, chain_of, flexible, make_scene, nasty_scene
 
 from flexlink import (
     Arm,
@@ -31,11 +31,12 @@ from flexlink import (
     to_urdf,
 )
 from flexlink.chain import lumping
+from flexlink.chain.variants import lump_many
 from flexlink.common.memo import Memo
 from flexlink.describe.arm import AXES
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.sections import SHAPES, SectionProperties, rectangle
-from flexlink.errors import ArgumentError, SceneError
+from flexlink.errors import ArgumentError, FlexlinkError, SceneError
 
 
 @pytest.mark.parametrize(("n", "nseg", "flex"), list(itertools.product([2, 3, 5], [2, 5, 8], ["z", "yz", "xyz"])))
@@ -347,3 +348,29 @@ def test_variants_of_an_arm_are_cut_as_they_are_alone(monkeypatch: pytest.Monkey
             assert not getattr(near, array).flags.writeable
         for name in found:
             assert np.all(getattr(near, name) == getattr(alone, name))
+
+
+def test_chains_found_together_are_those_of_each_scene() -> None:
+    """To the bit, or refused in the same words."""
+    scene = load_scene(ROOT / "models" / "t3_spatial.toml")
+    (name, *_) = scene.arm.materials
+    tips = [
+        {"mass": 0.0}, {"mass": 2.0},
+        {"mass": 1.0, "center": [0.1, 0.2, 0.0], "inertia": [0.3, 0.3, 0.3, 0.1, 0.0, 0.0]},
+        {"mass": 1e200, "center": [1e100, 0.0, 0.0]}, {"inertia": [0.1, 0.0, 0.0]},
+    ]  # fmt: skip
+    stiff = [{"young": 7e10}, {"young": 1e11, "loss_time": 1e-5}, {"young": 1e-320}]
+    scenes = [
+        scene.varied({"tip": tip, f"material.{name}": {"density": density, "poisson": 0.3, **words}})
+        for density in (2700.0, 7850.0) for words in stiff for tip in tips
+    ]  # fmt: skip
+    for one, found in zip(scenes, lump_many(scenes), strict=True):
+        try:
+            chain = lump(one)
+        except FlexlinkError as error:
+            assert (type(found), str(found)) == (type(error), str(error))
+            continue
+        assert isinstance(found, Chain)
+        assert found.bodies.tobytes() == chain.bodies.tobytes()
+        assert found.hinges.tobytes() == chain.hinges.tobytes()
+        assert (found.mass, found.reach, found.coordinates) == (chain.mass, chain.reach, chain.coordinates)

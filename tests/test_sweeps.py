@@ -8,6 +8,7 @@ import os
 import sqlite3
 import subprocess
 import sys
+import tracemalloc
 from collections import Counter, deque
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
@@ -15,23 +16,27 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import msgspec
 import numpy as np
 import pytest
 from conftest import ROOT, compiled, flexible, make_scene
 from msgspec.structs import replace
+from scipy.stats import qmc
 
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.interruption import Stop
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
-from flexlink.sweeps import fingerprint, worker
+from flexlink.sweeps import fingerprint, sample_points, worker
 from flexlink.sweeps import run as sweeping
 from flexlink.sweeps.execution import MAX_WORKER_DEATHS, Execution
-from flexlink.sweeps.measures import REDUCTIONS, SweepOutput
+from flexlink.sweeps.measures import REDUCTIONS, SweepOutput, measured
 from flexlink.sweeps.plan import Plan
-from flexlink.sweeps.ranges import RandomDesign, Range, Spread, points
+from flexlink.sweeps.ranges import RandomDesign, Range, Spread
+from flexlink.sweeps.store import Store
 from flexlink.sweeps.table import SweepRows
+from flexlink.sweeps.worker import Row
 
 WANTED = {"x": SweepOutput(of="tip x [m]"), "bend": SweepOutput(of="deflection [m]", take="max")}
 DEADLY = 5  # number of the member that ends its process
@@ -101,6 +106,54 @@ def test_a_members_numbers_do_not_depend_on_its_neighbours(paper: fl.Scene, rng:
         else:
             assert type(one) is type(other) is type(alone) is fl.errors.DivergenceError
             assert scene is scenes[4]
+
+
+MANY: dict[str, Any] = {
+    "of arm and start": {
+        "tip.mass": [0.0, 1.0, -1.0, 1e308],
+        "material.aluminium.young": [6e10, 7e10],
+        "initial.joint_deg.upper": [-70.0, 10.0],
+        "tip.center": [[0.0, 0.0, 0.0], [0.1, 0.2, 0.0]],
+    },
+    "of damping and friction": {
+        "link.fore.damping.ratio": [0.001, 0.02],
+        "link.*.joint.coulomb": [0.0, 0.5],
+        "tip.mass": [0.0, 1.0],
+        "link.upper.length": [1.0, 1.1],
+    },
+    "of run and segments": {
+        "link.*.segments": [3, 5],
+        "run.method": ["RK4", "RK10"],
+        "run.step": [1e-4, 3e-4, 5e-4, 1e-2],
+        "tip.mass": [0.0, 1.0],
+    },
+    "insisted": {"run.unstable": ["allow"], "run.step": [3e-4, 5e-4], "run.duration": [0.03], "tip.mass": [0.0, 1.0]},
+    "of a drive": {"drive.kp.fore": [0.0, 100.0], "tip.mass": [0.0, 1.0], "drive.effort.fore": [1.0, 100.0]},
+    "with a tolerance": {"run.tolerance": [1e-4], "tip.mass": [0.0, 1.0], "run.method": ["RK4", "Radau5"]},
+}
+
+
+@pytest.mark.parametrize("grid", MANY.values(), ids=MANY)
+def test_members_of_many_keys_are_the_runs_of_their_scenes(paper: fl.Scene, grid: dict) -> None:
+    """To the bit, or refused in the same words."""
+    wanted = {
+        f"{of} {take}": SweepOutput(of=of, take=cast("Any", take), after=5e-4)
+        for of in ("tip x [m]", "q fore [rad]", "deflection [m]", "imbalance [J]", "kinetic [J]", "work [J]")
+        for take in ("final", "largest", "mean", "rms", "range", "time of max")
+    } | {"steps": SweepOutput(of="steps"), "over": SweepOutput(of="overshoot [m]", target="final")}
+    drive = fl.Drive(kind="pd", kp=(0.0, 10.0, 20.0), kd=(0.0, 1.0, 0.5), target_deg=(0.0, -80.0, -10.0),
+                     effort=(1.0, 50.0, 50.0))  # fmt: skip
+    damped = paper.varied({"link.fore.damping": fl.Damping(ratio=0.01, at_hz=3.0)})
+    scene = damped.varied({"drive": drive}) if "drive.kp.fore" in grid else damped
+    plan = Plan(fl.Sweep(scene=scene, quantity=wanted, set={"run.duration": 0.006, "run.sample": 1e-3}, grid=grid))
+    rows, _ = worker.rows_of(msgspec.json.encode(plan.sweep), fingerprint.version(), range(plan.members))
+    for row in rows:
+        try:
+            run = fl.simulate(scene.varied({**plan.sweep.set, **plan.values(row.number)}))
+            assert (row.values, row.reason) == measured(wanted, run)
+            assert row.warnings == "\n".join(run.warnings)
+        except fl.FlexlinkError as error:
+            assert row.reason == f"{type(error).__name__}: {error}"
 
 
 def test_a_member_that_is_refused_or_diverges_is_a_row_with_its_reason(paper: fl.Scene) -> None:
@@ -176,22 +229,69 @@ def test_settling_is_measured_against_the_place_of_rest() -> None:
     ],
 )
 def test_ranges_count_both_ends_in(said: dict, values: list) -> None:
-    found = Range(**said).values
+    found = list(Range(**said))
     assert found == pytest.approx(values, rel=1e-15)
     assert list(map(type, found)) == list(map(type, values))
 
 
+def points(method: str, count: int, seed: int) -> np.ndarray:
+    return np.array([sample_points.point(method, 3, count, seed, k) for k in range(count)])
+
+
 @pytest.mark.parametrize("method", ["latin", "random", "sobol", "halton"])
 def test_samples_fill_the_cube_and_come_again_by_their_seed(method: str) -> None:
-    drawn = points(method, 3, 100, 7)
+    drawn = points(method, 100, 7)
     assert drawn.shape == (100, 3)
     assert ((drawn >= 0) & (drawn < 1)).all()
-    points.cache_clear()
-    np.testing.assert_array_equal(points(method, 3, 100, 7), drawn)
-    assert (points(method, 3, 100, 8) != drawn).any()
+    for kept in (sample_points._block, sample_points._latin, sample_points._halton, sample_points._directions):
+        kept.cache_clear()
+    np.testing.assert_array_equal(points(method, 100, 7), drawn)
+    assert (points(method, 100, 8) != drawn).any()
     counts = np.array([np.histogram(column, 10, (0, 1))[0] for column in drawn.T])
     assert (counts == 10).all() or method != "latin", "one in each hundredth"
     assert np.abs(counts - 10).max() <= 15  # binomial(100, 1/10): 5 deviations
+
+
+@pytest.mark.parametrize("method", ["random", "sobol", "halton"])
+def test_a_members_point_is_that_of_the_whole_sequence(method: str) -> None:
+    count, rng = 4096, np.random.default_rng(3)
+    if method == "random":
+        whole = rng.random((count, 3))
+    else:
+        engine = {"sobol": qmc.Sobol, "halton": qmc.Halton}[method](3, rng=rng)
+        whole = engine.random(count)
+    for k in (4095, 0, 1024, 1023, 2, 3000, 1, 2047):
+        assert sample_points.point(method, 3, count, 3, k) == whole[k].tolist()
+
+
+@pytest.mark.parametrize("method", ["random", "sobol", "halton"])
+def test_the_last_of_a_hundred_million_members_is_known_without_the_others(paper: fl.Scene, method: str) -> None:
+    spread = {"tip.mass": {"between": [0.0, 2.0]}, "material.aluminium.young": {"mean": 7e10, "deviation": 1e9}}
+    drawn = fl.Sweep(scene=paper, quantity=WANTED, sample={"count": 10**7, "method": method, "keys": spread},
+                     grid={"run.duration": {"between": [0.001, 0.01], "count": 10}})  # fmt: skip
+    tracemalloc.start()
+    plan = Plan(drawn)
+    values = [tuple(plan.values(k).values()) for k in (plan.members - 1, 0, plan.members // 2)]
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert plan.members == 10**8
+    assert len(set(values)) == 3
+    assert most < 2**24
+
+
+def test_of_many_rows_the_missing_ones_are_found_part_by_part(paper: fl.Scene) -> None:
+    plan = Plan(
+        masses(
+            paper,
+            *np.linspace(0, 1, 11).tolist(),
+            sample=RandomDesign(count=20_000, keys={"tip.center": [[0.0, 0.0, 0.0]]}, method="random"),
+        )
+    )
+    with Store(None, plan, {}) as store:
+        there = [0, 1, 65_535, 65_536, 70_000, 219_999]
+        store.add([Row(number, "done", "", "", (0.0, 0.0)) for number in there])
+        found = list(store.missing())
+    assert found == sorted({*range(220_000)} - {*there})
 
 
 def test_spreads_map_parts_to_values() -> None:
@@ -251,12 +351,12 @@ REFUSED = [
     ({"grid": {"tip.mass": 1.0}}, "grid.tip.mass = 1.0: expected a list of values, or { between"),
     ({"grid": {"tip.mass": {"between": [2, 1], "count": 2}}}, "between = \\[2.0, 1.0\\]: the range is empty"),
     ({"grid": {"tip.mass": {"between": [0, 1]}}}, "count, step: give exactly one"),
-    ({"grid": {"tip.mass": {"between": [0, 1], "step": 1e-9}}}, "step = 1e-09: gives more than 10000000 values"),
+    ({"grid": {"tip.mass": {"between": [0, 1], "step": 1e-10}}}, "step = 1e-10: gives more than 1000000000 values"),
     ({"grid": {"tip.mass": {"between": [0, 1], "count": 10**12}}}, "grid.tip.mass.count = 1000000000000"),
     ({"grid": {"tip.mass": {"between": [0, 1], "count": 2, "spacing": "log"}}}, "both ends must be > 0"),
     ({"grid": {"tip.mass": {"between": [0, 1], "cuont": 2}}}, "unknown key; .*did you mean 'count'"),
     ({"grid": {k: {"between": [0, 1], "count": 10_000} for k in ("tip.mass", "link.1.length", "link.2.length")}},
-     "1000000000000 members: a sweep has at most 10000000"),
+     "1000000000000 members: a sweep has at most 1000000000"),
     ({"together": {"tip.mass": [1.0], "run.step": [1e-4, 2e-4]}}, "together: lists of different length"),
     ({"grid": {"tip.mass": [1.0]}, "together": {"tip.mass": [1.0]}}, "tip.mass: varies twice"),
     ({"grid": {"tip.mass": [1.0]}, "quantity": {}}, "quantity: empty"),
@@ -267,6 +367,8 @@ REFUSED = [
     ({"quantity": {"x": {"of": "steps", "take": "max"}}}, "take = 'max': quantity 'steps' takes no options"),
     ({"quantity": {"x": {"of": "settling time [s]"}}}, "tolerance: missing"),
     ({"sample": {"count": 10**12, "keys": {"tip.mass": {"between": [0, 1]}}}}, "count = 1000000000000"),
+    ({"sample": {"count": 1_000_001, "keys": {"tip.mass": [1.0]}}},
+     "Latin hypercube is drawn as a whole, of 1000000 members at most; take method = 'sobol' or 'random'"),
     ({"sample": {"count": 2, "keys": {}}}, "sample.keys: empty"),
     ({"sample": {"count": 2, "keys": {"tip.mass": {"between": [0, 1], "mean": 1}}}}, "give one of them"),
     ({"sample": {"count": 2, "method": "lattice", "keys": {}}}, "method = 'lattice': allowed are 'latin'"),

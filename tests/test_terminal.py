@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from flexlink.cli.terminal import Compiling
-from flexlink.common.progress import Progress, clock, progress_text
+from flexlink.common.progress import Progress, clock, progress_text, rate_text
 
 
 class Terminal(io.StringIO):
@@ -42,6 +42,10 @@ def test_the_line_of_a_run_says_how_far_how_long_and_how_long_still() -> None:
     assert progress_text("arm", 0.25, 30.0, 60) == "arm [" + "█" * 7 + "·" * 23 + "]  25% 0:30, 1:30 left"
     assert progress_text("arm", 0.25, 30.0, 39) == "arm [███·········]  25% 0:30, 1:30 left"
     assert progress_text("arm", 0.0, 0.0, 20).split() == ["arm", "[····]", "0%", "0:00"]
+    assert progress_text("arm", 0.25, 30.0, 60, 0.0, "5 m/s").endswith("]  25% 0:30, 1:30 left, 5 m/s")
+    assert [rate_text(count, 2.0, "members") for count in (0, 0.5, 3, 20_000)] == [
+        "", "0.25 members/s", "1.5 members/s", "10,000 members/s",
+    ]  # fmt: skip
 
 
 def test_clocks() -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from conftest import MODELS, ROOT, flexible, make_scene
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.describe.variants import Variants
 
 PAPER = ROOT / "models" / "paper_fig5.toml"
 
@@ -225,3 +229,38 @@ def test_a_number_and_a_truth_are_not_one_setting(paper: fl.Scene) -> None:
     assert paper.varied({"run.duration": 1}).run.duration == 1.0
     with pytest.raises(fl.errors.SceneError, match=r"run\.duration = True"):
         paper.varied({"run.duration": True})
+
+
+VARIANTS: dict[str, list[dict[str, Any]]] = {
+    "numbers": [
+        {"tip.mass": m, "material.aluminium.young": E} for m in (0.0, 1, -1.0, math.nan) for E in (7e10, math.inf, "x")
+    ],
+    "not finite": [{"material.aluminium.young": E, "tip.mass": m} for E in (7e10, math.inf) for m in (math.inf, 1.0)],
+    "None": [{"tip.mass": None, "run.duration": 0.1}, {"tip.mass": 2.0, "run.duration": None}],
+    "arrays": [{"gravity": np.array([0.0, 0.0, g]), "tip.mass": np.float64(g)} for g in (1.0, np.inf)],
+    "segments": [{"link.*.lumping": rule, "link.*.segments": n} for rule in ("gauss", "paper") for n in (3, 4, 1)],
+    "segments alone": [{"link.upper.segments": n, "link.fore.length": 1.5} for n in (5, 4)],
+    "words": [{"run.method": name, "tip.mass": m} for name in ("RK10", "RK4", "no") for m in (0.0, 1.0)],
+    "tolerance": [{"run.tolerance": 1e-4, "tip.mass": 1.0}, {"run.tolerance": -1.0, "tip.mass": 1.0}],
+    "step": [{"run.step": h, "run.duration": T} for h in (1e-4, 3e-4) for T in (0.1, 0.2)],
+    "a whole and its part": [{"initial.joint_deg": [0.0, 1.0, 2.0], "initial.joint_deg.upper": 5.0}],
+    "not there": [{"link.upper.damping.ratio": 0.1}, {"link.upper.damping.ratio": 0.2}],
+}
+
+
+@pytest.mark.parametrize("variants", VARIANTS.values(), ids=VARIANTS)
+def test_variants_are_what_varied_makes_of_the_same_values(variants: list[dict[str, Any]]) -> None:
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
+    scene = (
+        scene if "link.*.lumping" in variants[0] else scene.varied({"link.*.lumping": "gauss", "link.*.segments": 5})
+    )
+    many = Variants(scene, list(variants[0]))
+
+    def found(varied: Callable[[dict[str, Any]], fl.Scene], changes: dict[str, Any]) -> object:
+        try:
+            return varied(changes)
+        except fl.FlexlinkError as error:
+            return type(error), str(error)
+
+    for changes in variants:
+        assert found(many.varied, changes) == found(scene.varied, changes)

@@ -24,11 +24,11 @@ ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
 LONGEST_WAIT = 300.0  # s, for anything
 
 
-def shortened(name: str, members: int, folder: Path) -> Path:
-    """A sweep of `validation/sweeps`, with so many members, as a file in a folder."""
+def shortened(name: str, members: int, folder: Path, method: str = "latin") -> Path:
+    """A sweep of `validation/sweeps`, with so many members, drawn by a method, as a file in a folder."""
     sweep = read_toml(SWEEP_FOLDER / f"{name}.toml")
     sweep["scene"] = str((SWEEP_FOLDER / sweep["scene"]).resolve())
-    sweep["sample"]["count"] = members
+    sweep["sample"] |= {"count": members, "method": method}
     path = folder / f"{name}.toml"
     path.write_text(toml_of(sweep), encoding="utf-8")
     return path

@@ -55,11 +55,16 @@ def lump(scene: Scene) -> Chain:
         `scene` is no Scene.
     """
     arm = require_type("scene", scene, Scene).arm
-    if any(is_user_file(link.lumping) for link in arm.links):  # a file, which may change
+    if has_own_rules(scene):
         return _lumped(scene)
     locked = tuple(angle for link, angle in zip(arm.links, scene.initial.joint_deg, strict=True) if link.joint.locked)
     moved = tuple(motion.link for motion in scene.motion)
     return CHAINS(arm, (scene.name, scene.gravity, locked, moved), lambda: _lumped(scene))
+
+
+def has_own_rules(scene: Scene) -> bool:
+    """Whether a lumping rule is a user's own file, which may change."""
+    return any(is_user_file(link.lumping) for link in scene.arm.links)
 
 
 CHAINS = Memo(64)
@@ -68,7 +73,7 @@ CHAINS = Memo(64)
 
 def _lumped(scene: Scene) -> Chain:
     """Of arms with other payloads, springs and gravity the frame is the same, and found once."""
-    arm, frame = scene.arm, _frame_of(scene)
+    arm, frame = scene.arm, frame_of(scene)
     bodies, hinges = frame.bodies.copy(), frame.hinges.copy()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such numbers, by name
         for springs in frame.springs:
@@ -85,10 +90,10 @@ def pieces(scene: Scene) -> list[Piece]:
 
     Errors as there.
     """
-    return _frame_of(require_type("scene", scene, Scene)).builder.pieces
+    return frame_of(require_type("scene", scene, Scene)).builder.pieces
 
 
-class _Springs(NamedTuple):
+class Springs(NamedTuple):
     """Hinges of a beam."""
 
     link: Link
@@ -107,17 +112,18 @@ class _Springs(NamedTuple):
 
 
 @dataclasses.dataclass
-class _Frame:
+class Frame:
     """An arm without springs in its beams, and without payload at its tip, which its last body but one carries."""
 
     bodies: NDArray[np.void]
     hinges: NDArray[np.void]
     builder: Builder
-    springs: tuple[_Springs, ...]
+    springs: tuple[Springs, ...]
     chain: Chain  # the last one that was made of it: what is found of the layout is found once
 
 
-def _frame_of(scene: Scene) -> _Frame:
+def frame_of(scene: Scene) -> Frame:
+    """The frame of a scene's arm; errors as in `lump`."""
     arm = scene.arm
     beams = tuple(_beam_of(arm, link) for link in arm.links)
     own_rules = tuple(lumping_rule(link.lumping) for link in arm.links if is_user_file(link.lumping))
@@ -130,7 +136,7 @@ FRAMES = Memo(64)
 """Arms of the same links, without what differs between variants of a material, a payload, a start."""
 
 
-def _framed(scene: Scene, beams: Sequence[_Beam | None]) -> _Frame:
+def _framed(scene: Scene, beams: Sequence[_Beam | None]) -> Frame:
     """Bodies, hinges and pieces, from the base outward to the tip frame."""
     arm, builder = scene.arm, Builder()
     moved = {arm.number(motion.link) for motion in scene.motion}
@@ -150,7 +156,7 @@ def _framed(scene: Scene, beams: Sequence[_Beam | None]) -> _Frame:
         coordinates=tuple(builder.coordinates),
         link_names=tuple(link.name for link in arm.links),
     )
-    return _Frame(chain.bodies, chain.hinges, builder, tuple(springs), chain)
+    return Frame(chain.bodies, chain.hinges, builder, tuple(springs), chain)
 
 
 def _beam_of(arm: Arm, link: Link) -> _Beam | None:
@@ -209,7 +215,7 @@ def _add_joint(builder: Builder, link: Link, number: int, locked_deg: float, pre
 
 def _add_line(
     builder: Builder, link: Link, number: int, beam: _Beam | None, nodes: Array, weights: Array
-) -> list[_Springs]:
+) -> list[Springs]:
     """What stands between the axes of a link at its joint and those at its end: the beam, and the body behind it."""
     start, length, frame = link.beam
     builder.move(start, frame)
@@ -225,7 +231,7 @@ def _add_line(
     return springs
 
 
-def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes: Array, weights: Array) -> _Springs:
+def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes: Array, weights: Array) -> Springs:
     """Segments and hinges of a beam, along the x of the running frame; returns the springs that are still to be."""
     rule, first = lumping_rule(link.lumping), len(builder.hinges)
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
@@ -244,7 +250,7 @@ def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes:
             builder.add(body)
         builder.advance(number, part, end)
     rows = np.arange(first, len(builder.hinges))
-    return _Springs(link, beam.sections(nodes), weights * beam.length, rows, np.array(places, dtype=np.intp))
+    return Springs(link, beam.sections(nodes), weights * beam.length, rows, np.array(places, dtype=np.intp))
 
 
 def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weights: Array) -> Array:

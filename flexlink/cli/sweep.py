@@ -52,7 +52,7 @@ def run_command(options: argparse.Namespace) -> int:
         require_parquet()
     with Store(out, plan, fingerprint(plan.sweep), fresh=options.fresh) as store:
         done, begun = store.count(), time.perf_counter()
-        bar = Progress(plan.sweep.scene.name, done / plan.members)
+        bar = Progress(plan.sweep.scene.name, done / plan.members, parts=plan.members, what="members")
         try:
             fill(store, None, options.workers, options.dask, bar)
         finally:

@@ -37,11 +37,17 @@ class Line:
 
 
 class Progress(Line):
-    """How far a run is, for how long it has been running, and how long it will take; `done` was done before."""
+    """How far a run is, for how long it has been running, and how long it will take; `done` was done before.
 
-    def __init__(self, name: str, done: float = 0.0, *, redraw_after: float = 0.1) -> None:
+    Of work that consists of `parts`, called `what`, also how many are done a second.
+    """
+
+    def __init__(
+        self, name: str, done: float = 0.0, *, redraw_after: float = 0.1, parts: int = 0, what: str = ""
+    ) -> None:
         super().__init__()
         self._name, self._done, self._started, self._next = name, done, time.perf_counter(), 0.0
+        self._parts, self._what = parts, what
         self._redraw_after = redraw_after  # s
 
     def __call__(self, fraction: float, name: str = "") -> None:
@@ -50,13 +56,21 @@ class Progress(Line):
         now = time.perf_counter()
         if now >= self._next or fraction == 1:
             self._next = now + self._redraw_after
-            self.draw(progress_text(self._name, fraction, now - self._started, self.width, self._done))
+            elapsed = now - self._started
+            rate = rate_text((fraction - self._done) * self._parts, elapsed, self._what) if self._parts else ""
+            self.draw(progress_text(self._name, fraction, elapsed, self.width, self._done, rate))
 
 
-def progress_text(name: str, fraction: float, elapsed: float, width: int, done: float = 0.0) -> str:
+def rate_text(count: float, elapsed: float, what: str) -> str:
+    """How many parts a second: 5,120 members/s, 0.25 members/s; empty of none."""
+    rate = count / elapsed if elapsed > 0 else 0.0
+    return f"{rate:,.0f} {what}/s" if rate >= 10 else f"{rate:.2g} {what}/s" if rate > 0 else ""
+
+
+def progress_text(name: str, fraction: float, elapsed: float, width: int, done: float = 0.0, rate: str = "") -> str:
     """The line of a run that has gone from `done` to `fraction` of its work in `elapsed` s, at most `width` letters."""
     left = f", {clock(elapsed * (1 - fraction) / (fraction - done))} left" if fraction > done else ""
-    tail = f"{fraction:4.0%} {clock(elapsed)}{left}"
+    tail = f"{fraction:4.0%} {clock(elapsed)}{left}{', ' if rate else ''}{rate}"
     room = width - len(tail) - 1
     if len(name) > room // 2:
         name = name[: max(room // 2 - 1, 0)] + "…"

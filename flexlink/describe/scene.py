@@ -278,7 +278,7 @@ class Scene(Spec, frozen=True):
         seen = {key: _seen(parts[key]) for key in {"link", *anew} & parts.keys() if parts[key] is not None}
         document = apply_changes(seen, FIELDS, changes)
         kept = {key: value for key, value in parts.items() if key not in anew}
-        arm = None if anew & _OF_ARM.keys() else self.arm
+        arm = None if anew & OF_ARM.keys() else self.arm
         varied = scene_from({key: value for key, value in document.items() if key in anew}, kept, arm)
         check_named(varied)
         return varied
@@ -412,10 +412,10 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
     SceneError
         The message names the key path, the value and what is allowed.
     """
-    required = (key for key, field in (_OWN | _OF_ARM).items() if field.required and key not in kept)
+    required = (key for key, field in (_OWN | OF_ARM).items() if field.required and key not in kept)
     check_keys(raw, FIELDS, required)
     values = {**kept, **{key: decode(value, FIELDS[key], key) for key, value in raw.items()}}
-    parts = {_OF_ARM[key].name: value for key, value in values.items() if key in _OF_ARM}
+    parts = {OF_ARM[key].name: value for key, value in values.items() if key in OF_ARM}
     own = {key: value for key, value in values.items() if key in _OWN}
     return build_validated(Scene, arm=arm or build_validated(Arm, **parts), **own)
 
@@ -434,6 +434,6 @@ DOCUMENTS = Memo(64)
 COURSES = Memo(64)
 """Trajectories of references: runs of one scene share them."""
 _OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}
-_OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
-FIELDS: dict[str, Any] = {key: field.type for key, field in (_OWN | _OF_ARM).items()}
+OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
+FIELDS: dict[str, Any] = {key: field.type for key, field in (_OWN | OF_ARM).items()}
 """What stands at each key of a scene's file, which is flat: the arm's keys stand beside the scene's own."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, get_origin
+from typing import Any, NamedTuple, get_origin
 
 import msgspec
 
@@ -29,6 +29,16 @@ from flexlink.describe.spec import (
 
 PATH = re.compile(r"""(?:"[^"]+"|'[^']+'|[^."']+)(?:\.(?:"[^"]+"|'[^']+'|[^."']+))*""")
 PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")
+
+Keys = tuple[Any, ...]
+"""Of tables, and numbers of items from 0."""
+
+
+class Route(NamedTuple):
+    """One place that a path leads to."""
+
+    keys: Keys
+    kind: Any  # annotation of what stands there
 
 
 def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
@@ -57,7 +67,7 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
         if not isinstance(path, str):
             raise ArgumentError(f"changes: {truncated(path)}: expected a path such as 'run.step'")
         change = _Change(document, path, value)
-        for node, key in change.places(document, kinds, 0):
+        for node, key, _ in change.places(document, kinds):
             if change.drops and isinstance(node, dict):
                 node.pop(key, None)
             else:
@@ -85,8 +95,22 @@ def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> 
     SceneError
         The path leads nowhere.
     """
-    places = _Change(document, path, None).places(document, kinds, 0)
-    return [node.get(key) if isinstance(node, dict) else node[key] for node, key in places]
+    places = _Change(document, path, None).places(document, kinds)
+    return [node.get(key) if isinstance(node, dict) else node[key] for node, key, _ in places]
+
+
+def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[Route]:
+    """Where a path leads: keys of tables and numbers of items from 0, and the annotation of what stands there.
+
+    Arguments and errors as in `values_at`.
+    """
+    routes = []
+    for _, _, route in _Change(document, path, None).places(document, kinds):
+        kind: Any = kinds
+        for key in route:
+            kind = kind[key] if isinstance(kind, dict) else type_below(kind, str(key))
+        routes.append(Route(route, kind))
+    return routes
 
 
 def to_document(value: object) -> Any:
@@ -121,8 +145,12 @@ class _Change:
     def error(self, reason: str) -> SceneError:
         return SceneError(f"{truncated(self.path)[1:-1]} = {truncated(self.value)}: {reason}")
 
-    def places(self, node: Any, kind: Any, depth: int) -> Iterator[tuple[Any, Any]]:
-        """From a table or list of this kind follow the rest of the path: tables or lists at its end, and their keys."""
+    def places(self, node: Any, kind: Any, above: Keys = ()) -> Iterator[tuple[Any, Any, Keys]]:
+        """From a table or list of this kind follow the rest of the path.
+
+        Yields tables or lists at its end, their keys, and all keys on the way there.
+        """
+        depth = len(above)
         for key in self._keys(node, kind, depth):
             if depth < len(self.parts) - 1:
                 below = kind[key] if isinstance(kind, dict) else type_below(kind, str(key))
@@ -130,9 +158,9 @@ class _Change:
                     node[key] = [0.0] * len(self.links) if is_per_link(below) else {}
                 elif isinstance(node[key], dict | list):
                     node[key] = node[key].copy()
-                yield from self.places(node[key], below, depth + 1)
+                yield from self.places(node[key], below, (*above, key))
             else:
-                yield node, key
+                yield node, key, (*above, key)
 
     def _above(self, depth: int) -> str:
         return ".".join(self.parts[:depth])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_each, require_one_of, vector
 from flexlink.chain.chain import Chain
@@ -133,10 +133,14 @@ def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     if solver.lanes_workspace is None:
         raise ArgumentError("solver: several chains at once need solver 'articulated'")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
-    bodies, hinges = (np.empty((LANES, len(one)), one.dtype) for one in (eight[0].bodies, eight[0].hinges))
-    for lane, one in enumerate(eight):
-        bodies[lane], hinges[lane] = one.bodies, one.hinges
+    bodies, hinges = _stacked([c.bodies for c in eight]), _stacked([c.hinges for c in eight])
     return solver.lanes_workspace(bodies, hinges, np.array([c.gravity for c in eight]))
+
+
+def _stacked(records: Sequence[NDArray[np.void]]) -> NDArray[np.void]:
+    """One above the other, as bytes: `np.stack` goes field by field, in ten times the time."""
+    whole = bytearray(b"".join([record.tobytes() for record in records]))
+    return np.frombuffer(whole, records[0].dtype).reshape(len(records), -1)
 
 
 def solver_for(chain: Chain, solver: str) -> solvers.Solver:

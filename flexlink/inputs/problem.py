@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.chain.variants import lump_many
+from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.inputs.actuation import input_arrays
@@ -24,6 +27,30 @@ def problem_of(scene: Scene, chain: Chain | None = None) -> InitialValueProblem:
     chain = lump(scene) if chain is None else chain
     inputs = input_arrays(scene, chain)
     return InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain))
+
+
+def problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | FlexlinkError]:
+    """The problem of every scene as `problem_of` makes it, or the error that it raises; free arms share inputs."""
+    found: list[InitialValueProblem | FlexlinkError] = []
+    before: InitialValueProblem | None = None
+    for scene, chain in zip(scenes, lump_many(scenes), strict=True):
+        try:
+            if isinstance(chain, FlexlinkError):
+                found.append(chain)
+                continue
+            same = before is not None and _acts_alike(before.scene, scene)
+            inputs = before.inputs if same and before is not None else input_arrays(scene, chain)
+            before = InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain))
+            found.append(before)
+        except FlexlinkError as error:
+            found.append(error)
+    return found
+
+
+def _acts_alike(one: Scene, scene: Scene) -> bool:
+    """Whether the same acts on two arms, of which no part knows the arm and nothing is written in a run."""
+    free = not (one.motion or scene.motion or one.wrench.varies) and one.drive.kind == scene.drive.kind == "none"
+    return free and one.wrench == scene.wrench
 
 
 def started(problem: InitialValueProblem, scene: Scene) -> InitialValueProblem:

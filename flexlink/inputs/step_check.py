@@ -2,14 +2,61 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
-from flexlink.common.errors import UnstableStepError
+from flexlink.common.errors import FlexlinkError, UnstableStepError
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.dynamics.vibration.stability import eigenvalue_bound, fastest_eigenvalues, stable_step_of
+from flexlink.dynamics.vibration.stability import (
+    eigenvalue_bound,
+    eigenvalue_bounds,
+    fastest_eigenvalues,
+    stable_step_of,
+)
 from flexlink.dynamics.vibration.stability_function import stable_half_disc
 from flexlink.inputs.actuation import acting_at
+
+
+def judge_steps(problems: Sequence[InitialValueProblem]) -> list[tuple[str, ...] | FlexlinkError]:
+    """`judge_step` of every problem, or the error that it raises; most are settled by their bounds, found together."""
+    within = _within_bounds(problems)
+    return [() if known else _judged(problem) for problem, known in zip(problems, within, strict=True)]
+
+
+def _judged(problem: InitialValueProblem) -> tuple[str, ...] | FlexlinkError:
+    try:
+        return judge_step(problem)
+    except FlexlinkError as error:
+        return error
+
+
+def _within_bounds(problems: Sequence[InitialValueProblem]) -> list[bool]:
+    """Whether the bound of a problem's eigenvalues says that its step is stable; those of one size together."""
+    within = [False] * len(problems)
+    for n in {problem.chain.n for problem in problems}:
+        these = [k for k, p in enumerate(problems) if p.chain.n == n and p.run.duration and p.explicit]
+        with contextlib.suppress(FlexlinkError):  # which the one whose it is raises by itself
+            abouts = [(p.chain, p.q, p.qd) for p in map(problems.__getitem__, these)]
+            for k, bound in zip(these, eigenvalue_bounds(abouts, _acting([problems[k] for k in these])), strict=True):
+                run = problems[k].run
+                within[k] = run.step * bound <= stable_half_disc(method(run.method))
+    return within
+
+
+def _acting(problems: Sequence[InitialValueProblem]) -> list[dict[str, Any]]:
+    """`acting_at` the start of each; what neither knows the arm nor the time is found once for all that share it."""
+    found: list[dict[str, Any]] = []
+    for k, problem in enumerate(problems):
+        inputs = problem.inputs
+        if found and inputs is problems[k - 1].inputs and inputs.table is None and not len(inputs.drive.joints):
+            found.append(found[-1])
+        else:
+            found.append(acting_at(inputs, problem.chain, problem.start, problem.q, problem.qd))
+    return found
 
 
 def judge_step(problem: InitialValueProblem) -> tuple[str, ...]:

@@ -7,30 +7,25 @@ with ten joints, Radau5, 1e-4 m, 0.1 to 1 s.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-
-import numpy as np
 
 from flexlink.chain.arguments import integer, require_each
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
-from flexlink.common.types import Array
+from flexlink.common.memo import Kept
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.accelerations import lanes_workspace, solver_for
-from flexlink.inputs.drives import same_law
-from flexlink.inputs.problem import problem_of
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.inputs.problem import problems_of
+from flexlink.inputs.step_check import judge_steps
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.budget import warn
-from flexlink.motion.fixed_steps import pieces, steps_up_to
-from flexlink.motion.monitor import RunMonitor
-from flexlink.motion.simulate import SingleRun, allocate, verify
-from flexlink.motion.step_errors import step_errors_side_by_side
-from flexlink.results.samples import Steps
+from flexlink.motion.side_by_side import Block, Ended, Member, Run, alike, goes_along
+from flexlink.motion.simulate import SingleRun, allocate
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
-Ended = Trajectory | DivergenceError | InterruptedRunError
 Outcome = Ended | FlexlinkError
 
 
@@ -67,16 +62,20 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
     """
     scenes, threads = require_each("scenes", scenes, Scene), integer("threads", threads, 1)
     with deferred() as stop:
-        members = [allocate(problem_of(scene)) for scene in scenes]
+        members = []
+        for member in prepared(scenes):
+            if isinstance(member, FlexlinkError):
+                raise member
+            members.append(member)
         with ThreadPoolExecutor(threads) as pool:
-            blocks = pool.map(lambda block: _simulate_block(block, stop), list(_blocks(members)))
-            ends = [outcome for block in blocks for outcome in block]
-        runs = [outcome if isinstance(outcome, Trajectory) else outcome.trajectory for outcome in ends]
+            blocks = pool.map(lambda block: _simulated(block, Kept(), stop), list(_blocks(members)))
+            ends = [_ended(end) for block in blocks for end in block]
+        runs = [end if isinstance(end, Trajectory) else end.trajectory for end in ends]
         for kind in (InterruptedRunError, DivergenceError):
-            for outcome in ends:
-                if isinstance(outcome, kind):
-                    outcome.runs = runs
-                    raise outcome
+            for end in ends:
+                if isinstance(end, kind):
+                    end.runs = runs
+                    raise end
     return runs
 
 
@@ -85,85 +84,90 @@ def outcomes(scenes: Sequence[Scene], stop: Stop) -> list[Outcome]:
 
     The numbers of one do not depend on which others there are, to the bit.
     """
-    members: list[RunMonitor] = []
-    found: dict[int, Outcome] = {}
-    for k, scene in enumerate(scenes):
-        try:
-            members.append(allocate(problem_of(scene)))
-        except FlexlinkError as error:
-            found[k] = error
-    ends = (outcome for block in _blocks(members) for outcome in _simulate_block(block, stop))
-    return [found[k] if k in found else next(ends) for k in range(len(scenes))]
+    return [end.trajectory() if isinstance(end, Run) else end for end in ends_of(scenes, stop)]
 
 
-def _alone(member: RunMonitor, stop: Stop) -> Ended:
-    try:
-        return SingleRun(member).finish(stop, warn=warn)
-    except (DivergenceError, InterruptedRunError) as error:
-        return error
-
-
-def _blocks(members: Iterable[RunMonitor]) -> Iterator[list[RunMonitor]]:
-    block: list[RunMonitor] = []
+def ends_of(scenes: Sequence[Scene], stop: Stop) -> Iterator[Run | Outcome]:
+    """`outcomes`, in whose place those that passed every look beside others stand in their blocks."""
+    members = prepared(scenes)
+    kept, before = Kept(), None
+    ends: deque[Run | Outcome] = deque()
+    blocks = _blocks(member for member in members if isinstance(member, Member))
     for member in members:
-        if block and (len(block) == LANES or not _alike(block[0], member)):
+        if isinstance(member, FlexlinkError):
+            yield member
+            continue
+        if not ends:
+            block = next(blocks)
+            first = block[0]
+            if before is None or not (first.along and before.along and alike(before.problem, first.problem)):
+                kept, before = Kept(), first
+            ends += _simulated(block, kept, stop)
+        yield ends.popleft()
+
+
+def prepared(scenes: Sequence[Scene]) -> list[Member | FlexlinkError]:
+    """The problems of all scenes, their steps judged, and what is refused."""
+    problems = problems_of(scenes)
+    good = [problem for problem in problems if isinstance(problem, InitialValueProblem)]
+    judged = iter(judge_steps(good))
+    members: list[Member | FlexlinkError] = []
+    for problem in problems:
+        if isinstance(problem, FlexlinkError):
+            members.append(problem)
+        else:
+            warnings = next(judged)
+            if isinstance(warnings, FlexlinkError):
+                members.append(warnings)
+            else:
+                members.append(Member(problem, warnings, goes_along(problem)))
+    return members
+
+
+def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
+    block: list[Member] = []
+    for member in members:
+        if block and not (member.along and len(block) < LANES and alike(block[0].problem, member.problem)):
             yield block
             block = []
         block.append(member)
+        if not member.along:
+            yield block
+            block = []
     if block:
         yield block
 
 
-def _alike(a: RunMonitor, b: RunMonitor) -> bool:
-    one, other = a.record.problem, b.record.problem
-    if one.start != other.start:  # one clock for all
-        return False
-    if one.scene.wrench.varies:  # where each tip is, only its own chain tells
-        return False
-    same = all(getattr(one.scene, name) == getattr(other.scene, name) for name in ("run", "motion", "wrench"))
-    return same and one.chain.same_layout(other.chain) and same_law(one.inputs.drive, other.inputs.drive)
-
-
-def _simulate_block(block: Sequence[RunMonitor], stop: Stop) -> Sequence[Ended]:
+def _simulated(members: Sequence[Member], kept: Kept, stop: Stop) -> Sequence[Run | Outcome]:
     """Also one alone goes in lanes: its numbers are those that it has beside any others."""
-    problem = block[0].record.problem
-    run, chain, drive = problem.run, problem.chain, problem.inputs.drive
-    solver = solver_for(chain, run.solver)
-    alone = not problem.explicit or problem.scene.wrench.varies or not same_law(drive, drive)
-    if solver.lanes_workspace is None or alone:
-        return [_alone(member, stop) for member in block]
-    eight = [block[min(lane, len(block) - 1)] for lane in range(LANES)]
-    records = [member.record for member in eight]
-    q, qd = np.zeros((2, run.samples, chain.n, LANES))
-    samples = q, qd, np.zeros((run.samples, LANES))
-    for lane, record in enumerate(records):
-        q[0, :, lane], qd[0, :, lane] = record.q[0], record.qd[0]
-    state = q[0].copy(), qd[0].copy(), np.zeros((1, LANES))
-    work = lanes_workspace(solver, [record.chain for record in records])
-    done = 0
-    for done in pieces(block[0], work, state, samples):  # noqa: B007  where it ended
-        if stop.asked:
-            break
-    if not np.isfinite(state[:2]).all():  # one of them diverges; it says so itself
-        if len(block) == 1:
-            return [_alone(block[0], stop)]
-        return [ended for member in block for ended in _simulate_block([member], stop)]
-    rows, steps = done // run.steps_per_sample + 1, steps_up_to(run, done)
-    probed = block[0].probed(slice(0, rows))
-    errors = step_errors_side_by_side(records, work, samples[:2], probed)
-    records = records[: len(block)]
-    for lane, record in enumerate(records):
-        for array, of_all in zip((record.q, record.qd, record.works), samples, strict=True):
-            array[:rows] = of_all[:rows, ..., lane]
-    return [_judged(member, stop, rows, steps, errors[lane]) for lane, member in enumerate(block)]
+    if not members[0].along:
+        return [_alone(members[0], stop)]
+    try:
+        block = Block(members, kept)
+    except (MemoryError, ValueError):  # ValueError: more than numpy can count
+        return [_alone(member, stop) for member in members]
+    if block.integrate(stop):
+        return block.ends(stop)
+    if len(members) == 1:  # it diverges; it says so itself
+        return [_alone(members[0], stop)]
+    return [end for member in members for end in _simulated([member], Kept(), stop)]
 
 
-def _judged(monitor: RunMonitor, stop: Stop, rows: int, steps: Steps, errors: Array) -> Ended:
-    """What became of a member with so many samples, and the errors of steps between them."""
-    if not monitor.check(rows, steps, errors):
-        return monitor.diverged()
-    if not stop.asked:
-        monitor.warnings += verify(monitor, steps.method, stop)
-    if stop.signal is not None:
-        return InterruptedRunError(monitor.trajectory(), stop.signal)
-    return monitor.trajectory()
+def _ended(end: Run | Outcome) -> Ended:
+    """How a run ended; the error of one that did not start is raised."""
+    if isinstance(end, Run):
+        return end.trajectory()
+    if isinstance(end, FlexlinkError) and not isinstance(end, DivergenceError | InterruptedRunError):
+        raise end
+    return end
+
+
+def _alone(member: Member, stop: Stop) -> Outcome:
+    try:
+        monitor = allocate(member.problem, warnings=member.warnings)
+    except FlexlinkError as error:
+        return error
+    try:
+        return SingleRun(monitor).finish(stop, warn=warn)
+    except (DivergenceError, InterruptedRunError) as error:
+        return error

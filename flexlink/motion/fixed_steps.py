@@ -16,6 +16,7 @@ from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.monitor import RunMonitor
+from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import Failure
 
@@ -39,7 +40,7 @@ class FixedSteps:
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
         self.joint_name, self.origin = record.chain.joint_name, record.origin
         if monitor.control is None:
-            self._pieces = pieces(monitor, record.scratch, self.state, (record.q, record.qd, record.works))
+            self._pieces = pieces(run, record, record.scratch, self.state, (record.q, record.qd, record.works))
         else:
             self._pieces = monitor.control.pieces(record, run, self.state)
         self._done = next(self._pieces)  # compiles, while no signal is deferred
@@ -92,13 +93,12 @@ def steps_up_to(run: RunSettings, number: int) -> Steps:
     return Steps(run.method, number, number * method(run.method).stages)
 
 
-def pieces(monitor: RunMonitor, scratch: Any, state: Arrays, samples: Arrays) -> Iterator[int]:
+def pieces(run: RunSettings, record: Record, scratch: Any, state: Arrays, samples: Arrays) -> Iterator[int]:
     """Integrate in chunks of about `BREATH`; yields the number of the last step whose state is finite, at first 0.
 
     The state, and the samples, of one chain or, with their scratch, of eight side by side, are filled in place; see
     `integrate`.
     """
-    run, record = monitor.run, monitor.record
     first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
     fixed = scratch, method(run.method).arrays, record.inputs, run.step, record.origin
     go = record.kept("fixed steps", state[0].ndim, lambda: direct(integrate, *fixed, 0, 0, every, state, samples))

@@ -79,6 +79,19 @@ def allowed_imbalance(
     return Allowance(δ * chain.weight, momentum, share, not explicit, compared)
 
 
+def probed(run: RunSettings, rows: slice) -> Indices:
+    """Samples whose next step's error is measured."""
+    every = apart(run)
+    return np.arange(-(-rows.start // every) * every, rows.stop, every)
+
+
+def apart(run: RunSettings) -> int:
+    """Distance between measured steps [samples]."""
+    fewest = 64  # steps of a run whose error is measured, if it has so many
+    steps_apart = min(APART, (run.samples - 1) * run.steps_per_sample // fewest)
+    return max(1, -(-steps_apart // run.steps_per_sample))
+
+
 class RunMonitor:
     """Checks the samples of a run, chunk by chunk in the order of time.
 
@@ -248,24 +261,12 @@ class RunMonitor:
         k = int(self._balance.bounds.bending[np.argmax(bends)])
         return f"hinge {self.record.chain.joint_name(k)!r} is bent by {np.degrees(self.record.q[row, k]):.1f}°"
 
-    def probed(self, rows: slice) -> Indices:
-        """Samples whose next step's error is measured."""
-        every = self._apart()
-        return np.arange(-(-rows.start // every) * every, rows.stop, every)
-
-    def _apart(self) -> int:
-        """Distance between measured steps [samples]."""
-        fewest = 64  # steps of a run whose error is measured, if it has so many
-        per_sample = self.run.steps_per_sample
-        steps_apart = min(APART, (self.run.samples - 1) * per_sample // fewest)
-        return max(1, -(-steps_apart // per_sample))
-
     def _probe_steps(self, rows: slice, known: Array | None) -> None:
         """Add up the errors of steps, extrapolated from the measured ones."""
-        probed = self.probed(rows)
-        errors = step_errors(self.record, probed) if known is None else known[: len(probed)].copy()
+        sampled = probed(self.run, rows)
+        errors = step_errors(self.record, sampled) if known is None else known[: len(sampled)].copy()
         errors[errors < rounding.of_position(self.record.chain)] = 0.0
-        self.tip_error += float(errors.sum()) * self._apart() * self.run.steps_per_sample
+        self.tip_error += float(errors.sum()) * apart(self.run) * self.run.steps_per_sample
 
     def _doubts(self) -> Iterator[str]:
         """Warnings of a run that passed all checks but may be inaccurate."""

@@ -390,10 +390,12 @@ def allocate(
     *,
     rows: int | None = None,
     kept: Kept | None = None,
+    warnings: tuple[str, ...] | None = None,
 ) -> RunMonitor:
     """Allocate the sample arrays of a run, write the initial state into row 0, and check the fixed step.
 
-    With scratch and machine code that is `kept` from another run of the problem, if there is one.
+    With scratch and machine code that is `kept` from another run of the problem, if there is one; `warnings`, if known:
+    those of the step check.
 
     Raises
     ------
@@ -421,7 +423,9 @@ def allocate(
         drive, *others = problem.inputs
         record.kept.types = types_of(chain.arrays, *others) + TYPES(drive, None, lambda: types_of(drive)) + solver
     about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
-    monitor = RunMonitor(record, record.kept("step", about, lambda: judge_step(problem)), control)
+    if warnings is None:
+        warnings = record.kept("step", about, lambda: judge_step(problem))
+    monitor = RunMonitor(record, warnings, control)
     if control is not None:
         try:
             control.note(0, problem.q, problem.qd)

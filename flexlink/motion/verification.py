@@ -35,6 +35,12 @@ UNKNOWN = (
 )
 
 
+FAR_TURNED = 16.0
+"""Angle travelled by all joints [rad] that calls for a verification run: errors of rates become errors of angles, and
+postures change without end. Smooth test scenes travel 15.1 and less; of a thousand arms that were hit, those with
+errors of more than ten tolerances travelled 29 and more."""
+
+
 class Second(NamedTuple):
     """A verification run, and how it compares."""
 
@@ -88,11 +94,7 @@ def multiplies(monitor: RunMonitor) -> str:
     # Growth of motion by a sampled loop within a run, beyond that without the drive, that calls for a verification run.
     # Of 44 random loops the stable ones came to 2.1 and less, the others to 4e3 and more.
     notable_growth = 10.0
-    # Angle travelled by all joints [rad] that calls for a verification run: errors of rates become errors of angles,
-    # and postures change without end. Smooth test scenes travel 15.1 and less; of a thousand arms that were hit, those
-    # with errors of more than ten tolerances travelled 29 and more.
-    far = 16.0
-    if monitor.travelled > far:
+    if monitor.travelled > FAR_TURNED:
         return ": this motion amplifies errors"
     growth, without = sampled_growth(monitor.record)
     more, rate = growth / max(1.0, without), monitor.record.problem.scene.drive.rate or 0.0

@@ -52,7 +52,8 @@ class Balance:
         kept: Kept | None = None,
     ) -> None:
         self.chain, self.kept = chain, Kept() if kept is None else kept
-        joints = WATCHED(chain, None, lambda: _watched(chain))
+        limited = np.isfinite(chain.hinges["lower"]).tobytes()
+        joints = WATCHED(chain.coordinates, (limited, chain.hinges["prescribed"].tobytes()), lambda: _watched(chain))
         self.bounds = Bounds(force, chain.weight * chain.reach, SHARE, insisted, bend, near, *joints)
         self.seen = np.zeros(SEEN.size)
         self.seen[SEEN.garbage] = -1.0
@@ -83,7 +84,7 @@ class Balance:
 
 
 WATCHED = Memo(64)
-"""By chain: the joints that bend, those with limits, and the driven ones whose motion is not prescribed."""
+"""Of chains of one layout: joints that bend, those with limits, and driven ones whose motion is not prescribed."""
 
 
 def _watched(chain: Chain) -> tuple[Indices, Indices, Indices]:

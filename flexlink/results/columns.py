@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
+from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.results.samples import RunSamples
 
-Source = Callable[[RunSamples], Array]
+Source = Callable[[Any], Array]
+"""Of `RunSamples`, or of what has their fields with runs as a last axis."""
 
 OF_BALANCED: Mapping[str, Source] = {
     "work [J]": lambda run: np.asarray(run.work),
@@ -23,8 +26,7 @@ class Columns(Mapping[str, Array]):
     """Every sampled quantity of a run, shape (samples,), by its name with unit."""
 
     def __init__(self, run: RunSamples) -> None:
-        chain = run.chain
-        self._run, self._sources = run, _sources(chain.joint_names, tuple(chain.active.tolist()), run.work is not None)
+        self._run, self._sources = run, sources_of(run.chain, run.work is not None)
 
     def __getitem__(self, name: str) -> Array:
         return self._sources[name](self._run)
@@ -34,6 +36,11 @@ class Columns(Mapping[str, Array]):
 
     def __len__(self) -> int:
         return len(self._sources)
+
+
+def sources_of(chain: Chain, balanced: bool = True) -> Mapping[str, Source]:
+    """Where each column of runs of a chain comes from, in the order of the CSV file; of flexlink's own: `balanced`."""
+    return _sources(chain.joint_names, tuple(chain.active.tolist()), balanced)
 
 
 @functools.lru_cache(maxsize=64)

@@ -12,23 +12,25 @@ from flexlink.common.types import Array
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, did_you_mean, short_list, truncated
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.placement import tip_position
+from flexlink.motion.side_by_side import Block
+from flexlink.results.columns import sources_of
 from flexlink.results.deflection import deflections
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
 from flexlink.results.trajectory import Trajectory
 
-REDUCTIONS: Mapping[str, Callable[[Array, Array], float]] = {
-    "final": lambda t, x: x[-1],
-    "first": lambda t, x: x[0],
-    "min": lambda t, x: x.min(),
-    "max": lambda t, x: x.max(),
-    "largest": lambda t, x: np.abs(x).max(),
-    "range": lambda t, x: np.ptp(x),
-    "mean": lambda t, x: x.mean(),
-    "rms": lambda t, x: np.sqrt(np.mean(x * x)),
-    "time of min": lambda t, x: t[np.argmin(x)],
-    "time of max": lambda t, x: t[np.argmax(x)],
+REDUCTIONS: Mapping[str, Callable[[Array, Array], Array]] = {
+    "final": lambda t, x: x[..., -1],
+    "first": lambda t, x: x[..., 0],
+    "min": lambda t, x: x.min(axis=-1),
+    "max": lambda t, x: x.max(axis=-1),
+    "largest": lambda t, x: np.abs(x).max(axis=-1),
+    "range": lambda t, x: np.ptp(x, axis=-1),
+    "mean": lambda t, x: x.mean(axis=-1),
+    "rms": lambda t, x: np.sqrt(np.mean(x * x, axis=-1)),
+    "time of min": lambda t, x: t[np.argmin(x, axis=-1)],
+    "time of max": lambda t, x: t[np.argmax(x, axis=-1)],
 }
-"""Of a column x, sampled at times t."""
+"""Of a column x, sampled at times t, or of those of several runs, (runs, samples)."""
 
 DEFLECTION = "deflection [m]"
 """Column of `results.deflection`: distance of the tip from where it is with all springs at rest."""
@@ -73,11 +75,20 @@ class SweepOutput(Spec, frozen=True):
         """
         if self.of in MEASURES:
             return float(MEASURES[self.of].value(self, run))
-        column = column_of(run, self.of)
-        first = int(np.searchsorted(run.t, self.after)) if self.after > run.t[0] else 0
-        if first == len(run.t):
-            raise ArgumentError(f"after = {self.after:g}: the run ends at {run.t[-1]:g} s")
-        return float(REDUCTIONS[self.take or "final"](run.t[first:], column[first:]))
+        return float(self._reduced(run.t, column_of(run, self.of)))
+
+    def measure_all(self, block: Block) -> list[float]:
+        """`measure` of every member of a block, equal to the bit; errors as there."""
+        if self.of in MEASURES:
+            return [self.measure(block.trajectory(k)) for k in range(len(block.members))]
+        columns = self._reduced(block.t[: block.rows], columns_of(block, self.of))
+        return [float(value) for value in columns]
+
+    def _reduced(self, t: Array, column: Array) -> Array:
+        first = int(np.searchsorted(t, self.after)) if self.after > t[0] else 0
+        if first == len(t):
+            raise ArgumentError(f"after = {self.after:g}: the run ends at {t[-1]:g} s")
+        return REDUCTIONS[self.take or "final"](t[first:], column[..., first:])
 
     def place(self, run: Trajectory) -> Array:
         """Where the tip is to come to rest, shape (3,) [m]."""
@@ -107,6 +118,17 @@ def column_of(run: Trajectory, name: str) -> Array:
             f"of = {truncated(name)}: no such quantity; allowed are {short_list(known)}{did_you_mean(name, known)}"
         )
     return columns[name]
+
+
+def columns_of(block: Block, name: str) -> Array:
+    """`column_of` every member of a block, shape (members, samples); errors as there."""
+    if name == DEFLECTION:
+        return block.deflections
+    sources = sources_of(block.chain)
+    if name not in sources:
+        return np.array([column_of(block.trajectory(k), name) for k in range(len(block.members))])
+    column = sources[name](block.samples)
+    return np.ascontiguousarray(column.T) if column.ndim > 1 else np.array([column] * len(block.members))
 
 
 def _count(name: str) -> Callable[[SweepOutput, Trajectory], float]:
@@ -151,3 +173,16 @@ def measured(quantities: Mapping[str, SweepOutput], run: Trajectory) -> tuple[tu
                 values.append(None)
                 reasons.append(f"{name}: {error}")
     return tuple(values), "; ".join(reasons)
+
+
+def measured_together(
+    quantities: Mapping[str, SweepOutput], block: Block
+) -> list[tuple[tuple[float | None, ...], str]]:
+    """`measured` of every member of a block, by its place."""
+    columns: list[list[float]] = []
+    try:
+        with np.errstate(all="ignore"):
+            columns += [quantity.measure_all(block) for quantity in quantities.values()]
+    except FlexlinkError:  # by itself each has what can be computed
+        return [measured(quantities, block.trajectory(k)) for k in range(len(block.members))]
+    return [(values, "") for values in zip(*columns, strict=True)]

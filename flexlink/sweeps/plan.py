@@ -15,6 +15,7 @@ from flexlink.common.errors import DataFileError, FlexlinkError, SceneError
 from flexlink.describe import data_files
 from flexlink.describe.scene import FIELDS, Scene, load_scene
 from flexlink.describe.spec import Spec, check_keys, decode, did_you_mean, fields_of, truncated
+from flexlink.describe.variants import Variants
 from flexlink.describe.vary import apply_changes, top_level_keys
 from flexlink.engines import ENGINES
 from flexlink.sweeps.measures import SweepOutput
@@ -84,13 +85,20 @@ class Plan:
 
     def member(self, number: int) -> tuple[Scene, str]:
         """The scene of a member, and its engine; errors as in `Scene.varied`."""
-        scene, fixed = self._start
-        changes = {**fixed, **self.values(number)}
+        changes = {**self._fixed, **self.values(number)}
         engine = changes.pop("engine", "native")
         if engine not in ENGINES:
             allowed = ", ".join(ENGINES) + did_you_mean(engine, ENGINES)
             raise SceneError(f"engine = {truncated(engine)}: unknown; allowed are {allowed}")
-        return (scene.varied(changes) if changes else scene), engine
+        return self._variants.varied(changes), engine
+
+    @functools.cached_property
+    def _variants(self) -> Variants:
+        return Variants(self._start[0], [path for path in (*self._fixed, *self.sweep.keys) if path != "engine"])
+
+    @property
+    def _fixed(self) -> dict[str, Any]:
+        return self._start[1]
 
     @functools.cached_property
     def _start(self) -> tuple[Scene, dict[str, Any]]:

@@ -7,24 +7,22 @@ unit cube, one coordinate a key, which its spreads map to values.
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Literal, cast
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
-from flexlink.common.types import Array
 from flexlink.describe.spec import Positive, Spec, decode, truncated
+from flexlink.sweeps.sample_points import LATIN, point
 
 Spacing = Literal["linear", "log"]
 Whole = Annotated[int, msgspec.Meta(ge=0)]
 
-MAX_MEMBERS = 10_000_000
-"""Of a sweep: a day at a hundredth of a second each; a random sample of so many fits into memory."""
+MAX_MEMBERS = 1_000_000_000
+"""Of a sweep: two days on a core at a fifth of a millisecond each; Sobol's sequence has no more points."""
 
 
 class Range(Spec, frozen=True):
@@ -52,18 +50,31 @@ class Range(Spec, frozen=True):
                 "larger step"
             )
 
-    @property
-    def values(self) -> list[float | int]:
-        """The numbers, in order."""
+    def __len__(self) -> int:
+        low, high = self.between
+        if self.step is None:
+            return cast("int", self.count)
+        return math.floor((high - low) / self.step * (1 + 1e-12)) + 1  # 0.3/0.1 is 2.9999999999999996
+
+    def __getitem__(self, k: int) -> float | int:
+        """Number `k`: no list of them is made."""
+        if not 0 <= k < len(self):
+            raise IndexError(k)
+        number = self._number(k)
+        return round(number) if self.whole else number
+
+    def _number(self, k: int) -> float:
+        """As `np.linspace` and `np.geomspace` have it."""
         low, high = self.between
         if self.step is not None:
-            count = math.floor((high - low) / self.step * (1 + 1e-12)) + 1  # 0.3/0.1 is 2.9999999999999996
-            numbers: NDArray[np.floating] = low + self.step * np.arange(count)
-        elif self.spacing == "log":
-            numbers = np.geomspace(low, high, cast("int", self.count))
-        else:
-            numbers = np.linspace(low, high, cast("int", self.count))
-        return [round(number) for number in numbers.tolist()] if self.whole else numbers.tolist()
+            return low + self.step * k
+        last = cast("int", self.count) - 1
+        if k in {0, last}:
+            return high if k else low
+        if self.spacing == "linear":
+            return k * ((high - low) / last) + low
+        first, end = np.log10([low, high]).tolist()
+        return float(np.power(10.0, k * ((end - first) / last) + first))
 
 
 class Spread(Spec, frozen=True):
@@ -105,8 +116,8 @@ class Spread(Spec, frozen=True):
 class RandomDesign(Spec, frozen=True):
     """Points drawn at random: `count` of them, every key of `keys` with a list, of which one is drawn, or a spread.
 
-    method = "latin": Latin hypercube, each key's values spread evenly by themselves. "sobol", "halton": low-discrepancy
-    sequences, scrambled. "random": independent. The same `seed` gives the same points.
+    method = "latin": Latin hypercube, each key's values spread evenly by themselves, a million at most. "sobol",
+    "halton": low-discrepancy sequences, scrambled. "random": independent. The same `seed` gives the same points.
     """
 
     keys: dict[str, Any]
@@ -114,19 +125,16 @@ class RandomDesign(Spec, frozen=True):
     method: Literal["latin", "random", "sobol", "halton"] = "latin"
     seed: Whole = 0
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.method == "latin" and self.count > LATIN:
+            raise SceneError(
+                f"count = {self.count}: a Latin hypercube is drawn as a whole, of {LATIN} members at most; take "
+                "method = 'sobol' or 'random', whose members are drawn one by one"
+            )
 
-@functools.lru_cache(maxsize=2)
-def points(method: str, dimensions: int, count: int, seed: int) -> Array:
-    """Points of the unit cube, shape (count, dimensions)."""
-    rng = np.random.default_rng(seed)
-    if method == "random":
-        return rng.random((count, dimensions))
-    from scipy.stats import qmc  # noqa: PLC0415  0.5 s that only sweeps with samples need
 
-    if method == "sobol":  # drawn as the power of two that holds them, which keeps the balance of all but the last
-        return np.asarray(qmc.Sobol(dimensions, rng=rng).random_base2(math.ceil(math.log2(count)))[:count])
-    design = {"latin": qmc.LatinHypercube, "halton": qmc.Halton}[method]
-    return np.asarray(design(dimensions, rng=rng).random(count))
+Listed = Range | list[Any]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -168,15 +176,15 @@ def sample_axis(sample: RandomDesign) -> Axis:
     spreads = [_spread(f"sample.keys.{key}", spread) for key, spread in sample.keys.items()]
 
     def at(k: int) -> tuple[Any, ...]:
-        place = points(sample.method, len(spreads), sample.count, sample.seed)[k].tolist()
+        place = point(sample.method, len(spreads), sample.count, sample.seed, k)
         return tuple(value(u) for value, u in zip(spreads, place, strict=True))
 
     return Axis(tuple(sample.keys), sample.count, at)
 
 
-def _listed(path: str, values: Any) -> list[Any]:
+def _listed(path: str, values: Any) -> Listed:
     if isinstance(values, dict):
-        return cast("list[Any]", decode(values, Range, path).values)
+        return decode(values, Range, path)
     if not isinstance(values, list | tuple):
         got = truncated(values)
         raise SceneError(f"{path} = {got}: expected a list of values, or {{ between = [a, b], count = n }}")

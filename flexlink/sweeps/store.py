@@ -106,14 +106,13 @@ class Store:
                 self._commit()
 
     def missing(self) -> Iterator[int]:
-        """Numbers of the members that have no row, in order."""
-        have = iter([number for (number,) in self._db.execute("SELECT number FROM rows ORDER BY number")])
-        following = next(have, None)
-        for number in range(self.plan.members):
-            if number == following:
-                following = next(have, None)
-            else:
-                yield number
+        """Numbers of the members that have no row, in order; rows of those that were given out may come meanwhile."""
+        part = 65_536  # whose rows are looked up at once
+        for first in range(0, self.plan.members, part):
+            within = first, min(first + part, self.plan.members)
+            found = self._db.execute("SELECT number FROM rows WHERE number >= ? AND number < ?", within)
+            have = {number for (number,) in found}
+            yield from (number for number in range(*within) if number not in have)
 
     def count(self, status: str | None = None) -> int:
         """How many rows there are, of a status or of all."""

@@ -15,13 +15,17 @@ from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.engines import load
 from flexlink.inputs.problem import problem_of
-from flexlink.motion.batch import Outcome, outcomes
+from flexlink.motion.batch import Outcome, ends_of
+from flexlink.motion.side_by_side import Run
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 from flexlink.sweeps.fingerprint import version
-from flexlink.sweeps.measures import measured
+from flexlink.sweeps.measures import measured, measured_together
 from flexlink.sweeps.plan import Plan, Sweep
+
+TOGETHER = 512
+"""Members that are prepared at once: their chains take some megabytes."""
 
 
 class Row(NamedTuple):
@@ -55,12 +59,12 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row]
     handshake(text, theirs)
     plan = plan_of(text)
     with deferred() as stop:
-        results = _outcomes(plan, numbers, stop)
-        rows = [
-            _row(plan, number, outcome)
-            for number, outcome in zip(numbers, results, strict=True)
-            if not isinstance(outcome, InterruptedRunError)
-        ]
+        rows = []
+        for part in (numbers[first : first + TOGETHER] for first in range(0, len(numbers), TOGETHER)):
+            if stop.asked:
+                break
+            ends = zip(part, _ends(plan, part, stop), strict=True)
+            rows += [_row(plan, number, end) for number, end in ends if not isinstance(end, InterruptedRunError)]
     return rows, time.perf_counter() - started
 
 
@@ -100,8 +104,9 @@ def goes_side_by_side(plan: Plan, number: int) -> bool:
     return engine == "native" and not alone
 
 
-def _outcomes(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Outcome]:
-    results: dict[int, Outcome] = {}
+def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]:
+    """Rows of those that ran beside others, and what became of the rest."""
+    results: dict[int, Row | Outcome] = {}
     native: dict[int, Scene] = {}
     for number in numbers:
         try:
@@ -112,7 +117,14 @@ def _outcomes(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Outcome]:
                 results[number] = _integrated(scene, engine)
         except FlexlinkError as error:
             results[number] = error
-    results |= zip(native, outcomes(list(native.values()), stop), strict=True)
+    block, values = None, []
+    for number, end in zip(native, ends_of(list(native.values()), stop), strict=True):
+        if isinstance(end, Run):
+            if end.block is not block:
+                block, values = end.block, measured_together(plan.sweep.quantity, end.block)
+            results[number] = _done(number, *values[end.place], block.members[end.place].warnings)
+        else:
+            results[number] = end
     return [results[number] for number in numbers]
 
 
@@ -122,8 +134,13 @@ def _integrated(scene: Scene, engine: str) -> Trajectory:
     return trajectory_from_states(problem, *load(engine, problem.chain).integrate(scene))
 
 
-def _row(plan: Plan, number: int, outcome: Outcome) -> Row:
-    if not isinstance(outcome, Trajectory):
-        return failed_row(plan, number, f"{type(outcome).__name__}: {outcome}")
-    values, reason = measured(plan.sweep.quantity, outcome)
-    return Row(number, "failed" if reason else "done", reason, "\n".join(outcome.warnings), values)
+def _row(plan: Plan, number: int, end: Row | Outcome) -> Row:
+    if isinstance(end, Row):
+        return end
+    if not isinstance(end, Trajectory):
+        return failed_row(plan, number, f"{type(end).__name__}: {end}")
+    return _done(number, *measured(plan.sweep.quantity, end), end.warnings)
+
+
+def _done(number: int, values: tuple[float | None, ...], reason: str, warnings: Sequence[str]) -> Row:
+    return Row(number, "failed" if reason else "done", reason, "\n".join(warnings), values)

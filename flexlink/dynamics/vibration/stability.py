@@ -8,8 +8,8 @@ friction counts with its slope at rest, c/w, the largest that it has: sooner or 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,8 @@ from flexlink.dynamics.vibration.extremes import inertia_alone
 from flexlink.dynamics.vibration.modal import factored_mass, first_order_matrix, regular_mass
 from flexlink.dynamics.vibration.stability_function import stable_reach
 from flexlink.dynamics.wrench import turns_with_tip
+from flexlink.kernels.bodies.mass import mass_upper
+from flexlink.kernels.derivatives.load_derivatives import add_load_stiffness
 from flexlink.kernels.tools.finite import is_finite
 
 DENSE = 100
@@ -157,6 +159,39 @@ def eigenvalue_bound(
         return float(c + np.sqrt(c**2 + 4 * k)) / 2
 
 
+def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequence[Mapping[str, Any]]) -> list[float]:
+    """`eigenvalue_bound` of chains of one size about states q, q̇, `acting` what else it takes; inf: see each."""
+    n, count = abouts[0][0].n if abouts else 0, len(abouts)
+    if n > DENSE or not n:
+        return [np.inf] * count
+    C, K, M = np.zeros((3, count, n, n))
+    held, each = np.zeros((count, n), dtype=bool), np.arange(n)
+    for k, ((chain, q, qd), acts) in enumerate(zip(abouts, acting, strict=True)):
+        K[k, each, each], C[k, each, each] = chain.stiffness, damping_slope(chain)
+        add_load_stiffness(chain.arrays, acts["tip_wrench"], turns_with_tip(acts["frame"]), q, qd, K[k])
+        mass_upper(chain.arrays, q, M[k])
+        gains: Gains = acts["gains"]
+        if qd.any() or gains.kp.any() or gains.kd.any():
+            kp, kd = gains.matrices()
+            K[k], C[k] = K[k] + kp, C[k] + gyroscopic_matrix(chain, q, qd) + kd
+        held[k] = chain.hinges["prescribed"] != 0
+    if held.any():
+        for A in (C, K, M):
+            A[held] = A.swapaxes(1, 2)[held] = 0.0
+        M[:, each, each] += held
+    try:
+        with np.errstate(all="ignore"):  # what is beyond float64 is no bound
+            L = np.linalg.cholesky(M)
+            pivots, least = L[:, each, each], np.sqrt(n * np.finfo(float).eps * M[:, each, each])
+            W = np.linalg.inv(L)
+            c, k = (np.linalg.norm(W @ A @ W.swapaxes(1, 2), axis=(1, 2)) for A in (C, K))
+            bounds = (c + np.sqrt(c**2 + 4 * k)) / 2
+    except np.linalg.LinAlgError:
+        return [np.inf] * count
+    found: list[float] = np.where((pivots > least).all(axis=1) & np.isfinite(bounds), bounds, np.inf).tolist()
+    return found
+
+
 def _state(
     chain: Chain,
     q: ArrayLike,
@@ -194,9 +229,11 @@ def _squares(K: Array, M: Array) -> Array:
 def _damping_and_stiffness(chain: Chain, state: _State) -> tuple[Array, Array]:
     """D + G and K of the joints that are not prescribed, those of the drive's gains counted."""
     block = (slice(None), slice(None)) if len(state.free) == chain.n else np.ix_(state.free, state.free)
-    kp, kd = state.gains.matrices()
-    K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)[block] + kp[block]
-    C = (gyroscopic_matrix(chain, state.q, state.qd) + np.diag(damping_slope(chain)) + kd)[block]
+    K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)[block]
+    C = (gyroscopic_matrix(chain, state.q, state.qd) + np.diag(damping_slope(chain)))[block]
+    if state.gains.kp.any() or state.gains.kd.any():
+        kp, kd = state.gains.matrices()
+        K, C = K + kp[block], C + kd[block]
     return C, K
 
 

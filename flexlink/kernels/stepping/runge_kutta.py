@@ -67,6 +67,29 @@ def integrate(work, tableau, inputs, h, origin, first, last, every, state, sampl
     return last
 
 
+@kernel
+def probe(work, tableau, inputs, h, origins, rows, samples, ends):
+    """Write to `ends` (2, rows, n) the angles after one step of h, and after two of h/2, from rows of q and q̇.
+
+    Each from step number `origins[i]` of h, counted from t = 0.
+    """
+    qs, qds = samples
+    q, qd = np.empty_like(qs[0]), np.empty_like(qds[0])
+    done = np.zeros_like(q[:1])
+    for i in range(len(rows)):
+        for parts in (1, 2):
+            stages = step_workspace(tableau, q)
+            q[:] = qs[rows[i]]
+            qd[:] = qds[rows[i]]
+            for part in range(parts):
+                number = parts * origins[i] + part
+                ask_at(inputs, h / parts, number, (q, qd, done), stages)
+                step(work, tableau, inputs, h / parts, number, (q, qd, done), stages)
+                if not (is_finite(q) and is_finite(qd)):
+                    break
+            ends[parts - 1, i] = q
+
+
 @inlined
 def ask_at(inputs, h, number, state, stages):
     """Ask a sampled law before the step from t = number · h, if that is an instant of it."""

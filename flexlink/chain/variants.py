@@ -1,0 +1,158 @@
+"""Chains of many scenes at once: those that share a frame differ in a few numbers, found as arrays over all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import Frame, Springs, frame_of, has_own_rules, lump
+from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
+from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
+from flexlink.describe.rigid_body import RigidBody
+from flexlink.describe.scene import Scene
+from flexlink.kernels.layout import HINGE
+
+
+def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
+    """The chain of every scene as `lump` makes it, equal to the bit, or the error that it raises."""
+    shared: dict[int, list[int]] = {}
+    frames: dict[int, Frame] = {}
+    frame = None
+    for k, scene in enumerate(scenes):
+        if not k or not _same_frame(scenes[k - 1], scene):
+            frame = _frame(scene)
+        if frame is not None:
+            frames[id(frame)] = frame
+            shared.setdefault(id(frame), []).append(k)
+    chains: list[Chain | FlexlinkError | None] = [None] * len(scenes)
+    for place, members in shared.items():
+        if len(members) > 1:
+            for k, chain in zip(members, _of_frame(frames[place], [scenes[k] for k in members]), strict=True):
+                chains[k] = chain
+    return [_alone(scene) if chain is None else chain for scene, chain in zip(scenes, chains, strict=True)]
+
+
+def _same_frame(before: Scene, scene: Scene) -> bool:
+    """Whether it is plain that two scenes share a frame, or that neither has one."""
+    a, b = before.arm, scene.arm
+    if not (a.links is b.links and a.sections is b.sections and before.motion is scene.motion):
+        return False
+    densities = (a.materials[name].density == b.materials[name].density for name in a.materials if name in b.materials)
+    angles = zip(a.links, before.initial.joint_deg, scene.initial.joint_deg, strict=True)
+    held = all(one == other for link, one, other in angles if link.joint.locked)
+    return held and a.materials.keys() == b.materials.keys() and all(densities)
+
+
+def _frame(scene: Scene) -> Frame | None:
+    try:
+        return None if has_own_rules(scene) else frame_of(scene)
+    except FlexlinkError:
+        return None
+
+
+def _alone(scene: Scene) -> Chain | FlexlinkError:
+    try:
+        return lump(scene)
+    except FlexlinkError as error:
+        return error
+
+
+def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
+    """Chains of one frame; None where `lump` has to say what is wrong."""
+    b = len(scenes)
+    bodies, hinges = np.empty((b, len(frame.bodies)), frame.bodies.dtype), np.empty((b, len(frame.hinges)), HINGE)
+    bodies[:], hinges[:] = frame.bodies, frame.hinges
+    good = np.ones(b, dtype=bool)
+    with np.errstate(all="ignore"):
+        for springs in frame.springs:
+            good &= _write_springs(springs, scenes, hinges)
+        _write_tips(frame, [scene.arm.tip for scene in scenes], bodies)
+        good &= np.isfinite(bodies.view(np.float64)).all(axis=1)
+        limits = [name in {"lower", "upper"} for name in HINGE.names or ()]
+        finite = np.isfinite(hinges.view(np.float64)).reshape(b, -1, len(limits))
+        good &= (finite | limits).all(axis=(1, 2))
+        found = _found(bodies)
+    chains: list[Chain | None] = []
+    for k, scene in enumerate(scenes):
+        if not good[k]:
+            chains.append(None)
+            continue
+        frame.chain = frame.chain.with_numbers(scene.name, bodies[k], hinges[k], np.array(scene.gravity))
+        vars(frame.chain).update((name, values[k]) for name, values in found.items())
+        chains.append(frame.chain)
+    return chains
+
+
+def _write_springs(springs: Springs, scenes: Sequence[Scene], hinges: NDArray[np.void]) -> NDArray[np.bool_]:
+    """`Springs.write` for all; returns where no stiffness underflows."""
+    name = springs.link.material or ""
+    materials = [scene.arm.materials[name] for scene in scenes]
+    young = np.array([material.young for material in materials])[:, None]
+    shear = np.array([material.shear for material in materials])[:, None]
+    loss = np.array([scene.arm.loss_time(springs.link) for scene in scenes])[:, None]
+    _, i_y, i_z, torsion = springs.sections
+    rigidities = np.stack([shear * torsion, young * i_y, young * i_z], axis=1)
+    k = (rigidities / springs.lengths).reshape(len(scenes), -1)[:, springs.places]
+    hinges["stiffness"][:, springs.rows], hinges["damping"][:, springs.rows] = k, loss * k
+    return np.asarray(k.all(axis=1))
+
+
+def _write_tips(frame: Frame, tips: Sequence[RigidBody], bodies: NDArray[np.void]) -> None:
+    """The last body but one, which carries the payload."""
+    last = bodies[:, -2]
+    carrying = np.array([bool(tip.mass or any(tip.inertia)) for tip in tips])
+    rigid = frame.builder.bodies[-1].rigid
+    last["mass"], last["center"], last["inertia"] = rigid.mass, rigid.center, _symmetric(rigid.inertia.copy())
+    if not carrying.any():
+        return
+    payloads = [tip for tip, carried in zip(tips, carrying.tolist(), strict=True) if carried]
+    masses, centers, inertias = _joined(rigid, frame.builder.running, payloads)
+    last["mass"][carrying], last["center"][carrying], last["inertia"][carrying] = masses, centers, _symmetric(inertias)
+
+
+def _joined(rigid: SpatialInertia, place: Pose, payloads: Sequence[RigidBody]) -> tuple[Array, Array, Array]:
+    """`SpatialInertia.plus` and `moved` of many bodies: masses (b,), centres (b, 3), inertias (b, 3, 3)."""
+    masses = np.array([body.mass for body in payloads])
+    centers, inertias = np.array([body.center for body in payloads]), _matrices(payloads)
+    if place is not HERE:
+        R, p = place
+        centers = p + (R * centers[:, None, :]).sum(axis=2)
+        turned = (R[:, :, None] * inertias[:, None]).sum(axis=2)
+        inertias = (turned[..., None] * R.T).sum(axis=2)
+    if rigid is NOTHING:
+        return masses, centers, inertias
+    total = rigid.mass + masses
+    d = centers - rigid.center
+    square = (d * d).sum(axis=1)[:, None, None] * np.eye(3) - d[:, :, None] * d[:, None, :]
+    between = (rigid.mass * masses / total)[:, None, None] * square
+    joined = rigid.inertia + between + inertias
+    center = rigid.center + d * (masses / total)[:, None]
+    none = total == 0
+    center[none], joined[none] = 0.0, rigid.inertia + inertias[none]
+    return total, center, joined
+
+
+def _matrices(payloads: Sequence[RigidBody]) -> Array:
+    """`RigidBody.matrix` of each, (b, 3, 3)."""
+    xx, yy, zz, xy, xz, yz = np.array([(*body.inertia, 0.0, 0.0, 0.0)[:6] for body in payloads]).T
+    return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)
+
+
+def _symmetric(inertias: Array) -> Array:
+    """Above the diagonal what is below it, as `record_inertia` writes it."""
+    for row, column in ((0, 1), (0, 2), (1, 2)):
+        inertias[..., column, row] = inertias[..., row, column]
+    return inertias
+
+
+def _found(bodies: NDArray[np.void]) -> dict[str, list[float]]:
+    """`Chain.mass` and `Chain.reach` of every chain."""
+    offsets, centers = (
+        np.linalg.norm(np.ascontiguousarray(bodies[name]), axis=2) for name in ("translation", "center")
+    )
+    mass = np.ascontiguousarray(bodies["mass"]).sum(axis=1)
+    return {"mass": mass.tolist(), "reach": (offsets.sum(axis=1) + centers.max(axis=1)).tolist()}

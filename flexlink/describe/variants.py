@@ -1,0 +1,168 @@
+"""Many variants of one scene: what is a number is replaced where it stands, without reading the scene again.
+
+Equal to `Scene.varied`, which makes a variant where anything but numbers changes, and finds the words for what is not
+valid: whatever goes wrong here is tried there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple, get_args, get_origin
+
+import msgspec
+from msgspec.structs import replace
+
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.conditions import implied
+from flexlink.describe.hinges import hinges_of
+from flexlink.describe.scene import FIELDS, OF_ARM, Scene
+from flexlink.describe.spec import Spec, bare_type, build_validated, decode, fields_of, to_builtin
+from flexlink.describe.vary import Keys, parts_of, routes_to, to_document
+
+ELSEWHERE = {"run.tolerance", "run.relative_tolerance"}
+"""Numbers that take others' place."""
+
+BESIDE_LINKS = {"tip", "material", "section", "gravity", "run"}
+"""Tables whose paths lead where they do whatever the links are."""
+
+Tree = dict[Any, Any]
+
+
+class Variants:
+    """Variants of a scene by values at the same paths, most of them numbers."""
+
+    def __init__(self, scene: Scene, paths: Sequence[str]) -> None:
+        self.scene = scene
+        numbers = [path for path in paths if path not in ELSEWHERE and _is_number(scene, path)]
+        tops = {parts_of(path)[:1] for path in paths if path not in numbers}
+        if ("link",) in tops or ("motion",) in tops:
+            numbers = [path for path in numbers if parts_of(path)[0] in BESIDE_LINKS]
+            tops = {parts_of(path)[:1] for path in paths if path not in numbers}
+        self.numbers = tuple(path for path in numbers if parts_of(path)[:1] not in tops)
+        self._base: tuple[list[object], _Base | None] | None = None  # of the last values that are no numbers
+
+    def varied(self, changes: Mapping[str, object]) -> Scene:
+        """`Scene.varied`, with values at all paths; errors as there."""
+        numbers = {path: value for path, value in changes.items() if path in self.numbers}
+        if numbers:
+            base = self._base_of({path: value for path, value in changes.items() if path not in numbers})
+            variant = base.variant(numbers) if base is not None else None
+            if variant is not None:
+                return variant
+        return self.scene.varied(changes) if changes else self.scene
+
+    def _base_of(self, others: Mapping[str, object]) -> _Base | None:
+        values = list(others.values())
+        if self._base is None or any(a is not b for a, b in zip(self._base[0], values, strict=True)):
+            try:
+                scene = self.scene.varied(others) if others else self.scene
+                self._base = values, _base(scene, self.numbers)
+            except FlexlinkError:
+                self._base = values, None
+        return self._base[1]
+
+
+class _Base(NamedTuple):
+    """A scene, and where numbers are put into it."""
+
+    scene: Scene
+    kinds: Mapping[str, Any]  # annotations of what stands at each path
+    tree: Tree  # from the scene's fields on; its leaves are paths
+
+    def variant(self, numbers: Mapping[str, object]) -> Scene | None:
+        """The scene with these numbers; None where `Scene.varied` has to look at them."""
+        if any(value is None for value in numbers.values()):
+            return None
+        try:
+            read = {path: _read(value, self.kinds[path], path) for path, value in numbers.items()}
+            scene: Scene = build_validated(_with, self.scene, self.tree, read)
+            if scene.arm.links is not self.scene.arm.links:
+                hinges_of(scene.arm)
+        except (FlexlinkError, msgspec.ValidationError):
+            return None
+        return scene
+
+
+def _base(scene: Scene, paths: Sequence[str]) -> _Base | None:
+    """None where a number of the scene cannot be replaced where it stands."""
+    if not _reads_back(scene, paths):
+        return None
+    tree: Tree = {}
+    kinds = {}
+    for path in paths:
+        for keys, kind in routes_to(scene.document(), FIELDS, path):
+            kinds[path] = kind
+            if not _plant(tree, scene, (("arm", *keys) if keys[0] in OF_ARM else keys), path):
+                return None
+    return _Base(scene, MappingProxyType(kinds), tree)
+
+
+def _reads_back(scene: Scene, paths: Sequence[str]) -> bool:
+    """Whether all that is read anew by `Scene.varied` comes out as it is, and nothing else is left out by it."""
+    gone = implied(scene.run, dict.fromkeys(paths, 0.0))
+    if gone and scene.varied(gone) != scene:
+        return False
+    tops = {parts_of(path)[0] for path in paths}
+    document, parts = scene.document(tops), {field.encode_name: field.name for field in fields_of(Scene)}
+    of_arm = {field.encode_name: field.name for field in fields_of(type(scene.arm))}
+    for top in tops:
+        part = getattr(scene.arm, of_arm[top]) if top in OF_ARM else getattr(scene, parts[top])
+        if top not in document or decode(document[top], FIELDS[top], top) != part:
+            return False
+    return True
+
+
+def _plant(tree: Tree, part: Any, keys: Keys, path: str) -> bool:
+    """Put a path at the end of its keys; False where there is nothing, or another path, on the way."""
+    for k, said in enumerate(keys):
+        key = said
+        if isinstance(part, Spec):
+            key = next((field.name for field in fields_of(type(part)) if said in {field.encode_name, field.name}), said)
+            part = getattr(part, key)
+        elif isinstance(part, dict | tuple):
+            part = part[key]
+        else:
+            return False
+        if k == len(keys) - 1:
+            planted = isinstance(tree.get(key, ""), str)
+            tree[key] = path
+            return planted
+        tree = tree.setdefault(key, {})
+        if not isinstance(tree, dict):
+            return False
+    return False
+
+
+def _with(part: Any, tree: Tree | str, numbers: Mapping[str, Any]) -> Any:
+    """A part of a scene with numbers in their places."""
+    if isinstance(tree, str):
+        return numbers[tree]
+    if isinstance(part, Spec):
+        return replace(part, **{name: _with(getattr(part, name), below, numbers) for name, below in tree.items()})
+    if isinstance(part, dict):
+        return {**part, **{name: _with(part[name], below, numbers) for name, below in tree.items()}}
+    return tuple(_with(item, tree[k], numbers) if k in tree else item for k, item in enumerate(part))
+
+
+def _read(value: object, kind: Any, path: str) -> Any:
+    if type(value) is float and math.isfinite(value):
+        return msgspec.convert(value, kind)
+    return decode(to_document(to_builtin(value)), kind, path)
+
+
+def _is_number(scene: Scene, path: str) -> bool:
+    """Whether a path leads to numbers, or to lists of them."""
+    try:
+        routes = routes_to(scene.document(), FIELDS, path)
+    except FlexlinkError:
+        return False
+    return bool(routes) and all(map(_numeric, {route.kind for route in routes}))
+
+
+def _numeric(kind: Any) -> bool:
+    bare = bare_type(kind)
+    if get_origin(bare) is tuple:
+        return all(_numeric(item) for item in get_args(bare) if item is not Ellipsis)
+    return bare in {float, int}

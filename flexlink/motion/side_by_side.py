@@ -1,0 +1,228 @@
+"""Eight runs of one layout in one pass of the compiled loop, and what they have in common judged once.
+
+Samples have a leading axis of members. Who passes every look is done; who calls for a second look, a warning or an
+error is looked at by `RunMonitor`, as a run alone is.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.common.interruption import Stop
+from flexlink.common.memo import Kept
+from flexlink.common.types import Array
+from flexlink.describe.conditions import multiples
+from flexlink.dynamics import rounding
+from flexlink.dynamics.accelerations import lanes_workspace, solver_for
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.dynamics.placement import unbent
+from flexlink.dynamics.terms import Energy
+from flexlink.inputs.drives import acts_on_many, same_law
+from flexlink.kernels.bodies.kinematics import tip_points
+from flexlink.kernels.stepping.judgement import SEEN, WRONG
+from flexlink.kernels.tools.lanes import LANES
+from flexlink.motion.fixed_steps import pieces, steps_up_to
+from flexlink.motion.monitor import AT_LIMIT, DOUBT, FAR, TIP_SHARE, RunMonitor, apart, probed
+from flexlink.motion.simulate import verify
+from flexlink.motion.step_errors import step_errors_side_by_side
+from flexlink.motion.verification import FAR_TURNED
+from flexlink.results import balance
+from flexlink.results.record import Record
+from flexlink.results.samples import Steps
+from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
+from flexlink.results.trajectory import Trajectory
+
+Ended = Trajectory | DivergenceError | InterruptedRunError
+NEARLY = 0.9
+"""Part of a limit from which a member is looked at by itself: what is found together may differ in its last digits."""
+
+
+class Member(NamedTuple):
+    """A problem whose step has been judged."""
+
+    problem: InitialValueProblem
+    warnings: tuple[str, ...]
+    along: bool  # with others
+
+
+def goes_along(problem: InitialValueProblem) -> bool:
+    """Whether the compiled loop takes it with others, or alone in its lanes."""
+    solver = solver_for(problem.chain, problem.run.solver)
+    alone = not problem.explicit or problem.scene.wrench.varies or not acts_on_many(problem.inputs.drive)
+    return solver.lanes_workspace is not None and not alone
+
+
+def alike(one: InitialValueProblem, other: InitialValueProblem) -> bool:
+    """Whether two that go along with others go along with each other."""
+    if one.start != other.start:  # one clock for all
+        return False
+    a, b = one.scene, other.scene
+    if not all(x is y or x == y for x, y in ((a.run, b.run), (a.motion, b.motion), (a.wrench, b.wrench))):
+        return False
+    drives = one.inputs.drive, other.inputs.drive
+    return one.chain.same_layout(other.chain) and (drives[0] is drives[1] or same_law(*drives))
+
+
+class Samples(NamedTuple):
+    """As the fields of `RunSamples`, of several runs, which are their last axis."""
+
+    chain: Chain  # of the first
+    t: Array
+    q: Array
+    qd: Array
+    tau: Array
+    tip: Array
+    energy: Energy
+    work: Array
+    imbalance: Array
+
+
+class Block:
+    """Up to eight alike members, and after `integrate` their samples as far as they went.
+
+    Attributes
+    ----------
+    q, qd, tau, tip, energy, works
+        Samples (members, rows, n), (members, rows, 3), (members, 3, rows) and (members, rows).
+    """
+
+    def __init__(self, members: Sequence[Member], kept: Kept) -> None:
+        problem = members[0].problem
+        self.members, self.run, self.chain = members, problem.run, problem.chain
+        b, rows, n = len(members), self.run.samples, problem.chain.n
+        self.t = multiples(problem.start, self.run.between, rows)
+        self.q, self.qd = np.empty((2, b, rows, n))
+        self.tau, self.tip = np.empty((b, rows, n)), np.empty((b, rows, 3))
+        self.energy, self.works = np.empty((b, 3, rows)), np.zeros((b, rows))
+        self.records = [Record(member.problem, self.t, self.q[k], self.qd[k]) for k, member in enumerate(members)]
+        for k, (record, member) in enumerate(zip(self.records, members, strict=True)):
+            record.tau, record.tip, record.energy, record.works = (
+                self.tau[k],
+                self.tip[k],
+                self.energy[k],
+                self.works[k],
+            )
+            record.q[0], record.qd[0] = member.problem.q, member.problem.qd
+            if not problem.inputs.motion.joints.size:  # whose torques take scratch of a member's own chain
+                record.kept = kept
+        self.rows, self.steps = 0, Steps(self.run.method, 0, 0)
+        self.errors = np.zeros((b, 0))
+
+    def integrate(self, stop: Stop) -> bool:
+        """Go to the end, or as far as `stop` lets them; False where one leaves the finite numbers."""
+        run, n, b = self.run, self.chain.n, len(self.members)
+        q, qd = np.zeros((2, run.samples, n, LANES))
+        samples = q, qd, np.zeros((run.samples, LANES))
+        for lane in range(LANES):
+            q[0, :, lane], qd[0, :, lane] = (part[min(lane, b - 1), 0] for part in (self.q, self.qd))
+        state = q[0].copy(), qd[0].copy(), np.zeros((1, LANES))
+        work = lanes_workspace(solver_for(self.chain, run.solver), [record.chain for record in self.records])
+        done = 0
+        for done in pieces(run, self.records[0], work, state, samples):  # noqa: B007  where it ended
+            if stop.asked:
+                break
+        if not np.isfinite(state[:2]).all():
+            return False
+        self.rows, self.steps = done // run.steps_per_sample + 1, steps_up_to(run, done)
+        self.errors = step_errors_side_by_side(self.records, work, samples[:2], probed(run, slice(0, self.rows)))
+        for own, of_all in ((self.q, q), (self.qd, qd), (self.works, samples[2])):
+            own[:, : self.rows] = np.moveaxis(of_all[: self.rows, ..., :b], -1, 0)
+        return True
+
+    def ends(self, stop: Stop) -> list[Run | Ended]:
+        """What has become of every member."""
+        if stop.asked:
+            return [self._looked_at(k, stop) for k in range(len(self.members))]
+        return [Run(self, k) if good else self._looked_at(k, stop) for k, good in enumerate(self._passed().tolist())]
+
+    @functools.cached_property
+    def samples(self) -> Samples:
+        """Of all members, as columns are made of those of one run."""
+        q, qd, tau, tip = (np.moveaxis(part[:, : self.rows], 0, -1) for part in (self.q, self.qd, self.tau, self.tip))
+        energy, work = self.energy[:, :, : self.rows], self.works[:, : self.rows].copy()
+        for k, record in enumerate(self.records):
+            if record.inputs.potential_force.any():
+                work[k] = record.work(slice(self.rows))
+        left = balance.imbalance(energy, work, energy[:, :, 0])
+        return Samples(
+            self.chain, self.t[: self.rows], q, qd, tau, tip, Energy(*np.moveaxis(energy, 0, -1)), work.T, left.T
+        )
+
+    @functools.cached_property
+    def deflections(self) -> Array:
+        """How far springs bend the tip away, (members, samples) [m]."""
+        unmoved, tips = np.empty_like(self.tip[:, : self.rows]), self.tip[:, : self.rows]
+        for k, record in enumerate(self.records):
+            tip_points(record.chain.arrays, unbent(record.chain, self.q[k, : self.rows]), unmoved[k])
+        return np.asarray(np.linalg.norm(tips - unmoved, axis=2))
+
+    def trajectory(self, k: int) -> Trajectory:
+        """The run of a member that passed."""
+        return self.records[k].trajectory(self.rows, self.members[k].warnings, self.steps)
+
+    def _looked_at(self, k: int, stop: Stop) -> Ended:
+        """What has become of a member, judged like a run alone."""
+        monitor = RunMonitor(self.records[k], self.members[k].warnings)
+        if not monitor.check(self.rows, self.steps, self.errors[k]):
+            return monitor.diverged()
+        if not stop.asked:
+            monitor.warnings += verify(monitor, self.steps.method, stop)
+        if stop.signal is not None:
+            return InterruptedRunError(monitor.trajectory(), stop.signal)
+        return monitor.trajectory()
+
+    def _passed(self) -> NDArray[np.bool_]:
+        """Whose samples pass every look without a word."""
+        chains = [record.chain for record in self.records]
+        rounded = rounding.of_reach(1.0) * np.array([chain.reach for chain in chains])
+        seen, good = self._look()
+        least = NEARLY * DOUBT * balance.SHARE * seen[:, SEEN.exchanged]
+        good &= (seen[:, SEEN.unbalanced] <= least) & (seen[:, SEEN.excused] <= least / DOUBT)
+        good &= seen[:, SEEN.travelled] <= NEARLY * FAR_TURNED
+        good &= np.array([not chain.hinges["armature"].min() < 0 for chain in chains])
+        if self.rows > 1:
+            errors = np.where(self.errors < rounded[:, None], 0.0, self.errors)
+            tip_error = errors.sum(axis=1) * apart(self.run) * self.run.steps_per_sample
+            extent = np.linalg.norm(np.ptp(self.tip[:, : self.rows], axis=1), axis=1)
+            good &= np.maximum(tip_error, self._rounded_away(chains, rounded)) <= NEARLY * DOUBT * TIP_SHARE * extent
+        return good
+
+    def _look(self) -> tuple[Array, NDArray[np.bool_]]:
+        """What is seen of the samples of each, and whether none of them is wrong."""
+        insisted, every = self.run.unstable == "allow", (0, self.run.steps_per_sample)
+        seen, good = np.zeros((len(self.members), SEEN.size)), np.zeros(len(self.members), dtype=bool)
+        for k, record in enumerate(self.records):
+            record.derive(0, self.rows)
+            force = record.inputs.potential_force
+            judge = balance.Balance(
+                record.chain, force, insisted=insisted, bend=FAR, near=AT_LIMIT, kept=record.kept
+            )  # fmt: skip
+            judge.start(record.energy[:, 0])
+            row, wrong = judge.look(0, self.rows, record.samples, every)
+            seen[k] = judge.seen
+            good[k] = row == self.rows and wrong == WRONG.nothing
+        return seen, good & (seen[:, SEEN.garbage] < 0) & ~seen[:, [SEEN.bent, SEEN.beyond]].any(axis=1)
+
+    def _rounded_away(self, chains: Sequence[Chain], rounded: Array) -> Array:
+        """`RunMonitor._rounded_away` of each [m]."""
+        q, qd = (np.abs(part[:, : self.rows]).max(axis=1) for part in (self.q, self.qd))
+        lost = np.minimum(self.run.step * qd, np.spacing(q) / 2).sum(axis=1)
+        lost *= [chain.reach for chain in chains]
+        return np.where(lost > rounded, lost * self.rows * self.run.steps_per_sample, 0.0)
+
+
+class Run(NamedTuple):
+    """A member of a block that passed every look."""
+
+    block: Block
+    place: int
+
+    def trajectory(self) -> Trajectory:
+        """The run by itself."""
+        return self.block.trajectory(self.place)

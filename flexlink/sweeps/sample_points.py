@@ -1,0 +1,99 @@
+"""Points of the unit cube for the members of a sample, found from their number and the seed: no list of them is kept.
+
+"random" numbers are those that the generator gives after as many draws. Sobol's point n is, digit by digit in base 2,
+the sum of direction numbers, one for each digit of n's Gray code; they are what the engine's own points 0 and
+2, 4, 8, … − 1 differ by. Halton's points are found from their number anyway. A Latin hypercube is the one design whose
+points depend on all others, so that it is drawn as a whole.
+"""
+
+from __future__ import annotations
+
+import functools
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.types import Array
+
+BLOCK = 1024
+"""Points that are found at once; a power of two, which keeps the balance of Sobol's first ones."""
+
+LATIN = 1_000_000
+"""Members of a Latin hypercube at most: 8 MB for each key in every worker, drawn in a tenth of a second."""
+
+DIGITS = 30
+"""Of Sobol's points in base 2."""
+
+_halton_moves = Lock()
+
+
+def point(method: str, dimensions: int, count: int, seed: int, k: int) -> list[float]:
+    """Point `k` of `count`, one number 0 ≤ u < 1 for each of the `dimensions`."""
+    place: list[float] = _block(method, dimensions, count, seed, k // BLOCK)[k % BLOCK]
+    return place
+
+
+@functools.lru_cache(maxsize=16)
+def _block(method: str, dimensions: int, count: int, seed: int, number: int) -> list[list[float]]:
+    """So many points that follow one another."""
+    first = number * BLOCK
+    if method == "random":
+        draws = np.random.default_rng(seed).bit_generator
+        draws.advance(first * dimensions)  # type: ignore[attr-defined]
+        points = np.random.Generator(draws).random((BLOCK, dimensions))
+    elif method == "sobol":
+        points = _sobol(dimensions, count, seed, first)
+    elif method == "halton":
+        with _halton_moves:  # of several threads
+            engine = _halton(dimensions, seed)
+            engine.num_generated = first  # its `fast_forward` makes all points before
+            points = engine.random(BLOCK)
+    else:
+        points = _latin(dimensions, count, seed)[first : first + BLOCK]
+    found: list[list[float]] = points.tolist()
+    return found
+
+
+@functools.lru_cache(maxsize=2)
+def _latin(dimensions: int, count: int, seed: int) -> Array:
+    return np.asarray(_qmc().LatinHypercube(dimensions, rng=np.random.default_rng(seed)).random(count))
+
+
+@functools.lru_cache(maxsize=2)
+def _halton(dimensions: int, seed: int) -> Any:
+    return _qmc().Halton(dimensions, rng=np.random.default_rng(seed))
+
+
+def _sobol(dimensions: int, count: int, seed: int, first: int) -> Array:
+    start, directions = _directions(dimensions, max(count - 1, first + BLOCK - 1).bit_length(), seed)
+    numbers = np.arange(first, first + BLOCK)
+    gray = numbers ^ (numbers >> 1)
+    digits = np.repeat(start[None], BLOCK, axis=0)
+    for i, direction in enumerate(directions):
+        digits ^= np.where((gray >> i & 1)[:, None], direction, 0)
+    return np.ldexp(digits.astype(np.float64), -DIGITS)
+
+
+@functools.lru_cache(maxsize=4)
+def _directions(dimensions: int, length: int, seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The first point, as a whole number, and direction numbers for Gray codes of so many digits (digits, d)."""
+    engine = _qmc().Sobol(dimensions, bits=DIGITS, rng=np.random.default_rng(seed))
+
+    def next_point() -> NDArray[np.int64]:
+        return np.asarray(np.ldexp(engine.random(1)[0], DIGITS), dtype=np.int64)
+
+    start = next_point()
+    directions = np.zeros((length, dimensions), dtype=np.int64)
+    for i in range(length):
+        if ahead := 2 ** (i + 1) - 1 - engine.num_generated:
+            engine.fast_forward(ahead)
+        directions[i] = next_point() ^ start
+    return start, directions
+
+
+def _qmc() -> Any:
+    from scipy.stats import qmc  # noqa: PLC0415  0.5 s that only sweeps with samples need
+
+    return qmc

@@ -1,0 +1,107 @@
+"""A slice of a long sweep in a process of its own: memory and time of who plans it, who runs it, who keeps its rows.
+
+python -m validation.sweep_slice SWEEP.toml --slice 20000 --workers 2
+python -m validation.sweep_slice SWEEP.toml --slice 20000 --dask tcp://127.0.0.1:8786
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec.structs import replace
+
+from flexlink.common.interruption import Stop
+from flexlink.common.progress import Progress
+from flexlink.sweeps.execution import Execution
+from flexlink.sweeps.fingerprint import fingerprint, version
+from flexlink.sweeps.plan import Plan, Sweep, load_sweep
+from flexlink.sweeps.store import Store
+from flexlink.sweeps.worker import rows_of
+from flexlink.sweeps.workers import WorkerPool, pool_of
+
+WARM = 4
+"""Tasks of every worker that load machine code, and do not count."""
+
+
+def megabytes() -> float:
+    """The most memory that this process has held [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def planned(file: Path) -> dict[str, float]:
+    """Time [s] and memory [MB] that it takes to plan a sweep and find the values of its last, first, middle members."""
+    sweep = load_sweep(file)
+    Plan(replace(sweep, sample=replace(sweep.sample, count=4))).values(0)  # type: ignore[type-var]  # imports
+    before, begun = megabytes(), time.process_time()
+    plan = Plan(sweep)
+    for number in (plan.members - 1, 0, plan.members // 2):
+        plan.values(number)
+    return {"seconds": time.process_time() - begun, "megabytes": megabytes() - before}
+
+
+def member_time(sweep: Sweep, duration: float, members: int = 512, turns: int = 5) -> float:
+    """CPU time of a member in the worker, the least of some turns [s]."""
+    text = msgspec.json.encode(replace(sweep, set={**sweep.set, "run.duration": duration}))
+    rows_of(text, version(), range(members))
+    times = []
+    for turn in range(1, turns + 1):
+        begun = time.process_time()
+        rows_of(text, version(), range(turn * members, (turn + 1) * members))
+        times.append(time.process_time() - begun)
+    return min(times) / members
+
+
+def run_slice(sweep: Sweep, pool: WorkerPool, size: int) -> dict[str, float]:
+    """Run so many members and keep their rows: rates, the parent's CPU time of a row, the workers' memory."""
+    plan = Plan(sweep)
+    marks: list[tuple[float, float, int]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "slice.db"
+        with Store(out, plan, fingerprint(sweep)) as store:
+            bar, done = Progress("slice", parts=plan.members, what="members"), 0
+            for rows in Execution(plan, pool, Stop()).rows(store.missing()):
+                store.add(rows)
+                done += len(rows)
+                bar(done / plan.members)
+                marks.append((time.process_time(), time.perf_counter(), done))
+                if done >= size:
+                    break
+            most = max(future.result() for future in [pool.executor.submit(megabytes) for _ in range(pool.slots)])
+        kept = out.stat().st_size / done
+    (cpu, begun, before), (cpu_end, end, after) = marks[min(WARM * pool.slots, len(marks) - 2)], marks[-1]
+    return {
+        "row": (cpu_end - cpu) / (after - before),
+        "rate": (after - before) / (end - begun),
+        "bytes": kept,
+        "worker": most,
+        "parent": megabytes(),
+    }
+
+
+def main() -> None:
+    """Print what was found, as JSON."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("sweep", type=Path)
+    parser.add_argument("--slice", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--dask")
+    parser.add_argument("--durations", type=float, nargs="*", default=())
+    options = parser.parse_args()
+    found: dict[str, Any] = {"planned": planned(options.sweep)}
+    sweep = load_sweep(options.sweep)
+    if options.slice:
+        with pool_of(None, options.workers, options.dask) as pool:
+            found["slice"] = run_slice(sweep, pool, options.slice)
+    found["member"] = [member_time(sweep, duration) for duration in options.durations]
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()
