@@ -220,6 +220,8 @@ def _all_eigenvalues(chain: Chain, state: _State) -> Complex:
 
 def _squares(K: Array, M: Array) -> Array:
     """`linalg.eigh(K, M, eigvals_only=True)`, less its checks of what is known, which take three times as long."""
+    if not K.size:  # nothing is free to move
+        return np.zeros(0)
     squares, _, failed = linalg.lapack.dsygvd(K, M, jobz="N", uplo="L")
     if failed or not is_finite(squares):
         squares = linalg.eigh(K, M, eigvals_only=True)  # says what is wrong
