@@ -24,14 +24,14 @@ kinetic energy by 2 ε of itself: a tenth is lost or made where the rates are of
 
 
 def imbalance(energy: Array, work: Array, start: Array) -> Array:
-    """E(t) − E(0) − W(t) [J], shape (samples,), from the energies T, V_g, V_e (3, samples), at first (3,)."""
-    return np.asarray((energy - start[:, None]).sum(axis=0) - work)
+    """E(t) − E(0) − W(t) [J], shape (…, samples), from the energies T, V_g, V_e (…, 3, samples), at first (…, 3)."""
+    return np.asarray((energy - start[..., None]).sum(axis=-2) - work)
 
 
 def turned_over(energy: Array, work: Array, start: Array) -> Array:
-    """T + |ΔV_g| + |ΔV_e| + |W| [J], shape (samples,); its largest value so far is the energy exchanged."""
-    moved = np.abs(energy[1:] - start[1:, None]).sum(axis=0)
-    return np.asarray(energy[0] + moved + np.abs(work))
+    """T + |ΔV_g| + |ΔV_e| + |W| [J], shape (…, samples); its largest value so far is the energy exchanged."""
+    moved = np.abs(energy[..., 1:, :] - start[..., 1:, None]).sum(axis=-2)
+    return np.asarray(energy[..., 0, :] + moved + np.abs(work))
 
 
 NOTHING = Allowance()
