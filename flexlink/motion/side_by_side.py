@@ -101,14 +101,13 @@ class Block:
         self.tau, self.tip = np.empty((b, rows, n)), np.empty((b, rows, 3))
         self.energy, self.works = np.empty((b, 3, rows)), np.zeros((b, rows))
         self.records = [Record(member.problem, self.t, self.q[k], self.qd[k]) for k, member in enumerate(members)]
-        for k, (record, member) in enumerate(zip(self.records, members, strict=True)):
+        for k, record in enumerate(self.records):
             record.tau, record.tip, record.energy, record.works = (
                 self.tau[k],
                 self.tip[k],
                 self.energy[k],
                 self.works[k],
             )
-            record.q[0], record.qd[0] = member.problem.q, member.problem.qd
             if not problem.inputs.motion.joints.size:  # whose torques take scratch of a member's own chain
                 record.kept = kept
         self.rows, self.steps = 0, Steps(self.run.method, 0, 0)
@@ -117,6 +116,8 @@ class Block:
     def integrate(self, stop: Stop) -> bool:
         """Go to the end, or as far as `stop` lets them; False where one leaves the finite numbers."""
         run, n, b = self.run, self.chain.n, len(self.members)
+        for k, member in enumerate(self.members):
+            self.q[k, 0], self.qd[k, 0] = member.problem.q, member.problem.qd
         q, qd = np.zeros((2, run.samples, n, LANES))
         samples = q, qd, np.zeros((run.samples, LANES))
         for lane in range(LANES):
