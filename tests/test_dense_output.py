@@ -9,7 +9,7 @@ from random_jumps import WRONG, outcome
 
 import flexlink as fl
 from flexlink.describe.schemes.methods import method
-from flexlink.motion.adaptive_steps import dense_weights
+from flexlink.motion.step_workspace import dense_weights
 
 pytestmark = compiled
 IMPLICIT = ("Radau5", "Radau9")

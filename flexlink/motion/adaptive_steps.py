@@ -9,29 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
-from flexlink.common.memo import Kept, Memo
-from flexlink.common.types import Array, Indices
+from flexlink.common.memo import Kept
+from flexlink.common.types import Array
 from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.describe.data_files import is_user_file
 from flexlink.describe.schemes.methods import Method, method
-from flexlink.dynamics import rounding
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.stability import bounding_eigenvalues, stable_step, stable_step_of
 from flexlink.inputs.actuation import acting_at
-from flexlink.inputs.drives import gains_of, remembered
-from flexlink.kernels.bodies.plane import planar_workspace
-from flexlink.kernels.bodies.rne import rne_workspace
-from flexlink.kernels.forward.mass_plus_diagonal import FACTORS
-from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture, plane_postures
-from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture, space_postures
+from flexlink.inputs.drives import remembered
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping import adaptive
 from flexlink.kernels.stepping.adaptive import OUTCOME
-from flexlink.kernels.stepping.embedded import EmbeddedMethod, EmbeddedWork
-from flexlink.kernels.stepping.error_norm import Springs
-from flexlink.kernels.stepping.implicit_layout import VECTOR, ImplicitMethod, ImplicitWork, Turning
+from flexlink.kernels.stepping.embedded import EmbeddedWork
+from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.budget import FEWEST, Budget, Spent, warn
@@ -42,6 +34,7 @@ from flexlink.motion.method_choice import Choice, cheapest, fastest_motion
 from flexlink.motion.method_trial import FIRST, go_on_with_the_cheapest
 from flexlink.motion.monitor import LONG, RunMonitor
 from flexlink.motion.sampled_control import Control
+from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import SHORTEST, StopTimes
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -54,14 +47,6 @@ scenes with 7 tolerances: the errors at the end have a median of 0.14 of the tol
 it where motion is sensitive. An explicit method's steps, small for stability's sake, have the errors they tell, all in
 one direction."""
 
-
-OF_A_TURNING_STEP = 4.0
-"""Times that the error counts of a step in which dry friction stops a joint or lets it go: what K jumps by is no small
-part of it, and the rate of the joint keeps what it got. Measured on stick and slip with widths from 1e-1 to 1e-6 rad/s:
-errors at the end are at most 2.5 tolerances, 14 if it counts once."""
-
-FEW_PASSES = 12
-"""Newton iterations of a step with a tolerance, after which a shorter step is cheaper."""
 
 EXPLICIT, IMPLICIT = "DOP853", "Radau5"
 """Methods that take over from an automatically chosen one of the other kind, once in a run."""
@@ -445,101 +430,3 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
     one = OF_AN_EXPLICIT_STEP if method.explicit else OF_A_LONG_STEP if long else OF_A_STEP
     errors = one * absolute, of_a_deflection * one * part, run.duration / LONG, np.inf, of_the_iteration
     return *errors, order, SHORTEST * run.duration, largest
-
-
-def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
-    """Gains (n,) of the drive, for Newton's matrix, and T k_d of a sampled one.
-
-    At one state whatever the run's, which so goes on to the bit.
-    """
-    drive, zero = inputs.drive, np.zeros(chain.n)
-    kick = zero
-    if drive.rate:
-        kick = gains_of(chain, drive._replace(rate=0.0), 0.0, zero, zero).diagonals()[1] / drive.rate
-    return *gains_of(chain, drive, 0.0, zero, zero).diagonals(), kick
-
-
-def carried(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
-    """What steps remember from one to the next; all else is scratch within one."""
-    return work.stepper, *work.springs[:3], *stages_of(work)
-
-
-def stages_of(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
-    """Stages of the last step, from which an implicit one starts its iteration."""
-    return (work.stages,) if isinstance(work, ImplicitWork) else ()
-
-
-def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:
-    """Scratch of the steps of a method on the chain of a record, with its lowest frequency [rad/s]."""
-    of_fixed_step = 50  # Newton iterations: a fixed step is worth more of them than one that may be shortened
-    chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
-    posture = (plane_posture if chain.is_planar else space_posture)(*arrays)
-    numbers, new = np.zeros(STEPPER.size), np.zeros((3, n))
-    numbers[STEPPER.inverse_ω1], numbers[STEPPER.rounding] = 1.0 / slowest, rounding.of_position(chain)
-    numbers[STEPPER.max_iterations] = FEW_PASSES if record.run.controlled else of_fixed_step
-    springs = Springs(*drive_gains(chain, record.inputs), np.zeros((n, FACTORS.size)), *np.zeros((2, n)))
-    if method.explicit:
-        coefficients = EmbeddedMethod(*method.arrays, method.error)
-        K, L = np.zeros((2, s + 1, n))
-        Q, tau = np.zeros((2, n))
-        e = np.zeros((2, n))
-        return EmbeddedWork(coefficients, arrays, record.scratch, posture, numbers, new, K, L, Q, tau, e, springs)
-    r, p = len(method.modes.real), len(method.modes.complex)
-    turning, with_error = turning_of(chain, s, r, p), record.run.controlled and method.controlled
-    numbers[STEPPER.wait] = 0.0 if with_error else np.inf
-    numbers[STEPPER.turning] = OF_A_TURNING_STEP if with_error and len(turning.joints) == len(turning.dry) else 0.0
-    postures = (plane_postures if chain.is_planar else space_postures)(s, posture)
-    return ImplicitWork(
-        coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
-        posture, numbers, new, np.zeros((6, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs,
-        np.zeros((r, n, FACTORS.size)), np.zeros((2, n), complex), np.zeros((p, n, FACTORS.size), complex),
-        postures, np.zeros((s, n, FACTORS.size)), turning,
-    )  # fmt: skip
-
-
-def turning_of(chain: Chain, stages: int, r: int, p: int) -> Turning:
-    """Scratch of joints that turn round in a step of a method with r real and p pairs of eigenvalues."""
-    coulomb = chain.hinges["coulomb"]
-    if not any(coulomb.tolist()):
-        return without_friction(chain.n, stages, r, p)._replace(count=np.zeros(1, np.int64))
-    return turning_at(np.flatnonzero((coulomb > 0) & (chain.hinges["prescribed"] == 0)), chain.n, stages, r, p)
-
-
-@functools.cache
-def without_friction(n: int, stages: int, r: int, p: int) -> Turning:
-    """Scratch of no joints, empty but for their count; runs share the rest."""
-    return turning_at(np.empty(0, np.int64), n, stages, r, p)
-
-
-def turning_at(dry: Indices, n: int, stages: int, r: int, p: int) -> Turning:
-    """Scratch of these joints with dry friction, of n in all."""
-    most = 8  # joints; the small matrix grows as (stages · joints)³
-    d = min(most, len(dry))
-    G, J = np.zeros((2, stages * d, stages * d))
-    rows, probe = np.zeros((5, stages * d)), np.zeros((3, stages * d))
-    real, pairs = np.zeros((r, d, n)), np.zeros((p, d, n), complex)
-    return Turning(dry, np.zeros(d, np.int64), np.zeros(1, np.int64), G, J, rows, probe, real, pairs)
-
-
-def coefficients_of(method: Method) -> ImplicitMethod:
-    """An implicit method as its kernel takes it."""
-    return COEFFICIENTS(method, None, lambda: _coefficients_of(method))
-
-
-COEFFICIENTS = Memo(32)
-
-
-def _coefficients_of(method: Method) -> ImplicitMethod:
-    (A, b, c), modes = method.arrays, method.modes
-    γ, d = method.embedded if method.controlled else (0.0, np.zeros(method.stages))
-    return ImplicitMethod(
-        np.array([A, modes.A2]), np.array([b, modes.bA, c, d]), γ, modes.real, modes.T_real, modes.Tinv_real,
-        modes.complex, modes.T_complex, modes.Tinv_complex, dense_weights(c),
-    )  # fmt: skip
-
-
-def dense_weights(c: Array) -> Array:
-    """Coefficients (2, s, s) of β_i(x) / x and α_i(x) / x²: Lagrange polynomials of c, integrated once and twice."""
-    m = np.arange(len(c))
-    once = np.linalg.inv(c[:, None] ** m).T / (m + 1)
-    return np.array([once, once / (m + 2)])
