@@ -79,15 +79,17 @@ def probe(work, tableau, inputs, h, origins, rows, samples, ends):
     for i in range(len(rows)):
         for parts in (1, 2):
             stages = step_workspace(tableau, q)
-            q[:] = qs[rows[i]]
-            qd[:] = qds[rows[i]]
+            for k in range(len(q)):
+                put_at(q, at(qs, rows[i], k), k)
+                put_at(qd, at(qds, rows[i], k), k)
             for part in range(parts):
                 number = parts * origins[i] + part
                 ask_at(inputs, h / parts, number, (q, qd, done), stages)
                 step(work, tableau, inputs, h / parts, number, (q, qd, done), stages)
                 if not (is_finite(q) and is_finite(qd)):
                     break
-            ends[parts - 1, i] = q
+            for k in range(len(q)):
+                put_at(ends[parts - 1], at(q, k), i, k)
 
 
 @inlined
