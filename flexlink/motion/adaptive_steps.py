@@ -200,7 +200,8 @@ class AdaptiveSteps:
     @property
     def tries(self) -> int:
         """Steps that were tried so far."""
-        return int(self.count[[COUNT.steps, COUNT.rejected, COUNT.failed]].sum())
+        count = self.count.tolist()
+        return int(count[COUNT.steps] + count[COUNT.rejected] + count[COUNT.failed])
 
     def _take(self, choice: Choice, now: float) -> None:
         """Prepare steps by a method from a time on; compiles, while no signal is deferred."""

@@ -7,6 +7,7 @@ from bisect import bisect_left, bisect_right
 
 import numpy as np
 
+from flexlink.common.memo import Kept
 from flexlink.common.types import Array, Indices
 from flexlink.describe.conditions import parts
 from flexlink.describe.schemes.methods import Method
@@ -43,9 +44,18 @@ class StopTimes:
             number = number[np.abs(number - np.round(number)) > on_the_grid]
             fixed = np.concatenate([number, np.ceil(number)]) * run.step
         self.fixed: list[float] = sorted(set(fixed.tolist()))
+        self._kept = Kept()
 
     def between(self, start: float, end: float) -> Array:
-        """Those after `start` and before `end`, and `end` [s]."""
+        """Those after `start` and before `end`, and `end` [s]; not to be written to."""
+        if start == end:
+            return np.array([end])
+        if self.drive is not None or not self.at_samples:
+            return self._between(start, end)
+        times: Array = self._kept("between", (start, end), lambda: self._between(start, end))
+        return times
+
+    def _between(self, start: float, end: float) -> Array:
         fixed = self.fixed[bisect_right(self.fixed, start) : bisect_left(self.fixed, end)]
         if not (fixed or self.at_samples or self.drive):
             return np.array([end])
