@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
+from flexlink.kernels.stepping.adaptive import OUTCOME
 from flexlink.motion import method_trial
 from flexlink.motion.method_trial import Stepping
 
@@ -73,3 +74,31 @@ def test_a_choice_by_trial_is_made_alike_every_time(whipping: fl.Scene) -> None:
     assert first.steps == again.steps == anew.steps
     assert np.array_equal(first.q, again.q)
     assert np.array_equal(first.q, anew.q)
+
+
+class Rejecting:
+    """A run whose steps are all rejected, near a posture in which a coordinate moves no inertia."""
+
+    name, end, evaluations_before, time, row, tries, evaluations, fastest = (
+        "Radau5",
+        1.0,
+        0,
+        0.5,
+        3,
+        100,
+        1000,
+        math.inf,
+    )
+
+    def saved(self, _row: int) -> None:
+        return None
+
+    def take(self, _most: int) -> int:
+        return int(OUTCOME.goes_on)
+
+    def cost(self, _name: str, evaluations: float) -> float:
+        return evaluations
+
+
+def test_a_stretch_in_which_nothing_was_accepted_compares_nothing() -> None:
+    assert method_trial.go_on_with_the_cheapest(Rejecting()) == OUTCOME.goes_on  # type: ignore[arg-type]

@@ -248,7 +248,7 @@ class AdaptiveSteps:
             left = max(0, last - int(self.count[COUNT.steps]))
             over = self.count[COUNT.knot] == len(self.knots)
             how = OUTCOME.ended if over else int(self._take_steps(*self._arguments(left)))
-        if how == OUTCOME.stuck and self.run.method == AUTO and not self.taken_over:
+        if how == OUTCOME.stuck and self.run.method == AUTO and not self.taken_over and np.isfinite(self.fastest):
             self.go_on_with(IMPLICIT if self.method.explicit else EXPLICIT, self.end)
             how, self.taken_over = int(OUTCOME.goes_on), True
         if how == OUTCOME.stuck:

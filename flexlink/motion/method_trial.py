@@ -81,7 +81,7 @@ def go_on_with_the_cheapest(steps: Stepping) -> int:
     row, begin, end = steps.row, steps.time, steps.end
     start, first, before = steps.saved(row), steps.name, steps.evaluations
     how = steps.take(max(LEAST_TRIES, steps.tries // OF_ALL))
-    if how != OUTCOME.goes_on:
+    if how != OUTCOME.goes_on or steps.time == begin:
         return how
     until, least, best, all_evaluations = steps.time, _cost(steps, before), steps.saved(row), steps.evaluations
     angle = (until - begin) * steps.fastest
