@@ -118,7 +118,7 @@ class AdaptiveSteps:
         if inputs is not self.inputs:
             self.inputs = inputs
             self._put_gains()
-            self._compile(Kept())
+            self._compile()
         self.aim(start, end)
         self.budget.begin(self._spent(), end, self.dearest)
         if end == start:
@@ -172,8 +172,7 @@ class AdaptiveSteps:
             raise
 
     def _reached(self) -> Reached:
-        past = self.work.stepper[STEPPER.time] - self.record.t[0]
-        return Reached(int(self.count[COUNT.row]), past / self.run.duration)
+        return Reached(self.row, (self.time - float(self.record.t[0])) / self.run.duration)
 
     @property
     def steps(self) -> Steps:
@@ -213,7 +212,7 @@ class AdaptiveSteps:
         key = choice, now, *(part.tobytes() for part in self.state[:2]), float(record.t[0])
         self.stop_times, self.settings = record.kept(("stops", self.name), key, lambda: self._stops(now))
         self.end, self.knots = now, np.array([now])
-        self._compile(record.kept)
+        self._compile()
 
     def _stops(self, now: float) -> tuple[StopTimes, tuple[float, ...]]:
         """Where and how the steps of the method stop, taken from a time on."""
@@ -247,7 +246,7 @@ class AdaptiveSteps:
         while how == OUTCOME.stuck and not self.run.controlled and self._step_in_parts():
             left = max(0, last - int(self.count[COUNT.steps]))
             over = self.count[COUNT.knot] == len(self.knots)
-            how = OUTCOME.ended if over else int(self._take_steps(*self._arguments(left)))
+            how = OUTCOME.ended if over else self.take(left)
         if how == OUTCOME.stuck and self.run.method == AUTO and not self.taken_over and np.isfinite(self.fastest):
             self.go_on_with(IMPLICIT if self.method.explicit else EXPLICIT, self.end)
             how, self.taken_over = int(OUTCOME.goes_on), True
@@ -290,7 +289,7 @@ class AdaptiveSteps:
         """Whether steps of a length [s] get to a time."""
         self.settings, self.knots, self.count[COUNT.knot] = (*fixed, part, part), np.array([end]), 0
         self._restart(part)
-        return int(self._take_steps(*self._arguments(NEVER))) == OUTCOME.ended
+        return self.take(NEVER) == OUTCOME.ended
 
     def _restart(self, step: float) -> None:
         """Go on with steps of a length [s], as if none had been taken."""
@@ -310,7 +309,7 @@ class AdaptiveSteps:
 
     def _hanging(self, how: str) -> tuple[str, str]:
         """Where and how the run hangs, and what may help."""
-        text = f"t = {self.work.stepper[STEPPER.time]:.6g} s: {how}"
+        text = f"t = {self.time:.6g} s: {how}"
         if known := hindrance(self.record, self.state[0]):
             return f"{text}; {known.cause}", known.advice
         q, _, qdd, _ = self.state
@@ -333,7 +332,8 @@ class AdaptiveSteps:
         """Angle [rad] that all free joints went through so far, forth and back."""
         return float(self.work.stepper[STEPPER.angle_travelled])
 
-    def _compile(self, kept: Kept) -> None:
+    def _compile(self) -> None:
+        kept = self.record.kept if self.inputs is self.record.inputs else Kept()  # whose code is for the record's types
         start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self._arguments(0)
         types = self._types(kept)
         self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
@@ -354,6 +354,7 @@ class AdaptiveSteps:
         before, time, self.evaluations_before = self.work.stepper.copy(), self.time, self.evaluations
         self.count[COUNT.iterations] = 0
         self._take(Choice(name, f"{self.why}; {self.name} until t = {time:.3g} s"), time)
+        self._put_gains()  # of the inputs that act now: a simulator's are not always the record's
         self.aim(time, end)
         now, carried = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
         now[carried], now[STEPPER.step] = before[carried], min(before[STEPPER.step], self.settings[-1])
@@ -368,7 +369,7 @@ class AdaptiveSteps:
         return max(fastest_motion(self.record, self.state[0]))
 
     def _stuck(self) -> Failure:
-        now, h = self.work.stepper[STEPPER.time], self.work.stepper[STEPPER.step]
+        now, h = self.time, self.work.stepper[STEPPER.step]
         if not self.run.controlled:
             h = self.run.step / PARTS[-1]
         text = f"no step down to {h:.3g} s meets the tolerance at t = {now:.6g} s"
