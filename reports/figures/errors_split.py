@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexlink.pages.colours import BLUE, GREEN, GREY, INK, ORANGE, VERMILION
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, WIDTH, legend_above, tidy_logs
+from flexlink.pages.style import WIDTH, legend_above, tidy_logs
 from reports.curves import floats
 from reports.results import Results
 from reports.tables import series_csv
