@@ -23,13 +23,14 @@ from reports import findings, reference, speed_limits, stored_full, verdict
 from reports.chapters import Section, chapter_of_kinds, contents, sections
 from reports.drawing import figures_of, modules
 from reports.results import Results, used
+from reports.scene_names import scene_names
 from reports.tables import Meaning, checks, limit, meanings, rows_csv
 from validation.judgement import JudgedRow
 from validation.store import Environment, Row
 
 HERE = Path(__file__).parent
 NO_TEXT = ("versions", "sources")  # of an environment: they have many values
-SUMMARY = "summary"  # where the one figure of the first screen belongs
+SUMMARY, ARM = "summary", "arm"  # where the figures of the first screen belong, and the one beside its first words
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,7 +119,10 @@ def write(
         measured=verdict.measured(study),
         verdicts=verdicts,
         facts=verdict.numbers_that_matter(study, contents().number),
-        overview=shown.get(SUMMARY, []),
+        paper=contents().paper,
+        arm=[one for one in shown.get(SUMMARY, []) if one.name == ARM],
+        overview=[one for one in shown.get(SUMMARY, []) if one.name != ARM],
+        scenes=scene_names(study),
         failed=(failed := [row for row in study.rows if row.state == "FAIL"]),
         failing=_failing(failed),
         missing=study.missing,

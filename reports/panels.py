@@ -48,7 +48,7 @@ def motions(results: Results) -> list[Motion]:
 
 def draw_tall(motion: Motion) -> Figure:
     """All panels above each other, for a page."""
-    figure, axes = stacked_axes(len(motion.native), 1.95)
+    figure, axes = stacked_axes(len(motion.native), 1.7)
     _fill(axes, motion)
     axes[-1].set_xlabel("time [s]")
     key = _key(motion)

@@ -22,8 +22,8 @@ LOOKS = {
     "total": (INK, "|"),
 }  # fmt: skip
 CAPTION = (
-    "Largest tip error and its parts: type of the links (model), number of hinges (space), time steps (time), "
-    "rounding. Improve the rightmost part first. Parts that are exactly zero are not drawn."
+    "Largest tip error and its parts: type of the links (model), hinges (space), steps (time), rounding. The rightmost "
+    "part is worth improving first."
 )
 LINE = 0.5  # in, a run
 
