@@ -19,7 +19,7 @@ from flexlink.pages.page import make_folder, template
 from flexlink.pages.style import RC
 from flexlink.pages.tables import Table, table_csv
 from flexlink.pages.verdict import Report
-from reports import findings, reference, speed_limits, stored_full, verdict
+from reports import findings, reference, same, speed_limits, stored_full, verdict
 from reports.chapters import Section, chapter_of_kinds, contents, sections
 from reports.drawing import figures_of, modules
 from reports.results import Results, used
@@ -135,11 +135,27 @@ def write(
         unobtained=[row for row in study.rows if row.value is None],
         given_up=given_up(study),
         full=whole,
+        same=_same(study, out, beside_full),
         full_command=stored_full.COMMAND,
         definitions=definitions,
     )
     write_text(out / "index.html", page)
     return StudyReport(out / "index.html", verdicts, chapters, tuple(shown.get(SUMMARY, ())))
+
+
+def _same(study: Results, out: Path, beside_full: Path | None) -> Table | None:
+    """The study's numbers beside the published ones; None where there is nothing to compare."""
+    if beside_full is None or not (beside_full / stored_full.CHAPTERS).is_file():
+        return None
+    try:
+        found = same.compare(study, beside_full)
+    except FlexlinkError:  # a study without its numbers; the command says why
+        return None
+    if not found.pairs:
+        return None
+    table = found.table()
+    write_text(out / f"{table.name}.csv", table.csv)
+    return table
 
 
 def _failing(rows: Sequence[Row]) -> Table:
