@@ -63,7 +63,7 @@ def test_an_example_is_short_has_a_title_and_is_tested(path: Path) -> None:
 
 
 def test_the_gallery_names_every_example_once() -> None:
-    text = (ROOT / "examples" / "README.rst").read_text(encoding="utf-8")
+    text = (ROOT / "examples" / "GALLERY_HEADER.rst").read_text(encoding="utf-8")
     assert [path.stem for path in EXAMPLES if text.count(f"gallery_{path.stem}.py>") != 1] == []
 
 
