@@ -1,0 +1,43 @@
+"""Build the site: python -m docs, then open docs/_site/index.html.
+
+python -m docs            all of it; gallery pages whose example has not changed are not run again
+python -m docs --quick    without running the gallery
+python -m docs --links    check every link to other sites, too (needs a network)
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from sphinx.cmd.build import main as sphinx
+
+HERE = Path(__file__).parent
+
+
+def main() -> int:
+    """Build, warnings as errors, every reference checked."""
+    parser = argparse.ArgumentParser(
+        prog="python -m docs", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="do not run the gallery's examples")
+    parser.add_argument("--links", action="store_true", help="check links to other sites (needs a network)")
+    parser.add_argument("--out", type=Path, default=HERE / "_site", help="folder of the pages; default: docs/_site")
+    options = parser.parse_args()
+    os.environ.setdefault("MPLBACKEND", "agg")
+    builder = "linkcheck" if options.links else "html"
+    words = ["-W", "-n", "-q", "-b", builder, "-d", str(HERE / "_doctrees")]
+    words += ["-D", "plot_gallery=0"] if options.quick else []
+    with tempfile.TemporaryDirectory() as folder:  # examples may write files where they run
+        os.environ["FLEXLINK_PAGES"] = folder
+        code: int = sphinx([*words, str(HERE), str(options.out)])
+    if code == 0 and not options.links:
+        print(f"site: {options.out / 'index.html'}")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
