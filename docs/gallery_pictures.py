@@ -1,4 +1,4 @@
-"""For sphinx-gallery: pictures that flexlink's objects draw, which pyplot does not know, and films that a block writes."""
+"""For sphinx-gallery: pictures that flexlink draws, which pyplot does not know, and films that a block writes."""
 
 from __future__ import annotations
 

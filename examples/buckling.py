@@ -11,7 +11,9 @@ import numpy as np
 import flexlink as fl
 
 LENGTH, WIDTH, HEIGHT, YOUNG = 0.5, 0.02, 0.001, 206e9  # m, m, m, Pa
-euler = np.pi**2 * YOUNG * WIDTH * HEIGHT**3 / 12 / (4 * LENGTH**2)  # N, clamped below, free above
+euler = (
+    np.pi**2 * YOUNG * WIDTH * HEIGHT**3 / 12 / (4 * LENGTH**2)
+)  # N, clamped below, free above
 
 
 def strip(segments: int, load: float) -> fl.Scene:
@@ -26,7 +28,13 @@ def strip(segments: int, load: float) -> fl.Scene:
         sections={"flat": fl.Section(shape="rectangle", height=HEIGHT, width=WIDTH)},
     )
     pressed = fl.Wrench(force=(-load, 0.0, 0.0))
-    return fl.Scene(name="strip", arm=arm, gravity=(0, 0, 0), wrench=pressed, initial=fl.InitialState(joint_deg=(0.0,)))
+    return fl.Scene(
+        name="strip",
+        arm=arm,
+        gravity=(0, 0, 0),
+        wrench=pressed,
+        initial=fl.InitialState(joint_deg=(0.0,)),
+    )
 
 
 # %%
@@ -36,8 +44,12 @@ factors = {}
 for segments in (3, 5, 9, 17):
     scene = strip(segments, load=1.0)
     chain = fl.lump(scene)
-    factors[segments - 1] = fl.buckling_loads(chain, np.zeros(chain.n), tip_wrench=scene.tip_wrench)[0]
-    print(f"{segments - 1:2} hinges: {factors[segments - 1]:.6f} N, {factors[segments - 1] / euler - 1:+.1e}")
+    factors[segments - 1] = fl.buckling_loads(
+        chain, np.zeros(chain.n), tip_wrench=scene.tip_wrench
+    )[0]
+    print(
+        f"{segments - 1:2} hinges: {factors[segments - 1]:.6f} N, {factors[segments - 1] / euler - 1:+.1e}"
+    )
 print(f"Euler    : {euler:.6f} N")
 
 # %%
@@ -47,10 +59,16 @@ shapes = {}
 for part in (0.99, 1.015, 1.063, 1.152, 1.293):  # of Euler's load
     scene = strip(17, load=part * euler)
     chain = fl.lump(scene)
-    shapes[part] = fl.solve_static(chain, np.full(chain.n, 0.05), tip_wrench=scene.tip_wrench)
+    shapes[part] = fl.solve_static(
+        chain, np.full(chain.n, 0.05), tip_wrench=scene.tip_wrench
+    )
     points = np.vstack([np.zeros(3), fl.frames(chain, shapes[part].q).points])
     tilt = np.degrees(shapes[part].q.sum())
-    panel.plot(1e3 * points[:, 1], 1e3 * points[:, 0], label=f"{part * euler:.2f} N: tip at {abs(tilt):.0f}°")
+    panel.plot(
+        1e3 * points[:, 1],
+        1e3 * points[:, 0],
+        label=f"{part * euler:.2f} N: tip at {abs(tilt):.0f}°",
+    )
 panel.set(xlabel="sideways [mm]", ylabel="height [mm]", aspect="equal")
 panel.legend(loc="upper left", bbox_to_anchor=(1.02, 1), frameon=False)
 panel.grid(alpha=0.3)

@@ -12,10 +12,16 @@ import numpy as np
 
 import flexlink as fl
 
-models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
+models = (
+    Path("models") if Path("models").is_dir() else Path("../models")
+)  # of the checkout
 bending = fl.load_scene(models / "computed_torque.toml")
 twin = fl.rigidified(bending)
-rigid, model, reference = twin.varied({"drive": bending.drive}), fl.lump(twin), bending.course
+rigid, model, reference = (
+    twin.varied({"drive": bending.drive}),
+    fl.lump(twin),
+    bending.course,
+)
 
 
 def follow(scene: fl.Scene) -> tuple[float, np.ndarray]:
@@ -30,12 +36,19 @@ def follow(scene: fl.Scene) -> tuple[float, np.ndarray]:
 # The joints do what they are told. The tip does not: it sags, and swings after the move, which ends at 1 s.
 found = {"rigid": follow(rigid), "bending": follow(bending)}
 for name, (error, away) in found.items():
-    print(f"{name:7}: joints at most {np.degrees(error):.4f}° off, the tip {1e3 * away.max():.2f} mm")
+    print(
+        f"{name:7}: joints at most {np.degrees(error):.4f}° off, the tip {1e3 * away.max():.2f} mm"
+    )
 
 # %%
 fig, panel = plt.subplots(figsize=(5, 3.2), layout="constrained")
 for (name, (_, away)), style in zip(found.items(), ("--", "-"), strict=True):
-    panel.plot(np.linspace(0, bending.run.duration, len(away)), 1e3 * away, style, label=f"{name} arm")
+    panel.plot(
+        np.linspace(0, bending.run.duration, len(away)),
+        1e3 * away,
+        style,
+        label=f"{name} arm",
+    )
 panel.set(xlabel="time [s]", ylabel="tip, from where it should be [mm]")
 panel.legend()
 panel.grid(alpha=0.3)

@@ -5,6 +5,7 @@ Ten metres of tapered steel boom, six of jib, half a tonne at the end. The arm i
 drives along an S-curve, and filmed with the bending moments as colours.
 """
 
+# sphinx_gallery_thumbnail_number = 2
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -25,14 +26,25 @@ arm = fl.Arm(
     },
     tip=fl.RigidBody(mass=500.0),  # kg
 )
-luff = fl.Reference(profile="s_curve", to_deg=(60.0, -55.0), max_rate_deg=(12.0, 12.0), max_jerk_deg=(40.0, 40.0))
+luff = fl.Reference(
+    profile="s_curve",
+    to_deg=(60.0, -55.0),
+    max_rate_deg=(12.0, 12.0),
+    max_jerk_deg=(40.0, 40.0),
+)
 scene = fl.Scene(
     name="crane",
     arm=arm,
     gravity=(0.0, -9.81, 0.0),  # m/s²; Y is up
-    initial=fl.InitialState(joint_deg=(30.0, -20.0), passive="static"),  # bent by its own weight and the load
-    drive=fl.Drive(kind="pd", kp=(8e6, 3e6), kd=(8e5, 2e5), gravity="static", reference=luff),  # N m/rad, N m s/rad
-    run=fl.RunSettings(method="auto", relative_tolerance=1e-4, duration=6.0, sample=0.02),
+    initial=fl.InitialState(
+        joint_deg=(30.0, -20.0), passive="static"
+    ),  # bent by its own weight and the load
+    drive=fl.Drive(
+        kind="pd", kp=(8e6, 3e6), kd=(8e5, 2e5), gravity="static", reference=luff
+    ),  # N m/rad, N m s/rad
+    run=fl.RunSettings(
+        method="auto", relative_tolerance=1e-4, duration=6.0, sample=0.02
+    ),
 )
 scene.plot()
 

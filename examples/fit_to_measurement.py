@@ -17,7 +17,9 @@ strip = fl.Link(
 )  # fmt: skip
 arm = fl.Arm(
     links=(strip,),
-    materials={"steel": fl.Material(young=150e9, density=7850.0)},  # a guess, as are damping and payload
+    materials={
+        "steel": fl.Material(young=150e9, density=7850.0)
+    },  # a guess, as are damping and payload
     sections={"flat": fl.Section(shape="rectangle", height=0.004, width=0.03)},
     tip=fl.RigidBody(mass=0.2),
 )
@@ -28,11 +30,19 @@ guess = fl.Scene(
     initial=fl.InitialState(joint_deg=(0.0,)),  # straight, and let go
     run=fl.RunSettings(method="RK4", step=1e-4, duration=1.5, sample=0.01),
 )
-numbers = {"material.steel.young": 1e9, "tip.mass": 1e-3, "link.strip.damping.ratio": 1e-3}  # path: unit
+numbers = {
+    "material.steel.young": 1e9,
+    "tip.mass": 1e-3,
+    "link.strip.damping.ratio": 1e-3,
+}  # path: unit
 
 # %%
 # The measurement: made here from numbers that the fit is not told, with a noise of 0.5 mm.
-truth = {"material.steel.young": 206e9, "tip.mass": 0.31, "link.strip.damping.ratio": 0.008}
+truth = {
+    "material.steel.young": 206e9,
+    "tip.mass": 0.31,
+    "link.strip.damping.ratio": 0.008,
+}
 NOISE = 5e-4  # m
 measured = fl.simulate(guess.varied(truth)).tip[:, 1]
 measured = measured + NOISE * np.random.default_rng(1).standard_normal(len(measured))
@@ -60,7 +70,9 @@ start = np.array([guess.values_at(path)[0] for path in numbers]) / units
 fit = least_squares(residual, start, jacobian, x_scale=start)
 spread = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
 for path, value, deviation, unit in zip(numbers, fit.x, spread, units, strict=True):
-    print(f"{path:25} {value * unit:.4g} ± {deviation * unit:.1g}, in truth {truth[path]:.4g}")
+    print(
+        f"{path:25} {value * unit:.4g} ± {deviation * unit:.1g}, in truth {truth[path]:.4g}"
+    )
 print(f"{fit.njev} Jacobians, {fit.nfev} runs")
 
 # %%

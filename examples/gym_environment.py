@@ -13,9 +13,15 @@ import numpy as np
 
 import flexlink as fl
 
-models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
+models = (
+    Path("models") if Path("models").is_dir() else Path("../models")
+)  # of the checkout
 SCENE = fl.load_scene(models / "three_links.toml").varied({"run.step": 1e-3})
-EFFORT, PERIOD, EPISODE = np.array([200.0, 400.0, 200.0]), 0.01, 3.0  # N m, twice what gravity takes at most; s
+EFFORT, PERIOD, EPISODE = (
+    np.array([200.0, 400.0, 200.0]),
+    0.01,
+    3.0,
+)  # N m, twice what gravity takes at most; s
 
 
 class ArmEnv(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -24,13 +30,19 @@ class ArmEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     def __init__(self) -> None:
         self.arm = fl.Simulator(SCENE)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float64)
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (2 * self.arm.chain.n + 6,), np.float64)
+        self.observation_space = gymnasium.spaces.Box(
+            -np.inf, np.inf, (2 * self.arm.chain.n + 6,), np.float64
+        )
 
-    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
+    def reset(
+        self, *, seed: int | None = None, options: dict | None = None
+    ) -> tuple[np.ndarray, dict]:
         """At rest as the scene says, with another target."""
         super().reset(seed=seed)
         self.goal = np.zeros(self.arm.reset().q.size)
-        self.goal[self.arm.chain.active] = self.np_random.uniform([-1.0, -0.5, -1.5], [1.0, 1.0, 0.0])
+        self.goal[self.arm.chain.active] = self.np_random.uniform(
+            [-1.0, -0.5, -1.5], [1.0, 1.0, 0.0]
+        )
         self.target = fl.tip_position(self.arm.chain, self.goal)
         return self.observe(), {}
 
@@ -42,7 +54,13 @@ class ArmEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         except fl.errors.DivergenceError:
             lost = True  # the arm stays where it was
         seen = self.observe()
-        return seen, -float(np.linalg.norm(seen[-6:-3] - seen[-3:])), lost, self.arm.time > EPISODE - PERIOD / 2, {}
+        return (
+            seen,
+            -float(np.linalg.norm(seen[-6:-3] - seen[-3:])),
+            lost,
+            self.arm.time > EPISODE - PERIOD / 2,
+            {},
+        )
 
     def observe(self) -> np.ndarray:
         """q, q̇, tip, target."""

@@ -9,8 +9,13 @@ import flexlink as fl
 
 strip = {"material": "steel", "section": "strip", "flex": "z", "segments": 5}
 arm = fl.Arm(
-    links=(fl.Link(name="upper", length=0.8, **strip), fl.Link(name="fore", length=0.6, **strip)),
-    materials={"steel": fl.Material(young=206e9, density=7850.0, loss_time=1e-3)},  # Pa, kg/m³, s
+    links=(
+        fl.Link(name="upper", length=0.8, **strip),
+        fl.Link(name="fore", length=0.6, **strip),
+    ),
+    materials={
+        "steel": fl.Material(young=206e9, density=7850.0, loss_time=1e-3)
+    },  # Pa, kg/m³, s
     sections={"strip": fl.Section(shape="rectangle", height=0.004, width=0.03)},  # m
     tip=fl.RigidBody(mass=0.2),  # kg
 )
@@ -19,7 +24,9 @@ scene = fl.Scene(
     arm=arm,
     gravity=(0.0, -9.81, 0.0),  # m/s²; Y is up
     initial=fl.InitialState(joint_deg=(60.0, -30.0)),
-    run=fl.RunSettings(method="auto", relative_tolerance=1e-4, duration=1.0, sample=0.005),
+    run=fl.RunSettings(
+        method="auto", relative_tolerance=1e-4, duration=1.0, sample=0.005
+    ),
 )
 scene.plot()
 

@@ -9,7 +9,9 @@ import matplotlib.pyplot as plt
 
 import flexlink as fl
 
-link = fl.Link(name="arm", length=2.0, material="aluminium", section="tube", flex="z", segments=5)
+link = fl.Link(
+    name="arm", length=2.0, material="aluminium", section="tube", flex="z", segments=5
+)
 scene = fl.Scene(
     name="swing",
     arm=fl.Arm(
@@ -27,7 +29,9 @@ scene = fl.Scene(
         gravity="static",  # N m/rad, N m s/rad
         reference=fl.Reference(profile="quintic", to_deg=(60.0,), duration=0.8),
     ),
-    run=fl.RunSettings(method="auto", relative_tolerance=1e-4, duration=1.5, sample=0.005),
+    run=fl.RunSettings(
+        method="auto", relative_tolerance=1e-4, duration=1.5, sample=0.005
+    ),
 )
 
 # %%

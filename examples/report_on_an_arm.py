@@ -45,7 +45,9 @@ print(
 )
 
 # %%
-fig, (upper, lower) = plt.subplots(2, 1, figsize=(5, 4.6), sharex=True, layout="constrained")
+fig, (upper, lower) = plt.subplots(
+    2, 1, figsize=(5, 4.6), sharex=True, layout="constrained"
+)
 upper.plot(run.t, run.tip[:, 1])
 upper.set(ylabel="height of the load [m]")
 lower.plot(run.t, root)

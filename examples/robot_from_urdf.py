@@ -13,15 +13,22 @@ import numpy as np
 
 import flexlink as fl
 
-folder = Path("examples") if Path("examples").is_dir() else Path()  # from the checkout's root, or from here
+folder = (
+    Path("examples") if Path("examples").is_dir() else Path()
+)  # from the checkout's root, or from here
 found = fl.import_urdf(
     folder / "reach_arm.urdf",
     flexible={
-        "upper_arm": fl.FlexibleLink(frequency_hz=8.0, damping=fl.Damping(ratio=0.01, at_hz=8.0)),
-        "forearm": fl.FlexibleLink(section=fl.Section(shape="tube", outer=0.07, inner=0.064)),  # m; of aluminium
+        "upper_arm": fl.FlexibleLink(
+            frequency_hz=8.0, damping=fl.Damping(ratio=0.01, at_hz=8.0)
+        ),
+        "forearm": fl.FlexibleLink(
+            section=fl.Section(shape="tube", outer=0.07, inner=0.064)
+        ),  # m; of aluminium
     },
     posture={"shoulder": 0.9, "elbow": -1.2},  # rad
-    armature=dict.fromkeys(("turn", "shoulder", "elbow"), 1.5) | dict.fromkeys(("wrist_bend", "wrist_turn"), 0.1),
+    armature=dict.fromkeys(("turn", "shoulder", "elbow"), 1.5)
+    | dict.fromkeys(("wrist_bend", "wrist_turn"), 0.1),
 )
 print(found)  # what was folded, held, and what the beams are made of
 

@@ -12,7 +12,9 @@ import numpy as np
 
 import flexlink as fl
 
-models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
+models = (
+    Path("models") if Path("models").is_dir() else Path("../models")
+)  # of the checkout
 scene = fl.load_scene(models / "two_mass_joint.toml")
 link, payload, chain = scene.arm.links[0], scene.arm.tip, fl.lump(scene)
 motor, k, length = link.joint.armature, link.joint.gear_stiffness, link.length
@@ -21,13 +23,17 @@ omega = np.sqrt(k * (1 / motor + 1 / inertia))  # the closed form [rad/s]
 free = fl.natural_frequencies(chain, [0.0, 0.0]).max()
 held = fl.natural_frequencies(chain, [0.0, 0.0], locked=["arm"]).max()
 print(f"free motor: {free / 2 / np.pi:.6f} Hz, closed form {omega / 2 / np.pi:.6f} Hz")
-print(f"motor held: {held / 2 / np.pi:.6f} Hz, closed form {np.sqrt(k / inertia) / 2 / np.pi:.6f} Hz")
+print(
+    f"motor held: {held / 2 / np.pi:.6f} Hz, closed form {np.sqrt(k / inertia) / 2 / np.pi:.6f} Hz"
+)
 
 # %%
 # A run, from the motor at zero and the gear twisted by 0.01 rad, beside its closed form.
 run = fl.simulate(scene, method="RK10", step=1e-3)
 twist = scene.initial.q[1]
-swing = twist * np.cos(omega * run.t)  # of the gear; the motor answers it so that nothing turns as a whole
+swing = twist * np.cos(
+    omega * run.t
+)  # of the gear; the motor answers it so that nothing turns as a whole
 exact = np.column_stack([inertia / (motor + inertia) * (twist - swing), swing])
 error = np.abs(run.q - exact).max()
 print(f"run of {run.t[-1]:g} s: {error:.1e} rad from the closed form")

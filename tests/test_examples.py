@@ -58,7 +58,7 @@ def test_an_example_is_short_has_a_title_and_is_tested(path: Path) -> None:
     title, line, empty, *_ = ast.get_docstring(ast.parse(text)).splitlines()
     assert line == "=" * len(title)
     assert not empty
-    assert len(code_of(path)) <= 55
+    assert len(code_of(path)) <= 70
     assert f'figures("{path.stem}")' in Path(__file__).read_text(encoding="utf-8")
 
 
