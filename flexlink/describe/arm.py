@@ -23,15 +23,16 @@ AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 
 
 class Material(Spec, frozen=True):
-    """Isotropic, linear elastic, with Kelvin-Voigt loss: stress = E (strain + loss_time · strain rate).
+    """Isotropic, linear elastic, with Kelvin-Voigt loss: stress = E (strain + loss_time · strain rate)."""
 
-    `young` E [Pa], `density` [kg/m³], Poisson's ratio `poisson`, `loss_time` [s].
-    """
-
-    young: Positive  # Pa
-    density: Positive  # kg/m³
+    young: Positive
+    """Young's modulus E [Pa]: steel 210e9, aluminium 70e9."""
+    density: Positive
+    """Density ρ [kg/m³]: steel 7850, aluminium 2700."""
     poisson: Annotated[float, msgspec.Meta(gt=-1, le=0.5)] = 0.3
-    loss_time: NonNegative = 0.0  # s
+    """Poisson's ratio ν [1]; the shear modulus is G = E / (2 (1 + ν))."""
+    loss_time: NonNegative = 0.0
+    """Kelvin-Voigt's loss time η [s]: a mode of frequency ω has the damping ratio η ω / 2."""
 
     @property
     def shear(self) -> float:
@@ -47,16 +48,27 @@ class Section(Spec, frozen=True):
     """
 
     shape: Literal["rectangle", "circle", "tube", "box", "general"]
-    height: Positive | None = None  # along local y
-    width: Positive | None = None  # along local z
+    """Which shape; it takes exactly the dimensions that belong to it."""
+    height: Positive | None = None
+    """Of a rectangle or box: outer size along the section's y [m]."""
+    width: Positive | None = None
+    """Of a rectangle or box: outer size along the section's z [m]."""
     diameter: Positive | None = None
+    """Of a circle [m]."""
     outer: Positive | None = None
+    """Of a tube: outer diameter [m]."""
     inner: NonNegative | None = None
+    """Of a tube: inner diameter [m]."""
     wall: Positive | None = None
+    """Of a box: thickness of its wall [m]."""
     area: Positive | None = None
+    """Of a general section: area A [m²]."""
     i_y: Positive | None = None
+    """Of a general section: ∫ z² dA, which resists bending about y [m⁴]."""
     i_z: Positive | None = None
+    """Of a general section: ∫ y² dA, which resists bending about z [m⁴]."""
     torsion: Positive | None = None
+    """Of a general section: St Venant's torsion constant J [m⁴]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -97,7 +109,7 @@ class Section(Spec, frozen=True):
 
 
 class Damping(Spec, frozen=True):
-    """Structural damping by its effect: damping ratio `ratio` of a bending or twisting mode at `at_hz` [Hz].
+    """Structural damping by its effect: the damping ratio of a bending or twisting mode at a frequency.
 
     It is Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), the same in every hinge, under which the ratio of a
     mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable step of
@@ -105,7 +117,9 @@ class Damping(Spec, frozen=True):
     """
 
     ratio: NonNegative
+    """Damping ratio ζ of the mode at `at_hz` [1]: 0.01 is 1 % of critical."""
     at_hz: Positive
+    """Frequency of the mode that has this ratio [Hz]; at other frequencies the ratio grows in proportion."""
 
     @property
     def loss_time(self) -> float:
@@ -114,14 +128,16 @@ class Damping(Spec, frozen=True):
 
 
 class Friction(Spec, frozen=True):
-    """Dry friction in each passive hinge of a link, `coulomb` [N m] and `coulomb_width` [rad/s].
+    """Dry friction in each passive hinge of a link: coulomb · tanh(q̇ / coulomb_width), the law of the joints.
 
-    The law is the joints', coulomb · tanh(q̇ / coulomb_width). A link that bends by an angle loses coulomb times this
+    A link that bends by an angle loses coulomb times this
     angle, however many hinges share it.
     """
 
-    coulomb: NonNegative  # N m
-    coulomb_width: Positive = 0.01  # rad/s
+    coulomb: NonNegative
+    """Dry friction torque of each hinge [N m]."""
+    coulomb_width: Positive = 0.01
+    """Rate at which tanh has reached 76 % of it [rad/s]; smaller is closer to Coulomb's law, and stiffer."""
 
 
 class Link(Spec, frozen=True):
@@ -130,31 +146,43 @@ class Link(Spec, frozen=True):
     The beam runs along local X over `length` [m], or along `line`, from one point of the link's frame to another [m].
     Its section's z points to `up`, by default to the joint's axis (`line_of` says more). The link ends where the beam
     does, with the axes of its own frame: there hang `end` and the next link's mount.
-    `dh` is a row of a table of Denavit and Hartenberg (`DenavitHartenberg` says what it places).
-    `flex`: "rigid", or bending about the section's z ("z"), y and z ("yz"), with twist about the line ("xyz");
-    `segments`: rigid segments, with segments − 1 hinges where `lumping`, a rule's name or file, puts them; `material`,
-    `section`: names.
-    With `section_tip` the beam tapers: each dimension of the section runs linearly from `section` at the joint to
-    `section_tip` at the end. `damping` replaces the material's `loss_time`; `friction` is dry, in the link's hinges.
+    A link that bends has segments − 1 hinges, where `lumping` puts them.
     """
 
     name: str
+    """Name of the link, and of its joint; paths and messages use it."""
     mount: Mount = Mount()
+    """Where the joint's frame sits in the end frame of the link before; of the first link in frame 0."""
     dh: DenavitHartenberg | None = None
+    """A row of a table of Denavit and Hartenberg in place of a mount; all links of an arm use one convention."""
     joint: Joint = Joint()
-    hub: RigidBody = RigidBody()  # turns with the joint: motor housing, bearing
-    length: NonNegative = 0.0  # m
-    line: tuple[Vector3, Vector3] | None = None  # m
+    """The active joint at the link's root."""
+    hub: RigidBody = RigidBody()
+    """Rigid body that turns with the joint, in the link's frame: motor housing, bearing."""
+    length: NonNegative = 0.0
+    """Length of the beam, along the link's x [m]; 0: no beam."""
+    line: tuple[Vector3, Vector3] | None = None
+    """Where the beam runs in the link's frame, [[x, y, z], [x, y, z]] [m], in place of `length`."""
     up: Vector3 | None = None
+    """Direction of the section's z in the link's frame; default: the joint's axis."""
     flex: Literal["rigid", "z", "yz", "xyz"] = "rigid"
+    """How the link bends: not, about the section's z, about y and z, or about y and z with twist about x."""
     segments: Annotated[int, msgspec.Meta(ge=1, le=100_001)] = 1  # lumped in seconds
+    """Rigid segments of a link that bends; it has one hinge less than segments."""
     lumping: str = "gauss"
+    """Where the hinges sit: a rule's name, or the path of a rule's file."""
     material: str | None = None
+    """Name of the beam's material; without material and section the link has no mass of its own."""
     section: str | None = None
+    """Name of the beam's section at the joint."""
     section_tip: str | None = None
+    """Name of the section at the link's end, of the same shape: every dimension runs linearly, the beam tapers."""
     damping: Damping | None = None
+    """Damping of the link's bending, in place of the material's `loss_time`."""
     friction: Friction | None = None
-    end: RigidBody = RigidBody()  # at the end of the beam: the next motor
+    """Dry friction in the link's hinges."""
+    end: RigidBody = RigidBody()
+    """Rigid body at the end of the beam, with the axes of the link's frame: the next motor."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -223,9 +251,13 @@ class Arm(Spec, frozen=True):
     """Serial arm: links from the base outward, with the materials and sections they name."""
 
     links: Annotated[tuple[Link, ...], msgspec.Meta(min_length=1)] = msgspec.field(name="link")
+    """The links, from the base outward."""
     materials: dict[str, Material] = msgspec.field(name="material", default_factory=dict)
+    """Materials by the names that links use."""
     sections: dict[str, Section] = msgspec.field(name="section", default_factory=dict)
+    """Sections by the names that links use."""
     tip: RigidBody = RigidBody()
+    """Payload: rigid body in the tip frame."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

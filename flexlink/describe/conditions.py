@@ -46,11 +46,17 @@ class InitialState(Spec, frozen=True):
     """
 
     joint_deg: PerLink = ()
-    rate_deg: PerLink | None = None  # default: at rest
+    """Angle of each joint, one per link [deg]; a locked joint stays there. Default: zero."""
+    rate_deg: PerLink | None = None
+    """Rate of each joint, one per link [deg/s]. Default: at rest."""
     passive: Literal["zero", "static"] = "zero"
-    q: tuple[float, ...] | None = None  # rad
-    qd: tuple[float, ...] | None = None  # rad/s
-    time: NonNegative = 0.0  # s
+    """Hinges and elastic gears: springs slack (zero), or bent by gravity and tip wrench, joints held (static)."""
+    q: tuple[float, ...] | None = None
+    """Whole state instead: one angle per joint of the chain, in order [rad]."""
+    qd: tuple[float, ...] | None = None
+    """Whole state instead: one rate per joint of the chain, in order [rad/s]. Default: at rest."""
+    time: NonNegative = 0.0
+    """When the run starts [s]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -82,18 +88,31 @@ class Drive(Spec, frozen=True):
     """
 
     kind: Literal["none", "constant", "table", "pd", "computed_torque"] = "none"
+    """What drives the joints: nothing, a constant torque, a table in time, or a law, pd or computed_torque."""
     torque: PerLink | None = None
-    times: tuple[float, ...] | None = None  # s
+    """Of constant: torque of each joint, one per link [N m]."""
+    times: tuple[float, ...] | None = None
+    """Of a table: times of its rows [s]."""
     torques: tuple[PerLink, ...] | None = None
+    """Of a table: one row per time, of one torque per link [N m]."""
     kp: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
+    """Of a law: position gains, one per link [N m/rad]; of computed_torque [1/s²]."""
     kd: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
+    """Of a law: rate gains, one per link [N m s/rad]; of computed_torque [1/s]."""
     target_deg: PerLink | None = None
+    """Of a law: where it leads the joints, one per link [deg]."""
     reference: Reference | None = None
+    """Of a law: where it leads the joints in time, in place of `target_deg`."""
     gravity: Literal["none", "rigid", "static"] = "none"
+    """Of pd: feed-forward torque that holds the rigid arm (rigid) or the arm bent by gravity (static) there."""
     smooth: bool = False
+    """Of a table: a cubic spline between its rows, which keeps the integrator's order; else linear."""
     hold: bool = False
-    effort: PositivePerLink | None = None  # N m
-    rate: Positive | None = None  # Hz
+    """Of a table: each row is held until the next time."""
+    effort: PositivePerLink | None = None
+    """Largest torque of each drive, one per link [N m]; beyond, it stays there. Default: no limit."""
+    rate: Positive | None = None
+    """How often the law is asked [Hz]; its torques are held in between. Default: at every stage of a step."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -122,11 +141,16 @@ class PrescribedMotion(Spec, frozen=True):
     between, then on at the last rate.
     """
 
-    link: str | int  # name, or number from 1
-    times: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]  # s
+    link: str | int
+    """Name or number, from 1, of the link whose joint moves so."""
+    times: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]
+    """Times of the rows [s], from 0 on."""
     angle_deg: tuple[float, ...]
+    """Angle at each time [deg]."""
     rate_deg: tuple[float, ...]
+    """Rate at each time [deg/s]."""
     acceleration_deg: tuple[float, ...]
+    """Acceleration at each time [deg/s²]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -148,13 +172,21 @@ class Wrench(Spec, frozen=True):
     """
 
     force: Vector3 = (0.0, 0.0, 0.0)
+    """Constant force on the tip [N]."""
     moment: Vector3 = (0.0, 0.0, 0.0)
+    """Constant moment on the tip [N m]."""
     frame: Frame = "world"
-    times: tuple[float, ...] | None = None  # s
+    """Axes of the components: of frame 0 (world), or of the tip, with which they turn."""
+    times: tuple[float, ...] | None = None
+    """Of a table: times of its rows [s]."""
     forces: tuple[Vector3, ...] | None = None
+    """Of a table: a force per time [N]."""
     moments: tuple[Vector3, ...] | None = None
+    """Of a table: a moment per time [N m]."""
     smooth: bool = False
+    """Of a table: a cubic spline between its rows; else linear."""
     hold: bool = False
+    """Of a table: each row is held until the next time."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -199,16 +231,26 @@ class RunSettings(Spec, frozen=True):
     `unstable` = "allow" insists on a step beyond the largest stable one, and on a run whose energy does not balance.
     """
 
-    method: str = ""  # default: RK4, or, with a tolerance, auto
-    step: Positive = 1e-4  # s
-    duration: NonNegative = 5.0  # s
-    sample: Positive = 0.005  # s
+    method: str = ""
+    """Runge-Kutta method: a name, the path of a method's file, or auto, the cheapest for the tolerance."""
+    step: Positive = 1e-4
+    """Length of fixed steps [s]."""
+    duration: NonNegative = 5.0
+    """How long the run is [s]."""
+    sample: Positive = 0.005
+    """Time between stored samples [s]."""
     solver: ForwardSolver = "articulated"
+    """Of forward dynamics: articulated bodies, or M by LU (the paper's way) or Cholesky."""
     unstable: Unstable = "refuse"
-    tolerance: Positive | None = None  # m
+    """What becomes of a step beyond the largest stable one, and of a run whose energy does not balance."""
+    tolerance: Positive | None = None
+    """Largest error of any body's place at the end of the run [m]; steps follow from it."""
     relative_tolerance: Positive | None = None
+    """The same as a part of the reach, or of the deflection (`accuracy`) [1]."""
     accuracy: Accuracy = "tip"
+    """What a relative tolerance is a part of: the arm's reach (tip), or how far springs have moved it."""
     max_evaluations: Positive = 1e7
+    """Evaluations of dynamics after which a run with a tolerance stops as an error."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

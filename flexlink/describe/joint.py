@@ -13,26 +13,32 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, truncat
 class Joint(Spec, frozen=True):
     """Active joint at the base of a link, about `axis` in the link's frame; `locked` makes it rigid.
 
-    The axis needs a direction, no length; the link's frame turns about it, and is the mount's at angle zero.
-    `viscous` [N m s/rad], `coulomb` [N m], `coulomb_width` [rad/s], `armature` [kg m²], the rotor's inertia
-    seen at the joint.
-    `limits_deg` = [lower, upper] [deg] are kept, exported and told when a run passes them; there are no stops.
-    With `gear_stiffness` k [N m/rad] the gear is elastic: motor, with armature, friction and drive, and link turn about
-    the same axis, and between them act k (θ_link − θ_motor) and `gear_damping` [N m s/rad] times the difference of
+    The link's frame turns about the axis, and is the mount's at angle zero.
+    With `gear_stiffness` k the gear is elastic: motor, with armature, friction and drive, and link turn about
+    the same axis, and between them act k (θ_link − θ_motor) and `gear_damping` times the difference of
     their rates. The joint's angle is then the motor's; `locked` holds the motor.
     Friction torque T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh makes Coulomb's law
     smooth, which Runge-Kutta needs: at |q̇| = 3 · coulomb_width it has reached 99.5 % of the dry torque.
     """
 
     axis: Vector3 = (0.0, 0.0, 1.0)
+    """Axis of rotation in the link's frame; its length does not matter."""
     locked: bool = False
-    viscous: NonNegative = 0.0  # N m s/rad
-    coulomb: NonNegative = 0.0  # N m
-    coulomb_width: Positive = 0.01  # rad/s
-    armature: NonNegative = 0.0  # kg m², rotor inertia seen at the joint
-    gear_stiffness: Positive | None = None  # N m/rad
-    gear_damping: NonNegative = 0.0  # N m s/rad
+    """Whether the joint stays at its initial angle."""
+    viscous: NonNegative = 0.0
+    """Viscous friction torque per rate [N m s/rad]."""
+    coulomb: NonNegative = 0.0
+    """Dry friction torque c [N m], as c tanh(q̇ / coulomb_width)."""
+    coulomb_width: Positive = 0.01
+    """Rate at which tanh has reached 76 % of it [rad/s]; smaller is closer to Coulomb's law, and stiffer."""
+    armature: NonNegative = 0.0
+    """Rotor inertia seen at the joint [kg m²]: that of the motor times the square of the gear ratio."""
+    gear_stiffness: Positive | None = None
+    """Stiffness of an elastic gear between motor and link [N m/rad]; it needs `armature`. Default: rigid."""
+    gear_damping: NonNegative = 0.0
+    """Damping of the elastic gear [N m s/rad]."""
     limits_deg: tuple[float, float] | None = None
+    """Lower and upper limit of the angle [deg]: kept, exported, and told when a run passes them; no stops."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,9 +66,12 @@ class Mount(Spec, frozen=True):
     R = Rz(yaw) Ry(pitch) Rx(roll), the convention of URDF; v_parent = R v_joint. Multiples of 90° are exact.
     """
 
-    xyz: Vector3 = (0.0, 0.0, 0.0)  # m
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    """Offset [m]."""
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
-    rpy: Vector3 | None = None  # rad
+    """Roll, pitch, yaw about fixed axes [deg]; multiples of 90° are exact."""
+    rpy: Vector3 | None = None
+    """Roll, pitch, yaw [rad], in place of `rpy_deg`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -84,10 +93,15 @@ class DenavitHartenberg(Spec, frozen=True):
     """
 
     convention: Literal["standard", "modified"]
-    a: float = 0.0  # m
+    """Siciliano's (standard) or Craig's (modified)."""
+    a: float = 0.0
+    """Length a along x [m]."""
     alpha_deg: float = 0.0
-    d: float = 0.0  # m
+    """Twist α about x [deg]."""
+    d: float = 0.0
+    """Offset d along z [m]."""
     theta_deg: float = 0.0
+    """Angle θ about z at joint angle 0 [deg]."""
 
     @property
     def end(self) -> Vector3:

@@ -47,18 +47,31 @@ class Reference(Spec, frozen=True):
     """
 
     profile: Literal["quintic", "trapezoidal", "s_curve", "linear", "smooth", "hold"]
+    """A move (quintic, trapezoidal, s_curve), or a table (linear, smooth, hold)."""
     to_deg: PerLink | None = None
+    """Of a move: where it ends, one angle per link [deg]."""
     from_deg: PerLink | None = None
-    start: NonNegative = 0.0  # s
-    duration: Positive | None = None  # s
+    """Of a move: where it starts, one angle per link [deg]. Default: `initial.joint_deg`."""
+    start: NonNegative = 0.0
+    """Of a move: when it starts [s]."""
+    duration: Positive | None = None
+    """Of a move: how long it takes [s]; else as long as its limits ask for."""
     max_rate_deg: PositivePerLink | None = None
+    """Of a move: largest rate of each joint [deg/s]."""
     max_acceleration_deg: PositivePerLink | None = None
+    """Of a move: largest acceleration of each joint [deg/s²]."""
     max_jerk_deg: PositivePerLink | None = None
-    times: Row | None = None  # s
+    """Of a move: largest jerk of each joint [deg/s³]."""
+    times: Row | None = None
+    """Of a table: times of its rows [s]."""
     angle_deg: tuple[PerLink, ...] | None = None
+    """Of a table: one row per time, of one angle per link [deg]."""
     rate_deg: tuple[PerLink, ...] | None = None
+    """Of a smooth table: rates at its times [deg/s]; pieces are then cubic Hermite polynomials."""
     acceleration_deg: tuple[PerLink, ...] | None = None
+    """Of a smooth table with rates: accelerations at its times [deg/s²]; pieces are then quintic."""
     shaper: InputShaper | None = None
+    """Input shaper: delays copies of the reference so that it leaves no vibration."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

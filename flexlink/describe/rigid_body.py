@@ -26,9 +26,12 @@ class RigidBody(Spec, frozen=True):
     inertia alone, such as a rotor's about one axis, and I need only be positive semidefinite itself.
     """
 
-    mass: NonNegative = 0.0  # kg
-    center: Vector3 = (0.0, 0.0, 0.0)  # m
-    inertia: tuple[float, ...] = (0.0, 0.0, 0.0)  # kg m²
+    mass: NonNegative = 0.0
+    """Mass [kg]."""
+    center: Vector3 = (0.0, 0.0, 0.0)
+    """Centre of mass in the frame that the body is fixed in [m]."""
+    inertia: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """About the centre of mass [kg m²]: three moments xx, yy, zz, or six numbers xx, yy, zz, xy, xz, yz."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

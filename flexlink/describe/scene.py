@@ -41,14 +41,23 @@ class Scene(Spec, frozen=True):
     """One arm in one situation, as plain data: `lump` cuts it, `simulate` runs it; `gravity` [m/s²] in frame 0."""
 
     name: str
+    """Name of the scene; files written from it are called so."""
     arm: Arm
+    """The arm; in a file its keys `link`, `material`, `section`, `tip` stand at the top."""
     initial: InitialState
+    """State at the start. Default: all joints at zero, at rest."""
     about: str = ""
-    gravity: Vector3 = (0.0, 0.0, 9.81)  # m/s², frame 0
+    """A sentence on what the scene shows."""
+    gravity: Vector3 = (0.0, 0.0, 9.81)
+    """Acceleration of gravity in frame 0 [m/s²]; [0, 0, 9.81] has Z down, [0, 0, -9.81] Z up."""
     drive: Drive = Drive()
+    """What drives the joints."""
     motion: tuple[PrescribedMotion, ...] = ()
+    """Motions of joints that are prescribed, `[[motion]]` in a file."""
     wrench: Wrench = Wrench()
+    """Force and moment on the tip."""
     run: RunSettings = RunSettings()
+    """How to integrate."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

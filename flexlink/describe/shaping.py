@@ -36,10 +36,15 @@ class ShaperRule(Spec, frozen=True):
     """
 
     about: str
+    """A sentence on what the shaper does."""
     source: str
+    """Where it is published."""
     zeros: Annotated[int, msgspec.Meta(ge=0)]
+    """How often Σ w exp(iπh) and its derivatives to the frequency vanish; 0 if it leaves something."""
     half_periods: Annotated[tuple[NonNegative, ...], msgspec.Meta(min_length=1)]
+    """Times of the impulses, in half periods of the vibration, from 0 on [1]."""
     weights: tuple[float, ...]
+    """Weights w of the impulses, before K^h and the division by their sum [1]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -70,9 +75,13 @@ class InputShaper(Spec, frozen=True):
     """
 
     kind: str
+    """Which shaper: a name, or the path of a shaper's file."""
     frequency_hz: tuple[Positive, ...] | None = None
-    damping: tuple[Ratio, ...] | None = None  # default: none
+    """Undamped frequencies of the vibrations [Hz]."""
+    damping: tuple[Ratio, ...] | None = None
+    """Damping ratio of each vibration [1]. Default: none."""
     poles: tuple[tuple[float, float], ...] | None = None
+    """Vibrations by [Re λ, Im λ] [1/s], in place of `frequency_hz`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -22,11 +22,17 @@ class KnownArm(Spec, frozen=True):
     """One arm: its file below the package's folder of robots, and what `import_urdf` is to take."""
 
     file: str
+    """URDF file, below the package's folder of robots."""
     base: str | None = None
+    """Link at which the arm starts. Default: the root of the robot."""
     tip: str | None = None
-    posture: dict[str, float] = msgspec.field(default_factory=dict)  # rad, m
-    locked: dict[str, float] = msgspec.field(default_factory=dict)  # rad, m
+    """Link at which the arm ends. Default: the end of the only arm."""
+    posture: dict[str, float] = msgspec.field(default_factory=dict)
+    """Where joints are, by name [rad]; slides [m]."""
+    locked: dict[str, float] = msgspec.field(default_factory=dict)
+    """Joints of the path that stay where they are, by name [rad]; slides [m]."""
     flexible: dict[str, FlexibleLink] = msgspec.field(default_factory=dict)
+    """Links that bend, by name."""
 
     @property
     def path(self) -> Path:

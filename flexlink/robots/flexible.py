@@ -32,15 +32,25 @@ class FlexibleLink(Spec, frozen=True):
     """
 
     section: Section | None = None
+    """The beam's section; with `frequency_hz` it may be left out: a thin tube of a tenth of the length."""
     material: Material = Material(young=70e9, density=2700.0, poisson=0.33)
-    mass: Positive | None = None  # kg
+    """What the beam is made of."""
+    mass: Positive | None = None
+    """The beam's part of the link's mass [kg]; the density follows from it."""
     frequency_hz: Positive | None = None
-    line: tuple[Vector3, Vector3] | None = None  # m
+    """First frequency of the link clamped at its joint, all beyond it rigid [Hz]; E follows from it."""
+    line: tuple[Vector3, Vector3] | None = None
+    """Where the beam runs in the link's frame [m]. Default: from joint to joint."""
     up: Vector3 | None = None
+    """Direction of the section's z in the link's frame. Default: the joint's axis."""
     flex: Literal["z", "yz", "xyz"] = "yz"
+    """How the link bends: about the section's z, about y and z, or with twist, too."""
     segments: Annotated[int, msgspec.Meta(ge=2, le=1001)] = 5
+    """Rigid segments of the link."""
     lumping: str = "gauss"
+    """Where the hinges sit: a rule's name, or the path of a rule's file."""
     damping: Damping | None = None
+    """Damping of the link's bending."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -47,12 +47,17 @@ class SweepOutput(Spec, frozen=True):
     """
 
     of: str
+    """A column of the samples, such as "tip x [m]", or a measure of the run, such as "settling time [s]"."""
     take: Literal[
         "final", "first", "min", "max", "largest", "range", "mean", "rms", "time of min", "time of max"
     ] | None = None  # fmt: skip
+    """How a column becomes one number. Default: final."""
     after: NonNegative = 0.0
+    """Samples count from this time on [s]."""
     target: Vector3 | Literal["rest", "final"] | None = None
+    """Of settling time and overshoot: a point of frame 0 [m], or where the tip ends (final) or would rest (rest)."""
     tolerance: Positive | None = None
+    """Of settling time: distance from the target within which the tip must stay [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

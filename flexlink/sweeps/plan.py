@@ -34,12 +34,19 @@ class Sweep(Spec, frozen=True):
     """
 
     scene: Scene
+    """The scene that varies; in a file its path, from the file's folder."""
     quantity: dict[str, SweepOutput]
+    """Numbers to keep of each run, by name."""
     about: str = ""
+    """A sentence on what is asked."""
     set: dict[str, Any] = msgspec.field(default_factory=dict)
+    """Values of all members, by path."""
     grid: dict[str, Any] = msgspec.field(default_factory=dict)
+    """Values by path; every combination is a member."""
     together: dict[str, Any] = msgspec.field(default_factory=dict)
+    """Values by path, taken in step."""
     sample: RandomDesign | None = None
+    """Points drawn at random."""
 
     def __repr__(self) -> str:
         return f"<Sweep of {self.scene.name!r}: {', '.join(self.keys)} → {', '.join(self.quantity)}>"

@@ -32,10 +32,15 @@ class Range(Spec, frozen=True):
     """
 
     between: tuple[float, float]
+    """First and last number."""
     count: Annotated[int, msgspec.Meta(ge=1, le=MAX_MEMBERS)] | None = None
+    """How many numbers, or else `step`."""
     step: Positive | None = None
+    """Distance of the numbers, or else `count`."""
     spacing: Spacing = "linear"
+    """Whether neighbours differ by an amount (linear) or by a factor (log)."""
     whole: bool = False
+    """Whether numbers are rounded to whole ones, as `segments` needs them."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -84,10 +89,15 @@ class Spread(Spec, frozen=True):
     """
 
     between: tuple[float, float] | None = None
+    """Least and largest number, all as likely; or else `mean` and `deviation`."""
     spacing: Spacing = "linear"
+    """Whether all numbers are as likely (linear), or all logarithms (log)."""
     whole: bool = False
+    """Whether whole numbers are drawn, both ends counted in."""
     mean: float | None = None
+    """Mean of a normal distribution."""
     deviation: Positive | None = None
+    """Standard deviation of a normal distribution."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -121,9 +131,13 @@ class RandomDesign(Spec, frozen=True):
     """
 
     keys: dict[str, Any]
+    """What varies: each key with a list of values, or with a spread."""
     count: Annotated[int, msgspec.Meta(ge=1, le=MAX_MEMBERS)]
+    """How many points."""
     method: Literal["latin", "random", "sobol", "halton"] = "latin"
+    """Latin hypercube, independent points, or a sequence of Sobol or Halton, scrambled."""
     seed: Whole = 0
+    """The same seed gives the same points."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

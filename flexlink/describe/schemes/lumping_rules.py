@@ -28,16 +28,22 @@ class Grid(Spec, frozen=True):
     """
 
     first: NonNegative
+    """Distance of the first hinge from the root, in units of the hinges' distance h [1]."""
     last: NonNegative
+    """Distance of the last hinge from the tip, in units of h [1]."""
     first_weights: tuple[Positive, ...] = ()
+    """Weights of the first hinges, from the root on, in units of h; others weigh h [1]."""
     last_weights: tuple[Positive, ...] = ()
+    """Weights of the last hinges, from the tip inward, in units of h [1]."""
 
 
 class Element(Spec, frozen=True):
     """Nodes and weights on [0, 1], repeated in equal elements along the link."""
 
     nodes: tuple[NonNegative, ...]
+    """Places of the hinges of an element on [0, 1]."""
     weights: tuple[Positive, ...]
+    """What stretch of the element each hinge stands for; their sum is 1."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,7 +66,9 @@ class Jacobi(Spec, frozen=True):
     """
 
     root: Exponent = 0.0
+    """Exponent of x in the weight (1 − x)^tip x^root."""
     tip: Exponent = 0.0
+    """Exponent of 1 − x in the weight."""
 
 
 class LumpingRule(Spec, frozen=True):
@@ -76,12 +84,19 @@ class LumpingRule(Spec, frozen=True):
     """
 
     about: str
+    """A sentence on the rule."""
     source: str
+    """Where it is published, or how it was derived."""
     grid: Grid | None = None
+    """Equally spaced hinges; a rule has exactly one of grid, element, jacobi."""
     element: Element | None = None
+    """Hinges of an element that is repeated along the link."""
     jacobi: Jacobi | None = None
+    """Gauss-Jacobi hinges over the whole link."""
     matched_twist: bool = False
+    """Whether twist hinges get the rotor inertia that makes twist of order 4, too."""
     alternate_axes: bool = False
+    """Whether every second hinge turns about its axes in the order Z, Y, X."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -61,14 +61,23 @@ class Method(Spec, frozen=True):
     """
 
     about: str
+    """A sentence on the method."""
     source: str
+    """Where it is published."""
     order: Annotated[int, msgspec.Meta(ge=1)]
+    """Order p: errors fall as the step to the power p."""
     family: Literal["Radau IIA", "Gauss"] | None = None
-    stages: Annotated[int, msgspec.Meta(ge=0)] = 0  # of a tableau they are counted
+    """An implicit family, whose coefficients are computed, in place of a tableau."""
+    stages: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """Number of stages of a family."""
     c: tuple[str, ...] | None = None
+    """Nodes of the tableau, as decimals or fractions in quotes."""
     b: tuple[str, ...] | None = None
+    """Weights of the tableau."""
     A: tuple[tuple[str, ...], ...] | None = None
+    """Coefficients of the tableau: rows of 0, 1, 2, … numbers (explicit), or a square (implicit)."""
     error_rows: tuple[tuple[str, ...], ...] = msgspec.field(default=(), name="error")
+    """Of an explicit method: one or two rows of weights whose sums estimate the error of a step."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
