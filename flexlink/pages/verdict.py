@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from flexlink.pages.chapter import Chapter
 
@@ -21,6 +21,13 @@ class Verdict:
     state: State
     word: str
     text: str
+
+
+class Fact(NamedTuple):
+    """A number of the first screen with its unit, and what it is."""
+
+    value: str
+    label: str
 
 
 @dataclasses.dataclass(frozen=True)
