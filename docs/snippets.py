@@ -6,7 +6,8 @@ A fenced block of ``sh``, ``python`` or ``toml`` is followed by one of these com
     <!-- table -->                        what the block printed, a table or text in Markdown
     <!-- picture: FILE | caption -->      the picture or film that it wrote
 
-With ``folded`` before it, as in ``<!-- folded picture: … -->``, the result comes first, and the code is folded below it.
+With ``folded`` before it, as in ``<!-- folded picture: … -->``, the result comes first, and the code is folded below it;
+``<!-- folded -->`` alone folds code without a result.
 All blocks of a page run in its order, in one folder, which holds `models/`, and Python blocks share their names.
 A block of ``toml`` whose first line is ``# file: NAME`` writes that file. `tests/test_pages.py` runs all
 blocks of all pages.
@@ -29,7 +30,7 @@ from flexlink.cli.main import main
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(
-    r"^```(sh|python|toml)\n(.*?)^```\n(?:\n?<!-- ((?:folded )?(?:output|table|picture: [^>]*?)) -->\n)?",
+    r"^```(sh|python|toml)\n(.*?)^```\n(?:\n?<!-- (folded|(?:folded )?(?:output|table|picture: [^>]*?)) -->\n)?",
     re.DOTALL | re.MULTILINE,
 )
 
@@ -99,15 +100,17 @@ def filled(name: str, text: str, folder: Path, pictures: Path) -> str:
     def with_result(found: re.Match[str]) -> str:
         kind, code, comment = found[1], found[2], found[3] or ""
         printed = page.run(kind, code)
-        block, wanted = f"```{kind}\n{code}```\n", comment.removeprefix("folded ")
-        if not wanted:
+        block, wanted = f"```{kind}\n{code}```\n", comment.removeprefix("folded").strip()
+        if not comment:
             return block
-        result = f"{printed.rstrip()}\n"
+        result = f"{printed.rstrip()}\n" if wanted else ""
         if wanted == "output":
             result = f"```text\n{result}```\n"
-        elif wanted != "table":
+        elif wanted.startswith("picture:"):
             result = _figure(name, folder, pictures, wanted.removeprefix("picture:"))
-        return f"{result}\n:::{{dropdown}} The code\n{block}:::\n" if wanted != comment else f"{block}\n{result}"
+        if wanted == comment:
+            return f"{block}\n{result}"
+        return f"{result}\n:::{{dropdown}} The {'file' if kind == 'toml' else 'code'}\n{block}:::\n"
 
     return BLOCK.sub(with_result, text)
 
