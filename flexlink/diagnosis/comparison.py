@@ -111,6 +111,12 @@ def compare(
         An engine is not installed.
     SingularMassError
         M is positive definite at none of the postures tried.
+
+    Examples
+    --------
+    >>> found = fl.compare(scene, engines=["mujoco"], samples=20)
+    >>> print(found.passed, found.diagnosis)
+    True mujoco: all 7 quantities agree
     """
     require_type("scene", scene, Scene)
     samples, seed = integer("samples", samples, 1, MAX_SAMPLES), integer("seed", seed, 0)

@@ -136,6 +136,12 @@ def compare_trajectories(
         One of `engines` is not installed (by default: none is).
     DivergenceError, UnstableStepError
         As in `simulate`, for our own run.
+
+    Examples
+    --------
+    >>> found = fl.compare_trajectories(scene, engines=["mujoco"], duration=0.05)
+    >>> print(found.passed)
+    True
     """
     require_type("scene", scene, Scene)
     if duration is not None:

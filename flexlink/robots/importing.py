@@ -101,6 +101,15 @@ def import_urdf(
         The file is no URDF, or says what cannot be; or the inertia of a folded link is none that a body can have.
     SceneError
         A value of `flexible` or `armature` that cannot be.
+
+    Examples
+    --------
+    >>> bends = {"upper_arm": fl.FlexibleLink(frequency_hz=8.0)}  # the rest stays rigid
+    >>> found = fl.import_urdf("examples/reach_arm.urdf", flexible=bends, posture={"shoulder": 0.9})
+    >>> found
+    <ImportResult 'reach_arm': 5 joints from base to flange>
+    >>> print(found.scene.arm)
+    <Arm: 'turntable' (rigid), 'upper_arm' (yz), 'forearm' (rigid), 'wrist' (rigid), 'hand' (rigid), 'flange' (rigid)>
     """
     for key, table in {"posture": posture, "locked": locked, "flexible": flexible, "armature": armature}.items():
         if not isinstance(table, Mapping):
