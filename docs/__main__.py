@@ -3,6 +3,7 @@
 python -m docs            all of it; gallery pages whose example has not changed are not run again
 python -m docs --quick    without running the gallery
 python -m docs --links    check every link to other sites, too (needs a network)
+python -m docs --readme   write the README's tables from the stored study
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from pathlib import Path
 
 from sphinx.cmd.build import main as sphinx
 
+from docs.generators import readme
+
 HERE = Path(__file__).parent
 
 
@@ -25,8 +28,12 @@ def main() -> int:
     )
     parser.add_argument("--quick", action="store_true", help="do not run the gallery's examples")
     parser.add_argument("--links", action="store_true", help="check links to other sites (needs a network)")
+    parser.add_argument("--readme", action="store_true", help="write the README's tables from the stored study, only")
     parser.add_argument("--out", type=Path, default=HERE / "_site", help="folder of the pages; default: docs/_site")
     options = parser.parse_args()
+    if options.readme:
+        readme.README.write_text(readme.with_tables(readme.README.read_text(encoding="utf-8")), encoding="utf-8")
+        return 0
     os.environ.setdefault("MPLBACKEND", "agg")
     builder = "linkcheck" if options.links else "html"
     words = ["-W", "-n", "-q", "-b", builder, "-d", str(HERE / "_doctrees")]

@@ -65,7 +65,10 @@ class Page:
     def _command(self, line: str) -> None:
         words = shlex.split(line, comments=True)
         if words[:1] == ["flexlink"]:
-            code = main(words[1:])
+            try:
+                code = main(words[1:])
+            except SystemExit as end:  # of --version and --help
+                code = int(end.code or 0)
             expected = 1 if line.rstrip().endswith("# exit code 1") else 0
             if code != expected:
                 raise SnippetError(f"{self.name}: {line}: exit code {code}")
