@@ -18,6 +18,7 @@ from flexlink.chain.arguments import positive, require_each, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError, MissingDependencyError
+from flexlink.common.notebook import html_lines
 from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
@@ -75,6 +76,9 @@ class TrajectoryComparison:
     def passed(self) -> bool:
         """Whether every run agrees with ours."""
         return all(row.passed for row in self.rows)
+
+    def _repr_html_(self) -> str:
+        return html_lines(str(self))
 
     def __str__(self) -> str:
         lines = [f"{self.scene}: {self.steps}; largest differences from flexlink"]

@@ -170,7 +170,7 @@ class Trajectory(RunSamples):
         Returns
         -------
         Path
-            The file.
+            The file, which a notebook plays.
 
         Raises
         ------

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from flexlink.common.errors import ArgumentError
+from flexlink.common.notebook import html_lines
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short_list, truncated
 from flexlink.robots.assembly import assembled, origins_beyond
@@ -51,6 +52,9 @@ class ImportResult:
 
     def __str__(self) -> str:
         return "\n".join(self.notes)
+
+    def _repr_html_(self) -> str:
+        return html_lines("\n".join([*self.notes, *(f"warning: {doubt}" for doubt in self.warnings)]))
 
 
 def import_urdf(
