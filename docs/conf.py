@@ -47,6 +47,8 @@ intersphinx_timeout = 1
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
+    "ignore_repr_types": r".*(NotebookFigure|Path).*",
+    "image_scrapers": ("matplotlib", "docs.generators.gallery_pictures.pictures"),
     "filename_pattern": r"\.py$",
     "remove_config_comments": True,
     "download_all_examples": False,
