@@ -1,7 +1,7 @@
 """Build the site: python -m docs, then open docs/_site/index.html.
 
 python -m docs            all of it; gallery pages whose example has not changed are not run again
-python -m docs --quick    without running the gallery
+python -m docs --quick    without running any code of pages and gallery
 python -m docs --links    check every link to other sites, too (needs a network)
 python -m docs --readme   write the README's tables from the stored study
 """
@@ -16,6 +16,7 @@ from pathlib import Path
 
 from sphinx.cmd.build import main as sphinx
 
+from docs import snippets
 from docs.generators import readme
 
 HERE = Path(__file__).parent
@@ -26,7 +27,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m docs", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--quick", action="store_true", help="do not run the gallery's examples")
+    parser.add_argument("--quick", action="store_true", help="do not run code of pages and gallery")
     parser.add_argument("--links", action="store_true", help="check links to other sites (needs a network)")
     parser.add_argument("--readme", action="store_true", help="write the README's tables from the stored study, only")
     parser.add_argument("--out", type=Path, default=HERE / "_site", help="folder of the pages; default: docs/_site")
@@ -38,8 +39,9 @@ def main() -> int:
     builder = "linkcheck" if options.links else "html"
     words = ["-W", "-n", "-q", "-b", builder, "-d", str(HERE / "_doctrees")]
     words += ["-D", "plot_gallery=0"] if options.quick else []
-    with tempfile.TemporaryDirectory() as folder:  # examples may write files where they run
-        os.environ["FLEXLINK_PAGES"] = folder
+    with tempfile.TemporaryDirectory() as folder:
+        if not options.quick:
+            os.environ[snippets.FOLDER] = folder
         code: int = sphinx([*words, str(HERE), str(options.out)])
     if code == 0 and not options.links:
         print(f"site: {options.out / 'index.html'}")

@@ -30,6 +30,8 @@ from typing import Any
 from flexlink.cli.main import main
 
 ROOT = Path(__file__).parents[1]
+FOLDER = "FLEXLINK_PAGES"
+"""Variable of the environment: where the code of pages runs; without it the build runs none."""
 BLOCK = re.compile(
     r"^```(sh|python|toml)\n(.*?)^```\n(?:\n?<!-- (folded|(?:folded )?(?:output|table|picture: [^>]*?)) -->\n)?",
     re.DOTALL | re.MULTILINE,
@@ -133,8 +135,8 @@ def setup(app: Any) -> dict[str, bool]:
 
 
 def _read(app: Any, name: str, source: list[str]) -> None:
-    if any(comment for _, _, comment in blocks(source[0])):
-        folder = Path(os.environ.get("FLEXLINK_PAGES", app.doctreedir)) / name.replace("/", "_")
+    if FOLDER in os.environ and any(comment for _, _, comment in blocks(source[0])):
+        folder = Path(os.environ[FOLDER]) / name.replace("/", "_")
         folder.mkdir(parents=True, exist_ok=True)
         prepare(folder)
         source[0] = filled(name, source[0], folder, Path(app.srcdir) / "pictures")

@@ -56,7 +56,7 @@ def _table(left: str, right: str, rows: list[tuple[str, str]]) -> str:
 
 def _number(words: str) -> str:
     """What stands before the words in the one sentence that has them; "0 runs … were" if it has no colon."""
-    sentences = [each for chapter in study.stored()["chapters"] for each in chapter["headlines"] if words in each]
-    (sentence,) = sentences
+    sentences: list[str] = [each for chapter in study.stored()["chapters"] for each in chapter["headlines"]]
+    (sentence,) = (each for each in sentences if words in each)
     value, colon, _ = sentence.partition(":")
     return value.replace("\xa0", " ") if colon else sentence.removesuffix(".")
