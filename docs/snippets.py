@@ -6,11 +6,10 @@ A fenced block of ``sh``, ``python`` or ``toml`` is followed by one of these com
     <!-- table -->                        what the block printed, a table or text in Markdown
     <!-- picture: FILE | caption -->      the picture or film that it wrote
 
-With ``folded`` before it, as in ``<!-- folded picture: … -->``, the result comes first, and the code is folded below it;
-``<!-- folded -->`` alone folds code without a result.
-All blocks of a page run in its order, in one folder, which holds `models/`, and Python blocks share their names.
-A block of ``toml`` whose first line is ``# file: NAME`` writes that file. `tests/test_pages.py` runs all
-blocks of all pages.
+With ``folded`` before it, as in ``<!-- folded picture: … -->``, the result comes first, and the code is folded below
+it; ``<!-- folded -->`` alone folds code without a result. All blocks of a page run in its order, in one folder, which
+holds `models/`, and Python blocks share their names. A block of ``toml`` whose first line is ``# file: NAME`` writes
+that file. `tests/test_pages.py` runs all blocks of all pages.
 """
 
 from __future__ import annotations
