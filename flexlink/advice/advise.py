@@ -75,7 +75,7 @@ class Advisor:
 
     def __init__(self, scene: Scene, goal: Goal, budget: float) -> None:
         self.scene, self.goal, self._started = scene, goal, thread_time()
-        self.runner, self.norm = ModelRunner(scene, budget), TipErrorNorm(goal, scene.run.sample)
+        self.runner, self.norm = ModelRunner(scene, budget), TipErrorNorm(goal, scene.run.spacing)
         self.axes, self.lines = all_axes(scene), list[str]()
         self.rigid: Outcome | None = None
 
@@ -249,6 +249,6 @@ class Advisor:
             taken = outcome.run.steps if outcome.run else ""
             return f"tolerance {length(stepping.tolerance or 0.0)}: {taken}"
         if not any(model):
-            return f"{stepping}, {round(self.scene.run.sample / stepping.step)} steps per sample"
+            return f"{stepping}, {round(self.scene.run.spacing / stepping.step)} steps per sample"
         share = stepping.step / self.runner.stable_step(model)
         return f"{stepping}, {share:.2f} of the stable step (smallest over {len(self.runner.postures)} postures)"

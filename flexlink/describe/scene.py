@@ -96,7 +96,7 @@ class Scene(Spec, frozen=True):
 
     def __repr__(self) -> str:
         run = self.run
-        return f"<Scene {self.name!r}: {self.arm!r}; {run.method}, step {run.step:g} s, duration {run.duration:g} s>"
+        return f"<Scene {self.name!r}: {self.arm!r}; {run.in_words}>"
 
     def _repr_html_(self) -> str:
         heads = ("link", "flex", "segments", "length [m]", "material", "section")
@@ -105,7 +105,7 @@ class Scene(Spec, frozen=True):
             for k in self.arm.links
         ]
         run = self.run
-        return html_table(f"{self.name}: {run.method}, step {run.step:g} s, duration {run.duration:g} s", heads, rows)
+        return html_table(f"{self.name}: {run.in_words}", heads, rows)
 
     def plot(self) -> Any:
         """Draw the arm where the scene starts, from the side and, if it is not in a plane, from above.
@@ -137,10 +137,10 @@ class Scene(Spec, frozen=True):
 
     def _check_grid(self) -> None:
         """Fixed steps end where the run starts, and where a held row gives way to the next."""
-        whole("initial.time", self.initial.time, "run.step", self.run.step)
+        whole("initial.time", self.initial.time, self.run.said("step", "run."), self.run.fixed_step)
         for name, table in (("drive", self.drive), ("wrench", self.wrench)):
             for k, time in enumerate(table.times or () if table.hold else ()):
-                whole(f"{name}.times[{k}]", time, "run.step", self.run.step)
+                whole(f"{name}.times[{k}]", time, self.run.said("step", "run."), self.run.fixed_step)
 
     def _put_joints_at_zero(self) -> None:
         """Of a scene that starts from a whole state; but then nobody has said where a reference starts."""
@@ -176,16 +176,18 @@ class Scene(Spec, frozen=True):
         if rate is None:
             return
         apart = 1 / rate
-        long, short_one = ("run.sample", run.sample), ("1 / rate", apart)
-        if apart > run.sample:
+        long, short_one = (run.said("sample", "run."), run.spacing), ("1 / rate", apart)
+        if apart > run.spacing:
             long, short_one = short_one, long
         try:
             if not run.controlled:
-                whole("1 / rate", apart, "run.step", run.step)
+                whole("1 / rate", apart, run.said("step", "run."), run.fixed_step)
             whole("initial.time", self.initial.time, "1 / rate", apart)
             whole(*long, *short_one)
         except SceneError as error:
-            raise SceneError(f"drive.rate = {rate!r}: {error}") from None
+            fitting = max(1, round(run.spacing * rate)) / rate
+            own = "" if run.sample is not None else f"; give run.sample, such as {fitting:.6g}"
+            raise SceneError(f"drive.rate = {rate!r}: {error}{own}") from None
 
     def _check_reference(self) -> None:
         """The reference stays within the joints' limits, at every extreme of a piece, and jumps at ends of steps."""
@@ -197,7 +199,7 @@ class Scene(Spec, frozen=True):
                 course, [(link.name, link.joint.limits_deg) for link in self.arm.links if not link.joint.locked]
             )
             for time in [] if run.controlled or self.drive.rate else course.jumps:
-                whole("jumps, or its rate does: t", float(f"{time:.12g}"), "run.step", run.step)
+                whole("jumps, or its rate does: t", float(f"{time:.12g}"), run.said("step", "run."), run.fixed_step)
         except SceneError as error:
             raise SceneError(f"drive.reference {error}") from None
 

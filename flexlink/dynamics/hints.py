@@ -1,4 +1,4 @@
-"""notes(scene): what is legal but likely not meant, because it has no effect; one line each."""
+"""notes(scene): defaults that decide a run, and what is likely not meant because it has no effect; a line each."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 from flexlink.chain.arguments import require_type
 from flexlink.chain.lumping import lump
 from flexlink.describe.arm import Link
+from flexlink.describe.conditions import DEFAULT_TOLERANCE
 from flexlink.describe.joint import Joint
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.terms import elastic_torque
 
 
 def notes(scene: Scene) -> tuple[str, ...]:
-    """Hints on what a scene says without effect: each names the key, its value and why nothing comes of it.
+    """What a scene's run does by default, and what the scene says without effect: key, value, why nothing comes of it.
 
     Parameters
     ----------
@@ -33,8 +34,17 @@ def notes(scene: Scene) -> tuple[str, ...]:
         `scene` is no Scene.
     """
     require_type("scene", scene, Scene)
-    found = _stillness, _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
+    found = _default_steps, _stillness, _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
     return tuple(note for each in found for note in each(scene))
+
+
+def _default_steps(scene: Scene) -> Iterator[str]:
+    """A run that says nothing of its steps keeps a tolerance, which is told."""
+    if scene.run.by_default and scene.run.duration > 0:
+        tolerance = scene.run.tolerance_within(lump(scene).reach)
+        yield (
+            f"run: no step given; tolerance {1e3 * tolerance:.3g} mm ({DEFAULT_TOLERANCE:g} of the reach), method auto"
+        )
 
 
 def _stillness(scene: Scene) -> Iterator[str]:

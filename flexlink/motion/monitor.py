@@ -180,7 +180,7 @@ class RunMonitor:
     def diverged(self, failure: Failure | None = None) -> DivergenceError:
         """The error to raise for a run that failed a check, or whose steps ended early."""
         record, run = self.record, self.run
-        advice = f"try a smaller step than {run.step:g} s"
+        advice = f"try a smaller step than {run.fixed_step:g} s"
         if run.controlled:
             smaller = "smaller" if self.failure else "larger"  # no step was small enough
             advice = f"try a {smaller} tolerance, another method, or fixed steps"
@@ -313,7 +313,7 @@ class RunMonitor:
             return 0.0
         record, run = self.record, self.run
         q, qd = (np.abs(part[: self.n_valid]).max(axis=0) for part in (record.q, record.qd))
-        step, reach = float(np.minimum(run.step * qd, np.spacing(q) / 2).sum()), record.chain.reach
+        step, reach = float(np.minimum(run.fixed_step * qd, np.spacing(q) / 2).sum()), record.chain.reach
         return step * reach * self.n_valid * run.steps_per_sample if step * reach > rounding.of_reach(reach) else 0.0
 
     def _warn(self, key: str, row: int, text: str) -> None:

@@ -48,16 +48,16 @@ class Control:
         run, start, chain, self.law, self.chain = problem.run, problem.start, problem.chain, law, problem.chain
         self.effort, self.joints = effort_of(problem.scene, chain), len(chain.active)
         self.limited = bool(np.isfinite(self.effort).any())
-        self.sampled, self.origin = rate is not None, round(start / run.step)
-        between = run.sample if rate is None else 1 / positive("rate", rate)
+        self.sampled, self.origin = rate is not None, round(start / run.fixed_step)
+        between = run.spacing if rate is None else 1 / positive("rate", rate)
         if self.sampled:
             whole("t0", start, "1 / rate", between, ArgumentError)
         if run.controlled:
             self.times = multiples(start, between, math.floor(parts(run.duration, between)) + 1)
         else:
-            self.apart = whole(f"rate = {rate!r}: 1 / rate", between, "run.step", run.step, ArgumentError)
+            self.apart = whole(f"rate = {rate!r}: 1 / rate", between, "run.step", run.fixed_step, ArgumentError)
             last = (run.samples - 1) * run.steps_per_sample
-            self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.step)
+            self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.fixed_step)
         self.drive = held_torques(chain, self.times, np.zeros((len(self.times), self.joints)))
 
     def torque(self, t: float, q: Array, qd: Array) -> Array:
@@ -120,7 +120,7 @@ class Control:
         self, record: Record, tableau: Tableau, state: tuple[Array, Array, Array], first: int, stop: int
     ) -> int:
         run, samples = record.run, (record.q, record.qd, record.works)
-        fixed = record.scratch, tableau, record.inputs, run.step, record.origin
+        fixed = record.scratch, tableau, record.inputs, run.fixed_step, record.origin
         return int(integrate(*fixed, first, stop, run.steps_per_sample, state, samples))
 
     def _continuous(
@@ -128,7 +128,7 @@ class Control:
     ) -> int:
         """As `integrate`, with the law evaluated at every stage."""
         (A, b, c), run, inputs = tableau, record.run, record.inputs
-        h = run.step
+        h = run.fixed_step
         (q, qd, work), (L, K) = state, np.zeros((2, len(c), self.chain.n))
         for number in range(self.origin + first, self.origin + stop):
             for i in range(len(c)):
@@ -170,9 +170,15 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
     if scene.drive.kind != "none":
         raise ArgumentError(f"control: the scene has a drive, {scene.drive.kind!r}, too; give only one")
     if rate is None and not problem.explicit:
-        what = "a tolerance" if run.controlled else f"method = {run.method!r}, which is implicit"
+        what = (
+            "the default tolerance"
+            if run.by_default
+            else "a tolerance"
+            if run.controlled
+            else f"method = {run.method!r}, which is implicit"
+        )
         raise ArgumentError(
-            f"control: with {what}, a control law needs a rate; give rate, or take fixed steps of an explicit method, "
-            "such as RK4"
+            f"control: with {what}, a control law needs a rate; give rate, or take fixed steps of an explicit method: "
+            "run.step, such as 1e-4, and run.method = 'RK4'"
         )
     return Control(law, rate, problem)
