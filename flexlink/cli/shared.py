@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.output import write_or_keep
 from flexlink.describe.scene import Scene, load_scene
+from flexlink.dynamics.hints import defaults, notes
 from flexlink.results.files import picture_format
 from flexlink.results.trajectory import plotting
 
@@ -64,10 +65,29 @@ def print_lines(word: str, texts: Iterable[str]) -> None:
         print(f"{word}: {text}", file=sys.stderr, flush=True)
 
 
+def print_notes(scene: Scene) -> None:
+    """What is to be known of a scene before it runs: defaults that decide, and what has no effect."""
+    print_lines("note", (*defaults(scene), *notes(scene)))
+
+
 def draw(figure: Figure, path: Path) -> None:
     """Write a picture to its file."""
     write_or_keep(path, lambda place: figure.savefig(place, dpi=150))
     print(f"plot: {path}")
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder to write to, if it is not there.
+
+    Raises
+    ------
+    ArgumentError
+        It cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ArgumentError(f"{path}: the folder cannot be made: {error.strerror}") from None
 
 
 def require_writable(path: Path) -> None:

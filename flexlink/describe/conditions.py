@@ -68,8 +68,6 @@ class InitialState(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.joint_deg and self.q is None:
-            raise SceneError("joint_deg: missing; this key is required where q is not given")
         if self.q is not None and self.passive == "static":
             raise SceneError("passive = 'static': computes the hinges' angles, but q is given, too; give only one")
         if self.qd is not None and self.rate_deg is not None:

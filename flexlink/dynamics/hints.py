@@ -1,4 +1,4 @@
-"""notes(scene): defaults that decide a run, and what is likely not meant because it has no effect; a line each."""
+"""notes(scene): what is likely not meant, because it has no effect; defaults(scene): what decides a run unsaid."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexlink.dynamics.terms import elastic_torque
 
 
 def notes(scene: Scene) -> tuple[str, ...]:
-    """What a scene's run does by default, and what the scene says without effect: key, value, why nothing comes of it.
+    """Hints on what a scene says without effect: each names the key, its value and why nothing comes of it.
 
     Parameters
     ----------
@@ -34,17 +34,28 @@ def notes(scene: Scene) -> tuple[str, ...]:
         `scene` is no Scene.
     """
     require_type("scene", scene, Scene)
-    found = _default_steps, _stillness, _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
+    found = _stillness, _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
     return tuple(note for each in found for note in each(scene))
 
 
-def _default_steps(scene: Scene) -> Iterator[str]:
-    """A run that says nothing of its steps keeps a tolerance, which is told."""
-    if scene.run.by_default and scene.run.duration > 0:
-        tolerance = scene.run.tolerance_within(lump(scene).reach)
-        yield (
-            f"run: no step given; tolerance {1e3 * tolerance:.3g} mm ({DEFAULT_TOLERANCE:g} of the reach), method auto"
-        )
+def defaults(scene: Scene) -> tuple[str, ...]:
+    """What a scene leaves to defaults that decide what comes out: the tolerance of a run without a word on steps.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+
+    Returns
+    -------
+    tuple of str
+        One line each, empty if there is nothing to say.
+    """
+    if not scene.run.by_default or scene.run.duration == 0:
+        return ()
+    tolerance = scene.run.tolerance_within(lump(scene).reach)
+    of_reach = f"{1e3 * tolerance:.3g} mm ({DEFAULT_TOLERANCE:g} of the reach)"
+    return (f"run: no step given; tolerance {of_reach}, method auto",)
 
 
 def _stillness(scene: Scene) -> Iterator[str]:

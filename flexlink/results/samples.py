@@ -15,7 +15,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each
-from flexlink.dynamics.hints import notes
+from flexlink.dynamics.hints import defaults, notes
 from flexlink.dynamics.loads import InternalLoads, internal_loads
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.terms import Energy
@@ -100,8 +100,8 @@ class RunSamples(Result):
 
     @functools.cached_property
     def notes(self) -> tuple[str, ...]:
-        """`notes` of the scene that ran: what its run did by default, and what it says without effect."""
-        return () if self.scene is None else notes(self.scene)
+        """What the run did by default, and what its scene says without effect, a line each."""
+        return () if self.scene is None else (*defaults(self.scene), *notes(self.scene))
 
     def state(self, k: int) -> State:
         """Time, joint angles and rates of sample `k`, −1 the last; `simulate(scene, q0=, qd0=, t0=)` goes on there.
