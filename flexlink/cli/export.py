@@ -47,7 +47,7 @@ def run_command(options: argparse.Namespace) -> int:
     texts: dict[Path, str] = {}
     notes: list[str] = []
     for path in options.scenes:
-        scene = varied_scene(path, options.set)
+        scene = varied_scene(path, options)
         with prefix_errors(path):
             chain, state = _chain_and_state(path, scene, options, notes)
         for name in _formats(options):

@@ -36,7 +36,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run_command(options: argparse.Namespace) -> int:
     """Print what a scene's chain is like, and what it says without effect."""
-    scene = varied_scene(options.scene, options.set)
+    scene = varied_scene(options.scene, options)
     with prefix_errors(options.scene):
         _show(scene)
         print_notes(scene)

@@ -86,6 +86,9 @@ def _parser() -> argparse.ArgumentParser:
             "--set", action="append", default=[], metavar="PATH=VALUE",
             help="change a value of the scene, such as run.step=1e-5 or 'link.*.segments=9'; may be repeated",
         )  # fmt: skip
+        command.add_argument(
+            "--quiet-hints", action="store_true", help="do not tell numbers that are likely given in another unit"
+        )
     return parser
 
 

@@ -41,9 +41,7 @@ def run_command(options: argparse.Namespace) -> int:
     out = options.out or Path(options.scene.with_suffix(".html").name)
     wanted = shot(out, **{name: getattr(options, name) for name in ("magnify", "colour", "fps", "speed", "width")})
     require_writable(out)
-    scene = varied_scene(
-        options.scene, options.set, {} if options.duration is None else {"run.duration": options.duration}
-    )
+    scene = varied_scene(options.scene, options, {} if options.duration is None else {"run.duration": options.duration})
     frame_count(scene.run.duration, wanted.fps, wanted.speed)
     print_notes(scene)
     with prefix_errors(options.scene):

@@ -73,7 +73,7 @@ def run_command(options: argparse.Namespace) -> int:
     """Run a scene, show how far it is, deliver what was asked for."""
     settings = {f"run.{name}": getattr(options, name) for name in RunSettings.__struct_fields__}
     changes = {path: value for path, value in settings.items() if value is not None}
-    scene = varied_scene(options.scene, options.set, changes)
+    scene = varied_scene(options.scene, options, changes)
     if options.out is not None:
         output_format(options.out)
         require_writable(options.out)
