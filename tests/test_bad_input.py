@@ -40,7 +40,7 @@ def write(path: Path, edit: Edit = lambda _: None) -> str:
 def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     """The line with which the command is refused; further mistakes have lines of their own."""
     assert main(arguments) == 2
-    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("compiling")]
+    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith(("compiling", "warning"))]
     assert all(line.startswith("  also: ") for line in lines[1:])
     return lines[0]
 

@@ -21,6 +21,7 @@ from flexlink.chain.arguments import positive, require_bool, require_type
 from flexlink.common.errors import AdviceError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.start_notes import is_free_fall
 from flexlink.results.convergence import Limit
 from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
@@ -68,6 +69,9 @@ def advise(
     scene = checked_scene(require_type("scene", scene, Scene))
     goal = goal_of(tip, deflection=require_bool("deflection", deflection), band=band, run=scene.run)
     return Advisor(scene, goal, positive("budget", budget)).advice()
+
+
+FREE_FALL = "none: this is a free fall; give the scene its drive, or lock its joints, for advice on its task"
 
 
 class Advisor:
@@ -231,9 +235,10 @@ class Advisor:
             line("error", f"{length(error)}{own}"),
             line("cost", f"{cost}; advice took {self.runner.count} runs, {time(took)}"),
         )
+        falls = [line("drive", FREE_FALL)] if is_free_fall(self.scene) else []
         return Advice(
             error <= tolerance, self.runner.scene_of(model, outcome.stepping), error, tolerance, travel, one.whole,
-            one.again, limit, holds, self.runner.count, took, (first, *self.lines, *lines, *last),
+            one.again, limit, holds, self.runner.count, took, (first, *falls, *self.lines, *lines, *last),
         )  # fmt: skip
 
     def _choices(self, model: Model, outcome: Outcome) -> list[str]:

@@ -1,4 +1,4 @@
-"""notes(scene): what is likely not meant, because it has no effect; defaults(scene): what decides a run unsaid."""
+"""notes(scene): what is legal but likely not meant; defaults(scene): what decides a run unsaid."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from flexlink.describe.arm import Link
 from flexlink.describe.conditions import DEFAULT_TOLERANCE
 from flexlink.describe.joint import Joint
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.start_notes import balance, slack_springs, unheld_joints
 from flexlink.dynamics.terms import elastic_torque
 
 
 def notes(scene: Scene) -> tuple[str, ...]:
-    """Hints on what a scene says without effect: each names the key, its value and why nothing comes of it.
+    """What is likely not meant: what has no effect, and how the arm starts; key, value, cause, what to change.
 
     Parameters
     ----------
@@ -34,8 +35,9 @@ def notes(scene: Scene) -> tuple[str, ...]:
         `scene` is no Scene.
     """
     require_type("scene", scene, Scene)
-    found = _stillness, _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
-    return tuple(note for each in found for note in each(scene))
+    starts = _stillness, slack_springs, unheld_joints, balance
+    idle = _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
+    return tuple(note for each in (*starts, *idle) for note in each(scene))
 
 
 def defaults(scene: Scene) -> tuple[str, ...]:

@@ -15,7 +15,8 @@ from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance
-from flexlink.motion.sampled_control import Control
+from flexlink.motion.hindrance import hindrance
+from flexlink.motion.sampled_control import Control, held_torques_advice
 from flexlink.motion.step_errors import step_errors
 from flexlink.results import balance
 from flexlink.results.record import Record
@@ -184,10 +185,20 @@ class RunMonitor:
         if run.controlled:
             smaller = "smaller" if self.failure else "larger"  # no step was small enough
             advice = f"try a {smaller} tolerance, another method, or fixed steps"
+        advice = self._loop_advice() or advice
         if self.failure or failure is None:
             failure = Failure(f"t = {record.t[self.n_valid]:.6g} s: {self.failure}")
         message = f"{record.chain.name}: {failure.text}; {failure.advice or advice}; {self.n_valid} samples kept"
         return failure.kind(message, self.trajectory())
+
+    def _loop_advice(self) -> str:
+        """Where torques are held between samples and the step is within the stable one: the loop is to blame."""
+        if self.run.unstable == "allow":
+            return ""
+        if self.control is not None and self.control.sampled:
+            return held_torques_advice(self.control.between)
+        found = hindrance(self.record, self.record.q[0]) if self.record.inputs.drive.rate else None
+        return f"{found.cause}; {found.advice}" if found is not None else ""
 
     def _look(self, first: int, stop: int) -> None:
         """Judge samples: numbers are finite, the kinetic energy is positive, energy balances, hinges bend, limits."""

@@ -40,6 +40,8 @@ class Control:
         Instants [s] for which the run holds what the law gives: where it is sampled, or the samples of the run.
     joints
         Number of driven joints.
+    between
+        Time between two instants [s].
     drive
         What it gave at its instants, held: so far, 0 later.
     """
@@ -49,7 +51,7 @@ class Control:
         self.effort, self.joints = effort_of(problem.scene, chain), len(chain.active)
         self.limited = bool(np.isfinite(self.effort).any())
         self.sampled, self.origin = rate is not None, round(start / run.fixed_step)
-        between = run.spacing if rate is None else 1 / positive("rate", rate)
+        self.between = between = run.spacing if rate is None else 1 / positive("rate", rate)
         if self.sampled:
             whole("t0", start, "1 / rate", between, ArgumentError)
         if run.controlled:
@@ -150,6 +152,14 @@ class Control:
         tau = np.zeros(self.chain.n)
         tau[self.chain.active] = self.torque(t, q, qd)
         return tau
+
+
+def held_torques_advice(between: float) -> str:
+    """What to change where torques that are held for so long [s], in stable steps, drive an arm apart."""
+    return (
+        f"the step is stable, so likely the loop that is sampled at {1 / between:.6g} Hz is not: take lower gains, a "
+        "higher rate, or give the joints armature"
+    )
 
 
 def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None) -> Control | None:

@@ -19,6 +19,7 @@ from flexlink.inputs.problem import problem_of
 from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.motion.monitor import allowed_imbalance, tolerance_of
+from flexlink.motion.sampled_control import held_torques_advice
 from flexlink.motion.simulate import prepare, started_from, steps_of
 from flexlink.results import balance
 from flexlink.results.record import trajectory_from_states
@@ -144,7 +145,8 @@ class Simulator:
             raise
         if fault:
             self._restore(*before)
-            raise self._diverged(fault)
+            held = end - self._time if tau is not None else 0.0
+            raise self._diverged(fault, held)
         self._time, self._calls = end, calls
         return self.state
 
@@ -186,10 +188,13 @@ class Simulator:
         self._balance.seen[:] = before
         return Failure(f"the energy does not balance: E − E(0) − W = {r:.3g} J of {X:.3g} J exchanged")
 
-    def _diverged(self, fault: Failure) -> DivergenceError:
+    def _diverged(self, fault: Failure, held: float) -> DivergenceError:
+        """The error for a step that failed, with torques from outside that are held for so long [s], or none."""
         (t, q, qd), run = self.state, self._run
         fixed = f"a smaller step than {run.fixed_step:g} s"
         advice = fault.advice or f"try {'another tolerance, or fixed steps' if run.controlled else fixed}"
+        if held and run.unstable == "refuse":
+            advice = held_torques_advice(held)
         return fault.kind(
             f"{self.chain.name}: after t = {t:.6g} s: {fault.text}; {advice}",
             trajectory_from_states(problem_of(self._scene, self.chain), np.array([t]), q[None], qd[None]),

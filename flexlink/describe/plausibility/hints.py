@@ -28,11 +28,18 @@ def hints(scene: Scene) -> tuple[str, ...]:
     tuple of str
         One line each, empty if there is nothing to say.
     """
-    return HINTS(scene, None, lambda: tuple(_hints(scene)))
+    return HINTS(scene, None, lambda: _found(scene))
 
 
 HINTS = Memo(64)
 """Of scenes that have been looked at."""
+
+
+def _found(scene: Scene) -> tuple[str, ...]:
+    try:
+        return tuple(_hints(scene))
+    except ArithmeticError:  # numbers beyond float64 are refused where the chain is made of them
+        return ()
 
 
 def _hints(scene: Scene) -> Iterator[str]:
