@@ -1,14 +1,27 @@
-"""The arm as a Gymnasium environment: torques at 100 Hz are to bring the tip of a bending arm to a target at rest."""
+"""A learning agent's environment: Gymnasium
+=========================================
+
+Torques at 100 Hz are to bring the tip of a bending arm to a target at rest. Gymnasium's class is what learning
+libraries look for; its checker says whether it is one.
+"""
 
 from pathlib import Path
 
 import gymnasium
+import matplotlib.pyplot as plt
 import numpy as np
 
 import flexlink as fl
 
-SCENE = fl.load_scene(Path(__file__).parents[1] / "models" / "three_links.toml").varied({"run.step": 1e-3})
-EFFORT, PERIOD, EPISODE = np.array([200.0, 400.0, 200.0]), 0.01, 3.0  # N m, twice what gravity takes at most; s
+models = (
+    Path("models") if Path("models").is_dir() else Path("../models")
+)  # of the checkout
+SCENE = fl.load_scene(models / "three_links.toml").varied({"run.step": 1e-3})
+EFFORT, PERIOD, EPISODE = (
+    np.array([200.0, 400.0, 200.0]),
+    0.01,
+    3.0,
+)  # N m, twice what gravity takes at most; s
 
 
 class ArmEnv(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -17,14 +30,20 @@ class ArmEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     def __init__(self) -> None:
         self.arm = fl.Simulator(SCENE)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float64)
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (2 * self.arm.chain.n + 6,), np.float64)
+        self.observation_space = gymnasium.spaces.Box(
+            -np.inf, np.inf, (2 * self.arm.chain.n + 6,), np.float64
+        )
 
-    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
+    def reset(
+        self, *, seed: int | None = None, options: dict | None = None
+    ) -> tuple[np.ndarray, dict]:
         """At rest as the scene says, with another target."""
         super().reset(seed=seed)
-        goal = np.zeros(self.arm.reset().q.size)
-        goal[self.arm.chain.active] = self.np_random.uniform([-1.0, -0.5, -1.5], [1.0, 1.0, 0.0])
-        self.target = fl.tip_position(self.arm.chain, goal)
+        self.goal = np.zeros(self.arm.reset().q.size)
+        self.goal[self.arm.chain.active] = self.np_random.uniform(
+            [-1.0, -0.5, -1.5], [1.0, 1.0, 0.0]
+        )
+        self.target = fl.tip_position(self.arm.chain, self.goal)
         return self.observe(), {}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
@@ -35,9 +54,31 @@ class ArmEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         except fl.errors.DivergenceError:
             lost = True  # the arm stays where it was
         seen = self.observe()
-        return seen, -float(np.linalg.norm(seen[-6:-3] - seen[-3:])), lost, self.arm.time > EPISODE - PERIOD / 2, {}
+        return (
+            seen,
+            -float(np.linalg.norm(seen[-6:-3] - seen[-3:])),
+            lost,
+            self.arm.time > EPISODE - PERIOD / 2,
+            {},
+        )
 
     def observe(self) -> np.ndarray:
         """q, q̇, tip, target."""
         _, q, qd = self.arm.state
         return np.concatenate([q, qd, fl.tip_position(self.arm.chain, q), self.target])
+
+
+# %%
+# An episode of an agent that knows more than one that learns: joint PD towards the target's angles, and gravity held.
+env = ArmEnv()
+seen, _ = env.reset(seed=7)
+own, rewards, ended = env.arm.chain.active, [], False
+while not ended:
+    _, q, qd = env.arm.state
+    pd = 400.0 * (env.goal - q) - 150.0 * qd + fl.gravity_torque(env.arm.chain, q)
+    seen, reward, _, ended, _ = env.step(pd[own] / EFFORT)
+    rewards.append(reward)
+fig, panel = plt.subplots(figsize=(5, 3), layout="constrained")
+panel.semilogy(PERIOD * np.arange(1, len(rewards) + 1), -1e3 * np.array(rewards))
+panel.set(xlabel="time [s]", ylabel="tip, from its target [mm]")
+panel.grid(alpha=0.3)

@@ -1,21 +1,72 @@
-"""A move of 1 s with 8 kg at the tip, and what input shaping (ZV, ZVD) leaves of its vibration."""
+"""A move that leaves no vibration: input shaping
+==============================================
+
+Two metres of slender tube with 8 kg at the tip turn by 60° in a second under joint PD. Unshaped, the load swings for
+seconds. A shaper (ZV, ZVD) tuned to the arm's own poles spends a tenth of a second more, and leaves next to nothing.
+"""
 
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import flexlink as fl
 
-scene = fl.load_scene(Path(__file__).parents[1] / "models" / "ptp_move.toml")  # PD, shaped by ZVD
+models = (
+    Path("models") if Path("models").is_dir() else Path("../models")
+)  # of the checkout
+scene = fl.load_scene(models / "ptp_move.toml")  # PD, shaped by ZVD
 drive, move, chain = scene.drive, scene.drive.reference, fl.lump(scene)
+
+# %%
+# What to tune it to: the two lowest poles of the arm on its motors, where the move ends. Both are first bending, one
+# upright and one sideways.
 there = scene.varied({"initial.joint_deg": move.to_deg, "drive": fl.Drive()})
-goal = fl.solve_static(chain, fl.initial_state(there, chain)[0], locked=chain.active).q  # bent by gravity
-slow = fl.pd_poles(chain, goal, kp=drive.kp, kd=drive.kd)[:2]  # both are first bending, upright and sideways
-shapers = {"unshaped": None, "ZV": fl.InputShaper.at(slow, "ZV"), "ZVD": fl.InputShaper.at(slow, "ZVD")}
-runs = {name: fl.simulate(scene.varied({"drive.reference.shaper": shaper})) for name, shaper in shapers.items()}
-left = {name: fl.residual_vibration(run, after=2.0) for name, run in runs.items()}  # [m]; all references have ended
+goal = fl.solve_static(
+    chain, fl.initial_state(there, chain)[0], locked=chain.active
+).q  # bent by gravity
+slow = fl.pd_poles(chain, goal, kp=drive.kp, kd=drive.kd)[:2]
+shapers = {
+    "unshaped": None,
+    "ZV": fl.InputShaper.at(slow, "ZV"),
+    "ZVD": fl.InputShaper.at(slow, "ZVD"),
+}
+print(
+    "shaped for",
+    np.round(np.abs(slow) / (2 * np.pi), 4),
+    "Hz; in the scene's file",
+    move.shaper.frequency_hz,
+)
+
+# %%
+# The same move three times; what is left of the vibration after 2 s, when all references have ended.
+runs = {
+    name: fl.simulate(scene.varied({"drive.reference.shaper": shaper}))
+    for name, shaper in shapers.items()
+}
+left = {
+    name: fl.residual_vibration(run, after=2.0) for name, run in runs.items()
+}  # [m]
 rest = fl.tip_position(chain, goal)
-settled = {name: fl.settling_time(run, target=rest, tolerance=1e-3) for name, run in runs.items()}  # [s]
+settled = {
+    name: fl.settling_time(run, target=rest, tolerance=1e-3)
+    for name, run in runs.items()
+}  # [s]
 for name in runs:
-    print(f"{name:8}: vibrates by {1e3 * left[name]:.3f} mm after 2 s, within 1 mm from {settled[name]:.2f} s on")
-print("shaped for", np.round(np.abs(slow) / (2 * np.pi), 4), "Hz; in the scene's file", move.shaper.frequency_hz)
+    print(
+        f"{name:8}: vibrates by {1e3 * left[name]:.3f} mm after 2 s, within 1 mm from {settled[name]:.2f} s on"
+    )
+
+# %%
+# On a logarithmic scale one sees what a millimetre costs.
+fig, panel = plt.subplots(figsize=(5, 3.5), layout="constrained")
+for name, run in runs.items():
+    panel.semilogy(
+        run.t, 1e3 * np.linalg.norm(run.tip - rest, axis=1), label=name, linewidth=1
+    )
+panel.axhline(1.0, color="0.5", linestyle=":", label="1 mm")
+panel.set(
+    xlabel="time [s]", ylabel="tip, from its goal [mm]", xlim=(0, 4), ylim=(1e-2, 3e3)
+)
+panel.legend(ncols=2)
+panel.grid(alpha=0.3)

@@ -19,17 +19,18 @@ from flexlink.pages.page import make_folder, template
 from flexlink.pages.style import RC
 from flexlink.pages.tables import Table, table_csv
 from flexlink.pages.verdict import Report
-from reports import findings, reference, speed_limits, stored_full, verdict
+from reports import findings, reference, same, speed_limits, stored_full, verdict
 from reports.chapters import Section, chapter_of_kinds, contents, sections
 from reports.drawing import figures_of, modules
 from reports.results import Results, used
+from reports.scene_names import scene_names
 from reports.tables import Meaning, checks, limit, meanings, rows_csv
 from validation.judgement import JudgedRow
 from validation.store import Environment, Row
 
 HERE = Path(__file__).parent
 NO_TEXT = ("versions", "sources")  # of an environment: they have many values
-SUMMARY = "summary"  # where the one figure of the first screen belongs
+SUMMARY, ARM = "summary", "arm"  # where the figures of the first screen belong, and the one beside its first words
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,7 +119,10 @@ def write(
         measured=verdict.measured(study),
         verdicts=verdicts,
         facts=verdict.numbers_that_matter(study, contents().number),
-        overview=shown.get(SUMMARY, []),
+        paper=contents().paper,
+        arm=[one for one in shown.get(SUMMARY, []) if one.name == ARM],
+        overview=[one for one in shown.get(SUMMARY, []) if one.name != ARM],
+        scenes=scene_names(study),
         failed=(failed := [row for row in study.rows if row.state == "FAIL"]),
         failing=_failing(failed),
         missing=study.missing,
@@ -131,11 +135,27 @@ def write(
         unobtained=[row for row in study.rows if row.value is None],
         given_up=given_up(study),
         full=whole,
+        same=_same(study, out, beside_full),
         full_command=stored_full.COMMAND,
         definitions=definitions,
     )
     write_text(out / "index.html", page)
     return StudyReport(out / "index.html", verdicts, chapters, tuple(shown.get(SUMMARY, ())))
+
+
+def _same(study: Results, out: Path, beside_full: Path | None) -> Table | None:
+    """The study's numbers beside the published ones; None where there is nothing to compare."""
+    if beside_full is None or not (beside_full / stored_full.CHAPTERS).is_file():
+        return None
+    try:
+        found = same.compare(study, beside_full)
+    except FlexlinkError:  # a study without its numbers; the command says why
+        return None
+    if not found.pairs:
+        return None
+    table = found.table()
+    write_text(out / f"{table.name}.csv", table.csv)
+    return table
 
 
 def _failing(rows: Sequence[Row]) -> Table:

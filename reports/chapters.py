@@ -25,6 +25,8 @@ class Wanted(Spec, frozen=True):
     varied: dict[str, str | int | float] = {}  # noqa: RUF012  msgspec copies it
     pick: Literal["largest", "smallest"] = "largest"
     text: str = "{value}"  # {value}, {quantity}, {where}
+    times: float = 1.0  # the value is shown times this, in `unit`
+    unit: str = ""
 
 
 class Number(Spec, frozen=True):
@@ -46,9 +48,18 @@ class Section(Spec, frozen=True):
     headline: tuple[Wanted, ...] = ()
 
 
+class Paper(Spec, frozen=True):
+    """The paper whose model is validated."""
+
+    title: str
+    source: str
+    about: str  # what it describes, and what is done with it here
+
+
 class Contents(Spec, frozen=True):
     """The whole file."""
 
+    paper: Paper
     number: tuple[Number, ...]
     section: tuple[Section, ...]
 

@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array
+from flexlink.pages.colours import CYCLE, MARKERS, engine_name, look_of
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.style import legend_above, stacked_axes, tidy_linear, tidy_logs
 from reports.tables import series_csv
 from validation.store import Series
 
@@ -79,18 +80,22 @@ def draw_series(axes: Axes, series: Series) -> None:
     log = series.y_scale == "log"
     for place, curve in enumerate(curves(series)):
         visible = np.isfinite(curve.y) & (curve.y > 0.0 if log else True)
-        few = visible.sum() <= FEW
+        few, look = visible.sum() <= FEW, look_of(curve.label)
+        colour = look.colour if look else CYCLE[place % len(CYCLE)]
+        marker = look.marker if look else MARKERS[place % len(MARKERS)]
         axes.plot(
-            curve.x[visible], curve.y[visible], label=curve.label, color=CYCLE[place % len(CYCLE)],
-            marker=MARKERS[place % len(MARKERS)] if few else None, linestyle="-" if place < len(CYCLE) else "--",
+            curve.x[visible], curve.y[visible], label=engine_name(curve.label), color=colour,
+            marker=marker if few else None, linestyle="-" if place < len(CYCLE) else "--",
         )  # fmt: skip
     put_labels(axes, series)
 
 
 def put_labels(axes: Axes, series: Series) -> None:
     """Scales and labels as the series says."""
-    axes.set(xscale=series.x_scale, yscale=series.y_scale, xlabel=series.x_label, ylabel=series.y_label)
+    unit = "" if "[" in series.y_label else " [1]"
+    axes.set(xscale=series.x_scale, yscale=series.y_scale, xlabel=series.x_label, ylabel=series.y_label + unit)
     tidy_logs(axes)
+    tidy_linear(axes)
 
 
 def picture(case: str, series: Series) -> Picture:
@@ -100,6 +105,8 @@ def picture(case: str, series: Series) -> Picture:
     for axes, (name, part) in zip(all_axes, found, strict=True):
         draw_series(axes, part)
         axes.set_title(name, loc="left")
+        if axes is not all_axes[-1]:
+            axes.set_xlabel("")
     if len(all_axes[0].lines) > 1:
         legend_above(figure, all_axes[0], 2)
     return Picture(f"{case}.{series.name}", series.title, figure, f"From the case {case}.", series_csv(series))

@@ -19,7 +19,7 @@ import matplotlib as mpl
 from flexlink.pages.chapter import Shown
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import RC
-from reports import curves, figures
+from reports import curves, figures, findings
 from reports.chapters import chapter_of_kinds
 from reports.results import Results
 
@@ -67,8 +67,8 @@ def _written(chapter: str, picture: Picture, out: Path) -> Drawn:
 
 
 def pictures(results: Results) -> Iterator[tuple[str, Picture]]:
-    """(chapter id, picture): what reports/figures/ draws, by file name, then every series that nothing there takes."""
-    taken: set[str] = set()
+    """(chapter id, picture): what reports/figures/ draws, then every series that neither it nor a finding takes."""
+    taken = {what for finder in modules(findings) for what in getattr(finder, "TAKES", ())}  # it says them in words
     chapter_of = chapter_of_kinds()
     with mpl.rc_context(RC):
         for drawer in modules(figures):

@@ -19,7 +19,9 @@ from flexlink.pages.page import make_folder, template
 from flexlink.pages.tables import table_csv
 from reports import verdict
 from reports.build import StudyReport, environment_rows, given_up, write
+from reports.chapters import contents
 from reports.results import Results
+from reports.scene_names import scene_names
 from reports.stored_full import (
     CHAPTERS,
     COMMAND,
@@ -124,7 +126,7 @@ def _whole(study: Results, report: StudyReport) -> FullStudy:
             chapter.headlines,
             tuple(StoredFinding(one.name, one.title, one.sentences) for one in chapter.tables),
             tuple(StoredFigure(one.name, one.title, one.caption) for one in (*chapter.figures, *chapter.more)),
-            tuple(StoredCase(one.case, one.title, one.verdict.state, one.verdict.text) for one in chapter.cases),
+            tuple(StoredCase(one.case, one.title, one.verdict.word, one.verdict.text) for one in chapter.cases),
         )
         for chapter in report.chapters
     )
@@ -141,6 +143,10 @@ def _readme(study: Results, report: StudyReport, folder: Path) -> str:
         csv=csv,
         measured=verdict.measured(study),
         since=since(study.environment.commit, study.environment.sources),
+        paper=contents().paper,
+        compared=verdict.compared(study),
+        facts=verdict.numbers_that_matter(study, contents().number),
+        scenes=scene_names(study),
         given_up=given_up(study),
         correct=verdict.correct(study),
         fast=verdict.fast(study),

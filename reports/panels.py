@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from flexlink.pages.style import CYCLE, INK, MARKERS, stacked_axes
+from flexlink.pages.colours import CYCLE, INK, engine_name, look_of
+from flexlink.pages.style import stacked_axes
 from reports.curves import curves
 from reports.results import Results
 from reports.tables import series_csv
@@ -18,7 +19,9 @@ from validation.store import Series
 PANELS = ("active", "passive-2", "passive-3", "joint-3", "hand")  # a to e: parts of what is stored as "panel"
 TAKES = ("panel",)
 POINTS = 12  # of an engine on a curve: enough to see, few enough to see between
-LOOK: dict[str, Any] = {"color": INK, "markersize": 4.5, "markerfacecolor": "none", "markeredgewidth": 0.8}
+LOOK: dict[str, Any] = {
+    "color": INK, "markersize": 4.5, "markerfacecolor": "none", "markeredgewidth": 0.8, "linestyle": "",
+}  # fmt: skip
 LEGEND = 4  # entries; more do not fit on a phone
 
 
@@ -45,9 +48,14 @@ def motions(results: Results) -> list[Motion]:
 
 def draw_tall(motion: Motion) -> Figure:
     """All panels above each other, for a page."""
-    figure, axes = stacked_axes(len(motion.native), 2.05)
+    figure, axes = stacked_axes(len(motion.native), 1.7)
     _fill(axes, motion)
     axes[-1].set_xlabel("time [s]")
+    key = _key(motion)
+    figure.legend(
+        key.values(), key.keys(), loc="outside upper left", ncols=len(key), frameon=False, handletextpad=0.5,
+        columnspacing=1.0,
+    )  # fmt: skip
     return figure
 
 
@@ -58,9 +66,7 @@ def draw_wide(motion: Motion) -> Figure:
     _fill(axes, motion)
     for panel in axes[len(motion.native) :]:
         panel.axis("off")
-        key = {"flexlink": Line2D([], [], color=INK)}
-        for number, name in enumerate(motion.engines):
-            key[f"{name}, from the exported file"] = Line2D([], [], marker=MARKERS[number], linestyle="", **LOOK)
+        key = _key(motion, ", from the exported file")
         panel.legend(key.values(), key.keys(), loc="center", frameon=False)
     for panel in axes[2:5]:
         panel.set_xlabel("time [s]")
@@ -68,18 +74,31 @@ def draw_wide(motion: Motion) -> Figure:
     return figure
 
 
+def _key(motion: Motion, words: str = "") -> dict[str, Line2D]:
+    """What lines and points are."""
+    key = {"flexlink": Line2D([], [], color=INK)}
+    for name in motion.engines:
+        key[engine_name(name) + words] = Line2D([], [], marker=_marker(name), **LOOK)
+    return key
+
+
+def _marker(engine: str) -> str:
+    look = look_of(engine)
+    return look.marker if look else "o"
+
+
 def _fill(axes: list[Axes], motion: Motion) -> None:
     for letter, panel, (name, series) in zip("abcde", axes, motion.native.items(), strict=False):
         entries = _entries(series)
         for curve in curves(series):
             entry = entries.index(curve.label if curve.label in entries else series.legend[curve.label])
-            panel.plot(curve.x, curve.y, color=CYCLE[entry], linewidth=0.9)
+            panel.plot(curve.x, curve.y, color=CYCLE[entry], linewidth=0.6)
         handles = [Line2D([], [], color=CYCLE[k]) for k in range(len(entries))]
-        for number, others in enumerate(motion.engines.values()):
+        for number, (engine, others) in enumerate(motion.engines.items()):
             if name in others:
-                _points(panel, others[name], number)
+                _points(panel, others[name], number, _marker(engine))
         panel.set_title(f"{letter}) {series.title}", loc="left")
-        panel.set_ylabel(series.y_label.replace("coordinate in frame 0", "frame 0"))
+        panel.set_ylabel(series.y_label.replace("coordinate in frame 0", "position"))
         low, high = panel.get_ylim()
         panel.set_ylim(low, high + (0.5 if len(entries) > 3 else 0.3) * (high - low))  # room for the legend
         panel.legend(
@@ -94,19 +113,19 @@ def _entries(series: Series) -> list[str]:
     return labels if len(labels) <= LEGEND else sorted({series.legend.get(label, label) for label in labels})
 
 
-def _points(panel: Axes, series: Series, number: int) -> None:
+def _points(panel: Axes, series: Series, number: int, marker: str) -> None:
     """An engine's points; each engine at its own times, so that they do not cover each other."""
     for curve in curves(series):
         step = max(1, len(curve.x) // POINTS)
         chosen = np.arange(number * step // 2, len(curve.x), step)
-        panel.plot(curve.x[chosen], curve.y[chosen], MARKERS[number], **LOOK)
+        panel.plot(curve.x[chosen], curve.y[chosen], marker=marker, **LOOK)
 
 
 def caption(motion: Motion) -> str:
     """What the picture shows."""
-    who = [f"{name} ({word})" for name, word in zip(motion.engines, ("circles", "squares", "triangles"), strict=False)]
-    overlay = f" Points: {' and '.join(who)}, from the exported file with the same method and step." if who else ""
-    return f"Angles of the joints, and coordinates in frame 0. Lines: flexlink.{overlay}"
+    who = " and ".join(engine_name(name) for name in motion.engines)
+    overlay = f" Points: {who}, from the exported file, same method and step." if who else ""
+    return f"Angles of the joints, and positions in frame 0. Lines: flexlink.{overlay}"
 
 
 def data(motion: Motion) -> str:

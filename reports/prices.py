@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from flexlink.pages.style import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+from flexlink.pages.colours import ENGINES
 from reports.results import Results
 from validation.store import Row, Series
 
 KIND = "speed_trade"
 OURS = "flexlink"
 LOOKS = {
-    OURS: (BLUE, "o"), "MuJoCo": (PURPLE, "D"), "Pinocchio": (VERMILION, "s"), "solvers": (GREEN, "^"),
-    "Drake": (ORANGE, "v"), "Exudyn": (SKY, "P"),
+    (name if name == "solvers" else look.name): look for name, look in ENGINES.items() if name != "mpmath"
 }  # fmt: skip
-"""Contestant, as the rows and the methods' names call it → colour, marker."""
-DISPLAY_NAMES = {"solvers": "SciPy, CVODE"}
+"""Contestant, as the rows and the methods' names call it → its look."""
 AIMS = {"error": "tip", "deflection error": "deflection"}
 """What an error is of, as rows and series call it → in a word."""
 COST = "CPU time"

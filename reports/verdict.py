@@ -6,16 +6,19 @@ import dataclasses
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
+from flexlink.pages.colours import engine_name
 from flexlink.pages.numbers import amount, plural
 from flexlink.pages.verdict import State, Verdict
 from reports.chapters import Number, Wanted
+from reports.claims import CONFIRMED, judging, standing
 from reports.results import Results, used
 from reports.tables import share
 from validation.judgement import JudgedRow, correctness, speed
 from validation.store import Row
 
 PASS = "PASS"
-NAMES = {"pin": "Pinocchio", "mujoco": "MuJoCo", "mpmath": "mpmath"}  # package → what was compared with
+NAMES = {package: engine_name(package) for package in ("pin", "mujoco", "drake", "exudyn")}
+"""Package → engine that was compared with."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,6 +38,18 @@ class CaseVerdict:
     informing: int
     speed: str
     worst: Row | None  # the check of correctness that uses most of its limit
+    claims: tuple[str, ...] = ()  # of somebody's claims that it judges, what became of each
+
+    @property
+    def word(self) -> str:
+        """The state; of a case that judges claims what became of them, which its checks reproduce."""
+        return "; ".join(self.claims) if self.claims and self.state == "pass" else self.state
+
+    @property
+    def look(self) -> str:
+        """CSS class of the word: a claim that is refuted, or holds in part, is never green."""
+        doubted = self.claims and self.state == "pass" and set(self.claims) != {CONFIRMED.word}
+        return "doubt" if doubted else self.state.lower()
 
     @property
     def state(self) -> str:
@@ -62,17 +77,19 @@ def case_verdict(rows: Sequence[JudgedRow]) -> CaseVerdict:
     judged = [row for row in rows if row.passed is not None and not row.timed]
     worst = max(judged, key=lambda row: used(row) or 0.0, default=None)
     informing = sum(row.passed is None for row in rows)
-    return CaseVerdict(right.judged, len(right.failed), informing, fast.brief(), worst)
+    claims = tuple(dict.fromkeys(standing(row).word for row in judging(rows)))
+    return CaseVerdict(right.judged, len(right.failed), informing, fast.brief(), worst, claims)
 
 
 def compared(results: Results) -> str:
-    """What was compared with what, in a sentence."""
+    """What was compared with what, in sentences."""
     versions = results.environment.versions
     ours = f"flexlink {versions.get('flexlink', '')}".strip()
-    engines = [f"{NAMES[name]} {versions[name]}" for name in ("pin", "mujoco") if versions.get(name)]
-    exact = [f"50-digit arithmetic (mpmath {versions['mpmath']})"] if versions.get("mpmath") else []
+    engines = [f"{name} {versions[package]}" for package, name in NAMES.items() if versions.get(package)]
+    exact = ["50-digit arithmetic"] if versions.get("mpmath") else []
     others = ", ".join([*engines, *exact, "published and exact solutions of beams"])
-    return f"{ours} against {others}: {plural(len(results.cases), 'case')}, {plural(len(results.rows), 'number')}."
+    size = f"{plural(len(results.cases), 'case')}, {plural(len(results.rows), 'number')}"
+    return f"Compared: {ours} with {others}; {size}."
 
 
 def measured(results: Results) -> str:
@@ -153,7 +170,8 @@ def headlines(results: Results, wanted: Iterable[Wanted]) -> list[str]:
 
 
 def _sentence(want: Wanted, row: Row) -> str:
-    return want.text.format(value=amount(row.value, row.unit), quantity=row.quantity, where=row.where)
+    value = amount(want.times * (row.value or 0.0), want.unit or row.unit)
+    return want.text.format(value=value, quantity=row.quantity, where=row.where)
 
 
 def _remark(row: JudgedRow) -> str:

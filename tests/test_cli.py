@@ -17,7 +17,7 @@ from conftest import ROOT
 
 import flexlink as fl
 from flexlink.cli import simulate
-from flexlink.cli.main import _parser, main
+from flexlink.cli.main import build_parser, main
 from flexlink.cli.terminal import announced
 from flexlink.motion import simulate as single
 from flexlink.scene_report.parts import vibration
@@ -186,7 +186,7 @@ def test_help_of_a_command_says_what_it_does_shows_examples_and_takes_them(comma
     assert "--set PATH=VALUE" in text
     for line in examples.splitlines():
         assert line.startswith(f"  flexlink {command} ")
-        _parser().parse_args(shlex.split(line)[1:])
+        build_parser().parse_args(shlex.split(line)[1:])
 
 
 @pytest.mark.slow

@@ -195,8 +195,9 @@ def results(tmp_path):
 
 def test_every_claim_has_a_line_with_its_number_and_its_verdict(results):
     (found,) = paper_claims.find(Results.read(results))
-    assert found.lines[1] == ("claim 1", "1: max |Δ|", "holds for T1")
-    assert found.sentences[0] == "3 claims: 1 confirmed, 1 confirmed within limits, 1 not confirmed."
+    assert found.lines[1] == ("confirmed within limits", "“claim 1”", "for T1", "1: max |Δ|")
+    assert found.classes == ("pass", "doubt", "fail")
+    assert found.sentences[0] == "3 claims: 1 confirmed, 1 confirmed within limits, 1 refuted."
 
 
 def test_a_claim_that_two_cases_judge_stands_once_by_the_one_with_more_arms(tmp_path):
@@ -206,7 +207,17 @@ def test_a_claim_that_two_cases_judge_stands_once_by_the_one_with_more_arms(tmp_
         for arms in (18, 81)
     ]  # fmt: skip
     (found,) = paper_claims.find(Results.read(stored(tmp_path / "results", *rows)))
-    assert [(line[0], line[2]) for line in found.lines] == [("RK4 is enough", "holds on 81")]
+    assert [(line[1], line[2]) for line in found.lines] == [("“RK4 is enough”", "on 81")]
+
+
+@pytest.mark.parametrize(("note", "word", "look"), [
+    ("holds", "confirmed", "pass"), ("holds for T1; not for T3", "confirmed within limits", "doubt"),
+    ("does not hold", "refuted", "doubt"),
+])  # fmt: skip
+def test_a_case_whose_checks_pass_is_not_green_where_they_refute_the_claim(tmp_path, note, word, look):
+    claim = row(kind="paper_types", quantity="claim", note=note, tolerance=None)
+    page = words_from(stored(tmp_path / "results", row(kind="paper_types"), claim), tmp_path)
+    assert f'<details class="case {look}"><summary><span class="state">{word}</span>' in page
 
 
 @pytest.mark.slow

@@ -87,7 +87,8 @@ def test_good_findings_do_not_stand_under_failing_checks(tmp_path: Path) -> None
 
 
 def test_a_number_that_is_praised_says_where_it_fails_its_limit(tmp_path: Path) -> None:
-    page = words_of(tmp_path, row("broken", value=3e-9, quantity="M"))
+    fall = row("fall", kind="trajectory", quantity="max |Δq|", unit="rad", value=3e-9)
+    page = words_of(tmp_path, row("broken", value=3e-9, quantity="M"), fall)
     space = "\N{NO-BREAK SPACE}"
     said = (
         f"3{space}×{space}10⁻⁹ × the rounding bound: largest difference of the mass matrix from Pinocchio and MuJoCo "

@@ -222,7 +222,7 @@ def test_the_report_draws_cost_against_n_and_tells_the_times(tmp_path: Path) -> 
     store.finish("speed_calls", Finished("key", datetime.datetime.now(datetime.UTC), "", None))
     results = Results.read(tmp_path)
     [picture] = speed_cost.draw(results)
-    assert [axes.get_title(loc="left") for axes in picture.figure.axes] == ["T1: ours ∝ $n^{1}$"]
+    assert [axes.get_title(loc="left") for axes in picture.figure.axes] == ["T1: flexlink ∝ $n^{1}$"]
     [finding] = speed_times.find(results)
     assert finding.heads == ("chain", "n", "native [µs]", "mujoco [µs]")
     assert finding.lines[0] == ("T1", 10.0, pytest.approx(0.1), pytest.approx(1.0))

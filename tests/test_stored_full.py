@@ -122,9 +122,16 @@ def test_what_was_measured_with_is_stored_and_the_readme_says_what_changed(tmp_p
     folder = full.save(results, tmp_path / "latest", tmp_path / "full").parent
     assert stored_full.read_sources(folder) == now
     text = (folder / "README.md").read_text(encoding="utf-8")
-    assert text.startswith("# The full study: PASS\n\n- Correctness: **PASS**. 1 of 1 check")
+    first = text.partition("\n## ")[0]
+    words = (
+        "# Validation of flexlink",
+        "Dynamic Simulation of Nonrigid",
+        "Compared: flexlink with",
+        "**PASS**. 1 of 1",
+    )
+    assert all(word in first for word in words)
     assert "measured at commit 0123456789ab; 1 file that may affect the results changed since" in text
-    assert "- flexlink/kernels/bodies/rne.py\n" in text
+    assert "<details><summary>Files changed since: 1</summary>\n\nflexlink/kernels/bodies/rne.py\n" in text
 
 
 def test_limits_given_up_stand_in_the_readme_with_their_reasons(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import re
 from pathlib import Path
 
@@ -23,22 +24,25 @@ ROOT = Path(__file__).parent.parent
 
 def test_the_first_screen_says_what_was_compared_when_and_on_what(tmp_path: Path) -> None:
     said = first_screen(words_of(tmp_path, row()))
-    versions = "flexlink 0.1.0 against Pinocchio 4.1.0, MuJoCo 4.0.0"
+    paper = "Dynamic Simulation of Nonrigid Link Manipulators (Nonlinear Dynamics, Chaos, Control"
+    versions = "Compared: flexlink 0.1.0 with Pinocchio 4.1.0, MuJoCo 4.0.0, published and exact solutions of beams"
     machine = "A processor · 2 cores · Linux x86_64 · Python 3.11.7 · numpy 2.4"
     verdicts = ("Correctness: PASS 1 of 1 check pass (1 case)", "Speed: not measured")
-    for words in (versions, "2026-07-01, 10:30 to 10:30 UTC", machine, "commit 0123456789ab", *verdicts):
+    for words in (paper, versions, "2026-07-01, 10:30 to 10:30 UTC", machine, "commit 0123456789ab", *verdicts):
         assert words in said
 
 
 @pytest.mark.slow
 def test_the_three_numbers_and_one_figure_stand_on_the_first_screen(tmp_path: Path) -> None:
-    calls = [timed(v, unit="1", passed=True, engine="pinocchio", quantity=f"T1 forward dynamics: pinocchio / {o}")
-             for v, o in ((11.0, "native"), (0.7, "public"))]  # fmt: skip
+    fast = timed(81.0, kind="speed", unit="1", passed=True, engine="native", quantity="real-time factor")
+    slow = dataclasses.replace(fast, value=16.0)
     motion = row("fall", kind="trajectory", quantity="max |Δq|", unit="rad", value=4.5e-14)
-    results = stored(tmp_path / "results", row(), motion, *calls, conditions=QUIET)
+    where = {"kind": "motion_benchmark", "scene": "torque_pulse", "unit": "m"}
+    beam = row("pulse", quantity="tip error", value=6.2e-4, tolerance=1e-3, **where)
+    results = stored(tmp_path / "results", row(), motion, beam, slow, fast, conditions=QUIET)
     page = page_from(results, tmp_path)
     values = re.findall(r'<p class="value">(.*?)</p>', page)
-    assert [re.sub(r"<[^>]*>|\s", "", value) for value in values] == ["10⁻¹⁵", "4.5×10⁻¹⁴rad", "11×;0.7×"]
+    assert [re.sub(r"<[^>]*>|\s", "", value) for value in values] == ["4.5×10⁻¹⁴rad", "0.62mm", "81×realtime"]
     assert page.index('id="figure-overview"') < page.index('<section id="agreement"')
 
 

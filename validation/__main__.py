@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.output import write_text
 from flexlink.common.progress import Progress
 from validation.case import ALL, CASES, MODELS, Case, load_cases
 from validation.judgement import correctness, judged_rows, speed
@@ -35,6 +36,7 @@ EXAMPLES = """examples:
   python -m validation --force --no-report  measure again, keep the old report
   python -m validation other_solvers_long   one of those that take minutes, and run only when they are named
   python -m validation --full               all of it, an hour; stopped and started again, it goes on where it was
+  python -m validation --same reports/full  are the stored numbers the published ones? measures nothing
   python -m validation --list               what there is
 """
 
@@ -47,6 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _demand_checkout()
         if options.full and options.cases:
             raise ArgumentError(f"--full {options.cases[0]}: --full means all cases; leave one of both away")
+        if options.same:
+            return _same(console, options.results, options.same)
         cases = load_cases(*(options.cases or (ALL if options.list or options.full else ())))
         if options.list:
             _print_cases(console, cases)
@@ -83,8 +87,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m validation",
         description="Prove the library: identities, other engines, 50-digit arithmetic, convergence, speed. "
-        "Runs in a checkout of the project. Exit code: 0 all is right, 1 a check of correctness fails, 2 an error; "
-        "speed has a verdict of its own, which depends on the machine.",
+        "Runs in a checkout of the project. Exit code: 0 all is right, 1 a check of correctness fails (with --same: a "
+        "number differs), 2 an error; speed has a verdict of its own, which depends on the machine.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -97,6 +101,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--force", action="store_true", help="measure again what is stored")
     parser.add_argument("--list", action="store_true", help="list all cases and stop")
+    parser.add_argument(
+        "--same",
+        type=Path,
+        metavar="DIR",
+        help="measure nothing, and say whether the stored numbers are those of DIR, such as reports/full: equal to the "
+        "bit, within rounding, different (exit code 1)",
+    )
     parser.add_argument("--no-report", action="store_true", help="do not write the report")
     parser.add_argument(
         "--results", type=Path, default=HERE / "results", metavar="DIR", help="store of the results (%(default)s)"
@@ -137,6 +148,23 @@ def _report(results: Path, full: bool) -> Path | None:
     module, make = ("reports.full", "save") if full else ("reports.build", "build")
     page: Path = getattr(importlib.import_module(module), make)(results, REPORT)
     return page
+
+
+def _same(console: Console, results: Path, folder: Path) -> int:
+    """Compare the stored numbers with published ones; 0 if they are the same, 1 if not."""
+    same = importlib.import_module("reports.same")
+    found = same.compare(importlib.import_module("reports.results").Results.read(results), folder)
+    if not found.pairs:
+        raise FlexlinkError(f"{results} and {folder}: no number in common; run python -m validation first")
+    for line in same.differences(found):
+        console.print(f"[red]DIFFERENT[/red] {escape(line)}", highlight=False, soft_wrap=True)
+    for sentence in reversed(found.sentences()):
+        console.print(escape(sentence), highlight=False, soft_wrap=True)
+    table = found.table()
+    REPORT.mkdir(parents=True, exist_ok=True)
+    write_text(REPORT / f"{table.name}.csv", table.csv)
+    console.print(f"case by case: {REPORT / table.name}.csv", soft_wrap=True)
+    return 0 if found.same else 1
 
 
 def _print_cases(console: Console, cases: Sequence[Case]) -> None:

@@ -65,6 +65,13 @@ def advise(
         travel, or of a deflection, that is zero.
     InterruptedRunError
         Ctrl-C or SIGTERM.
+
+    Examples
+    --------
+    >>> found = fl.advise(scene, tip="5 mm")
+    >>> print(found.met, found.error < 5e-3, fl.lump(found.scene).n < 10)
+    True True True
+    >>> small = fl.simulate(found.scene)
     """
     scene = checked_scene(require_type("scene", scene, Scene))
     goal = goal_of(tip, deflection=require_bool("deflection", deflection), band=band, run=scene.run)

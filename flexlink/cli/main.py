@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # q̈ on a terminal that cannot show it
-    options = _parser().parse_args(arguments)
+    options = build_parser().parse_args(arguments)
     try:
         with announced(), np.errstate(all="ignore"):  # numbers beyond float64 are refused where they arise
             code: int = options.module.run_command(options)
@@ -64,7 +64,8 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
-def _parser() -> argparse.ArgumentParser:
+def build_parser() -> argparse.ArgumentParser:
+    """The whole command line: one command a module."""
     modules = info, simulate, advise, modes, show, export, compare, report, import_robot, robots, sweep
     texts = {name: (module, text, examples) for module in modules for name, text, examples in [_help_of(module)]}
     parser = _Parser(

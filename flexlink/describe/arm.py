@@ -25,7 +25,14 @@ AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 
 
 class Material(Spec, frozen=True):
-    """Isotropic, linear elastic, with Kelvin-Voigt loss: stress = E (strain + loss_time · strain rate)."""
+    """Isotropic, linear elastic, with Kelvin-Voigt loss: stress = E (strain + loss_time · strain rate).
+
+    Examples
+    --------
+    >>> steel = fl.Material(young=210e9, density=7850.0, poisson=0.3)  # Pa, kg/m³
+    >>> print(f"{scene.varied({'material.aluminium': steel}).arm.materials['aluminium'].young:.2g} Pa")
+    2.1e+11 Pa
+    """
 
     young: Positive
     """Young's modulus E [Pa]: steel 210e9, aluminium 70e9."""
@@ -47,6 +54,12 @@ class Section(Spec, frozen=True):
 
     rectangle: height (along local y), width (along z); circle: diameter; tube: outer, inner (diameters);
     box: height, width, wall; general: area, i_y = ∫ z² dA, i_z = ∫ y² dA, torsion (St Venant's constant J).
+
+    Examples
+    --------
+    >>> tube = fl.Section(shape="tube", outer=0.06, inner=0.05)  # m
+    >>> plate = fl.Section(shape="rectangle", height=0.005, width=0.03)
+    >>> measured = fl.Section(shape="general", area=3e-4, i_y=4e-8, i_z=4e-8, torsion=8e-8)  # m², m⁴
     """
 
     shape: Literal["rectangle", "circle", "tube", "box", "general"]
@@ -116,6 +129,14 @@ class Damping(Spec, frozen=True):
     It is Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), the same in every hinge, under which the ratio of a
     mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable step of
     explicit methods: `flexlink info` says by how much.
+
+    Examples
+    --------
+    >>> welded = fl.Damping(ratio=0.01, at_hz=4.2)  # 1 % of critical at 4.2 Hz
+    >>> damped = fl.lump(scene.varied({"link.*.damping": welded}))
+    >>> found = fl.modes(damped, q, locked=damped.active)
+    >>> print(found.hertz[:2].round(2), found.damping_ratios[:2].round(4))  # in proportion to the frequency
+    [ 5.7  26.87] [0.0135 0.064 ]
     """
 
     ratio: NonNegative
@@ -134,6 +155,13 @@ class Friction(Spec, frozen=True):
 
     A link that bends by an angle loses coulomb times this
     angle, however many hinges share it.
+
+    Examples
+    --------
+    >>> rubbing = scene.varied({"link.upper.friction": fl.Friction(coulomb=0.5)})  # N m in each hinge
+    >>> rates = np.ones(chain.n)  # rad/s
+    >>> print((fl.friction_torque(fl.lump(rubbing), rates) - fl.friction_torque(chain, rates)).round(2))
+    [0.  0.5 0.5 0.  0.  0. ]
     """
 
     coulomb: NonNegative
@@ -149,6 +177,13 @@ class Link(Spec, frozen=True):
     Its section's z points to `up`, by default to the joint's axis (`line_of` says more). The link ends where the beam
     does, with the axes of its own frame: there hang `end` and the next link's mount.
     A link that bends has segments − 1 hinges, where `lumping` puts them.
+
+    Examples
+    --------
+    >>> stiff = fl.Link(name="base", hub=fl.RigidBody(mass=3.0))
+    >>> link = fl.Link(name="boom", length=3.0, flex="yz", segments=5, material="steel", section="pipe")
+    >>> print(stiff.flex, link.flex, link.lumping)
+    rigid yz gauss
     """
 
     name: str
@@ -250,7 +285,19 @@ def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | Non
 
 
 class Arm(Spec, frozen=True):
-    """Serial arm: links from the base outward, with the materials and sections they name."""
+    """Serial arm: links from the base outward, with the materials and sections they name.
+
+    Examples
+    --------
+    >>> arm = fl.Arm(
+    ...     links=(fl.Link(name="boom", length=3.0, flex="z", segments=5, material="steel", section="pipe"),),
+    ...     materials={"steel": fl.Material(young=210e9, density=7850.0)},
+    ...     sections={"pipe": fl.Section(shape="tube", outer=0.06, inner=0.05)},
+    ...     tip=fl.RigidBody(mass=5.0),
+    ... )
+    >>> print(arm)
+    <Arm: 'boom' (z)>
+    """
 
     links: Annotated[tuple[Link, ...], msgspec.Meta(min_length=1)] = msgspec.field(name="link")
     """The links, from the base outward."""

@@ -51,6 +51,13 @@ class InitialState(Spec, frozen=True):
     `q` [rad] and `qd` [rad/s], one number per joint of the chain in sequential order, take the place of all that, as
     `time` [s] does of t = 0: the state from which another run is continued. Beside `q`, `joint_deg` is where the locked
     joints stay, and may be left out: zero in a scene.
+
+    Examples
+    --------
+    >>> slack = fl.InitialState(joint_deg=(30.0, -60.0))
+    >>> sagged = fl.InitialState(joint_deg=(30.0, -60.0), passive="static")  # bent by gravity
+    >>> print(slack.passive)
+    zero
     """
 
     joint_deg: PerLink = ()
@@ -91,6 +98,12 @@ class Drive(Spec, frozen=True):
     [1/s², 1/s].
     `effort`: the largest torque of each drive [N m], beyond which it stays there; also of laws in Python.
     With `rate` [Hz] the law is asked at instants t = k / rate, and what it gives is held in between.
+
+    Examples
+    --------
+    >>> pd = fl.Drive(kind="pd", kp=(2e4, 1e4), kd=(600.0, 250.0), gravity="static", target_deg=(40.0, -60.0))
+    >>> constant = fl.Drive(kind="constant", torque=(30.0, 10.0))  # N m, one number a link
+    >>> held = scene.varied({"drive": pd})
     """
 
     kind: Literal["none", "constant", "table", "pd", "computed_torque"] = "none"
@@ -145,6 +158,16 @@ class PrescribedMotion(Spec, frozen=True):
 
     Angle [deg], rate [deg/s] and acceleration [deg/s²] at `times` [s], which start at 0; quintic polynomials in
     between, then on at the last rate.
+
+    Examples
+    --------
+    >>> turn = fl.PrescribedMotion(
+    ...     link="upper", times=(0.0, 1.0), angle_deg=(30.0, 90.0), rate_deg=(0, 0),
+    ...     acceleration_deg=(0, 0),
+    ... )
+    >>> moved = scene.varied({"motion": (turn,), "drive": fl.Drive(), "run.duration": 0.2})
+    >>> print(fl.simulate(moved).tau[-1, 0] != 0.0)  # N m that the motion takes
+    True
     """
 
     link: str | int
@@ -175,6 +198,13 @@ class Wrench(Spec, frozen=True):
 
     Their components are in axes of frame = "world", frame 0, or "tip", with which they turn. They are constant, `force`
     and `moment`, or a table: `forces`, `moments` or both, one row per time [s], held outside, in between as a drive's.
+
+    Examples
+    --------
+    >>> hook = fl.Wrench(force=(0.0, -20.0, 0.0))  # N, frame 0
+    >>> follower = fl.Wrench(force=(0.0, -20.0, 0.0), frame="tip")  # turns with the tip
+    >>> print(scene.varied({"wrench": hook}).tip_wrench)
+    [  0. -20.   0.   0.   0.   0.]
     """
 
     force: Vector3 = (0.0, 0.0, 0.0)
@@ -238,6 +268,13 @@ class RunSettings(Spec, frozen=True):
     stiffest arms has taken, and half a minute of ten joints. One that would take more tells where it hangs, then stops.
 
     `unstable` = "allow" insists on a step beyond the largest stable one, and on a run whose energy does not balance.
+
+    Examples
+    --------
+    >>> by_step = fl.RunSettings(method="RK4", step=1e-4, duration=2.0, sample=0.01)  # s
+    >>> by_error = fl.RunSettings(method="auto", tolerance=1e-4, duration=2.0)  # m
+    >>> print(fl.simulate(scene.varied({"run": by_error})).steps.method)
+    Radau5
     """
 
     method: str = ""

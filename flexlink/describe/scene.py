@@ -49,7 +49,16 @@ from flexlink.describe.writing import toml_of, without_defaults
 
 
 class Scene(Spec, frozen=True):
-    """One arm in one situation, as plain data: `lump` cuts it, `simulate` runs it; `gravity` [m/s²] in frame 0."""
+    """One arm in one situation, as plain data: `lump` cuts it, `simulate` runs it; `gravity` [m/s²] in frame 0.
+
+    Examples
+    --------
+    >>> start = fl.InitialState(joint_deg=(30.0, -60.0))
+    >>> falling = fl.Scene(name="two_links", arm=arm, gravity=(0.0, -9.81, 0.0), initial=start)
+    >>> heavier = falling.varied({"tip.mass": 5.0, "link.*.segments": 5})
+    >>> print(heavier.arm.tip.mass, fl.lump(heavier).n)
+    5.0 10
+    """
 
     name: str
     """Name of the scene; files written from it are called so."""
@@ -135,6 +144,11 @@ class Scene(Spec, frozen=True):
             matplotlib is not installed.
         SceneError, ConvergenceError
             As in `initial_state`.
+
+        Examples
+        --------
+        >>> picture = scene.plot()
+        >>> picture.savefig("two_links.png")
         """
         return drawing_module("scene_report.arm_picture").plot_scene(self)
 
@@ -288,7 +302,7 @@ class Scene(Spec, frozen=True):
         --------
         >>> fine = scene.varied({"link.*.segments": 9, "link.*.lumping": "gauss", "run.step": 1e-5})
         >>> soft = scene.varied({"material.aluminium.young": 35e9, "initial.joint_deg.upper": -45.0})
-        >>> free = scene.varied({"motion": (), "drive": Drive(kind="constant", torque=(0.0, 5.0, 0.0))})
+        >>> driven = scene.varied({"drive": fl.Drive(kind="constant", torque=(30.0, 5.0))})
         """
         if not isinstance(changes, Mapping) or not changes or not all(map(_of_run, changes.items())):
             return self._varied(changes)
@@ -318,11 +332,22 @@ class Scene(Spec, frozen=True):
         ------
         SceneError
             The path leads nowhere.
+
+        Examples
+        --------
+        >>> print(scene.values_at("tip.mass"), scene.values_at("link.*.segments"))
+        [4.0] [3, 3]
         """
         return values_at(self.document(), FIELDS, path)
 
     def to_toml(self) -> str:
-        """This scene as a TOML document that `load_scene` reads back equal; defaults are left out, but for gravity."""
+        """This scene as a TOML document that `load_scene` reads back equal; defaults are left out, but for gravity.
+
+        Examples
+        --------
+        >>> print(scene.to_toml().splitlines()[0])
+        name    = "two_links"
+        """
         document: dict[str, Any] = without_defaults(self, always=frozenset({"gravity"}))
         document |= document.pop("arm")
         order = (
@@ -340,6 +365,11 @@ class Scene(Spec, frozen=True):
             `path` is no path.
         OutputError
             It cannot be written.
+
+        Examples
+        --------
+        >>> print(fl.load_scene(scene.save("two_links.toml")) == scene)
+        True
         """
         path = data_files.require_path("path", path)
         write_text(path, self.to_toml())
@@ -379,6 +409,12 @@ def load_scene(path: str | Path) -> Scene:
         The message names the file, the key path, the value and what is allowed.
     DataFileError
         The file of a rule or method that the scene names is not valid.
+
+    Examples
+    --------
+    >>> scene = fl.load_scene("models/three_links.toml")
+    >>> print(scene.name, scene.run.duration)
+    three_links 8.0
     """
     path = data_files.require_path("path", path)
     raw = data_files.read_toml(path)

@@ -42,7 +42,7 @@ def load_file(path: Path, n: int, engine: str | None = None, *, here: bool = Fal
     format = _format(path, n)
     name = engine or READERS[format][0]
     require_one_of(f"engine for {format.upper()}", name, dict.fromkeys(READERS[format]))
-    file = ForeignFile(path, format)
+    file = ForeignFile(path.absolute(), format)  # a child process may have been started in another folder
     try:
         loaded = cast(FileEngine, load_here(name, file)) if here else IsolatedEngine(name, file)
         loaded.read_back().require_sound()

@@ -18,6 +18,7 @@ from flexlink.chain.arguments import positive, require_each, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError, MissingDependencyError
+from flexlink.common.notebook import html_lines
 from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
@@ -75,6 +76,9 @@ class TrajectoryComparison:
     def passed(self) -> bool:
         """Whether every run agrees with ours."""
         return all(row.passed for row in self.rows)
+
+    def _repr_html_(self) -> str:
+        return html_lines(str(self))
 
     def __str__(self) -> str:
         lines = [f"{self.scene}: {self.steps}; largest differences from flexlink"]
@@ -136,6 +140,12 @@ def compare_trajectories(
         One of `engines` is not installed (by default: none is).
     DivergenceError, UnstableStepError
         As in `simulate`, for our own run.
+
+    Examples
+    --------
+    >>> found = fl.compare_trajectories(scene, engines=["mujoco"], duration=0.05)
+    >>> print(found.passed)
+    True
     """
     require_type("scene", scene, Scene)
     if duration is not None:

@@ -77,6 +77,13 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
         wrench whose derivative is not known.
     SceneError, UnstableStepError, DivergenceError, InterruptedRunError
         As in `simulate`; a DivergenceError, too, where a derivative leaves the finite numbers.
+
+    Examples
+    --------
+    >>> falling = scene.varied({"drive": fl.Drive(), "run.duration": 0.2})
+    >>> slopes = fl.sensitivities(falling, ["tip.mass", "material.aluminium.young"])
+    >>> print((1e3 * slopes.tip[-1, 1, 0]).round(2))  # mm of the tip's height per kg
+    -0.97
     """
     problem = problem_of(require_type("scene", scene, Scene))
     run, chain = problem.run, problem.chain

@@ -56,10 +56,13 @@ class Simulator:
 
     Examples
     --------
-    >>> arm = Simulator(scene)
-    >>> while arm.time < 2.0:
+    >>> arm = fl.Simulator(scene)
+    >>> while arm.time < 0.05:
     ...     t, q, qd = arm.state
-    ...     arm.step(-50.0 * q[arm.chain.active] - 5.0 * qd[arm.chain.active], duration=1e-3)
+    ...     torque = fl.gravity_torque(arm.chain, q)[arm.chain.active] - 50.0 * qd[arm.chain.active]
+    ...     after = arm.step(torque, duration=1e-3)
+    >>> print(round(arm.time, 3), fl.tip_position(arm.chain, arm.state.q)[:2].round(3))
+    0.05 [1.558 0.092]
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -84,6 +87,13 @@ class Simulator:
             A state of the wrong shape, or that is not finite; a time that is no multiple of a fixed step.
         UnstableStepError
             The step is larger than the largest stable one there.
+
+        Examples
+        --------
+        >>> arm = fl.Simulator(scene)
+        >>> after = arm.step([30.0, 10.0], duration=0.01)
+        >>> print(arm.reset().t)
+        0.0
         """
         scene = started_from(self._scene, q, qd, time)
         monitor = prepare(problem_of(scene, self.chain), rows=1)
@@ -128,6 +138,13 @@ class Simulator:
         DivergenceError
             The state left the finite numbers, no step keeps the tolerance, or the energy does not balance; the
             simulator stays where it was before this call.
+
+        Examples
+        --------
+        >>> arm = fl.Simulator(scene)
+        >>> after = arm.step([30.0, 10.0], duration=0.01)  # N m of the driven joints, held for 0.01 s
+        >>> print(after.t, after.q.shape)
+        0.01 (6,)
         """
         inputs, end, steps = self._driven, self._later(self._run.spacing if duration is None else duration), self._steps
         if tau is not None:

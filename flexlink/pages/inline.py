@@ -10,7 +10,7 @@ import html
 import re
 from itertools import groupby
 
-from flexlink.pages.style import BLUE, INK, PAPER
+from flexlink.pages.colours import BLUE, INK, PAPER
 
 USE = re.compile(r'(<use href="[^"]*"(?: [xy]="[^"]*")*)( style="[^"]*")?/>')
 

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from flexlink.pages.colours import GREY, INK, PAPER
 from flexlink.pages.numbers import number
 
-WIDTH = 4.4  # in; on a 360 px screen the page shows this at 3/4, so that 11.5 pt reads as 9 pt
-INK, PAPER = "#1c2024", "#fefefe"  # text and ground of the files; the page replaces both by its own
-
-# Okabe and Ito's palette (2008), which stays apart for the common kinds of colour blindness
-BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
-GREY = "#8a8f94"
-CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
+WIDTH = 5.2  # in; half a page's column of 66 rem shows 11.5 pt as the text beside it, a phone of 390 px as 11 px
 NAMED_CURVES = 6  # of a panel; more do not fit into its legend
-MARKERS = ("o", "s", "^", "D", "v", "P")
 
 RC: dict[str, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture on every machine
@@ -62,20 +58,35 @@ def stacked_axes(rows: int, height: float, share: bool = True) -> tuple[Figure, 
     return figure, list(axes[:, 0])
 
 
+def _steps(low: float, high: float) -> tuple[float, ...]:
+    """Where in a decade ticks stand: 1, 2 and 5 if the axis spans little, 1 and 3 if it has but one power of ten."""
+    if high < 40.0 * low:
+        return (1.0, 2.0, 5.0)
+    powers = math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1 if low > 0.0 else 2
+    return (1.0,) if powers > 1 else (1.0, 3.0)
+
+
+def tidy_linear(axes: Axes) -> None:
+    """On linear axes of very small or large numbers, each tick with its power of ten instead of one in a corner."""
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_scale() == "linear" and not 1e-3 <= max(map(abs, axis.get_view_interval())) < 1e4:
+            axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+
+
 def tidy_logs(axes: Axes) -> None:
     """On log axes, ticks at 1, 2 and 5 where they span little, else at powers of ten only: never on each other."""
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
             low, high = axis.get_view_interval()
-            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 40.0 * low else (1.0,)))
+            axis.set_major_locator(LogLocator(subs=_steps(low, high)))
             axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
             axis.set_minor_formatter(NullFormatter())
 
 
-def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
+def legend_above(figure: Figure, axes: Axes, columns: int) -> Legend:
     """One legend over all panels, where it hides no curve."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(
+    return figure.legend(
         handles, labels, loc="outside upper left", ncols=columns, frameon=False, columnspacing=1.0, handletextpad=0.5
     )
 
@@ -85,7 +96,7 @@ def legend_over(axes: Axes, *, figure: Figure | None = None) -> None:
     handles, labels = axes.get_legend_handles_labels()
     if not labels:
         return
-    letters = 56 if figure is not None else 45  # that fit into the width of a figure, and of a panel beside its axis
+    letters = 67 if figure is not None else 55  # that fit into the width of a figure, and of a panel beside its axis
     handle = 5  # letters that the sample of a line takes
     columns = max(1, min(int(letters / (max(map(len, labels)) + handle)), len(labels)))
     look: dict[str, Any] = {

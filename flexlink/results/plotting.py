@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexlink.pages.colours import CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.notebook_figure import NotebookFigure as Figure
 from flexlink.results.pictures.view import view_of_motion
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from flexlink.results.samples import RunSamples
 
 LEGEND_ENTRIES = 8  # more do not fit beside a panel
+COLOURS = (*CYCLE, GREY, INK)  # of the curves that a legend names, each its own
 
 
 def plot_trajectory(run: RunSamples) -> Figure:
@@ -29,6 +31,7 @@ def plot_trajectory(run: RunSamples) -> Figure:
     axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False).ravel()
     figure.suptitle(run.chain.name)
     for draw, panel in zip(shown, axes, strict=True):
+        panel.set_prop_cycle(color=COLOURS)
         draw(panel, run)
         panel.grid(alpha=0.3)
         panel.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
@@ -57,19 +60,19 @@ def exchanged_energy(panel: Axes, run: RunSamples) -> None:
     """Kinetic and gravity energy and the sum of all, since the start: the zero of gravity energy says nothing."""
     for name, values in (("kinetic", run.energy.kinetic), ("gravity", run.energy.gravity)):
         panel.plot(run.t, _since_start(values), label=name)
-    panel.plot(run.t, _since_start(run.energy.total), label="total", color="black", linestyle="--")
+    panel.plot(run.t, _since_start(run.energy.total), label="total", color=INK, linestyle="--")
     panel.set_ylabel("energy since\nthe start [J]")
 
 
 def elastic_energy(panel: Axes, run: RunSamples) -> None:
     """Energy of the springs, often thousands of times smaller than what falls and swings."""
-    panel.plot(run.t, np.asarray(run.energy.elastic), label="elastic", color="tab:green")
+    panel.plot(run.t, np.asarray(run.energy.elastic), label="elastic", color=GREEN)
     panel.set_ylabel("elastic\nenergy [J]")
 
 
 def imbalance(panel: Axes, run: RunSamples) -> None:
     """What the discretisation has done to the energy."""
-    panel.plot(run.t, run.imbalance, label="E − E(0) − W", color="tab:red")
+    panel.plot(run.t, run.imbalance, label="E − E(0) − W", color=VERMILION)
     panel.set_ylabel("power\nbalance [J]")
     panel.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
 

@@ -28,9 +28,9 @@ class KnownArm(Spec, frozen=True):
     tip: str | None = None
     """Link at which the arm ends. Default: the end of the only arm."""
     posture: dict[str, float] = msgspec.field(default_factory=dict)
-    """Where joints are, by name [rad, m]."""
+    """Where joints are, by name [rad]; slides [m]."""
     locked: dict[str, float] = msgspec.field(default_factory=dict)
-    """Joints of the path that stay where they are, by name [rad, m]."""
+    """Joints of the path that stay where they are, by name [rad]; slides [m]."""
     flexible: dict[str, FlexibleLink] = msgspec.field(default_factory=dict)
     """Links that bend, by name."""
 

@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.pages.style import BLUE, GREY, INK, VERMILION, WIDTH
+from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
+from flexlink.pages.style import WIDTH
 from flexlink.results.notebook_figure import NotebookFigure as Figure
 from flexlink.results.pictures.view import View
 

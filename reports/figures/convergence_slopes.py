@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexlink.pages.colours import CYCLE, MARKERS
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, MARKERS, legend_above, stacked_axes
+from flexlink.pages.style import legend_above, stacked_axes
 from reports.curves import curves, put_labels
 from reports.results import Results
 from reports.tables import series_csv
@@ -25,6 +26,6 @@ def draw(results: Results) -> Iterator[Picture]:
                 label = f"{curve.label}, slope {number(slopes.get(curve.label))}"
                 axes.plot(curve.x, curve.y, MARKERS[place] + "-", color=CYCLE[place], label=label)
             put_labels(axes, series)
-            legend_above(figure, axes, 1)
+            legend_above(figure, axes, 2)
             words = f"{series.title}; slopes by least squares."
             yield Picture(f"{case}.{series.name}", rows[0].title, figure, words, series_csv(series))

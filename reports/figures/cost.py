@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from statistics import median
 
+from flexlink.pages.colours import CYCLE
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, stacked_axes
+from flexlink.pages.style import stacked_axes
 from reports.results import Results
 from reports.tables import rows_csv
 

@@ -1,30 +1,37 @@
-"""Where the energy goes: each part's change since the start."""
+"""Where the energy goes: each part's change since the start; that of the springs on a scale of its own."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexlink.pages.colours import BLUE, GREEN, INK, VERMILION
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, INK, legend_above, stacked_axes
+from flexlink.pages.style import legend_above, stacked_axes, tidy_linear
 from reports.curves import curves
 from reports.results import Results
 from reports.tables import series_csv
 
 SECTION = "trajectory"
 TAKES = ("energy",)
+LOOKS = {"kinetic": (BLUE, "-"), "gravity": (VERMILION, "-"), "elastic": (GREEN, "-"), "total": (INK, "--")}
+OWN_SCALE = "elastic"  # often thousands of times smaller than what falls and swings
 
 
 def draw(results: Results) -> Iterator[Picture]:
     """One picture a scene of which a case stored the motion."""
     for case, series in results.showing(*TAKES):
         if not series.engine:
-            figure, (axes,) = stacked_axes(1, 3.0)
-            for place, curve in enumerate(curves(series)):
-                total = curve.label == "total"
-                colour, line = (INK, "--") if total else (CYCLE[place % len(CYCLE)], "-")
-                axes.plot(curve.x, curve.y - curve.y[0], color=colour, linestyle=line, label=curve.label)
-            axes.set(xlabel=series.x_label, ylabel="change of energy [J]")
-            legend_above(figure, axes, 2)
+            figure, (upper, lower) = stacked_axes(2, 2.1)
+            for curve in curves(series):
+                colour, line = LOOKS[curve.label]
+                panel = lower if curve.label == OWN_SCALE else upper
+                panel.plot(curve.x, curve.y - curve.y[0], color=colour, linestyle=line, label=curve.label)
+            upper.set_ylabel("change [J]")
+            lower.set(xlabel=series.x_label, ylabel="elastic, change [J]")
+            tidy_linear(lower)
+            legend_above(figure, upper, 3)
             title = f"{series.scene}: where the energy goes"
-            words = "Change of each energy since the start."
-            yield Picture(f"{case}.{series.name}", title, figure, words, series_csv(series))
+            yield Picture(f"{case}.{series.name}", title, figure, CAPTION, series_csv(series))
+
+
+CAPTION = "Change of each energy since the start. Below: energy of the springs, on its own scale."

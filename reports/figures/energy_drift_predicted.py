@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexlink.pages.colours import CYCLE, MARKERS
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, MARKERS, legend_above, stacked_axes
+from flexlink.pages.style import legend_above, stacked_axes
 from reports.curves import curves, put_labels
 from reports.results import Results
 from reports.tables import series_csv

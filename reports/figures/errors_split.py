@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexlink.pages.colours import BLUE, GREEN, GREY, INK, ORANGE, VERMILION
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, WIDTH, legend_above, tidy_logs
+from flexlink.pages.style import WIDTH, legend_above, tidy_logs
 from reports.curves import floats
 from reports.results import Results
 from reports.tables import series_csv
@@ -21,8 +22,8 @@ LOOKS = {
     "total": (INK, "|"),
 }  # fmt: skip
 CAPTION = (
-    "Largest tip error and its parts: type of the links (model), number of hinges (space), time steps (time), "
-    "rounding. Improve the rightmost part first. Parts that are exactly zero are not drawn."
+    "Largest tip error and its parts: type of the links (model), hinges (space), steps (time), rounding. The rightmost "
+    "part is worth improving first."
 )
 LINE = 0.5  # in, a run
 

@@ -7,27 +7,27 @@ from typing import Any
 
 import numpy as np
 from matplotlib.colors import ListedColormap
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
+from flexlink.pages.colours import ENGINES as ENGINE_LOOKS
+from flexlink.pages.colours import GREY
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import BLUE, GREY, ORANGE, VERMILION, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
 from flexlink.pages.tables import columns_csv
+from reports.cells import fill, panels_beside, with_range
 from reports.results import Results
 
 SECTION = "extremes"
 TAKES = ("digits",)
-ENGINES = (("native", BLUE, "o"), ("pinocchio", ORANGE, "s"), ("mujoco", VERMILION, "^"))
+ENGINES = ("native", "pinocchio", "mujoco")
 MOST = 16  # digits of float64
 SHADES = ListedColormap(["#b2182b", "#d6604d", "#f4a582", "#fddbc7", "#d1e5f0", "#92c5de", "#4393c3", "#2166ac"])
 MAP = (
-    "Correct digits of q̈, one cell for each value of one parameter, smallest left; the worse of two scenes. Grey: "
-    "refused with an error message, or no such value. The CSV has all cells, also of two parameters, with the command "
-    "that repeats each."
+    "One cell per value of one parameter, first value left; the worse of two scenes. Grey: refused with a message. The "
+    "CSV has all cells, also of two parameters."
 )
-CLOUD = (
-    "Largest error of q̈ relative to its largest element, in every cell of the map: one or two parameters at extremes. "
-    "1: no correct digit."
-)
+CLOUD = "Error of q̈ over its largest element, in every cell of the map and of its pairs. 1: no correct digit."
 
 
 def draw(results: Results) -> Iterator[Picture]:
@@ -42,38 +42,42 @@ def _map(case: str, columns: Mapping[str, NDArray[Any]], csv: str) -> Picture:
     axes_of, varied = columns["axes"].astype(str), columns["varied"].astype(str)
     alone = [name for name in dict.fromkeys(axes_of.tolist()) if " and " not in name]
     values = {name: list(dict.fromkeys(varied[axes_of == name].tolist())) for name in alone}
-    width = max(map(len, values.values()))
-    figure, panels = stacked_axes(len(ENGINES), 0.9 + 0.24 * len(alone))
-    for axes, (engine, _, _) in zip(panels, ENGINES, strict=True):
-        digits = np.full((len(alone), width), np.nan)
+    rows = [with_range(name, values[name]) for name in alone]
+    figure, panels = panels_beside(ENGINES, rows, 1.5)
+    for axes, engine in zip(panels, ENGINES, strict=True):
+        digits = np.full((len(alone), max(map(len, values.values()))), np.nan)
         for row, name in enumerate(alone):
             for place, value in enumerate(values[name]):
                 errors = columns[f"{engine} q̈"][(axes_of == name) & (varied == value)].astype(float)
+                axes.add_patch(Rectangle((place, row), 1, 1, facecolor=GREY, edgecolor="w", linewidth=0.6))
                 if np.isfinite(errors).any():
-                    worst = max(np.nanmax(errors), 10.0**-MOST)
-                    digits[row, place] = -np.log10(worst)
-        axes.set_facecolor(GREY)
-        shown = axes.pcolormesh(digits, cmap=SHADES, vmin=0, vmax=MOST, edgecolors="w", linewidth=0.8)
-        axes.set_yticks(np.arange(len(alone)) + 0.5, alone, fontsize=8)
-        axes.set_xticks([])
-        axes.invert_yaxis()
-        axes.grid(False)
-        axes.set_title({"native": "flexlink"}.get(engine, engine), loc="left")
-    figure.colorbar(shown, ax=panels, location="bottom", label="digits of q̈", fraction=0.03, pad=0.02)
-    return Picture(f"{case}.map", "Digits of q̈ at extremes", figure, MAP, csv)
+                    digits[row, place] = -np.log10(max(np.nanmax(errors), 10.0**-MOST))
+        shown = fill(axes, digits, SHADES, MOST)
+    figure.colorbar(shown, ax=panels, location="bottom", label="correct digits of q̈", fraction=0.03, pad=0.03)
+    title = "Correct digits of q̈ at extremes, judged by 100-digit arithmetic"
+    return Picture(f"{case}.map", title, figure, MAP, csv)
 
 
 def _cloud(case: str, columns: Mapping[str, NDArray[Any]], csv: str) -> Picture:
     figure, (axes,) = stacked_axes(1, 3.8)
     condition = columns["cond(M)"].astype(float)
-    for engine, colour, marker in reversed(ENGINES):
+    for engine in reversed(ENGINES):
+        look = ENGINE_LOOKS[engine]
         error = columns[f"{engine} q̈"].astype(float)
         seen = np.isfinite(error) & np.isfinite(condition)
         axes.plot(
-            condition[seen], np.maximum(error[seen], 10.0**-MOST), marker, color=colour, markersize=2.5, alpha=0.5,
-            markeredgewidth=0, label={"native": "flexlink"}.get(engine, engine), rasterized=True,
+            condition[seen], np.maximum(error[seen], 10.0**-MOST), look.marker, color=look.colour, markersize=3.0,
+            alpha=0.5, linestyle="", markeredgewidth=0, label=look.name, rasterized=True,
         )  # fmt: skip
-    axes.set(xscale="log", yscale="log", xlabel="cond(M) [1]", ylabel="error of q̈ [1]", xlim=(1e1, 1e22))
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="condition number of M [1]",
+        ylabel="relative error of q̈ [1]",
+        xlim=(1e1, 1e22),
+    )
     tidy_logs(axes)
-    legend_above(figure, axes, 3)
+    legend = legend_above(figure, axes, 3)
+    for handle in legend.legend_handles:
+        handle.set(markersize=6.0, alpha=1.0)
     return Picture(f"{case}.condition", "Error of q̈ against cond(M)", figure, CLOUD, csv)

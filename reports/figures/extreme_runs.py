@@ -2,32 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from flexlink.pages.colours import ENGINES, GREEN, GREY, PALE, PAPER, VERMILION
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import GREEN, GREY, PAPER, VERMILION, stacked_axes
+from flexlink.pages.style import stacked_axes
 from flexlink.pages.tables import table_csv
+from reports.cells import fill, key, panels_beside, with_range
 from reports.results import Results
 
 SECTION = "extremes"
 TAKES = ()  # `outcomes` is drawn by the figure of that name
-ENGINES = {"native": "flexlink", "pinocchio": "Pinocchio", "mujoco": "MuJoCo"}
 KNOWN = ("within", "near", "warned", "false doubt")
-COLOURS = ListedColormap([GREY, GREEN, VERMILION])  # refused or unknown, known, wrong without a word
-TITLE = "Wrong without a warning"
-KEY = (
-    "Red: number of runs with a tip error above ten tolerances (fixed steps: 5 % of the motion) and no warning. Green: "
-    "none. Grey: no run to judge, all were refused, stopped, or too sensitive for a reference; a run that overflows "
-    "counts as refused. The CSV of the outcomes has all runs, with the command that repeats each."
+REFUSED = "error"
+NOTHING, STOPPED, GOOD, WRONG = range(4)  # nothing to judge, all refused, none wrong, wrong without a warning
+COLOURS = (PALE, GREY, GREEN, VERMILION)
+WORDS = ("no reference", "all refused or stopped", "none wrong", "number of wrong runs")
+TITLE = "Runs that are wrong without a warning"
+ALONE = (
+    "One parameter at a time, all scenes. Wrong: tip error above ten tolerances (fixed steps: 5 % of the motion), no "
+    "warning. All runs are in the CSV."
 )
-ALONE = f"One parameter at a time, smallest left, in all scenes. {KEY}"
-PAIRS = f"Two parameters at a time, a few values each, in all scenes. {KEY}"
+PAIRS = (
+    "Two parameters at a time, a few values each. Wrong: tip error above ten tolerances (fixed steps: 5 % of the "
+    "motion), no warning."
+)
 AND = " and "
 """Between the names of the axes of a cell."""
 
@@ -68,7 +74,8 @@ def _alone(runs: Runs) -> Grid:
         for row, name in enumerate(names)
         for place, value in enumerate(dict.fromkeys(runs.varied[runs.axes == name].tolist()))
     }
-    return Grid(names, [], members)
+    varied = {name: list(dict.fromkeys(runs.varied[runs.axes == name].tolist())) for name in names}
+    return Grid([with_range(name, varied[name]) for name in names], [], members)
 
 
 def _pairs(runs: Runs) -> Grid:
@@ -85,10 +92,23 @@ def _pairs(runs: Runs) -> Grid:
 
 def _picture(name: str, caption: str, grid: Grid, runs: Runs) -> Picture:
     seen = [engine for engine in ENGINES if engine in runs.engine]
-    figure, panels = stacked_axes(len(seen), 0.5 + 0.21 * len(grid.rows))
+    figure, panels = panels_beside(seen, grid.rows, 1.0) if not grid.columns else _stacked(seen, grid)
     rows = [row for axes, engine in zip(panels, seen, strict=True) for row in _panel(axes, grid, runs, engine)]
+    key(figure, list(zip(COLOURS, WORDS, strict=True)), 2)
     csv = table_csv(("engine", "axes", "varied", "runs", "wrong without a word", "recipe of the first"), rows)
     return Picture(name, TITLE, figure, caption, csv)
+
+
+def _stacked(engines: Sequence[str], grid: Grid) -> tuple[Figure, list[Axes]]:
+    """Panels above each other, for maps of as many columns as rows."""
+    figure, panels = stacked_axes(len(engines), 0.6 + 0.2 * len(grid.rows))
+    for axes in panels:
+        axes.set_yticks(np.arange(len(grid.rows)) + 0.5, grid.rows, fontsize=8)
+        axes.set_xticks(np.arange(len(grid.columns)) + 0.5, grid.columns, fontsize=8)
+        axes.tick_params(length=0)
+        axes.set_ylim(len(grid.rows), 0)
+        axes.grid(False)
+    return figure, panels
 
 
 def _panel(axes: Axes, grid: Grid, runs: Runs, engine: str) -> Iterator[tuple[object, ...]]:
@@ -100,17 +120,21 @@ def _panel(axes: Axes, grid: Grid, runs: Runs, engine: str) -> Iterator[tuple[ob
         if not members.any():
             continue
         wrong = np.flatnonzero(members & silent)
-        colours[row, column] = 2 if wrong.size else 1 if np.isin(runs.outcome[members], KNOWN).any() else 0
+        colours[row, column] = WRONG if wrong.size else _state(runs.outcome[members])
         if wrong.size:
             axes.text(column + 0.5, row + 0.5, str(wrong.size), color=PAPER, fontsize=8, ha="center", va="center")
         first = np.flatnonzero(members)[0]
         recipe = runs.recipe[wrong[0]] if wrong.size else ""
         varied = "" if grid.columns else runs.varied[first]
-        yield ENGINES[engine], runs.axes[first], varied, int(np.sum(members)), wrong.size, recipe
-    axes.pcolormesh(colours, cmap=COLOURS, vmin=0, vmax=2, edgecolors="w", linewidth=0.8)
-    axes.set_yticks(np.arange(len(grid.rows)) + 0.5, grid.rows, fontsize=8)
-    axes.set_xticks(np.arange(len(grid.columns)) + 0.5, grid.columns, fontsize=7)
-    axes.tick_params(length=0)
-    axes.invert_yaxis()
-    axes.grid(False)
-    axes.set_title(f"{ENGINES[engine]}: {np.sum(own & silent)} of {np.sum(own)} runs", loc="right")
+        yield ENGINES[engine].name, runs.axes[first], varied, int(np.sum(members)), wrong.size, recipe
+    fill(axes, colours, ListedColormap(COLOURS), WRONG)
+    axes.set_title(
+        f"{ENGINES[engine].name}:{' ' if grid.columns else chr(10)}{np.sum(own & silent)} of {np.sum(own)}",
+        loc="left",
+        fontsize=9.5,
+    )
+
+
+def _state(outcomes: NDArray[np.str_]) -> int:
+    """Of runs of which none is wrong without a warning."""
+    return GOOD if np.isin(outcomes, KNOWN).any() else STOPPED if (outcomes == REFUSED).all() else NOTHING

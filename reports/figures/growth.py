@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from flexlink.pages.colours import ENGINES, GREY, INK, look_of
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, GREY, INK, legend_above, stacked_axes
+from flexlink.pages.style import legend_above, stacked_axes
 from reports.curves import curves, put_labels
 from reports.results import Results
 from reports.tables import series_csv
@@ -24,24 +25,26 @@ def draw(results: Results) -> Iterator[Picture]:
         for series in (s for s in results.series[case] if s.what in TAKES):
             scene = series.scene
             figure, (axes,) = stacked_axes(1, 3.6)
-            for place, curve in enumerate(curves(series)):
+            for curve in curves(series):
                 seen = curve.y > 0.0
-                axes.plot(curve.x[seen], curve.y[seen], color=CYCLE[place % len(CYCLE)], label=curve.label)
+                look = look_of(curve.label) or ENGINES["native"]
+                label = look.name if look_of(curve.label) else "flexlink, rounded otherwise"
+                axes.plot(curve.x[seen], curve.y[seen], color=look.colour, label=label)
             rate, horizon = value.get((scene, "growth rate")), value.get((scene, "horizon"))
             if rate is not None and horizon is not None:
                 first = next(curves(series))
                 within = (first.x > 0.0) & (first.x <= horizon) & (first.y > 0.0)
                 offset = np.mean(np.log(first.y[within]) - rate * first.x[within])
                 axes.plot(first.x[within], np.exp(offset + rate * first.x[within]), "--", color=INK,
-                          label=f"exp({number(rate)} t / s)")  # fmt: skip
-                axes.axvline(horizon, color=GREY, linestyle=":", label=f"horizon {number(horizon)} s")
+                          label=f"growth exp({number(rate)} t / s)")  # fmt: skip
+                axes.axvline(horizon, color=GREY, linestyle=":", label=f"compared up to {number(horizon)} s")
             put_labels(axes, series)
-            legend_above(figure, axes, 1)
-            yield Picture(f"{case}.{series.name}", f"{scene}: rounding grows", figure, CAPTION, series_csv(series))
+            legend_above(figure, axes, 2)
+            title = f"{scene}: how rounding errors grow"
+            yield Picture(f"{case}.{series.name}", title, figure, CAPTION, series_csv(series))
 
 
 CAPTION = (
-    "Largest difference of any joint angle up to time t. First curve: flexlink against itself, started one unit in the "
-    "last place away or with another solver for q̈, which is the effect of rounding alone. Engines that compute the "
-    "same motion follow that curve."
+    "Largest difference of any joint angle up to time t. Blue: the effect of rounding alone; engines that compute the "
+    "same motion follow it."
 )

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from flexlink.pages.colours import CYCLE, MARKERS
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
 from reports.curves import floats, groups
 from reports.results import Results
 from reports.tables import series_csv
@@ -16,6 +17,11 @@ from validation.store import Series
 SECTION = "integrators"
 TAKES = ("comparison",)
 ERROR = "error [rad]"
+X_LABELS = {
+    "evaluations per simulated second": "evaluations of q̈ per simulated time [1/s]",
+    "core seconds per simulated second": "CPU time / simulated time [1]",
+}  # fmt: skip
+"""Column → what the axis says."""
 VIEWS = (
     ("step", "step [s]", ERROR, "error against step"),
     ("evaluations", "evaluations per simulated second", ERROR, "error against work counted in evaluations of q̈"),
@@ -37,7 +43,7 @@ def _picture(name: str, series: Series, x: str, y: str, title: str) -> Picture:
         across, up = floats(series.columns[x][rows]), floats(series.columns[y][rows])
         seen = np.isfinite(up) & (up > 0.0)  # a run that diverged has no error to draw
         axes.plot(across[seen], up[seen], MARKERS[place] + "-", color=CYCLE[place], label=method)
-    axes.set(xscale="log", yscale="log", xlabel=x, ylabel=y.replace("error", "max |Δq|"))
+    axes.set(xscale="log", yscale="log", xlabel=X_LABELS.get(x, x), ylabel=y.replace("error", "max |Δq|"))
     tidy_logs(axes)
     legend_above(figure, axes, 3)
     return Picture(name, title, figure, f"{series.title}.", series_csv(series))

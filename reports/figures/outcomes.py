@@ -7,21 +7,24 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.pages.colours import BLUE, GREEN, GREY, ORANGE, PALE, PURPLE, SKY, VERMILION, engine_name
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend_above, stacked_axes
+from flexlink.pages.style import legend_over, stacked_axes
 from flexlink.pages.tables import columns_csv
 from reports.results import Results
 
 SECTION = "extremes"
 TAKES = ("outcomes",)
-SHOWN = (
-    ("within", GREEN), ("near", SKY), ("warned", BLUE), ("error", GREY), ("dear", "#c9cdd1"), ("unknown", PURPLE),
-    ("false doubt", ORANGE), ("silent wrong", VERMILION),
-)  # fmt: skip
+SHOWN = {
+    "within": ("within tolerance", GREEN), "near": ("within ten", SKY), "warned": ("warned", BLUE),
+    "error": ("ended by message", GREY), "dear": ("too expensive", PALE),
+    "unknown": ("no reference", PURPLE), "false doubt": ("needless warning", ORANGE),
+    "silent wrong": ("wrong, no warning", VERMILION),
+}  # fmt: skip
+"""Outcome of a run → words, colour."""
 CAPTION = (
-    "Runs by method and by step or tolerance (part of the reach): error at most one tolerance (within) or ten (near), "
-    "with a warning, ended with an error message, too expensive to judge, without a reference, needless warning, wrong "
-    "without a warning."
+    "Runs by method and step or tolerance (part of the reach). Within one or ten tolerances; warned; ended with a "
+    "message; not judged; wrong without a warning."
 )
 
 
@@ -31,18 +34,18 @@ def draw(results: Results) -> Iterator[Picture]:
         for series in (s for s in results.series[case] if s.what in TAKES):
             columns = {name: np.asarray(values).astype(str) for name, values in series.columns.items()}
             ways = _ways(columns)
-            names = list(dict.fromkeys(sorted(ways.tolist())))
+            names = sorted(set(ways.tolist()), key=_in_order)
             figure, (axes,) = stacked_axes(1, 1.4 + 0.28 * len(names))
             left = np.zeros(len(names))
-            for outcome, colour in SHOWN:
+            for outcome, (words, colour) in SHOWN.items():
                 counts = np.array([np.sum((ways == name) & (columns["outcome"] == outcome)) for name in names])
                 if counts.any():
-                    axes.barh(names, counts, left=left, color=colour, label=f"{outcome} ({counts.sum()})")
+                    axes.barh(names, counts, left=left, color=colour, label=f"{words} ({counts.sum()})")
                 left += counts
             axes.set(xlabel="runs [1]")
             axes.invert_yaxis()
             axes.grid(False, axis="y")
-            legend_above(figure, axes, 2)
+            legend_over(axes, figure=figure)
             csv = columns_csv(series.columns)
             yield Picture(f"{case}.{series.name}", rows[0].title, figure, CAPTION, csv)
 
@@ -51,7 +54,16 @@ def _ways(columns: dict[str, NDArray[np.str_]]) -> NDArray[np.str_]:
     """How every run advanced, in words; beside other engines without its step."""
     methods = columns["method"]
     if len(set(columns["engine"].tolist())) > 1:
-        engines = np.where(columns["engine"] == "native", "flexlink", columns["engine"])
+        engines = np.array([engine_name(name) for name in columns["engine"].tolist()])
         return np.char.add(np.char.add(engines, " "), methods)
     ways = np.char.add(np.char.add(methods, ", "), columns["steps"])
     return np.char.replace(np.char.replace(ways, " of the reach", ""), "tolerance", "tol.")
+
+
+def _in_order(way: str) -> tuple[str, float]:
+    """Words first, then the number that they end with: 0.01 before 0.0001, as the list of settings has them."""
+    words, _, end = way.removesuffix(" s").rpartition(" ")
+    try:
+        return words.casefold(), -float(end)
+    except ValueError:
+        return way.casefold(), 0.0

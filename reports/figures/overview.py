@@ -5,8 +5,10 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator
 
+from flexlink.pages.colours import BLUE, INK, VERMILION
+from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import BLUE, INK, VERMILION, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
 from reports.chapters import chapter_of_kinds, sections
 from reports.results import Results, used
 from reports.tables import rows_csv
@@ -39,9 +41,11 @@ def draw(results: Results) -> Iterator[Picture]:
     axes.set(xlabel="share of its limit used [1]")
     axes.set_ylim(len(names) - 0.5, -0.5)
     tidy_logs(axes)
+    axes.set_xticks([10.0**k for k in range(-4, 1)])
+    axes.set_xticklabels([f"≤ {number(LEAST)}", *(number(10.0**k) for k in range(-3, 1))])
     legend_above(figure, axes, 3)
     title = "All checks of correctness: share of the limit that each uses"
-    words = "Further left is better; checks right of the line fail."
+    words = "One dot per check. Further left is better; checks right of the line fail."
     yield Picture("overview", title, figure, words, rows_csv(rows))
 
 

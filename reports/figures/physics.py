@@ -8,19 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexlink.pages.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    legend_above,
-    stacked_axes,
-)
+from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
 from reports.curves import curves, put_labels
 from reports.results import Results
 from reports.tables import series_csv
@@ -49,7 +39,7 @@ def draw(results: Results) -> Iterator[Picture]:
         rows = results.cases[case]
         title, shown = rows[0].title, {what: [s for s in found if s.what == what] for what in TAKES}
         if sweeps := shown["sweep"]:
-            words = f"{sweeps[0].title} {READ}"
+            words = READ
             yield Picture(f"{case}.sweep", f"{title}: error by rule", _sweeps(sweeps, rows), words, series_csv(*sweeps))
         for series in shown["price"]:
             yield Picture(f"{case}.price", f"{title}: price", _price(series), PRICE, series_csv(series))
@@ -57,15 +47,12 @@ def draw(results: Results) -> Iterator[Picture]:
             yield Picture(f"{case}.motion", f"{title}: motion", _motion(series), MOTION, series_csv(series))
 
 
-READ = (
-    "StopTimes: numbers of hinges that were tried. The number beside a rule is its observed order, fitted to the last "
-    "three marks of the first panel."
-)
+READ = "Error against the number of hinges of a link. Order: fitted to the last three marks of the first panel."
 PRICE = (
-    "Error of the first mode against the work of an explicit method: hinges × steps per second at RK4's largest stable "
-    "step (EI = ρA = L = 1). Short segments at the ends of a link, as with legendre, need small steps."
+    "Error of the first mode against the work of RK4 at its largest stable step (EI = ρA = L = 1). Short end segments, "
+    "as of legendre, need small steps."
 )
-MOTION = "Continuous reference, judged chain, and chain for comparison."
+MOTION = "Above: continuous reference, judged chain, and one for comparison. Below: their difference from it."
 
 
 def _sweeps(sweeps: Sequence[Series], rows: Sequence[Row]) -> Figure:
@@ -84,7 +71,7 @@ def _rules(axes: Axes, series: Series, orders: dict[str, float | None]) -> None:
         colour, marker, line = LOOKS.get(curve.label, PLAIN)
         order = orders.get(curve.label)
         seen = np.isfinite(curve.y) & (curve.y > ROUNDING)
-        label = curve.label if order is None else f"{curve.label}: {order:.1f}"
+        label = curve.label if order is None else f"{curve.label}: order {order:.1f}"
         axes.plot(curve.x[seen], curve.y[seen], line, marker=marker, color=colour, label=label, markersize=4)
     put_labels(axes, series)
 
@@ -92,16 +79,22 @@ def _rules(axes: Axes, series: Series, orders: dict[str, float | None]) -> None:
 def _price(series: Series) -> Figure:
     figure, (axes,) = stacked_axes(1, 3.4)
     _rules(axes, series, {})
+    axes.set_xlabel("hinges × RK4 steps [1/s]")
     legend_above(figure, axes, 3)
     return figure
 
 
 def _motion(series: Series) -> Figure:
-    figure, (axes,) = stacked_axes(1, 2.9)
-    for curve, (colour, line, marker) in zip(
-        curves(series), ((INK, "", "o"), (VERMILION, "--", ""), (BLUE, "-", "")), strict=True
-    ):
-        axes.plot(curve.x, curve.y, linestyle=line or "none", marker=marker or None, color=colour, label=curve.label)
-    put_labels(axes, series)
-    legend_above(figure, axes, 2)
+    figure, (motion, error) = stacked_axes(2, 2.2)
+    reference, *chains = curves(series)
+    motion.plot(reference.x, reference.y, "o", color=INK, label=reference.label, markersize=4.0)
+    for curve, (colour, line) in zip(chains, ((VERMILION, "--"), (BLUE, "-")), strict=True):
+        motion.plot(curve.x, curve.y, line, color=colour, label=curve.label)
+        off = np.abs(curve.y - reference.y)
+        error.plot(curve.x[off > 0.0], off[off > 0.0], line, color=colour)
+    put_labels(motion, series)
+    motion.set_xlabel("")
+    error.set(yscale="log", xlabel=series.x_label, ylabel="difference [m]")
+    tidy_logs(error)
+    legend_above(figure, motion, 2)
     return figure

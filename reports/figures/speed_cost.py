@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from flexlink.pages.colours import ENGINES
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.style import legend_over, stacked_axes, tidy_logs
 from reports.curves import curves, panels_of
 from reports.results import Results
 from reports.tables import series_csv
@@ -15,12 +16,12 @@ from validation.store import Series
 
 SECTION = "speed"
 TAKES = ("cost",)
-LOOKS = {
-    "native": (BLUE, "o-", "flexlink, loop"),
-    "public": (GREEN, "v--", "flexlink, call"),
-    "pinocchio": (VERMILION, "s-", "Pinocchio"),
-    "pinocchio, fastest": (ORANGE, "^--", "its fastest form"),
-    "mujoco": (PURPLE, "D-", "MuJoCo"),
+LOOKS = {  # curve → engine, line, marker's face, what is said beside the engine's name
+    "native": ("native", "-", None, ", compiled loop"),
+    "public": ("native", "--", "none", ", Python call"),
+    "pinocchio": ("pinocchio", "-", None, ", one joint a hinge"),
+    "pinocchio, fastest": ("pinocchio", "--", "none", ", fastest form"),
+    "mujoco": ("mujoco", "-", None, ""),
 }
 Exponents = Mapping[tuple[Fact, Fact, str], float | None]  # (chain, job, engine)
 
@@ -41,23 +42,27 @@ def _picture(name: str, series: Series, exponents: Exponents) -> Picture:
     figure, axes = stacked_axes(len(families), 2.3)
     for panel, (family, part) in zip(axes, families, strict=True):
         for curve in curves(part):
-            colour, line, label = LOOKS[curve.label]
-            panel.plot(curve.x, curve.y, line, color=colour, label=label)
+            engine, line, face, words = LOOKS[curve.label]
+            look = ENGINES[engine]
+            panel.plot(
+                curve.x, curve.y, line, marker=look.marker, color=look.colour, markerfacecolor=face or look.colour,
+                label=look.name + words,
+            )  # fmt: skip
         panel.set(xscale="log", yscale="log", ylabel=series.y_label)
         growth = _growth(family, series.part, exponents)
         panel.set_title(f"{family}: {growth}" if growth else family, loc="left")
         tidy_logs(panel)
     axes[-1].set_xlabel(series.x_label)
-    legend_above(figure, axes[0], 2)
+    legend_over(axes[0], figure=figure)
     caption = (
-        "Time against the number of joints n, for planar and skew T1, T2 and T3 where measured. Exponents are fitted "
-        "for n ≥ 100. Engines are called from Python."
+        "CPU time against the number of joints n, a panel a family of chains; exponents are fitted for n ≥ 100. The "
+        "engines are called from Python."
     )
     return Picture(name, series.title, figure, caption, series_csv(series))
 
 
 def _growth(chain: str, job: str, exponents: Exponents) -> str:
-    """Exponents of ours and of MuJoCo, "ours ∝ n^1"."""
-    names = (("native", "ours"), ("mujoco", "MuJoCo"))
+    """Exponents of ours and of MuJoCo, "flexlink ∝ n^1"."""
+    names = (("native", "flexlink"), ("mujoco", "MuJoCo"))
     found = [(name, exponents.get((chain, job, engine))) for engine, name in names]
     return ", ".join(f"{name} ∝ $n^{{{number(p, 3)}}}$" for name, p in found if p is not None)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexlink.pages.colours import GREEN, GREY, INK, ORANGE, SKY
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import GREEN, GREY, INK, ORANGE, SKY, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
 from flexlink.pages.tables import columns_csv
+from reports.placing import Word, place_words
 from reports.prices import Run, front, named
 from reports.results import Results
 from validation.store import Series
@@ -19,8 +21,8 @@ ROOM = 0.15  # of the smallest error, for the name of the first run
 SHOWN = 1.0  # an error of everything or more is no result
 APART = 4.0  # in error, of two names
 CAPTION = (
-    "Total tip error (model, hinges, steps) relative to the tip's motion. Each mark is one choice of link type, "
-    "lumping rule, number of hinges, method and steps. Line: Pareto front, labelled with type, hinges and rule."
+    "One mark per choice of link type, hinges, rule, method and steps. Line: the best. A vertical edge: what a type "
+    "leaves out, whatever its hinges."
 )
 
 
@@ -36,18 +38,19 @@ def draw(results: Results) -> Iterator[Picture]:
             x, y = [run.errors[AIM] for run in own], [run.seconds for run in own]
             axes.plot(x, y, marker, color=colour, label=who, markersize=4.0, alpha=0.6, markeredgewidth=0)
         axes.plot([run.errors[AIM] for run in best], [run.seconds for run in best], "-", color=INK)
-        for run in named(best, AIM, APART):
-            name = "rigid" if run.who == "rigid" else f"{run.who}, {run.method}"
-            axes.annotate(
-                name, (run.errors[AIM], run.seconds), xytext=(-3, -6), textcoords="offset points", fontsize=8,
-                ha="right", va="center",
-            )  # fmt: skip
         axes.set(xscale="log", yscale="log", xlabel="error of the tip [1]", ylabel="CPU time [s]")
         axes.margins(0.1, 0.1)
         axes.set_xlim(ROOM * axes.get_xlim()[0])
         tidy_logs(axes)
         legend_above(figure, axes, 4)
+        words = [Word(_cut(run), run.errors[AIM], run.seconds, INK) for run in named(best, AIM, APART)]
+        place_words(axes, words, [(run.errors[AIM], run.seconds) for run in best])
         yield Picture(f"{case}.{series.name}", series.title, figure, CAPTION, columns_csv(series.columns))
+
+
+def _cut(run: Run) -> str:
+    """Type, hinges and rule of a run."""
+    return "rigid" if run.who == "rigid" else f"{run.who}, {run.method}"
 
 
 def _runs(series: Series) -> Iterator[Run]:

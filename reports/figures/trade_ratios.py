@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator
+from typing import Any
 
+import numpy as np
+
+from flexlink.pages.colours import GREY, INK, PAPER
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import INK, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
 from flexlink.pages.tables import table_csv
-from reports.prices import DISPLAY_NAMES, LOOKS, OURS, Price, errors, prices, works
+from reports.prices import LOOKS, OURS, Price, errors, prices, works
 from reports.results import Results
 
 SECTION = "trade"
 TAKES: tuple[str, ...] = ()
 AIM = "error"
 CAPTION = (
-    "CPU time of each contestant's cheapest run with that error, over flexlink's. Left of the line flexlink is slower. "
-    "Hollow: extrapolated by the method's order or its stability limit, in the contestant's favour."
+    "Each program's cheapest run with that error. Left of the line flexlink is slower. Hollow: extrapolated, in the "
+    "other's favour."
 )
+LETTERS = 70  # in a line of what a scene is
+WRITTEN: dict[str, Any] = {
+    "fontsize": 8.5, "va": "top", "bbox": {"facecolor": PAPER, "edgecolor": "none", "pad": 0.3},
+}  # fmt: skip
+HEIGHT, ROOM = 0.15, 0.24  # in: of such a line, and of the marks below it
 HEADS = (
     "scene",
     "contestant",
@@ -32,30 +42,37 @@ HEADS = (
 def draw(results: Results) -> Iterator[Picture]:
     """One picture an error of the tip."""
     scenes = list(works(results))
+    about = {series.scene: series.title.removeprefix(f"{series.scene}: ") for _, series in scenes}
     for error in errors(results, AIM):
         found = {series.scene: prices(results, case, series, AIM, error) for case, series in scenes}
         found = {scene: price for scene, price in found.items() if OURS in price and len(price) > 1}
         if found:
-            yield _picture(error, found)
+            yield _picture(error, found, about)
 
 
-def _picture(error: float, found: dict[str, dict[str, Price]]) -> Picture:
-    figure, (axes,) = stacked_axes(1, 1.3 + 0.24 * len(found))
+def _picture(error: float, found: dict[str, dict[str, Price]], about: dict[str, str]) -> Picture:
     scenes = sorted(found, key=lambda scene: min(_ratios(found[scene]).values()))
-    for who, (colour, marker) in LOOKS.items():
-        places = [
-            (ratio, y) for y, scene in enumerate(scenes) for w, ratio in _ratios(found[scene]).items() if w == who
-        ]
-        filled = [colour if not found[scenes[y]][who].remark else "none" for _, y in places]
-        for k, ((ratio, y), face) in enumerate(zip(places, filled, strict=True)):
-            label = DISPLAY_NAMES.get(who, who) if k == 0 else None
-            axes.plot(ratio, y, marker, color=colour, markerfacecolor=face, linestyle="", label=label)
-    axes.axvline(1.0, color=INK)
-    axes.set(xscale="log", xlabel="CPU time / that of flexlink [1]", yticks=range(len(scenes)), yticklabels=scenes)
-    axes.set_ylim(len(scenes) - 0.5, -0.5)
+    words = {scene: textwrap.fill(f"{scene}: {about[scene]}", LETTERS) for scene in scenes}
+    tops = np.cumsum([0.0, *(ROOM + HEIGHT * (words[scene].count("\n") + 1) for scene in scenes)])
+    figure, (axes,) = stacked_axes(1, 1.2 + float(tops[-1]))
+    places = dict(zip(scenes, tops[1:] - 0.4 * ROOM, strict=True))
+    for who, look in LOOKS.items():
+        known = [scene for scene in scenes if who != OURS and who in found[scene]]
+        for k, scene in enumerate(known):
+            axes.plot(
+                found[scene][who].time / found[scene][OURS].time, places[scene], look.marker, color=look.colour,
+                markerfacecolor="none" if found[scene][who].remark else look.colour, linestyle="",
+                label=look.name if k == 0 else None,
+            )  # fmt: skip
+    for scene, top in zip(scenes, tops, strict=False):
+        axes.axhline(places[scene], color=GREY, linewidth=0.5, zorder=0)
+        axes.text(0.012, top + 0.03, words[scene], transform=axes.get_yaxis_transform(), **WRITTEN)
+    axes.axvline(1.0, color=INK, label="as fast as flexlink")
+    axes.set(xscale="log", xlabel="CPU time / that of flexlink [1]", yticks=[], ylim=(tops[-1] + 0.1, -0.1))
+    axes.grid(False, axis="y")
     tidy_logs(axes)
     legend_above(figure, axes, 3)
-    title = f"What an error of the tip of {number(error)} of its motion costs others"
+    title = f"CPU time of others over flexlink's, tip error {number(error)} of the motion"
     return Picture(f"trade_ratios.{error:g}", title, figure, CAPTION, _csv(found))
 
 

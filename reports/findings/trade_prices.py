@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
-from reports.prices import AIMS, DISPLAY_NAMES, LOOKS, OURS, Price, errors, prices, works
+from reports.prices import AIMS, LOOKS, OURS, Price, errors, prices, works
 from reports.results import Results
 
 SECTION = "trade"
@@ -33,7 +33,7 @@ def find(results: Results) -> Iterator[Table]:
 
 def _finding(word: str, lines: list[Line]) -> Table:
     names = [who for who in LOOKS if any(who in price for _, _, price in lines)]
-    said = [DISPLAY_NAMES.get(who, who) for who in names]
+    said = [LOOKS[who].name for who in names]
     times, methods = (f"{who} [ms]" for who in said), (f"{who} by" for who in said)
     table = tuple((scene, error, *_cells(price, names)) for scene, error, price in lines)
     heads = ("scene", f"error of the {word}", *times, "cheapest other / flexlink", *methods)

@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
+from flexlink.pages.colours import INK, PALE
 from flexlink.results.pictures.captions import time_text
 from flexlink.results.pictures.film import Film
-from flexlink.results.pictures.legend import BASE, COLOURS, FOOT, GREY, HEAD, INK, TRACE, Legend
+from flexlink.results.pictures.legend import BASE, COLOURS, FOOT, GREY, HEAD, TRACE, Legend
 from flexlink.results.pictures.projection import Projected, Window
 
 Image = NDArray[np.uint8]
@@ -54,7 +55,7 @@ class Drawing:
         self.axes.set_axis_off()
 
     def _still(self) -> None:
-        floor = LineCollection(list(self.projected.floor[..., :2]), colors="#d7dbdf", linewidths=0.7, zorder=0)
+        floor = LineCollection(list(self.projected.floor[..., :2]), colors=PALE, linewidths=0.7, zorder=0)
         self.axes.add_collection(floor, autolim=False)
         half = self.projected.base_half
         self._base = Rectangle((-half, -half), 2 * half, 2 * half, color=BASE, animated=True)  # above the links

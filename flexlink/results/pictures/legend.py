@@ -9,13 +9,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from flexlink.pages.colours import BLUE, INK
 from flexlink.results.pictures.captions import axes_of_frame, number, scale_bar, subtitle
 from flexlink.results.pictures.colouring import STOPS, UNKNOWN
 from flexlink.results.pictures.film import Film
 from flexlink.results.pictures.projection import Window
 from flexlink.results.pictures.view import View
 
-INK, GREY, BASE, TRACE = "#1c2024", "#595d61", "#73777b", "#0072b2"
+GREY, BASE, TRACE = "#595d61", "#73777b", BLUE
 HEAD, FOOT = 54, 80  # pixels for the words above the scene and the legend below it
 SIDE = 14  # pixels free beside them
 

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexlink.pages.colours import BLUE, CYCLE, GREY, INK, MARKERS
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import BLUE, CYCLE, GREY, INK, MARKERS, legend_over, stacked_axes, tidy_logs
+from flexlink.pages.style import legend_over, stacked_axes, tidy_logs
 from flexlink.pages.tables import Table, columns_csv, table_csv
 from flexlink.pages.verdict import State, Verdict
 from flexlink.scene_report.part import Part

@@ -6,9 +6,10 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
+from flexlink.pages.colours import BLUE, CYCLE, INK
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import BLUE, CYCLE, INK, legend_over, stacked_axes
+from flexlink.pages.style import legend_over, stacked_axes
 from flexlink.pages.tables import columns_csv
 from flexlink.pages.verdict import State, Verdict
 from flexlink.results.trajectory import Trajectory

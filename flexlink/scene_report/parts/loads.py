@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexlink.pages.colours import CYCLE
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, NAMED_CURVES, legend_over, stacked_axes
+from flexlink.pages.style import NAMED_CURVES, legend_over, stacked_axes
 from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.numbers import number, plural
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import BLUE, GREY, INK, VERMILION, legend_over, stacked_axes
+from flexlink.pages.style import legend_over, stacked_axes
 from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.pages.verdict import Verdict
 from flexlink.scene_report.fitting import Comparison, Fit

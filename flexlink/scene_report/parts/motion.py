@@ -6,9 +6,10 @@ import numpy as np
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.dynamics.placement import frames
+from flexlink.pages.colours import CYCLE, GREY
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, GREY, NAMED_CURVES, colour_along, legend_over, stacked_axes
+from flexlink.pages.style import NAMED_CURVES, colour_along, legend_over, stacked_axes
 from flexlink.pages.tables import columns_csv, table_csv
 from flexlink.pages.verdict import Verdict
 from flexlink.results.pictures.view import views_of

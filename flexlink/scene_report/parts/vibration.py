@@ -7,9 +7,10 @@ import numpy as np
 from flexlink.dynamics.vibration.at_rest import modes_at_rest
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.pages.colours import BLUE, GREY
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import BLUE, GREY, WIDTH
+from flexlink.pages.style import WIDTH
 from flexlink.pages.tables import Cell, Table, table_csv
 from flexlink.results.pictures.view import view_of_motion
 from flexlink.scene_report.part import Part

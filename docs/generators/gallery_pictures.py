@@ -1,0 +1,31 @@
+"""For sphinx-gallery: pictures that flexlink draws, which pyplot does not know, and films that a block writes."""
+
+from __future__ import annotations
+
+import importlib
+import shutil
+from pathlib import Path
+from typing import Any
+
+from flexlink.results.notebook_figure import NotebookFigure
+
+
+def pictures(_block: object, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
+    """The figure, or the film whose path, is the value of a block, as reST; one of `image_scrapers`."""
+    figure_rst = importlib.import_module("sphinx_gallery.scrapers").figure_rst
+    names = block_vars["example_globals"]
+    value, before = names.get("___"), names.get("___shown")  # a block without a value leaves the last one standing
+    if value is before:
+        return ""
+    names["___shown"] = value
+    if isinstance(value, NotebookFigure):
+        path = Path(block_vars["image_path_iterator"].next())
+        twice = path.with_name(f"{path.stem}_2_00x.png")
+        value.savefig(path, dpi=100)
+        value.savefig(twice, dpi=200)
+        return str(figure_rst([path], gallery_conf["src_dir"], srcsetpaths=[{0: path, 2.0: twice}]))
+    if isinstance(value, Path) and value.suffix == ".gif":
+        path = Path(block_vars["image_path_iterator"].next()).with_suffix(".gif")
+        shutil.move(value, path)
+        return str(figure_rst([path], gallery_conf["src_dir"], srcsetpaths=[{0: path}]))
+    return ""

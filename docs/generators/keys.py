@@ -1,0 +1,215 @@
+"""Pages of keys: what a file can say, from the types that it is read into."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import inspect
+import itertools
+import re
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import msgspec
+
+from docs.generators.rest import directive, heading, literal, prose
+from flexlink.describe import data_files
+from flexlink.describe.arm import Arm
+from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.lumping_rules import LumpingRule
+from flexlink.describe.schemes.methods import Method
+from flexlink.describe.shaping import ShaperRule
+from flexlink.describe.spec import ONE_PER_LINK, default_of, fields_of
+from flexlink.describe.writing import toml_of
+from flexlink.robots.collection import KnownArm
+from flexlink.robots.flexible import FlexibleLink
+from flexlink.sweeps.plan import Sweep
+from flexlink.sweeps.ranges import Range, Spread
+
+Record = Any
+"""A class of records; msgspec's own metaclass hides that they are types of `Struct`."""
+
+NAMED_BY_FILES = {"lumping": "lumping", "method": "methods", "kind": "shapers"}
+"""Keys, of type str, whose values are names of data files in this folder of `flexlink/describe/data`."""
+
+COUNTED = re.compile(r"\[([^\[\],]+)\]")
+
+
+def scene_page(_: Path) -> str:
+    """Keys of a scene."""
+    intro = """\
+Everything that a scene file, or :class:`flexlink.Scene` in Python, can say. SI units; angles in degrees where a key
+ends in ``_deg``, else radians. A path is also what ``--set``, :meth:`flexlink.Scene.varied` and sweeps take:
+``--set link.upper.segments=9``; links go by name or by number from 1, ``*`` is every link on which the key has an
+effect. Unknown keys, wrong types and values that cannot be are refused by name.
+"""
+    return _page("Keys of a scene", intro, [("", Scene)])
+
+
+def sweep_page(_: Path) -> str:
+    """Keys of a sweep, and of what varies in it."""
+    intro = """\
+Everything that a sweep file, or :class:`flexlink.Sweep` in Python, can say; ``sweep.`` stands for the file. Keys
+below ``set``, ``grid``, ``together`` and ``sample.keys`` are paths of the scene, see :doc:`scene`, or ``engine``. A
+value of ``grid`` and ``together`` is a list or a range, one of ``sample.keys`` a list or a spread.
+"""
+    roots = [("sweep", Sweep), ("sweep.grid.KEY", Range), ("sweep.sample.keys.KEY", Spread)]
+    return _page("Keys of a sweep", intro, roots)
+
+
+def data_files_page(_: Path) -> str:
+    """Keys of the data files that a user can add."""
+    intro = """\
+Rules, methods, shapers and robots are data: a file of your own, named by its path, stands beside those that come
+along. Paths start from the folder of the file that names them. The first word of a key here is the kind of file:
+``rule.about`` is the key ``about`` of a rule's file.
+"""
+    files = [
+        ("rule", LumpingRule), ("method", Method), ("shaper", ShaperRule), ("robot", KnownArm),
+        ("flexible", FlexibleLink),
+    ]  # fmt: skip
+    return _page("Keys of data files", intro, files)
+
+
+def _page(title: str, intro: str, roots: list[tuple[str, Record]]) -> str:
+    parts = [heading(title), intro]
+    known: set[Record] = set()
+    for path, record in roots:
+        for place, kind in records(record, path, known):
+            parts.append(heading(f"[{place}]" if place else "Top level", 1))
+            parts.append(_summary(kind))
+            parts += [_entry(place, field, sentence) for field, sentence in entries(kind)]
+    return "\n".join(parts)
+
+
+def _summary(kind: Record) -> str:
+    first = inspect.getdoc(kind) or ""
+    shown = f"In Python :class:`flexlink.{kind.__name__}`. " if _public(kind) else ""
+    return f"{shown}{prose(first.split(chr(10) * 2)[0])}\n"
+
+
+def records(kind: Record, path: str, known: set[Record]) -> Iterator[tuple[str, Record]]:
+    """A record and all those below it, each once, with the first path that leads there."""
+    if kind in known or kind is Arm:
+        return
+    known.add(kind)
+    yield path, kind
+    for field, _ in entries(kind):
+        for below in _records_in(field.type):
+            if below is not Scene:
+                yield from records(below, _join(path, field.encode_name, field.type), known)
+
+
+def entries(kind: Record) -> list[tuple[msgspec.structs.FieldInfo, str]]:
+    """Fields of a record as they stand in a file, each with the sentence below it in the source."""
+    told = sentences(kind)
+    found = [(field, told[field.name]) for field in fields_of(kind)]
+    if kind is Scene:  # an arm has no table of its own in a file
+        found = [pair for pair in found if pair[0].name != "arm"] + entries(Arm)
+    return found
+
+
+@functools.cache
+def sentences(kind: Record) -> dict[str, str]:
+    """What stands below each field of a class, by its name."""
+    (body,) = (
+        node.body for node in ast.parse(textwrap.dedent(inspect.getsource(kind))).body if isinstance(node, ast.ClassDef)
+    )
+    return {
+        field.target.id: str(text.value.value)
+        for field, text in itertools.pairwise(body)
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+    }  # fmt: skip
+
+
+def _entry(path: str, field: msgspec.structs.FieldInfo, sentence: str) -> str:
+    unit = ", ".join(dict.fromkeys(COUNTED.findall(re.sub(r"`[^`]*`", "", sentence))))
+    kind = words(field.type) + (f", in {unit}" if unit not in {"", "1"} else "")
+    default = _default(field)
+    named = NAMED_BY_FILES.get(field.name, "") if _plain(field.type) is str else ""
+    allowed = f" Known: {', '.join(map(literal, data_files.names(named)))}." if named else ""
+    options = {"type": kind, "default": default} if default else {"type": kind}
+    return directive("confval", _join(path, field.encode_name), prose(sentence) + allowed, **options)
+
+
+def _default(field: msgspec.structs.FieldInfo) -> str:
+    value = default_of(field)
+    if value is msgspec.NODEFAULT:
+        return "required"
+    if value is None or isinstance(value, msgspec.Struct) or value in ((), {}):
+        return ""
+    text = toml_of({"x": value}).removeprefix("x = ").strip()
+    return "" if text == '""' else literal(text)
+
+
+def _join(path: str, key: str, kind: Any = None) -> str:
+    named = ".NAME" if kind is not None and get_origin(_plain(kind)) in {dict, tuple} else ""
+    return f"{path}.{key}{named}" if path else f"{key}{named}"
+
+
+def words(kind: Any) -> str:
+    """A type in the words of a reader."""
+    if isinstance(kind, type) and not get_args(kind):
+        return _class_words(kind)
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        of = words(parts[0])
+        if ONE_PER_LINK in parts[1:]:
+            return of.replace("list of numbers", "list of numbers, one per link")
+        return " ".join([of, *(limit for meta in parts[1:] for limit in _limits(meta))])
+    if origin in {Union, UnionType}:
+        return " or ".join(words(part) for part in parts if part is not NoneType)
+    if origin is dict:
+        return "table of tables by name" if _records_in(kind) else "table by key"
+    return ", ".join(literal(f'"{value}"') for value in parts) if origin is Literal else _list_words(parts)
+
+
+def _class_words(kind: type) -> str:
+    if issubclass(kind, msgspec.Struct):
+        return "path of a scene file" if kind is Scene else "table"
+    return {float: "number", int: "whole number", bool: "true or false", str: "text"}.get(kind, "any value")
+
+
+def _list_words(parts: tuple[Any, ...]) -> str:
+    if Ellipsis not in parts:
+        return f"{len(parts)} {_plural(words(parts[0]))}"
+    return "list of tables" if _records_in(parts[0]) else f"list of {_plural(words(parts[0]))}"
+
+
+def _plural(text: str) -> str:
+    if text.startswith(("list of ", "table")) or re.match(r"\d", text):
+        return text.replace("list of", "lists of", 1) if text.startswith("list of") else f"lists of {text}"
+    return text.replace("number", "numbers", 1).replace("text", "texts", 1)
+
+
+def _limits(meta: Any) -> Iterator[str]:
+    for name, sign in (("gt", ">"), ("ge", "≥"), ("lt", "<"), ("le", "≤")):
+        limit = getattr(meta, name, None)
+        if limit is not None:
+            yield f"{sign} {limit:g}" if limit < 1e6 else f"{sign} {limit:.3g}"
+
+
+def _plain(kind: Any) -> Any:
+    """A type without limits and without None."""
+    if get_origin(kind) is Annotated:
+        return _plain(get_args(kind)[0])
+    if get_origin(kind) in {Union, UnionType}:
+        (kind, *_) = (part for part in get_args(kind) if part is not NoneType)
+        return _plain(kind)
+    return kind
+
+
+def _records_in(kind: Any) -> list[Record]:
+    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        return [kind]
+    return [record for part in get_args(kind) for record in _records_in(part)]
+
+
+def _public(kind: Record) -> bool:
+    import flexlink  # noqa: PLC0415  its names that load on demand, too
+
+    return kind.__name__ in flexlink.__all__

@@ -1,0 +1,89 @@
+"""The page "When it says …": what the usual messages mean, and then every error text of the library."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import flexlink
+from docs.generators.rest import heading, prose
+from flexlink import errors
+
+LIBRARY = Path(flexlink.__file__).parent
+USUAL = Path(__file__).parent / "messages.toml"
+
+INTRO = """\
+What flexlink refuses or doubts it says in one line: the thing, its value, what is allowed, and what to do. Python
+raises an error of :class:`flexlink.FlexlinkError`; the command line prints it and exits with 2. Doubts are printed
+as ``warning:`` and kept in ``Trajectory.warnings``; what has no effect, or is likely not meant, is a ``note:``.
+"""
+
+
+def page(_: Path) -> str:
+    """Usual messages with cause and remedy, then all of them by class."""
+    parts = [heading("When it says …"), INTRO]
+    for group in tomllib.loads(USUAL.read_text(encoding="utf-8"))["group"]:
+        parts.append(heading(group["title"], 1))
+        for message in group["message"]:
+            body = f"{prose(message['means'])}\n\n**Do:** {prose(message['do'])}"
+            parts.append(f"{prose(message['text'])}\n{_hanging(body)}\n")
+    parts.append(heading("All errors by class", 1))
+    parts.append("Values are shown as …\n")
+    for name, texts in sorted(error_texts().items()):
+        kind = getattr(errors, name)
+        parts += [heading(name, 2), f":class:`flexlink.{'errors.' * (name != 'FlexlinkError')}{name}`: "
+                  f"{prose((inspect.getdoc(kind) or '').splitlines()[0])}\n"]  # fmt: skip
+        parts.append("\n".join(f"- {prose(text)}" for text in texts) + "\n")
+    return "\n".join(parts)
+
+
+def _hanging(text: str) -> str:
+    return "\n".join(f"   {line}" if line else "" for line in text.splitlines())
+
+
+def error_texts() -> dict[str, list[str]]:
+    """Texts of every `raise` of a public error, by its class."""
+    found: defaultdict[str, set[str]] = defaultdict(set)
+    for path in LIBRARY.rglob("*.py"):
+        for name, text in _raised(ast.parse(path.read_text(encoding="utf-8"))):
+            found[name].add(text)
+    return {name: sorted(texts, key=str.casefold) for name, texts in found.items()}
+
+
+def literals() -> Iterator[str]:
+    """Every text in the library's source."""
+    for path in LIBRARY.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                yield node.value
+    for path in LIBRARY.rglob("*.toml"):
+        yield path.read_text(encoding="utf-8")
+
+
+def _raised(tree: ast.AST) -> Iterator[tuple[str, str]]:
+    for node in ast.walk(tree):
+        call = node.exc if isinstance(node, ast.Raise) else None
+        if (
+            isinstance(call, ast.Call)
+            and isinstance(call.func, ast.Name)
+            and call.func.id in errors.__all__
+            and call.args
+        ):
+            text = _template(call.args[0])
+            if len(text.replace("…", "").split()) > 1:
+                yield call.func.id, text
+
+
+def _template(node: ast.expr) -> str:
+    """A text with … for every value in it."""
+    if isinstance(node, ast.Constant):
+        return str(node.value)
+    if isinstance(node, ast.JoinedStr):
+        return "".join(_template(part) for part in node.values)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        return _template(node.left) + _template(node.right)
+    return "…"

@@ -1,0 +1,45 @@
+"""reStructuredText in pieces: headings, tables, options."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+LEVELS = "=-~^"
+
+
+def heading(text: str, level: int = 0) -> str:
+    """A heading, underlined by its level."""
+    return f"{text}\n{LEVELS[level] * (2 * len(text))}\n"
+
+
+def indented(text: str, by: int = 3) -> str:
+    """Text below a directive."""
+    return "\n".join(f"{' ' * by}{line}" if line else "" for line in text.splitlines())
+
+
+def directive(name: str, argument: str = "", body: str = "", **options: str) -> str:
+    """`.. name:: argument`, its options, and what stands below it."""
+    lines = [f".. {name}:: {argument}".rstrip(), *(f"   :{key}: {value}".rstrip() for key, value in options.items())]
+    return "\n".join([*lines, "", indented(body), ""])
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]], widths: str = "auto") -> str:
+    """A table whose cells are reStructuredText."""
+    lines = [_row(row) for row in (heads, *rows)]
+    return directive("list-table", body="\n".join(lines), **{"header-rows": "1", "widths": widths})
+
+
+def _row(cells: Sequence[str]) -> str:
+    return "\n".join(f"{'  -' if k else '* -'} {cell}".rstrip() for k, cell in enumerate(cells))
+
+
+def literal(text: object) -> str:
+    """``text``."""
+    return f"``{text}``"
+
+
+def prose(text: str) -> str:
+    """Sentences of a docstring's comment: code in single backticks, as Markdown and our comments have it."""
+    parts = text.split("`")
+    marked = [f"``{part}``" if k % 2 else part.replace("*", r"\*").replace("|", r"\|") for k, part in enumerate(parts)]
+    return "".join(marked).replace("````", "")

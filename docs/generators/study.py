@@ -1,0 +1,76 @@
+"""The study's results, from `reports/full`: what was compared with what, and how it came out."""
+
+from __future__ import annotations
+
+import csv
+import functools
+import gzip
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from docs.generators.rest import directive, heading, literal, prose, table
+
+FULL = Path(__file__).parents[2] / "reports" / "full"
+SECTIONS = FULL.parent / "sections.toml"
+
+
+@functools.cache
+def stored() -> dict[str, Any]:
+    """Chapters of the full study."""
+    chapters: dict[str, Any] = json.loads((FULL / "chapters.json").read_text(encoding="utf-8"))
+    return chapters
+
+
+@functools.cache
+def checks() -> list[dict[str, str]]:
+    """Every number of the full study, with its limit where it has one."""
+    with gzip.open(FULL / "all_checks.csv.gz", "rt", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def counts() -> dict[str, int]:
+    """How many checks of correctness were judged, how many passed, of how many cases."""
+    judged = [row for row in checks() if row["passed"] and row["timed"] == "False"]
+    return {
+        "checks": len(judged),
+        "passed": sum(row["passed"] == "True" for row in judged),
+        "cases": len({row["case"] for row in checks()}),
+    }
+
+
+def page(_: Path) -> str:
+    """Verdict, then chapter by chapter: findings, figures, cases."""
+    told = counts()
+    titles = {
+        section["id"]: section["title"] for section in tomllib.loads(SECTIONS.read_text(encoding="utf-8"))["section"]
+    }
+    parts = [
+        heading("Results of the study"),
+        f"**{told['passed']} of {told['checks']} checks pass**, in {told['cases']} cases. "
+        f"{prose(stored()['measured'])}.\n",
+        "To run it yourself: ``python -m validation --full``; whether yours are the published numbers:\n"
+        "``python -m validation --same reports/full``. How the study judges: :doc:`../../explanation/study`.\n",
+    ]
+    for chapter in stored()["chapters"]:
+        if chapter["figures"] or chapter["cases"] or chapter["findings"]:
+            parts += [heading(titles[chapter["id"]], 1), *_chapter(chapter)]
+    return "\n".join(parts)
+
+
+def _chapter(chapter: dict[str, Any]) -> list[str]:
+    parts = []
+    for finding in chapter["findings"]:
+        sentences = " ".join(prose(sentence) for sentence in finding["sentences"])
+        parts.append(f"**{prose(finding['title'])}.** {sentences}\n")
+    for figure in chapter["figures"]:
+        path = f"../../../reports/full/{figure['name']}.png"
+        parts.append(directive("figure", path, prose(f"{figure['title']}. {figure['caption']}"), alt=figure["title"]))
+    rows = [
+        (literal(case["case"]), prose(case["title"]), prose(f"{case['state']}: {case['text']}"))
+        for case in chapter["cases"]
+    ]
+    if rows:
+        parts.append(table(("case", "what it measures", "result"), rows, "20 45 35"))
+    return parts

@@ -1,0 +1,71 @@
+"""The arm of the paper's figure 5 on the first screen: where its two links are while it falls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from flexlink.common.types import Array
+from flexlink.pages.colours import GREY, INK, VERMILION
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import WIDTH, colour_along
+from flexlink.pages.tables import table_csv
+from reports.curves import floats
+from reports.panels import Motion, motions
+from reports.results import Results
+
+SECTION = "summary"
+TAKES: tuple[str, ...] = ()
+ELBOW, HAND = "joint-3", "hand"
+SCENES = {"paper_fig5_raised": "upright, one reading of the paper's angle", "paper_fig5": "the vertical"}
+"""Where the arm starts, by scene; the first that the study holds is drawn."""
+UNTIL, POSTURES = 1.0, 6  # s; in this time so many are drawn
+CAPTION = "Two flexible links of 1.25 m fall from rest, 10° from {}: from light to dark in 1 s."
+TITLE = "The arm of the paper's figure 5"
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """One picture."""
+    found = {motion.scene: motion for motion in motions(results) if _is_in_space(motion)}
+    yield from (_picture(found[scene]) for scene in [scene for scene in SCENES if scene in found][:1])
+
+
+def _is_in_space(motion: Motion) -> bool:
+    return all(part in motion.native and {"x", "z"} <= set(motion.native[part].columns) for part in (ELBOW, HAND))
+
+
+def _picture(motion: Motion) -> Picture:
+    time, elbow = _path(motion, ELBOW)
+    _, hand = _path(motion, HAND)
+    end = int(np.searchsorted(time, UNTIL, side="right"))
+    chosen = np.unique(np.linspace(0, max(end - 1, 0), POSTURES).astype(int))
+    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(hand[:end, 0], hand[:end, 1], color=GREY, linewidth=0.8)
+    for k, part in zip(chosen, np.linspace(0.0, 1.0, len(chosen)), strict=True):
+        joints = np.array([(0.0, 0.0), elbow[k], hand[k]])
+        axes.plot(*joints.T, color=colour_along(part), linewidth=2.4, solid_capstyle="round")
+        axes.plot(*joints[1:2].T, "o", color=VERMILION, markersize=5)
+    axes.plot(0.0, 0.0, "s", color=INK, markersize=9)
+    axes.plot(0.0, 0.0, "o", color=VERMILION, markersize=5)
+    axes.set(xlabel="x [m]", ylabel="z, downwards [m]")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.invert_yaxis()
+    ring = {"marker": "o", "color": VERMILION, "linestyle": ""}
+    key = {
+        "flexible link": Line2D([], [], color=colour_along(1.0), linewidth=2.4), "free joint": Line2D([], [], **ring),
+        "path of the hand": Line2D([], [], color=GREY, linewidth=0.8),
+    }  # fmt: skip
+    figure.legend(key.values(), key.keys(), loc="outside upper left", ncols=3, frameon=False, columnspacing=1.0)
+    lines = [(float(time[k]), *elbow[k].tolist(), *hand[k].tolist()) for k in range(end)]
+    heads = ("time [s]", "elbow x [m]", "elbow z [m]", "hand x [m]", "hand z [m]")
+    return Picture("arm", TITLE, figure, CAPTION.format(SCENES[motion.scene]), table_csv(heads, lines))
+
+
+def _path(motion: Motion, part: str) -> tuple[Array, Array]:
+    """Times, and x and z of a point at each."""
+    columns = motion.native[part].columns
+    return floats(columns["time [s]"]), np.column_stack([floats(columns[axis]) for axis in "xz"])

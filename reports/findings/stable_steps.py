@@ -1,0 +1,47 @@
+"""Largest stable steps: how far those of runs are from the prediction, method by method."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from statistics import median
+
+from flexlink.pages.numbers import number, plural
+from flexlink.pages.tables import Table
+from reports.results import Results
+from validation.store import Row
+
+SECTION = "extremes"
+KIND, QUANTITY = "stable_steps", "observed / predicted − 1"
+TAKES = ("stable steps",)
+CLOSE = 1e-3  # of a step: so close is as good as equal, for a choice of steps
+
+
+def find(results: Results) -> Iterator[Table]:
+    """One table a case."""
+    for case, rows in results.of_kind(KIND):
+        found: dict[str, list[Row]] = {}
+        for row in rows:
+            if row.quantity == QUANTITY and row.value is not None:
+                found.setdefault(str(row.varied["method"]), []).append(row)
+        if found:
+            heads = ("method", "scenes", "median difference [1]", "largest difference [1]", "in scene")
+            lines = tuple(_line(method, of) for method, of in found.items())
+            title = "Largest stable step: runs against the prediction from the modes"
+            yield Table(case, title, heads, lines, (_sentence([row for of in found.values() for row in of]),))
+
+
+def _line(method: str, rows: list[Row]) -> tuple[str, int, float, float, str]:
+    worst = max(rows, key=_off)
+    return method, len(rows), median(map(_off, rows)), _off(worst), worst.scene
+
+
+def _off(row: Row) -> float:
+    return row.value or 0.0
+
+
+def _sentence(rows: list[Row]) -> str:
+    worst, close = max(rows, key=_off), sum(_off(row) <= CLOSE for row in rows)
+    return (
+        f"{close} of {plural(len(rows), 'largest stable step')}, found by bisection, are within {number(CLOSE)} of "
+        f"the prediction; the farthest is off by {number(_off(worst))} ({worst.where})."
+    )

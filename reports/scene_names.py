@@ -1,0 +1,35 @@
+"""What the names of scenes stand for: the words that their files, or the titles of their runs, have for them."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+from flexlink.pages.tables import Table
+from reports.prices import works
+from reports.results import Results
+from validation.case import MODELS, STUDY_SCENES
+
+FOLDERS = (STUDY_SCENES, MODELS, MODELS / "robots")
+
+
+def scene_names(results: Results) -> Table | None:
+    """A line a scene of the study; None without any whose words are known."""
+    known = dict(_words(results))
+    names = dict.fromkeys(row.scene for row in results.rows if row.scene in known)
+    lines = tuple((name, known[name]) for name in sorted(names))
+    return Table("scenes", "Names of the scenes", ("scene", "what it is"), lines) if lines else None
+
+
+def _words(results: Results) -> Iterator[tuple[str, str]]:
+    for path in (path for folder in FOLDERS for path in sorted(folder.glob("*.toml"))):
+        if about := _about(path):
+            yield path.stem, about
+    for _, series in works(results):
+        yield series.scene, series.title.removeprefix(f"{series.scene}: ")
+
+
+def _about(path: Path) -> str:
+    found = tomllib.loads(path.read_text(encoding="utf-8")).get("about", "")
+    return " ".join(str(found).split())

@@ -1,0 +1,145 @@
+"""Figures: one colour and one name an engine, words that do not collide, captions of two lines, units on the axes."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from studies import row, stored
+
+from flexlink.pages.colours import CYCLE, ENGINES, engine_name, look_of
+from flexlink.pages.style import stacked_axes, tidy_linear, tidy_logs
+from reports import figures
+from reports.cells import with_range
+from reports.drawing import modules, pictures
+from reports.placing import Word, place_words
+from reports.results import Results
+from validation.store import Series, Store
+
+ROOT = Path(__file__).parent.parent
+CAPTION = 160  # letters: two lines of half a page's column
+
+
+def drawn(path: Path) -> dict[str, Figure]:
+    """Name → figure, of a small study with engines in several figures."""
+    engines = ("pinocchio", "mujoco")
+    growth = {"kind": "rounding_growth", "tolerance": None}
+    rows = [row(engine=engine, quantity=name) for engine in engines for name in ("M", "T_GC with tip wrench")]
+    results = stored(path, *rows, row("rounding_growth", quantity="growth rate", **growth))
+    time = np.linspace(0.1, 1.0, 9)
+    columns = {"time [s]": time} | {name: 1e-15 * np.exp(time) for name in ("native, one ulp", *engines)}
+    labels = "time [s]", "time [s]", "max |Δq| up to t [rad]"
+    Store(results).add_series("rounding_growth", Series("growth", "Title", columns, *labels, scene="one"))
+    plain = Series("unheard", "Title", {name: columns[name] for name in ("time [s]", *engines)}, *labels)
+    Store(results).add_series("terms", plain)
+    return {picture.name: picture.figure for _, picture in pictures(Results.read(results))}
+
+
+def test_an_engine_has_one_colour_and_one_name_in_all_figures(tmp_path: Path) -> None:
+    for name, figure in drawn(tmp_path).items():
+        if name == "overview":
+            continue
+        for look in (ENGINES["pinocchio"], ENGINES["mujoco"]):
+            lines = [line for axes in figure.axes for line in axes.lines if line.get_label() == look.name]
+            assert [line.get_color() for line in lines] == [look.colour], name
+
+
+def test_colours_of_engines_differ_and_are_of_the_colour_blind_safe_palette() -> None:
+    looks = ENGINES.values()
+    assert len({look.colour for look in looks}) == len({look.marker for look in looks}) == len(looks)
+    assert {look.colour for look in looks} - {ENGINES["mpmath"].colour} == set(CYCLE)
+
+
+@pytest.mark.parametrize("name", ["native", "flexlink", "Flexlink"])
+def test_an_engine_is_known_by_its_stored_and_its_own_name(name: str) -> None:
+    assert engine_name(name) == "flexlink"
+    assert look_of(name) == ENGINES["native"]
+    assert look_of("RK4") is None
+
+
+def test_no_figure_has_colours_of_its_own() -> None:
+    """A map from red to blue, and the greys of a film, are no colours of curves."""
+    others = {"extreme_digits.py": 8, "legend.py": 2, "colouring.py": 8}
+    for folder in ("reports", "flexlink/results", "flexlink/scene_report"):
+        for path in (ROOT / folder).rglob("*.py"):
+            found = re.findall(r'"#[0-9a-f]{6}"|"tab:\w+"', path.read_text(encoding="utf-8"))
+            assert len(found) <= others.get(path.name, 0), path
+
+
+def test_captions_take_two_lines_at_most() -> None:
+    for module in modules(figures):
+        for name, value in vars(module).items():
+            if isinstance(value, str) and (
+                name.endswith("CAPTION") or name in ("MAP", "CLOUD", "ALONE", "PAIRS", "READ")
+            ):
+                assert len(value) <= CAPTION, f"{module.__name__}.{name}: {len(value)} letters"
+
+
+def test_words_beside_points_never_overlap_and_stay_inside_the_axes() -> None:
+    random = np.random.default_rng(0)
+    figure, (axes,) = stacked_axes(1, 3.0)
+    x, y = random.random((2, 40))
+    axes.plot(x, y, "o")
+    place_words(
+        axes, [Word(f"method {k}", *at, "k") for k, at in enumerate(zip(x, y, strict=True))], zip(x, y, strict=True)
+    )
+    figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert 5 < len(boxes) < 40, "some have no room, and are left away"
+    room = axes.get_window_extent()
+    for k, box in enumerate(boxes):
+        assert room.x0 - 1 <= box.x0 < box.x1 <= room.x1 + 1
+        assert not any(box.overlaps(other) for other in boxes[:k])
+
+
+def test_a_word_is_not_written_over_the_line_that_it_names() -> None:
+    _, (axes,) = stacked_axes(1, 3.0)
+    x = np.linspace(0, 1, 200)
+    axes.plot(x, x)
+    place_words(axes, [Word("RK4", 0.5, 0.5, "k")], zip(x, x, strict=True))
+    (text,) = axes.texts
+    box = text.get_window_extent()
+    on_line = axes.transData.transform(np.column_stack([x, x]))
+    assert sum(box.contains(*at) for at in on_line) <= 3
+
+
+@pytest.mark.parametrize(("low", "high"), [(1.9e-5, 7e-4), (2e-3, 5e-2), (1e-12, 1.0), (3.0, 7.0)])
+def test_a_log_axis_has_at_least_two_ticks(low: float, high: float) -> None:
+    figure, (axes,) = stacked_axes(1, 3.0)
+    axes.set(xscale="log", xlim=(low, high))
+    tidy_logs(axes)
+    figure.draw_without_rendering()
+    assert sum(low <= tick <= high for tick in axes.get_xticks()) >= 2
+
+
+def test_a_small_number_has_its_power_of_ten_beside_it_not_in_a_corner() -> None:
+    figure, (axes,) = stacked_axes(1, 3.0)
+    axes.plot([0, 1], [0.0, 4e-7])
+    tidy_linear(axes)
+    figure.draw_without_rendering()
+    assert axes.yaxis.get_offset_text().get_text() == ""
+    assert any("10⁻⁷" in label.get_text() for label in axes.get_yticklabels())
+
+
+@pytest.mark.parametrize(("name", "varied", "said"), [
+    ("density, times", ["density, times 1e-15", "density, times 1000000.0"], "density × 10⁻¹⁵ … 10⁶"),
+    ("load [N]", ["load [N] 300.0", "load [N] 6000.0"], "load: 300 … 6000 [N]"),
+    ("links", ["links 2.0"], "links: 2"),
+])  # fmt: skip
+def test_a_row_of_a_map_says_which_values_its_cells_are(name: str, varied: list[str], said: str) -> None:
+    assert with_range(name, varied) == said
+
+
+def test_a_panel_of_terms_names_them_once_and_the_axis_what_is_divided_by(tmp_path: Path) -> None:
+    rows = [row(engine="mujoco", quantity=name, tolerance=1.0, value=0.1) for name in ("M", "T_GC with tip wrench")]
+    results = Results.read(stored(tmp_path, *rows))
+    (picture,) = importlib.import_module("reports.figures.agreement").draw(results)
+    (axes,) = picture.figure.axes
+    assert axes.get_xlabel() == "error / rounding bound [1]"
+    picture.figure.draw_without_rendering()
+    boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
+    assert not boxes[0].overlaps(boxes[1])

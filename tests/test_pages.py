@@ -1,0 +1,73 @@
+"""Every block of code on every page runs as written, README included; its tables are those of the stored study."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+from docs import snippets
+from docs.generators import readme
+from flexlink.common.errors import MissingDependencyError
+from flexlink.robots.collection import folder
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("[ehs]*/*.md"))]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def name_of(path: Path) -> str:
+    return path.relative_to(ROOT).with_suffix("").as_posix().removeprefix("docs/")
+
+
+def with_code(path: Path) -> bool:
+    return any(True for _ in snippets.blocks(path.read_text(encoding="utf-8")))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", [path for path in PAGES if with_code(path)], ids=name_of)
+def test_a_page_runs_from_its_first_block_to_its_last(path: Path, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    text = path.read_text(encoding="utf-8")
+    if "import ur5" in text:
+        try:
+            folder()
+        except MissingDependencyError as error:
+            pytest.skip(str(error))
+    work = tmp_path / "work"
+    work.mkdir()
+    snippets.prepare(work)
+    shown = snippets.filled(name_of(path), text, work, tmp_path / "pictures")
+    assert not re.findall(r"<!-- (?:folded|output|picture|table)", shown), "every result is put in"
+
+
+def test_a_page_whose_command_fails_is_noticed(tmp_path: Path) -> None:
+    text = "```sh\nflexlink simulate nowhere.toml\n```\n<!-- output -->\n"
+    with pytest.raises(snippets.SnippetError, match=r"nowhere.toml: exit code 2"):
+        snippets.filled("page", text, tmp_path, tmp_path)
+
+
+def test_code_of_a_page_sees_what_came_before_it(tmp_path: Path) -> None:
+    file = "```toml\n# file: a.toml\nb = 1\n```\n"
+    text = f"```python\nx = 2\n```\n\n{file}\n```python\nprint(x, open('a.toml').read())\n```\n<!-- output -->\n"
+    assert "```text\n2 # file: a.toml\nb = 1" in snippets.filled("page", text, tmp_path, tmp_path)
+
+
+def test_the_readme_is_short_and_has_the_numbers_of_the_stored_study() -> None:
+    assert len(README.splitlines()) <= 130
+    if not (ROOT / "reports" / "full").is_dir():
+        pytest.skip("a source distribution has no stored study")
+    assert readme.with_tables(README) == README, "python -m docs --readme"
+
+
+@pytest.mark.parametrize("path", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "NOTATION.md"], ids=name_of)
+def test_links_lead_to_files(path: Path) -> None:
+    text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if not link.startswith("http")]
+    left_out = re.findall(r"^prune (.+)$", (ROOT / "MANIFEST.in").read_text(), re.MULTILINE)  # of a source distribution
+    built = (ROOT / "docs" / "reference" / "generated", ROOT / "docs" / "gallery")  # by the site, which checks them
+    gone = tuple(ROOT / each for each in left_out if not (ROOT / each).is_dir())
+    places = [(path.parent / link).resolve() for link in links if link]
+    assert [place for place in places if not place.exists() and not place.is_relative_to(built[0])
+            and not any(place.is_relative_to(each) for each in (*built, *gone))] == []  # fmt: skip

@@ -1,0 +1,139 @@
+"""`python -m validation --same DIR`: whether a reviewer's numbers are the published ones."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from pathlib import Path
+
+import pytest
+from studies import row, stored, words_from
+
+from flexlink.common.errors import FlexlinkError
+from reports import full, same
+from reports.build import build
+from reports.results import Results
+from validation import __main__ as command
+from validation.store import Row
+
+CHECK = {"value": 0.29, "tolerance": 1.0}
+INFORMING = {"quantity": "order", "value": 3.907, "tolerance": None}
+LEFT_OVER = {"quantity": "worst error", "value": 2.3e-15, "tolerance": None}
+
+
+def published(path: Path, *rows: Row, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A study as it is checked in, without its figures."""
+    monkeypatch.setattr("reports.drawing.pictures", lambda *_: iter(()))
+    return full.save(stored(path / "there", *rows), path / "there_page", path / "full").parent
+
+
+def compared(path: Path, folder: Path, *rows: Row) -> same.Comparison:
+    return same.compare(Results.read(stored(path / "here", *rows)), folder)
+
+
+def kinds(found: same.Comparison) -> list[str]:
+    return [pair.kind for pair in found.pairs]
+
+
+@pytest.mark.parametrize(("there", "here", "kind"), [
+    (CHECK, {}, "equal"),
+    (CHECK, {"value": 0.35}, "rounding"),  # of a check a tenth of its limit
+    (CHECK, {"value": 0.45}, "different"),
+    (CHECK, {"value": 1.02}, "different"),  # it fails, too
+    ({"value": 6e-14, "tolerance": 1e-12}, {"value": 9e-14}, "rounding"),
+    ({"value": 16.3, "tolerance": 3.0, "bound": "at least"}, {"value": 16.5}, "rounding"),
+    ({"value": 16.3, "tolerance": 3.0, "bound": "at least"}, {"value": 12.0}, "different"),
+    (INFORMING, {"value": 3.9070001}, "rounding"),
+    (INFORMING, {"value": 3.95}, "different"),
+    (LEFT_OVER, {"value": 9e-16}, "rounding"),
+    (LEFT_OVER, {"value": 1e-7}, "different"),
+    (INFORMING | {"metric": "residual over what rounding explains", "value": 0.005}, {"value": 0.008}, "rounding"),
+    (CHECK, {"value": None}, "different"),
+    (CHECK | {"timed": True}, {"value": 9.0}, "timed"),
+    ({"kind": "extremes", "quantity": "too expensive", "value": 9.0, "tolerance": None}, {"value": 1.0}, "timed"),
+])  # fmt: skip
+def test_a_number_is_equal_within_rounding_or_different(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: dict[str, object], here: dict[str, object], kind: str
+) -> None:
+    before = row(**there)
+    folder = published(tmp_path, before, monkeypatch=monkeypatch)
+    now = row(**(there | here))
+    found = compared(tmp_path, folder, now)
+    assert kinds(found) == [kind]
+    assert found.same is (kind != "different")
+
+
+def test_numbers_are_matched_by_what_was_varied_and_written_digits_read_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = [row(varied={"method": "RK4", "step": h, "n": 10}, value=h / 3, quantity="q") for h in (1e-4, 0.1 + 0.2)]
+    folder = published(tmp_path, *rows, monkeypatch=monkeypatch)
+    assert kinds(compared(tmp_path, folder, *reversed(rows))) == ["equal", "equal"]
+
+
+def test_a_number_that_only_one_of_both_has_is_a_difference_and_a_case_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, two, other = row(), row(quantity="T_GC"), row("other")
+    folder = published(tmp_path, one, two, other, monkeypatch=monkeypatch)
+    fewer = compared(tmp_path / "fewer", folder, one)
+    assert (fewer.same, fewer.missing) == (False, ("terms: T_GC, paper_fig5, mujoco",))
+    assert (fewer.cases, fewer.published) == (1, 2)
+    assert compared(tmp_path / "both", folder, one, two).same
+    assert not compared(tmp_path / "more", folder, one, two, row(quantity="new")).same
+
+
+def test_the_command_says_same_with_0_and_a_planted_difference_with_1(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [
+        row(case, quantity=f"q{k}", value=0.01 * k, tolerance=1.0) for case in ("first", "second") for k in range(9)
+    ]
+    folder = published(tmp_path, *rows, monkeypatch=monkeypatch)
+    monkeypatch.setattr(command, "REPORT", tmp_path / "report")
+    arguments = ["--same", str(folder), "--results"]
+    assert command.main([*arguments, str(stored(tmp_path / "same", *rows))]) == 0
+    assert "These are the published numbers." in capsys.readouterr().out
+    planted = [*rows[:-1], dataclasses.replace(rows[-1], value=0.5)]
+    assert command.main([*arguments, str(stored(tmp_path / "planted", *planted))]) == 1
+    said = capsys.readouterr().out
+    assert "These are not the published numbers." in said
+    assert "second: q8 (paper_fig5, mujoco) = 0.5 1, published 0.08" in said
+    with (tmp_path / "report" / "same.csv").open(encoding="utf-8", newline="") as file:
+        assert [(line["case"], line["verdict"]) for line in csv.DictReader(file)] == [
+            ("second", "DIFFERENT"), ("first", "same"),
+        ]  # fmt: skip
+
+
+def test_the_page_says_whether_its_numbers_are_the_published_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = published(tmp_path, row(), monkeypatch=monkeypatch)
+    for name, value, said in (("a", 1e-15, "These are the published"), ("b", 0.9e-12, "These are not the published")):
+        page = build(stored(tmp_path / name, row(value=value)), tmp_path / f"{name}_page", tmp_path / "none", folder)
+        assert said in page.read_text(encoding="utf-8")
+        assert (tmp_path / f"{name}_page" / "same.csv").is_file()
+    alone = words_from(stored(tmp_path / "c", row()), tmp_path)
+    assert "published numbers" not in alone
+
+
+@pytest.mark.parametrize(("name", "content", "said"), [
+    (None, b"", "no published numbers"), ("all_checks.csv", b"case,scene\n", "column 'engine' is missing"),
+    ("all_checks.csv.gz", b"no gzip", "no published numbers"),
+    ("all_checks.csv", b"case,scene,engine,quantity,value,timed,seconds,state\na,,,q,many,,,\n", "line 2"),
+])  # fmt: skip
+def test_a_folder_without_numbers_is_one_line(tmp_path: Path, name: str | None, content: bytes, said: str) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    if name:
+        (folder / name).write_bytes(content)
+    with pytest.raises(FlexlinkError, match=said):
+        compared(tmp_path, folder, row())
+
+
+def test_a_study_that_shares_no_number_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = published(tmp_path, row("other"), monkeypatch=monkeypatch)
+    assert command.main(["--same", str(folder), "--results", str(stored(tmp_path / "here", row()))]) == 2
+    assert "no number in common" in capsys.readouterr().err

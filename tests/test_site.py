@@ -1,0 +1,142 @@
+"""Every public name, key, option, data file and error stands on one reference page, and says what it is."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, get_args, get_origin
+
+import msgspec
+import pytest
+
+import flexlink as fl
+from docs.generators import PAGES, api, command_line, keys, messages
+from flexlink.cli.main import build_parser
+from flexlink.describe import data_files
+from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.lumping_rules import LumpingRule
+from flexlink.describe.schemes.methods import Method
+from flexlink.describe.shaping import ShaperRule
+from flexlink.describe.spec import Spec
+from flexlink.robots.collection import KnownArm
+from flexlink.robots.flexible import FlexibleLink
+from flexlink.sweeps.plan import Sweep
+from flexlink.sweeps.ranges import Range, Spread
+
+KEY_PAGES = {
+    "scene.rst": [Scene],
+    "sweep.rst": [Sweep, Range, Spread],
+    "data_files.rst": [LumpingRule, Method, ShaperRule, KnownArm, FlexibleLink],
+}
+WITHOUT_UNIT = {"Range", "Spread", "Element", "Jacobi", "RunSettings.max_evaluations"}
+"""What varies has the unit of its key; places on an element, exponents and counts have none."""
+
+
+@pytest.fixture(scope="module")
+def texts(tmp_path_factory) -> dict[str, str]:
+    """Every generated page."""
+    folder = tmp_path_factory.mktemp("generated")
+    return {name: page(folder) for name, page in PAGES.items() if name != "study.rst" or stored()}
+
+
+def stored() -> bool:
+    return (Path(__file__).parents[1] / "reports" / "full").is_dir()
+
+
+def twice_or_never(found: list[str], wanted: list[str]) -> dict[str, int]:
+    """What does not stand there exactly once, and how often it does."""
+    times = Counter(found)
+    return {name: times[name] for name in {*found, *wanted} if times[name] != 1 or name not in wanted}
+
+
+def records() -> list[type[msgspec.Struct]]:
+    known: set[type[msgspec.Struct]] = set()
+    return [kind for roots in KEY_PAGES.values() for root in roots for _, kind in keys.records(root, "", known)]
+
+
+def test_every_public_name_stands_in_one_group() -> None:
+    listed = [name for group in api.GROUPS for name in group["names"]]
+    assert twice_or_never(listed, fl.__all__) == {}
+    assert twice_or_never([*listed, "simulate"], fl.__all__) == {"simulate": 2}
+    assert twice_or_never([name for name in listed if name != "modes"], fl.__all__) == {"modes": 0}
+
+
+def test_every_error_has_a_page(texts: dict[str, str]) -> None:
+    listed = re.findall(r"^   flexlink\.(?:errors\.)?(\w+Error)$", texts["api.rst"], re.MULTILINE)
+    assert twice_or_never(listed, fl.errors.__all__) == {}
+
+
+def test_every_key_says_what_it_does() -> None:
+    assert len(records()) > 20
+    silent = [
+        f"{kind.__name__}.{field.name}" for kind in records() for field, told in keys.entries(kind) if len(told) < 8
+    ]
+    assert silent == []
+
+
+def test_a_key_without_a_sentence_is_noticed() -> None:
+    class Silent(Spec, frozen=True):
+        told: float = 0.0
+        """What it is."""
+        untold: float = 0.0
+
+    with pytest.raises(KeyError, match="untold"):
+        keys.entries(Silent)
+
+
+def of_numbers(kind: object) -> bool:
+    if get_origin(kind) is Annotated or get_args(kind):
+        return any(of_numbers(part) for part in get_args(kind))
+    return kind is float
+
+
+def test_every_number_of_a_record_has_a_unit() -> None:
+    without = [
+        f"{kind.__name__}.{field.name}"
+        for kind in records() for field, told in keys.entries(kind)
+        if of_numbers(field.type) and not keys.COUNTED.search(told) and field.name not in {"axis", "up"}
+    ]  # fmt: skip
+    assert [key for key in without if not {key, key.partition(".")[0]} & WITHOUT_UNIT] == []
+
+
+def test_every_key_stands_on_its_page_once(texts: dict[str, str]) -> None:
+    listed: list[str] = []
+    for page, roots in KEY_PAGES.items():
+        known: set[type[msgspec.Struct]] = set()
+        wanted = sum(len(keys.entries(kind)) for root in roots for _, kind in keys.records(root, "", known))
+        found = re.findall(r"^\.\. confval:: (\S+)$", texts[page], re.MULTILINE)
+        assert len(found) == wanted, page
+        listed += found
+    assert [key for key, times in Counter(listed).items() if times > 1] == []
+    assert {"link.NAME.joint.armature", "run.tolerance", "drive.reference.shaper.kind", "rule.element.nodes"} <= {
+        *listed
+    }
+
+
+def test_every_option_stands_once_below_its_command(texts: dict[str, str]) -> None:
+    _, *sections = re.split(r"^\.\. program:: (.+)$", texts["command_line.rst"], flags=re.MULTILINE)
+    told = dict(zip(sections[::2], sections[1::2], strict=True))
+    parser = build_parser()
+    every = {"flexlink": parser, **{f"flexlink {name}": each for name, each in command_line.commands(parser).items()}}
+    assert list(told) == list(every)
+    for name, command in every.items():
+        listed = re.findall(r"^\.\. option:: (.+)$", told[name], re.MULTILINE)
+        found = [word for line in listed for word in re.findall(r"(?<!\S)--?[\w-]+", line)]
+        wanted = {option for action in command._actions for option in action.option_strings} - {"-h", "--help"}
+        assert twice_or_never(found, sorted(wanted)) == {}, name
+
+
+def test_every_data_file_is_a_section_of_its_page(texts: dict[str, str]) -> None:
+    for folder, page in (("methods", "methods.rst"), ("lumping", "rules.rst"), ("shapers", "shapers.rst")):
+        titles = re.findall(r"^(\S+)\n-{2,}$", texts[page], re.MULTILINE)
+        assert twice_or_never(titles, list(data_files.names(folder))) == {}
+
+
+def test_every_error_text_of_the_source_is_listed(texts: dict[str, str]) -> None:
+    found = messages.error_texts()
+    assert sum(map(len, found.values())) > 250
+    assert set(found) <= set(fl.errors.__all__)
+    assert "must be a multiple of" in texts["messages.rst"] or any(
+        "multiple" in text for text in found["ArgumentError"]
+    )
