@@ -67,7 +67,7 @@ BAD = {  # what is replaced: (old, new, what the message must contain)
     "joints too few": ("[0.0, -80.0, -10.0]", "[0.0, -80.0]", ["initial.joint_deg", "one number per link, 3"]),
     "unknown method": ('"RK4"', '"RK5"', ["run.method", "'RK5'", "RK2"]),
     "two names": ('name     = "fore"', 'name = "upper"', ["link.3.name", "'upper'", "differ"]),
-    "gravity of two": ("[0.0, 0.0, 9.81]", "[0.0, 9.81]", ["gravity", "length 3"]),
+    "gravity of two": ("[0.0, 0.0, 9.81]", "[0.0, 9.81]", ["gravity", "three numbers [m/s²]", "got 2"]),
     "section incomplete": ("width  = 0.04", "", ["section.square.width", "rectangle"]),
     "section of another shape": ("width  = 0.04", "diameter = 1.0", ["section.square.diameter", "height, width"]),
     "poisson": ("poisson = 0.33", "poisson = 0.6", ["material.aluminium.poisson", "0.6", "0.5"]),

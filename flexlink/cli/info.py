@@ -16,11 +16,10 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.modes import first_elastic, print_modes
-from flexlink.cli.shared import prefix_errors, print_lines, varied_scene
+from flexlink.cli.shared import prefix_errors, print_notes, varied_scene
 from flexlink.common.types import Array, Complex
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.hints import notes
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
@@ -37,10 +36,10 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run_command(options: argparse.Namespace) -> int:
     """Print what a scene's chain is like, and what it says without effect."""
-    scene = varied_scene(options.scene, options.set)
+    scene = varied_scene(options.scene, options)
     with prefix_errors(options.scene):
         _show(scene)
-        print_lines("note", notes(scene))
+        print_notes(scene)
     return 0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import msgspec
@@ -14,6 +15,7 @@ from flexlink.describe import data_files
 from flexlink.describe.directions import Line, line_of, unit
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.links import link_number
+from flexlink.describe.mistakes import raise_together
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.sections import SHAPES, SectionProperties
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, did_you_mean, link_key, short_list, truncated
@@ -308,30 +310,29 @@ class Arm(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        raise_together(self._mistakes())
+
+    def _mistakes(self) -> Iterator[str]:
+        """What does not fit together."""
         seen: set[str] = set()
         for k, link in enumerate(self.links, 1):
             if link.name in seen:
-                raise SceneError(f"link.{k}.name = {link.name!r}: names of links must differ")
+                yield f"link.{k}.name = {link.name!r}: names of links must differ"
             seen.add(link.name)
             tables = (("material", self.materials), ("section", self.sections), ("section_tip", self.sections))
             for key, table in tables:
                 name = getattr(link, key)
                 if name is not None and name not in table:
                     known = ", ".join(table) or "none"
-                    raise SceneError(
-                        f"{self.path(k)}.{key} = {name!r}: not defined; defined are {known}{did_you_mean(name, table)}"
-                    )
-            if link.section_tip is not None and link.section is not None:
-                shapes = self.sections[link.section].shape, self.sections[link.section_tip].shape
-                if shapes[0] != shapes[1]:
-                    raise SceneError(
-                        f"{self.path(k)}.section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
-                    )
-        conventions = {link.dh.convention for link in self.links if link.dh is not None}
-        if len(conventions) > 1:
-            raise SceneError("link.dh.convention: differs from link to link; a table has one")
+                    meant = did_you_mean(name, table)
+                    yield f"{self.path(k)}.{key} = {name!r}: not defined; defined are {known}{meant}"
+            shapes = [self.sections[n].shape for n in (link.section, link.section_tip) if n in self.sections]
+            if len(set(shapes)) > 1:
+                yield f"{self.path(k)}.section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
+        if len({link.dh.convention for link in self.links if link.dh is not None}) > 1:
+            yield "link.dh.convention: differs from link to link; a table has one"
         if all(link.joint.locked and not link.elastic for link in self.links):
-            raise SceneError("link: every joint is locked and every link rigid; at least one must move")
+            yield "link: every joint is locked and every link rigid; at least one must move"
 
     def __repr__(self) -> str:
         return f"<Arm: {short_list([f'{link.name!r} ({link.flex})' for link in self.links])}>"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
@@ -26,6 +27,13 @@ from flexlink.describe.spec import (
 )
 
 AUTO = "auto"  # in place of a method's name
+DEFAULT_TOLERANCE = 1e-3
+"""Part of the arm's reach that any body may be off by at the end of a run that says nothing of its steps."""
+DEFAULT_STEP = 1e-4
+"""Length of the fixed steps of a run that names a method alone [s]."""
+DEFAULT_DURATION = 5.0  # s
+SAMPLE = 0.005
+"""Time between stored samples where it fits the run [s]."""
 Frame = Literal["world", "tip"]
 """Axes that a tip wrench is given in: of frame 0, or of the tip frame, with which it turns."""
 ForwardSolver = Literal["articulated", "lu", "cholesky"]
@@ -67,8 +75,6 @@ class InitialState(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.joint_deg and self.q is None:
-            raise SceneError("joint_deg: missing; this key is required where q is not given")
         if self.q is not None and self.passive == "static":
             raise SceneError("passive = 'static': computes the hinges' angles, but q is given, too; give only one")
         if self.qd is not None and self.rate_deg is not None:
@@ -255,6 +261,9 @@ class RunSettings(Spec, frozen=True):
     default then, takes the cheapest method. Vibrations too small to matter for the tip's path may be damped away by
     accuracy = "tip".
 
+    Where nothing is said of method, step and tolerance, steps keep a tolerance of a thousandth of the reach. A method
+    alone takes fixed steps of 1e-4 s.
+
     Such a run may take `max_evaluations` of forward or inverse dynamics: a hundred times what dry friction of the
     stiffest arms has taken, and half a minute of ten joints. One that would take more tells where it hangs, then stops.
 
@@ -269,13 +278,15 @@ class RunSettings(Spec, frozen=True):
     """
 
     method: str = ""
-    """Runge-Kutta method: a name, the path of a method's file, or auto, the cheapest for the tolerance."""
-    step: Positive = 1e-4
-    """Length of fixed steps [s]."""
-    duration: NonNegative = 5.0
+    """Runge-Kutta method: a name, the path of a method's file, or auto, the cheapest for the tolerance. Default: auto;
+    with a step RK4."""
+    step: Positive | None = None
+    """Length of fixed steps [s]. Default: steps follow from a tolerance; of a method that is named 1e-4."""
+    duration: NonNegative = DEFAULT_DURATION
     """How long the run is [s]."""
-    sample: Positive = 0.005
-    """Time between stored samples [s]."""
+    sample: Positive | None = None
+    """Time between stored samples [s]. Default: 0.005, or what is nearest of the parts of the duration that are whole
+    numbers of steps."""
     solver: ForwardSolver = "articulated"
     """Of forward dynamics: articulated bodies, or M by LU (the paper's way) or Cholesky."""
     unstable: Unstable = "refuse"
@@ -283,7 +294,8 @@ class RunSettings(Spec, frozen=True):
     tolerance: Positive | None = None
     """Largest error of any body's place at the end of the run [m]; steps follow from it."""
     relative_tolerance: Positive | None = None
-    """The same as a part of the reach, or of the deflection (`accuracy`) [1]."""
+    """The same as a part of the reach, or of the deflection (`accuracy`) [1]. Default: 1e-3, where neither method nor
+    step are given."""
     accuracy: Accuracy = "tip"
     """What a relative tolerance is a part of: the arm's reach (tip), or how far springs have moved it."""
     max_evaluations: Positive = 1e7
@@ -292,13 +304,16 @@ class RunSettings(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.method:
-            msgspec.structs.force_setattr(self, "method", "auto" if self.controlled else "RK4")
+            fixed = self.step is not None and not self.has_tolerance
+            msgspec.structs.force_setattr(self, "method", "RK4" if fixed else AUTO)
         msgspec.structs.force_setattr(self, "method", data_files.absolute(self.method))
         if self.controlled:
             self._check_tolerance()
+        elif self.sample is None:
+            whole(self._duration_said, self.duration, self.said("step"), self.fixed_step)
         else:
-            whole("sample", self.sample, "step", self.step)
-        whole("duration", self.duration, "sample", self.sample)
+            whole("sample", self.sample, self.said("step"), self.fixed_step)
+        whole(self._duration_said, self.duration, self.said("sample"), self.spacing)
 
     def _check_tolerance(self) -> None:
         if self.tolerance is not None and self.relative_tolerance is not None:
@@ -310,28 +325,74 @@ class RunSettings(Spec, frozen=True):
             raise SceneError("accuracy = 'deflection': needs relative_tolerance, a fraction of the deflection")
 
     @property
+    def has_tolerance(self) -> bool:
+        """Whether a tolerance is given."""
+        return self.tolerance is not None or self.relative_tolerance is not None
+
+    @property
     def controlled(self) -> bool:
         """Whether steps follow from a tolerance."""
-        return self.tolerance is not None or self.relative_tolerance is not None
+        return self.has_tolerance or self.method == AUTO
+
+    @property
+    def by_default(self) -> bool:
+        """Whether steps follow from the tolerance that is taken where neither method, step nor tolerance are given."""
+        return self.method == AUTO and not self.has_tolerance
+
+    @property
+    def in_words(self) -> str:
+        """Method, step or tolerance, and duration, in one line."""
+        steps = f"step {self.fixed_step:g} s"
+        if self.tolerance is not None:
+            steps = f"tolerance {self.tolerance:g} m"
+        elif self.controlled:
+            steps = f"tolerance {self.tolerance_within(1.0):g} of the {self.measure}"
+        return f"{self.method}, {steps}, duration {self.duration:g} s"
+
+    @property
+    def measure(self) -> str:
+        """What a relative tolerance is a part of."""
+        return {"tip": "reach", "deflection": "deflection"}[self.accuracy]
+
+    @property
+    def _duration_said(self) -> str:
+        """Its key, for messages."""
+        return "duration" if self.duration != DEFAULT_DURATION else f"duration, by default {DEFAULT_DURATION},"
+
+    def said(self, key: str, above: str = "") -> str:
+        """A key of these settings, below another, for messages: of one that nobody wrote, that it is a default."""
+        return f"{above}{key}" if getattr(self, key) is not None else f"the default {above}{key}"
 
     def tolerance_within(self, length: float) -> float:
         """The tolerance [m], a relative one of this length."""
-        return self.tolerance or (self.relative_tolerance or 0.0) * length
+        return self.tolerance or (self.relative_tolerance or DEFAULT_TOLERANCE) * length
+
+    @property
+    def fixed_step(self) -> float:
+        """Length of fixed steps [s]."""
+        return DEFAULT_STEP if self.step is None else self.step
+
+    @property
+    def spacing(self) -> float:
+        """Time between two stored samples [s]."""
+        if self.sample is not None:
+            return self.sample
+        return default_sample(self.duration, None if self.controlled else self.fixed_step)
 
     @property
     def steps_per_sample(self) -> int:
         """Number of fixed steps between two stored samples."""
-        return round(self.sample / self.step)
+        return round(self.spacing / self.fixed_step)
 
     @property
     def between(self) -> float:
         """Time between two stored samples [s]: of fixed steps what their number takes."""
-        return self.sample if self.controlled else self.steps_per_sample * self.step
+        return self.spacing if self.controlled else self.steps_per_sample * self.fixed_step
 
     @property
     def samples(self) -> int:
         """Number of stored samples, the initial one included."""
-        return round(self.duration / self.sample) + 1
+        return round(self.duration / self.spacing) + 1
 
     @property
     def times(self) -> Array:
@@ -341,6 +402,22 @@ class RunSettings(Spec, frozen=True):
     def times_from(self, start: float) -> Array:
         """Times of the stored samples [s]: whole multiples of the time between them, if the start is one."""
         return multiples(start, self.between, self.samples)
+
+
+@functools.lru_cache(maxsize=256)
+def default_sample(duration: float, step: float | None) -> float:
+    """Time between stored samples [s] where none is given: a part of the duration near 0.005 s, of whole steps."""
+    if _fits(duration, SAMPLE) and (step is None or _fits(SAMPLE, step)):
+        return SAMPLE
+    if step is None:
+        return duration / max(1, round(duration / SAMPLE))
+    near, total, tries = max(1, round(min(SAMPLE / step, 2**53))), round(duration / step), 10_000
+    fitting = (number for number in range(near, max(0, near - tries), -1) if total % number == 0)
+    return next(fitting, total) * step
+
+
+def _fits(long: float, unit: float) -> bool:
+    return long == 0 or (0.5 < long / unit < 2**53 and is_whole(long / unit))
 
 
 def check_table(
@@ -372,7 +449,12 @@ def multiples(start: float, between: float, count: int) -> Array:
 def parts(value: float, unit: float) -> float:
     """How many `unit`s a value is: a whole number, if it is one up to the rounding of decimal input."""
     ratio = value / unit
-    return round(ratio) if abs(ratio - round(ratio)) <= 1e-9 * max(1.0, ratio) else ratio
+    return round(ratio) if is_whole(ratio) else ratio
+
+
+def is_whole(ratio: float) -> bool:
+    """Whether a ratio of two decimal numbers is a whole number, up to their rounding; 0 is."""
+    return abs(ratio - round(ratio)) <= 1e-9 * max(1.0, ratio)
 
 
 def whole(name: str, value: float, unit_name: str, unit: float, error: type[FlexlinkError] = SceneError) -> int:
@@ -429,8 +511,11 @@ def check_method(run: RunSettings) -> None:
         The method's own file is not valid.
     """
     if run.method == AUTO:
-        if not run.controlled:
-            raise SceneError(f"run.method = {AUTO!r}: picks a method for a tolerance; give run.tolerance, or a method")
+        if run.by_default and run.step is not None:
+            raise SceneError(
+                f"run.method = {AUTO!r}: picks a method for a tolerance, but run.step = {run.step!r} is given; give "
+                "run.tolerance, or a method, or leave run.step out"
+            )
         return
     try:
         able = method(run.method).controlled or not run.controlled

@@ -438,7 +438,8 @@ def allocate(
         record = Record(problem, times, q, qd, kept)
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
-            f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
+            f"{run.said('sample', 'run.')} = {run.spacing!r}: {run.samples} samples of {chain.n} joints do not fit "
+            "into memory"
         ) from None
     record.q[0], record.qd[0] = problem.q, problem.qd
     if not record.kept.types:  # all else that kernels are given here is made in one way
