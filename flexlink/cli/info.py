@@ -46,7 +46,7 @@ def run_command(options: argparse.Namespace) -> int:
 def _show(scene: Scene) -> None:
     chain = lump(scene)
     q0, _ = initial_state(scene, chain)
-    print(f"{scene.name}: {scene.about}")
+    print(f"{scene.name}: {scene.about}" if scene.about else scene.name)
     print(f"{chain.n} degrees of freedom, {len(chain.active)} driven; mass {chain.bodies['mass'].sum():.6g} kg")
     listed = 100
     for k in range(min(chain.n, listed)):
