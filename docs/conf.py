@@ -27,7 +27,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "sphinx-mathjax-offline",
 ]
-exclude_patterns = ["_site", "_doctrees", "generators", "inventories", "**/README.rst", "**.ipynb"]
+exclude_patterns = ["_site", "_doctrees", "generators", "inventories", "**sg_execution_times.rst", "**.ipynb"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "attrs_inline", "substitution"]
 myst_heading_anchors = 3
 templates_path = ["templates"]

@@ -6,7 +6,7 @@ import dataclasses
 import html
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from flexlink.common.notebook import html_table
 from flexlink.pages.chapter import Chapter
@@ -23,6 +23,13 @@ class Verdict:
     state: State
     word: str
     text: str
+
+
+class Fact(NamedTuple):
+    """A number of the first screen with its unit, and what it is."""
+
+    value: str
+    label: str
 
 
 @dataclasses.dataclass(frozen=True, repr=False)

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.pages.colours import CYCLE, GREEN, GREY, INK, VERMILION
+from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.notebook_figure import NotebookFigure as Figure
 from flexlink.results.pictures.view import view_of_motion
+from flexlink.results.resolved_modes import resolved
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,17 +95,20 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
     reach = np.ptp(found.points, axis=0).max() or 1.0
     rows = -(-shown // 2)
     figure = Figure(figsize=(7.2, 3.0 * rows + 0.6), layout="constrained")
-    figure.suptitle(f"{chain.name}: mode shapes, amplitude not to scale")
+    fine = resolved(found, chain)
+    note = "" if all(fine[:shown]) else "; dashed: fewer than two hinges a half-wave"
+    figure.suptitle(f"{chain.name}: mode shapes, amplitude not to scale{note}")
     panels = np.atleast_1d(figure.subplots(rows, 2, squeeze=False)).ravel()
     for panel in panels[shown:]:
         panel.set_visible(False)
     for k, panel in enumerate(panels[:shown]):
         path = found.paths[k].real
-        bent = found.points + 0.25 * reach / (np.abs(path).max() or 1.0) * path
+        bent = found.points + 0.12 * reach / (np.abs(path).max() or 1.0) * path
         view = view_of_motion(chain, found.points, bent)
-        panel.plot(*view.flat(found.points), color="0.7", linewidth=1.0, label="posture")
-        panel.plot(*view.flat(bent), marker=".", markersize=4, label=f"mode {k + 1}")
-        panel.set_title(f"{k + 1}: {found.hertz[k]:.4g} Hz", fontsize="medium")
+        panel.plot(*view.flat(found.points), color=GREY, linewidth=1.0, label="posture")
+        colour, line, words = (BLUE, "-", "") if fine[k] else (VERMILION, "--", ", not resolved")
+        panel.plot(*view.flat(bent), line, color=colour, marker=".", markersize=4, label=f"mode {k + 1}")
+        panel.set_title(f"{k + 1}: {found.hertz[k]:.4g} Hz{words}", fontsize="medium")
         panel.set(xlabel=view.labels[0], ylabel=view.labels[1])
         panel.set_aspect("equal", adjustable="datalim")
         panel.grid(alpha=0.3)

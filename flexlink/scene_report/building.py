@@ -16,22 +16,22 @@ from flexlink.common.output import write_text
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.page import make_folder, template
 from flexlink.pages.style import RC
-from flexlink.pages.verdict import Report, Verdict
+from flexlink.pages.verdict import Fact, Report, Verdict
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
 CHAPTERS = {
     "model": ("Model", "Model"),
+    "statics": ("Static deflection, joints locked", "Statics"),
+    "vibration": ("Vibration modes, joints locked", "Modes"),
+    "loads": ("Loads and drive torques", "Loads"),
     "motion": ("Motion", "Motion"),
+    "settling": ("Settling", "Settling"),
     "theirs": ("Comparison with another file", "Other file"),
     "measurements": ("Comparison with measurements", "Measurements"),
     "agreement": ("Agreement with other engines", "Agreement"),
     "energy": ("Energy balance", "Energy"),
     "accuracy": ("Accuracy and cost", "Accuracy and cost"),
-    "statics": ("Static deflection, joints locked", "Statics"),
-    "vibration": ("Vibration modes, joints locked", "Modes"),
-    "settling": ("Settling", "Settling"),
-    "loads": ("Loads and drive torques", "Loads"),
     "reproduce": ("How to reproduce", "Reproduce"),
 }
 """Modules of `flexlink.scene_report.parts`, in the order of the page: heading, and name in the list of chapters."""
@@ -44,6 +44,7 @@ def build(study: Study, folder: Path, progress: Callable[[str], None]) -> Report
     definitions: dict[str, str] = {}
     chapters: list[Chapter] = []
     verdicts: list[Verdict] = []
+    facts: list[Fact] = []
     for name, (title, short) in CHAPTERS.items():
         began = time.perf_counter()
         part = _part(name, study)
@@ -52,13 +53,14 @@ def build(study: Study, folder: Path, progress: Callable[[str], None]) -> Report
         if isinstance(part, Part):
             chapters.append(_written(Chapter(name, title, short), part, folder, definitions))
             verdicts += part.verdicts
+            facts += part.facts
         else:
             chapters.append(Chapter(name, title, short, failure=part))
         progress(f"{title}: {chapters[-1].failure or 'done'} ({time.perf_counter() - began:.1f} s)")
     page = folder / "index.html"
     filled = template(Path(__file__).parent / "data" / "scene.html").render(
         title=f"{study.scene.name}: flexlink report", name=study.scene.name, chapters=chapters, verdicts=verdicts,
-        definitions=definitions,
+        facts=facts, definitions=definitions,
     )  # fmt: skip
     write_text(page, filled)
     return Report(page, tuple(verdicts), chapters)

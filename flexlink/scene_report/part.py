@@ -6,7 +6,7 @@ import dataclasses
 
 from flexlink.pages.picture import Picture
 from flexlink.pages.tables import Table
-from flexlink.pages.verdict import Verdict
+from flexlink.pages.verdict import Fact, Verdict
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,6 +25,8 @@ class Part:
         Text that keeps its lines, such as a scene; it is folded.
     files
         Name → text of other files that stand beside the page.
+    facts
+        Numbers for the first screen.
     """
 
     sentences: tuple[str, ...] = ()
@@ -33,3 +35,4 @@ class Part:
     tables: tuple[Table, ...] = ()
     literal: str = ""
     files: dict[str, str] = dataclasses.field(default_factory=dict)
+    facts: tuple[Fact, ...] = ()

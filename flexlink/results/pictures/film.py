@@ -91,13 +91,13 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
         raise ArgumentError(f"{what} {run.chain.name!r}; expected a run of `simulate`")
     scene: Scene = run.scene
     rows = _rows(run, fps, speed)
-    shown = _picked(run, rows)
+    shown = picked(run, rows)
     bent = _magnified(run, magnify)
     trace_points = min(len(run.t), 1500)
     along = np.unique(np.linspace(0, len(run.t) - 1, trace_points).round().astype(int))
-    R, p = _placed(run, bent[rows])
+    R, p = placed(run, bent[rows])
     outline = outline_of(scene, run.chain)
-    true = (R, p) if magnify == 1 else _placed(run, run.q[rows])
+    true = (R, p) if magnify == 1 else placed(run, run.q[rows])
     trace = frames(run.chain, bent[along]).points[:, -1]
     found = colouring(colour, scene.arm, outline, true, shown.loads)
     return Film(
@@ -142,7 +142,7 @@ def _rows(run: RunSamples, fps: float, speed: float) -> NDArray[np.intp]:
     return np.asarray(np.where(wanted - run.t[before] < run.t[after] - wanted, before, after))
 
 
-def _picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:
+def picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:
     """The run at these samples only."""
     parts = {name: getattr(run, name)[rows] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")}
     energy = Energy(*run.energy.parts[:, rows])
@@ -157,7 +157,7 @@ def _magnified(run: RunSamples, magnify: float) -> Array:
     return q
 
 
-def _placed(run: RunSamples, q: Array) -> tuple[Array, Array]:
+def placed(run: RunSamples, q: Array) -> tuple[Array, Array]:
     """Rotations and origins of the bodies, the base before them."""
     placed = frames(run.chain, q)
     count = len(q)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from flexlink.common.errors import FlexlinkError, MissingDependencyError
 from flexlink.describe.schemes.methods import method
@@ -10,6 +10,7 @@ from flexlink.diagnosis.comparison import compare
 from flexlink.diagnosis.diagnosis import Diagnosis
 from flexlink.diagnosis.trajectories import MEANINGFUL_TOLERANCE, RunDifference, compare_trajectories, in_fixed_steps
 from flexlink.engines import ENGINES
+from flexlink.pages.colours import engine_name
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import Table
 from flexlink.pages.verdict import State, Verdict
@@ -50,9 +51,11 @@ def _diagnoses(study: Study) -> tuple[list[Diagnosis], list[str]]:
         try:
             found += compare(study.scene, engines=[name], samples=STATES).diagnoses
         except MissingDependencyError:
-            without.append(f"{name} is not installed: python -m pip install 'flexlink[{ENGINES[name].extra}]'.")
+            without.append(
+                f"{engine_name(name)} is not installed: python -m pip install 'flexlink[{ENGINES[name].extra}]'."
+            )
         except FlexlinkError as error:
-            without.append(f"{name}: comparison failed: {error}.")
+            without.append(f"{engine_name(name)}: comparison failed: {error}.")
     return found, without
 
 
@@ -69,7 +72,7 @@ def _runs(study: Study) -> tuple[Sequence[RunDifference], str, Sequence[str]]:
     part = "the whole run" if duration == scene.run.duration else f"the first {number(duration)} s of the run"
     sentence = f"Runs are compared over {part}, with the same method and step in every engine ({found.steps})."
     why = [f"Not compared: {reason}." for reason in found.refused]
-    why += [f"{row.engine}: {row.diverged}." for row in found.rows if row.diverged]
+    why += [f"{engine_name(row.engine)}: {row.diverged}." for row in found.rows if row.diverged]
     if any(row.explained > MEANINGFUL_TOLERANCE for row in found.rows):
         why.append("This motion amplifies rounding errors: the comparison of runs proves little, that of terms counts.")
     return found.rows, sentence, why
@@ -88,7 +91,13 @@ def _terms(diagnoses: Sequence[Diagnosis]) -> Table:
     lines = []
     for each in diagnoses:
         errors = {row.quantity: row.error for row in each.rows}
-        lines.append((each.engine, *(errors.get(name) for name in quantities), "agrees" if each.passed else "DIFFERS"))
+        lines.append(
+            (
+                engine_name(each.engine),
+                *(errors.get(name) for name in quantities),
+                "agrees" if each.passed else "DIFFERS",
+            )
+        )
     heads = ("engine", *quantities, "verdict")
     return Table("terms", "Terms of the equation of motion: difference / rounding bound", heads, tuple(lines))
 
@@ -96,11 +105,15 @@ def _terms(diagnoses: Sequence[Diagnosis]) -> Table:
 def _of_runs(rows: Sequence[RunDifference]) -> Table:
     heads = ("engine", "angles [rad]", "rates [rad/s]", "tip [m]", "rounding bound [rad]", "worst joint", "verdict")
     lines = tuple(
-        (row.engine, row.q, row.qd, row.tip, row.explained, f"{row.joint} at {row.time:g} s",
+        (engine_name(row.engine), row.q, row.qd, row.tip, row.explained, f"{row.joint} at {row.time:g} s",
          "agrees" if row.passed else "DIFFERS")
         for row in rows
     )  # fmt: skip
     return Table("runs", "Runs: largest difference from flexlink", heads, lines)
+
+
+def _named(engines: Iterable[str]) -> str:
+    return ", ".join(map(engine_name, engines))
 
 
 def _verdict(diagnoses: Sequence[Diagnosis], runs: Sequence[RunDifference]) -> Verdict:
@@ -108,8 +121,8 @@ def _verdict(diagnoses: Sequence[Diagnosis], runs: Sequence[RunDifference]) -> V
     bad = sorted({*(each.engine for each in diagnoses if not each.passed), *(r.engine for r in runs if not r.passed)})
     state: State = "fail" if bad else "pass" if good else "doubt"
     word = {"fail": "differ", "pass": "agree", "doubt": "none installed"}[state]
-    text = f"Results that differ from flexlink’s: {', '.join(bad)}." if bad else ""
+    text = f"Results that differ from flexlink’s: {_named(bad)}." if bad else ""
     if good and not bad:
-        run = f"; same run: {', '.join(row.engine for row in runs)}" if runs else ""
-        text = f"Same terms of the equation of motion: {', '.join(good)}{run}."
+        run = f"; same run: {_named(row.engine for row in runs)}" if runs else ""
+        text = f"Same terms of the equation of motion: {_named(good)}{run}."
     return Verdict("Engines", state, word, text or "No other engine could be compared.")

@@ -9,7 +9,7 @@ from flexlink.dynamics import rounding
 from flexlink.pages.colours import BLUE, CYCLE, INK
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import legend_over, stacked_axes
+from flexlink.pages.style import legend_over, stacked_axes, tidy_linear
 from flexlink.pages.tables import columns_csv
 from flexlink.pages.verdict import State, Verdict
 from flexlink.results.trajectory import Trajectory
@@ -49,20 +49,26 @@ def _rounding(run: Trajectory) -> Array:
 def _picture(study: Study) -> Picture:
     run = study.run
     assert run.work is not None
-    figure, axes = stacked_axes(2, 2.2)
+    bends = study.bends
+    figure, axes = stacked_axes(3 if bends else 2, 1.8)
     parts = {"kinetic": run.energy.kinetic, "gravity": run.energy.gravity, "elastic": run.energy.elastic}
     columns = {"t [s]": run.t}
     for (name, values), colour in zip(parts.items(), CYCLE, strict=False):
         columns[f"{name} [J]"] = np.asarray(values) - np.asarray(values)[0]
-        axes[0].plot(run.t, columns[f"{name} [J]"], color=colour, label=name)
+        if name != "elastic":
+            axes[0].plot(run.t, columns[f"{name} [J]"], color=colour, label=name)
+        elif bends:  # often thousands of times smaller than what falls and swings
+            axes[1].plot(run.t, columns[f"{name} [J]"], color=colour)
+            axes[1].set_ylabel("elastic, change [J]")
+            tidy_linear(axes[1])
     axes[0].plot(run.t, run.work, color=INK, linestyle="--", label="work W")
     axes[0].set_ylabel("change [J]")
     legend_over(axes[0])
-    axes[1].plot(run.t, run.imbalance, color=BLUE)
-    axes[1].set_ylabel("energy error [J]")
-    axes[1].ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
-    axes[1].set_xlabel("time [s]")
+    axes[-1].plot(run.t, run.imbalance, color=BLUE)
+    axes[-1].set(xlabel="time [s]", ylabel="energy error [J]")
+    tidy_linear(axes[-1])
     columns |= {"work [J]": run.work, "imbalance [J]": run.imbalance}
     csv = columns_csv(columns)
-    caption = "Top: change of the energies since the start, and work W done on the arm. Bottom: energy error."
+    middle = " Middle: energy of the springs, on its own scale." if bends else ""
+    caption = f"Top: change of the energies since the start, and work W done on the arm.{middle} Bottom: energy error."
     return Picture("energy", "Energy balance", figure, caption, csv)

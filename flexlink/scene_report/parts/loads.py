@@ -9,6 +9,9 @@ from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import NAMED_CURVES, legend_over, stacked_axes
 from flexlink.pages.tables import Cell, Table, columns_csv
+from flexlink.pages.verdict import Fact
+from flexlink.results.pictures.stress import peak_stress
+from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
@@ -29,7 +32,18 @@ def made(study: Study) -> Part:
     if driven:
         most = max(driven, key=lambda k: peaks[k])
         sentences.insert(1, f"Largest drive torque: {number(float(peaks[most]))} N m at {chain.joint_name(most)}.")
-    return Part(tuple(sentences), pictures=(_picture(study, driven),), tables=(_table(study),))
+    facts = _stress(run)
+    sentences[1:1] = [f"{fact.label}: {fact.value}." for fact in facts]
+    return Part(tuple(sentences), facts=facts, pictures=(_picture(study, driven),), tables=(_table(study),))
+
+
+def _stress(run: Trajectory) -> tuple[Fact, ...]:
+    peak = peak_stress(run)
+    if peak is None or peak.pascals == 0.0:
+        return ()
+    where = f"{peak.link}, {number(peak.along)} m from its root, at {number(peak.time)} s"
+    section = "; its section as a rectangle" if peak.rectangle else ""
+    return (Fact(f"{number(1e-6 * peak.pascals)} MPa", f"Largest bending stress of the run ({where}{section})"),)
 
 
 def _place(study: Study, body: int) -> str:

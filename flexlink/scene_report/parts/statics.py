@@ -15,6 +15,7 @@ from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over
 from flexlink.pages.tables import Table, table_csv
+from flexlink.pages.verdict import Fact
 from flexlink.results.pictures.view import views_of
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
@@ -28,7 +29,9 @@ def made(study: Study) -> Part:
         wrench, frame = initial_wrench(study.scene, chain)
         held = bias_torque(chain, q, np.zeros(chain.n), tip_wrench=wrench, frame=frame)
         return Part(
-            ("All links are rigid. The joints are locked at their start angles.",), tables=_holding(chain, q, held)
+            ("All links are rigid. The joints are locked at their start angles.",),
+            facts=_held(chain, held),
+            tables=_holding(chain, q, held),
         )
     rest = study.rest
     sag = _without_rounding(tip_position(chain, rest.q) - tip_position(chain, unbent(chain, rest.q)))
@@ -41,7 +44,22 @@ def made(study: Study) -> Part:
         _buckling(study),
     )
     pictures = (_picture(study, size),) if size > 0 else ()
-    return Part(tuple(filter(None, sentences)), pictures=pictures, tables=_holding(chain, rest.q, rest.tau))
+    facts = (Fact(f"{number(1e3 * size)} mm", "Sag of the tip under gravity and load, driven joints held"),)
+    return Part(
+        tuple(filter(None, sentences)), facts=(*facts, *_held(chain, rest.tau)), pictures=pictures,
+        tables=_holding(chain, rest.q, rest.tau),
+    )  # fmt: skip
+
+
+def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
+    """The largest torques that hold the arm, for the first screen."""
+    torques, shown = _without_rounding(tau), 2  # numbers that fit into a line
+    largest = sorted(chain.active.tolist(), key=lambda k: -abs(torques[k]))[:shown]
+    if not largest:
+        return ()
+    values = "; ".join(number(abs(float(torques[k]))) for k in largest)
+    names = ", ".join(chain.joint_name(k) for k in largest)
+    return (Fact(f"{values} N m", f"{'Largest h' if len(chain.active) > shown else 'H'}olding torques: {names}"),)
 
 
 def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Table, ...]:

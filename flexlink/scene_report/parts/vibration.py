@@ -7,12 +7,14 @@ import numpy as np
 from flexlink.dynamics.vibration.at_rest import modes_at_rest
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.inputs.tip_wrench import initial_wrench
-from flexlink.pages.colours import BLUE, GREY
+from flexlink.pages.colours import BLUE, GREY, VERMILION
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import WIDTH
 from flexlink.pages.tables import Cell, Table, table_csv
+from flexlink.pages.verdict import Fact
 from flexlink.results.pictures.view import view_of_motion
+from flexlink.results.resolved_modes import resolved
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
@@ -26,14 +28,23 @@ def made(study: Study) -> Part | None:
     chain, rest = study.chain, study.rest
     wrench, frame = initial_wrench(study.scene, chain)
     found = modes_at_rest(chain, rest, tip_wrench=wrench, frame=frame)
-    sentences = (
+    sentences: tuple[str, ...] = (
         _first(found) + " Small vibrations about the static equilibrium, gravity included, driven joints locked.",
         "" if found.stable else "The posture is unstable: at least one mode grows.",
     )
-    heads = ("mode", "frequency [Hz]", "damping ratio", "kind", "tip moves most along")
-    lines = tuple(_line(found, k) for k in range(len(found.eigenvalues)))
+    fine = resolved(found, chain)
+    if not all(fine):
+        coarse = (
+            f"Modes from {1 + fine.index(False)} on have fewer than two hinges per half-wave in some link: their "
+            "frequencies depend on the cut; more segments resolve them."
+        )
+        sentences += (coarse,)
+    heads = ("mode", "frequency [Hz]", "damping ratio", "kind", "tip moves most along", "resolved by the hinges")
+    lines = tuple((*_line(found, k), "yes" if fine[k] else "no") for k in range(len(found.eigenvalues)))
     table = Table("modes", "Natural frequencies", heads, lines, to_look_up=len(lines) > 12)
-    return Part(tuple(filter(None, sentences)), pictures=(_picture(study, found),), tables=(table,))
+    return Part(
+        tuple(filter(None, sentences)), facts=_facts(found), pictures=(_picture(study, found, fine),), tables=(table,)
+    )
 
 
 def _first(found: Modes) -> str:
@@ -44,14 +55,25 @@ def _first(found: Modes) -> str:
     return f"First elastic frequency: {number(float(found.hertz[k]))} Hz, damping ratio {ratio}."
 
 
+def _facts(found: Modes) -> tuple[Fact, ...]:
+    """The first two elastic frequencies, for the first screen."""
+    hertz = [float(f) for f, kind in zip(found.hertz, found.kinds, strict=True) if kind == "elastic"][:2]
+    if not hertz:
+        return ()
+    values = "; ".join(map(number, hertz))
+    return (
+        Fact(f"{values} Hz", f"First elastic {'frequencies' if len(hertz) > 1 else 'frequency'}, driven joints held"),
+    )
+
+
 def _line(found: Modes, k: int) -> tuple[Cell, ...]:
     tip = np.abs(found.paths[k, -1])
     axis = "xyz"[int(np.argmax(tip))] if tip.any() else ""
     return k + 1, float(found.hertz[k]), float(found.damping_ratios[k]), found.kinds[k], axis
 
 
-def _picture(study: Study, found: Modes) -> Picture:
-    amplitude = 0.12 * study.reach
+def _picture(study: Study, found: Modes, fine: tuple[bool, ...]) -> Picture:
+    amplitude = 0.08 * study.reach
     shown = min(4, len(found.eigenvalues))
     figure = Figure(figsize=(WIDTH, 2.3 * ((shown + 1) // 2)), layout="constrained")
     axes = np.atleast_1d(figure.subplots((shown + 1) // 2, 2, squeeze=False)).ravel()
@@ -64,13 +86,15 @@ def _picture(study: Study, found: Modes) -> Picture:
         bent = found.points + amplitude / (np.abs(path).max() or 1.0) * path
         view = view_of_motion(study.chain, found.points, bent)
         panel.plot(*view.flat(found.points), color=GREY, linewidth=1.0)
-        panel.plot(*view.flat(bent), color=BLUE, marker=".", markersize=4)
-        panel.set_title(f"{k + 1}: {number(float(found.hertz[k]))} Hz")
+        line = "-" if fine[k] else "--"
+        panel.plot(*view.flat(bent), line, color=BLUE if fine[k] else VERMILION, marker=".", markersize=4)
+        coarse = "" if fine[k] else ", not resolved"
+        panel.set_title(f"{k + 1}: {number(float(found.hertz[k]))} Hz{coarse}")
         panel.set_aspect("equal", adjustable="datalim")
         panel.set_xlabel(view.labels[0].removesuffix(" [m]"), fontsize=9)
         panel.set_ylabel(view.labels[1].removesuffix(" [m]"), fontsize=9)
         panel.set(xticks=[], yticks=[])
         lines += [(k + 1, body, *p) for body, p in enumerate(path.tolist())]
     csv = table_csv(("mode", "body", "x", "y", "z"), lines)
-    caption = "Grey: equilibrium. Blue: mode shape, amplitude not to scale, from the side that shows most of it."
+    caption = "Grey: equilibrium. Blue: mode shape, amplitude not to scale. Dashed: too few hinges for this mode."
     return Picture("shapes", "Lowest modes", figure, caption, csv)

@@ -1,0 +1,53 @@
+"""The largest bending stress of a run: where along the links, and when."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.results.pictures.colouring import colouring
+from flexlink.results.pictures.film import picked, placed
+from flexlink.results.pictures.outline import Outline, has_rectangle_instead, outline_of
+from flexlink.results.samples import RunSamples
+
+AT_ONCE = 500  # samples, so that little memory is needed
+
+
+class PeakStress(NamedTuple):
+    """Bending stress E ε at the surface of a link that bends."""
+
+    pascals: float
+    link: str
+    along: float  # from the root of the link's beam [m]
+    time: float  # [s]
+    rectangle: bool  # a general section has no surface: that of the rectangle with its radii of gyration is taken
+
+
+def peak_stress(run: RunSamples) -> PeakStress | None:
+    """The largest one over all samples; None where no link that bends has a section and a material."""
+    if run.scene is None or not len(run.t):
+        return None
+    arm, outline = run.scene.arm, outline_of(run.scene, run.chain)
+    young = [arm.materials[name].young if (name := arm.links[k - 1].material) else np.nan for k in outline.link]
+    best: PeakStress | None = None
+    for first in range(0, len(run.t), AT_ONCE):
+        part = picked(run, np.arange(first, min(first + AT_ONCE, len(run.t))))
+        strain = 1e-6 * colouring("strain", arm, outline, placed(part, part.q), part.loads).values
+        stress = strain * np.array(young)
+        if not np.isfinite(stress).any():
+            return None
+        row, station = np.unravel_index(int(np.nanargmax(stress)), stress.shape)
+        link = arm.links[outline.link[station] - 1]
+        if best is None or stress[row, station] > best.pascals:
+            best = PeakStress(
+                float(stress[row, station]), link.name, _along(outline, int(station)) * float(link.beam.length),
+                float(part.t[row]), bool(link.section and has_rectangle_instead(arm.sections[link.section])),
+            )  # fmt: skip
+    return best
+
+
+def _along(outline: Outline, station: int) -> float:
+    """Where a station is, as a part of its link's length."""
+    begin, end = outline.pieces[outline.piece[station]].part
+    return float(begin + outline.part[station] * (end - begin))
