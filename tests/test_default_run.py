@@ -111,6 +111,8 @@ def test_the_command_line_and_the_result_say_what_the_steps_keep_by_default(tmp_
     assert "no step given" not in capsys.readouterr().err
     assert fl.simulate(fl.load_scene(path)).notes == (note,)
     assert fl.simulate(fl.load_scene(path), tolerance=1e-4).notes == ()
+    (fixed,) = fl.simulate(fl.load_scene(path), method="RK10").notes
+    assert fixed == "run: no step given; fixed ones of 0.0001 s by RK10, unless a tolerance is given"
 
 
 def test_a_refused_step_names_a_tolerance_as_the_first_way_out() -> None:

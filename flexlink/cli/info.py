@@ -46,7 +46,7 @@ def run_command(options: argparse.Namespace) -> int:
 def _show(scene: Scene) -> None:
     chain = lump(scene)
     q0, _ = initial_state(scene, chain)
-    print(f"{scene.name}: {scene.about}")
+    print(f"{scene.name}: {scene.about}" if scene.about else scene.name)
     print(f"{chain.n} degrees of freedom, {len(chain.active)} driven; mass {chain.bodies['mass'].sum():.6g} kg")
     listed = 100
     for k in range(min(chain.n, listed)):
@@ -97,6 +97,7 @@ def _kind(chain: Chain, k: int) -> str:
 def _show_steps(chain: Chain, factor: float, λ: Complex, free: Complex) -> None:
     """Largest stable steps, also without structural damping, and their CPU time, `factor` times the listed one."""
     rk4 = step_cost(chain, "RK4") / stable_step_of(λ, "RK4")
+    print("with a tolerance, the default, steps follow from the error; fixed steps, by method:")
     for method in data_files.names("methods"):
         h, cost, price = stable_step_of(λ, method), step_cost(chain, method), ""
         if np.isfinite(h):
@@ -105,7 +106,7 @@ def _show_steps(chain: Chain, factor: float, λ: Complex, free: Complex) -> None
             price = f", as cheap as RK4 with about {rk4 / cost:.0f} steps per second"
         undamped = stable_step_of(free, method)
         without = "" if undamped == h else f"; {_step(undamped)} without structural damping"
-        print(f"stable step, {method:<6} {_step(h)}{price}{without}")
+        print(f"  {method:<6} {_step(h)}{price}{without}")
 
 
 def _without_structural_damping(chain: Chain) -> Chain:
@@ -120,5 +121,5 @@ def _step(h: float) -> str:
 
 
 def _some(values: Array) -> str:
-    shown = [f"{value:.4g}" for value in values]
+    shown = [f"{value:.4g}" if np.isfinite(value) else "none: it falls" for value in values]
     return ", ".join(shown if len(shown) <= 8 else [*shown[:4], "…", *shown[-2:]])

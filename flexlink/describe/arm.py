@@ -227,9 +227,9 @@ class Link(Spec, frozen=True):
         if not self.name:
             raise SceneError("name = '': must not be empty")
         if (self.material is None) != (self.section is None):
-            raise SceneError(
-                f"material = {self.material!r}, section = {self.section!r}: give both, or neither for a massless link"
-            )
+            missing, given = ("section", "material") if self.section is None else ("material", "section")
+            said = f"{given} = {getattr(self, given)!r}"
+            raise SceneError(f"{missing}: missing; {said} is given: give both, or neither for a massless link")
         if self.section_tip is not None and self.section is None:
             raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
         if self.line is not None and self.length:
@@ -243,17 +243,17 @@ class Link(Spec, frozen=True):
             raise SceneError(f"segments = {self.segments}: a rigid link has 1")
         elif self.material is not None and length == 0:
             raise SceneError(
-                f"length = {self.length!r}: a link of material {self.material!r} needs a length > 0 or a line; "
-                "one without length has neither material nor section, but may have a hub"
+                f"length = {self.length!r}, the default: a link of material {self.material!r} needs a length > 0 or a "
+                "line; one without length has neither material nor section, but may have a hub"
             )
 
     def _check_flexible(self, length: float) -> None:
         if self.segments < 2:
-            raise SceneError(f"segments = {self.segments}: a flexible link needs at least 2")
+            raise SceneError(f"segments = {self.segments}, the default: a flexible link needs at least 2, such as 5")
         if length == 0:
-            raise SceneError(f"length = {self.length!r}: a flexible link needs a length > 0 or a line")
+            raise SceneError(f"length = {self.length!r}, the default: a flexible link needs a length > 0 or a line")
         if self.material is None:
-            raise SceneError("material = None: a flexible link needs a material and a section")
+            raise SceneError("material, section: missing; a flexible link needs both")
 
     @property
     def elastic(self) -> bool:

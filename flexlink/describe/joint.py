@@ -55,8 +55,8 @@ class Joint(Spec, frozen=True):
             raise SceneError(f"gear_damping = {self.gear_damping!r}: needs a gear_stiffness")
         if self.gear_stiffness is not None and not self.armature and not self.locked:
             raise SceneError(
-                f"armature = {self.armature!r}: gear_stiffness = {self.gear_stiffness!r} needs the motor's inertia; "
-                "nothing else moves between motor and gear"
+                f"armature = {self.armature!r}, the default: gear_stiffness = {self.gear_stiffness!r} needs the "
+                "motor's inertia; nothing else moves between motor and gear"
             )
 
     @property

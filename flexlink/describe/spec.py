@@ -382,7 +382,7 @@ def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
 def _lower(reason: str) -> str:
     """msgspec's reason in the words of TOML."""
     words = (reason[:1].lower() + reason[1:]).replace("`", "")
-    return words.replace(" | null", "").replace("object", "table")
+    return words.replace(" | null", "").replace("object", "table").replace("array", "a list")
 
 
 def truncated(value: object) -> str:

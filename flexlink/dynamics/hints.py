@@ -37,11 +37,12 @@ def notes(scene: Scene) -> tuple[str, ...]:
     require_type("scene", scene, Scene)
     starts = _stillness, slack_springs, unheld_joints, balance
     idle = _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
-    return tuple(note for each in (*starts, *idle) for note in each(scene))
+    with np.errstate(all="ignore"):  # numbers beyond float64 are refused where a run is made of them
+        return tuple(note for each in (*starts, *idle) for note in each(scene))
 
 
 def defaults(scene: Scene) -> tuple[str, ...]:
-    """What a scene leaves to defaults that decide what comes out: the tolerance of a run without a word on steps.
+    """What a scene leaves to defaults that decide what comes out: the steps of a run without a word on them.
 
     Parameters
     ----------
@@ -53,9 +54,12 @@ def defaults(scene: Scene) -> tuple[str, ...]:
     tuple of str
         One line each, empty if there is nothing to say.
     """
-    if not scene.run.by_default or scene.run.duration == 0:
+    run = scene.run
+    if run.duration == 0 or (run.step is not None or run.has_tolerance):
         return ()
-    tolerance = scene.run.tolerance_within(lump(scene).reach)
+    if not run.by_default:
+        return (f"run: no step given; fixed ones of {run.fixed_step:g} s by {run.method}, unless a tolerance is given",)
+    tolerance = run.tolerance_within(lump(scene).reach)
     of_reach = f"{1e3 * tolerance:.3g} mm ({DEFAULT_TOLERANCE:g} of the reach)"
     return (f"run: no step given; tolerance {of_reach}, method auto",)
 

@@ -85,8 +85,8 @@ def judge_step(problem: InitialValueProblem) -> tuple[str, ...]:
     )
     if run.unstable == "refuse":
         raise UnstableStepError(
-            f"{reason}; take a tolerance, which suits any stiffness, in place of the step: relative_tolerance = 1e-3 "
-            f"(--relative-tolerance 1e-3); or a step below {largest:.3g} s, or allow this one: unstable = 'allow' "
+            f"{reason}; take a tolerance in its place, for any stiffness: relative_tolerance = 1e-3 "
+            f"(--relative-tolerance 1e-3), or a step below {largest:.3g} s, or allow this one: unstable = 'allow' "
             "(--insist)",
             largest,
         )
