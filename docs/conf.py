@@ -27,13 +27,14 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "sphinx-mathjax-offline",
 ]
-exclude_patterns = ["_site", "_doctrees", "generators", "inventories", "**/README.rst", "**.ipynb"]
+exclude_patterns = ["_site", "_doctrees", "generators", "inventories", "**sg_execution_times.rst", "**.ipynb"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "attrs_inline", "substitution"]
 myst_heading_anchors = 3
 templates_path = ["templates"]
 suppress_warnings = ["config.cache"]  # the gallery's settings hold a function
 
 default_role = "code"
+smartquotes = False  # "--set" stays so
 autosummary_generate = True
 autodoc_typehints = "none"  # shapes and units stand in the text
 autodoc_member_order = "bysource"
@@ -65,6 +66,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "flexlink"
 html_static_path = ["static"]
 html_css_files = ["flexlink.css"]
+html_js_files = ["flexlink.js"]
 html_show_sourcelink = False
 html_theme_options = {
     "show_prev_next": True,

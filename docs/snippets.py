@@ -3,11 +3,13 @@
 A fenced block of ``sh``, ``python`` or ``toml`` is followed by one of these comments, which the build replaces:
 
     <!-- output -->                       what the block printed
+    <!-- table -->                        what the block printed, a table or text in Markdown
     <!-- picture: FILE | caption -->      the picture or film that it wrote
 
-All blocks of a page run in its order, in one folder, which holds `models/`, and Python blocks share their names.
-A block of ``toml`` whose first line is ``# file: NAME`` writes that file. `tests/test_pages.py` runs all
-blocks of all pages.
+With ``folded`` before it, as in ``<!-- folded picture: … -->``, the result comes first, and the code is folded below
+it; ``<!-- folded -->`` alone folds code without a result. All blocks of a page run in its order, in one folder, which
+holds `models/`, and Python blocks share their names. A block of ``toml`` whose first line is ``# file: NAME`` writes
+that file. `tests/test_pages.py` runs all blocks of all pages.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ ROOT = Path(__file__).parents[1]
 FOLDER = "FLEXLINK_PAGES"
 """Variable of the environment: where the code of pages runs; without it the build runs none."""
 BLOCK = re.compile(
-    r"^```(sh|python|toml)\n(.*?)^```\n(?:\n?<!-- (output|picture: [^>]*?) -->\n)?", re.DOTALL | re.MULTILINE
+    r"^```(sh|python|toml)\n(.*?)^```\n(?:\n?<!-- (folded|(?:folded )?(?:output|table|picture: [^>]*?)) -->\n)?",
+    re.DOTALL | re.MULTILINE,
 )
 
 
@@ -98,19 +101,29 @@ def filled(name: str, text: str, folder: Path, pictures: Path) -> str:
     def with_result(found: re.Match[str]) -> str:
         kind, code, comment = found[1], found[2], found[3] or ""
         printed = page.run(kind, code)
-        block = f"```{kind}\n{code}```\n"
-        if comment == "output":
-            return f"{block}\n```text\n{printed.rstrip()}\n```\n"
-        if comment:
-            file, _, caption = (part.strip() for part in comment.removeprefix("picture:").partition("|"))
-            pictures.mkdir(parents=True, exist_ok=True)
-            stored = pictures / f"{Path(name).name}_{Path(file).name}"
-            shutil.copy(folder / file, stored)
-            shown = os.path.relpath(stored, (ROOT / "docs" / name).parent)
-            return f"{block}\n:::{{figure}} {shown}\n:alt: {caption}\n{caption}\n:::\n"
-        return block
+        block, wanted = f"```{kind}\n{code}```\n", comment.removeprefix("folded").strip()
+        if not comment:
+            return block
+        result = f"{printed.rstrip()}\n" if wanted else ""
+        if wanted == "output":
+            result = f"```text\n{result}```\n"
+        elif wanted.startswith("picture:"):
+            result = _figure(name, folder, pictures, wanted.removeprefix("picture:"))
+        if wanted == comment:
+            return f"{block}\n{result}"
+        return f"{result}\n:::{{dropdown}} The {'file' if kind == 'toml' else 'code'}\n{block}:::\n"
 
     return BLOCK.sub(with_result, text)
+
+
+def _figure(name: str, folder: Path, pictures: Path, wanted: str) -> str:
+    """A file of a page's folder, kept with the site's pictures, and its caption."""
+    file, _, caption = (part.strip() for part in wanted.partition("|"))
+    pictures.mkdir(parents=True, exist_ok=True)
+    stored = pictures / f"{Path(name).name}_{Path(file).name}"
+    shutil.copy(folder / file, stored)
+    shown = os.path.relpath(stored, (ROOT / "docs" / name).parent)
+    return f":::{{figure}} {shown}\n:alt: {caption}\n{caption}\n:::\n"
 
 
 def setup(app: Any) -> dict[str, bool]:

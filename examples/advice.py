@@ -12,9 +12,7 @@ import numpy as np
 
 import flexlink as fl
 
-models = (
-    Path("models") if Path("models").is_dir() else Path("../models")
-)  # of the checkout
+models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
 scene = fl.load_scene(models / "ptp_move.toml").varied(
     {"run.duration": 2.0, "drive.reference.shaper": None}
 )
@@ -38,8 +36,6 @@ panel.semilogy(
     label="all links rigid",
 )
 panel.axhline(1.0, color="0.4", linestyle=":", label="asked for: 1 mm")
-panel.set(
-    xlabel="time [s]", ylabel="tip, off the converged path [mm]", ylim=(1e-3, 1e3)
-)
+panel.set(xlabel="time [s]", ylabel="tip, off the converged path [mm]", ylim=(1e-3, 1e3))
 panel.legend()
 panel.grid(alpha=0.3)

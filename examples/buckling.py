@@ -11,35 +11,32 @@ import numpy as np
 import flexlink as fl
 
 LENGTH, WIDTH, HEIGHT, YOUNG = 0.5, 0.02, 0.001, 206e9  # m, m, m, Pa
-euler = (
-    np.pi**2 * YOUNG * WIDTH * HEIGHT**3 / 12 / (4 * LENGTH**2)
-)  # N, clamped below, free above
+euler = np.pi**2 * YOUNG * WIDTH * HEIGHT**3 / 12 / (4 * LENGTH**2)  # N, clamped below, free above
 
 
 def strip(segments: int, load: float) -> fl.Scene:
     """Standing upwards along X, without weight, pressed by a load [N]."""
     link = fl.Link(
-        name="strip", length=LENGTH, material="steel", section="flat", flex="z", segments=segments,
+        name="strip",
+        length=LENGTH,
+        material="steel",
+        section="flat",
+        flex="z",
+        segments=segments,
         joint=fl.Joint(locked=True),
-    )  # fmt: skip
+    )
     arm = fl.Arm(
         links=(link,),
         materials={"steel": fl.Material(young=YOUNG, density=7850.0)},
         sections={"flat": fl.Section(shape="rectangle", height=HEIGHT, width=WIDTH)},
     )
     pressed = fl.Wrench(force=(-load, 0.0, 0.0))
-    return fl.Scene(
-        name="strip",
-        arm=arm,
-        gravity=(0, 0, 0),
-        wrench=pressed,
-        initial=fl.InitialState(joint_deg=(0.0,)),
-    )
+    return fl.Scene(name="strip", arm=arm, gravity=(0.0, 0.0, 0.0), wrench=pressed)
 
 
 # %%
-# Factors of the present load, here 1 N: the first one is the buckling load. Its error falls with the
-# square of the number of hinges.
+# Factors of the present load, here 1 N: the first one is the buckling load. Its error falls with the square of the
+# number of hinges.
 factors = {}
 for segments in (3, 5, 9, 17):
     scene = strip(segments, load=1.0)
@@ -47,9 +44,8 @@ for segments in (3, 5, 9, 17):
     factors[segments - 1] = fl.buckling_loads(
         chain, np.zeros(chain.n), tip_wrench=scene.tip_wrench
     )[0]
-    print(
-        f"{segments - 1:2} hinges: {factors[segments - 1]:.6f} N, {factors[segments - 1] / euler - 1:+.1e}"
-    )
+    found = factors[segments - 1]
+    print(f"{segments - 1:2} hinges: {found:.6f} N, {found / euler - 1:+.1e}")
 print(f"Euler    : {euler:.6f} N")
 
 # %%
@@ -59,9 +55,7 @@ shapes = {}
 for part in (0.99, 1.015, 1.063, 1.152, 1.293):  # of Euler's load
     scene = strip(17, load=part * euler)
     chain = fl.lump(scene)
-    shapes[part] = fl.solve_static(
-        chain, np.full(chain.n, 0.05), tip_wrench=scene.tip_wrench
-    )
+    shapes[part] = fl.solve_static(chain, np.full(chain.n, 0.05), tip_wrench=scene.tip_wrench)
     points = np.vstack([np.zeros(3), fl.frames(chain, shapes[part].q).points])
     tilt = np.degrees(shapes[part].q.sum())
     panel.plot(

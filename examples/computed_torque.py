@@ -12,9 +12,7 @@ import numpy as np
 
 import flexlink as fl
 
-models = (
-    Path("models") if Path("models").is_dir() else Path("../models")
-)  # of the checkout
+models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
 bending = fl.load_scene(models / "computed_torque.toml")
 twin = fl.rigidified(bending)
 rigid, model, reference = (

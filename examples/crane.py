@@ -26,38 +26,30 @@ arm = fl.Arm(
     },
     tip=fl.RigidBody(mass=500.0),  # kg
 )
+start = fl.InitialState(joint_deg=(30.0, -20.0), passive="static")  # sagged already
 luff = fl.Reference(
     profile="s_curve",
     to_deg=(60.0, -55.0),
     max_rate_deg=(12.0, 12.0),
     max_jerk_deg=(40.0, 40.0),
 )
-scene = fl.Scene(
-    name="crane",
-    arm=arm,
-    gravity=(0.0, -9.81, 0.0),  # m/s²; Y is up
-    initial=fl.InitialState(
-        joint_deg=(30.0, -20.0), passive="static"
-    ),  # bent by its own weight and the load
-    drive=fl.Drive(
-        kind="pd", kp=(8e6, 3e6), kd=(8e5, 2e5), gravity="static", reference=luff
-    ),  # N m/rad, N m s/rad
-    run=fl.RunSettings(
-        method="auto", relative_tolerance=1e-4, duration=6.0, sample=0.02
-    ),
-)
+gains = {"kp": (8e6, 3e6), "kd": (8e5, 2e5)}  # N m/rad, N m s/rad
+drive = fl.Drive(kind="pd", gravity="static", reference=luff, **gains)
+run_for = fl.RunSettings(method="auto", relative_tolerance=1e-4, duration=6.0, sample=0.02)
+down = (0.0, -9.81, 0.0)  # m/s²; Y is up
+scene = fl.Scene(name="crane", arm=arm, gravity=down, initial=start, drive=drive, run=run_for)
 scene.plot()
 
 # %%
 # What an engineer asks first: how far does it sag, at which frequency does it swing with its drives braked?
 chain = fl.lump(scene)
-start, _ = fl.initial_state(scene, chain)
-straight = np.where(np.isin(range(chain.n), chain.active), start, 0.0)
-sag = fl.tip_position(chain, straight)[1] - fl.tip_position(chain, start)[1]
-swing = fl.modes(chain, start, locked=["boom", "jib"]).hertz[0]
-print(
-    f"sags by {1e3 * sag:.0f} mm, swings at {swing:.2f} Hz; {fl.gravity_torque(chain, start)[0]:.0f} N m hold the boom"
-)
+bent, _ = fl.initial_state(scene, chain)
+straight = np.where(np.isin(range(chain.n), chain.active), bent, 0.0)
+sag = fl.tip_position(chain, straight)[1] - fl.tip_position(chain, bent)[1]
+swing = fl.modes(chain, bent, locked=["boom", "jib"]).hertz[0]
+torque = fl.gravity_torque(chain, bent)[0]
+print(f"sags by {1e3 * sag:.0f} mm, swings at {swing:.2f} Hz")
+print(f"{1e-3 * torque:.0f} kN m hold the boom")
 
 # %%
 # Then it moves. Frames are drawn from the run's samples; ``speed=2`` shows two seconds of it in one.

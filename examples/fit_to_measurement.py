@@ -1,8 +1,9 @@
 """Fit a model to a measurement: exact derivatives for SciPy
 =========================================================
 
-An arm is plucked, its tip is filmed. Which Young's modulus, payload and damping explain the film? ``fl.sensitivities``
-gives the run and its derivatives along these numbers at once: the Jacobian that SciPy's least squares asks for.
+A strip is let go from straight, its tip is filmed. Which Young's modulus, payload and damping explain the film?
+``fl.sensitivities`` gives the run and its derivatives along these numbers at once: the Jacobian that SciPy's least
+squares asks for.
 """
 
 import matplotlib.pyplot as plt
@@ -12,29 +13,32 @@ from scipy.optimize import least_squares
 import flexlink as fl
 
 strip = fl.Link(
-    name="strip", length=0.8, material="steel", section="flat", flex="z", segments=5, joint=fl.Joint(locked=True),
+    name="strip",
+    length=0.8,
+    material="steel",
+    section="flat",
+    flex="z",
+    segments=5,
+    joint=fl.Joint(locked=True),
     damping=fl.Damping(ratio=0.02, at_hz=2.0),
-)  # fmt: skip
+)
 arm = fl.Arm(
     links=(strip,),
-    materials={
-        "steel": fl.Material(young=150e9, density=7850.0)
-    },  # a guess, as are damping and payload
+    materials={"steel": fl.Material(young=150e9, density=7850.0)},  # guessed
     sections={"flat": fl.Section(shape="rectangle", height=0.004, width=0.03)},
     tip=fl.RigidBody(mass=0.2),
 )
 guess = fl.Scene(
-    name="plucked",
+    name="let_go",
     arm=arm,
     gravity=(0.0, -9.81, 0.0),
-    initial=fl.InitialState(joint_deg=(0.0,)),  # straight, and let go
     run=fl.RunSettings(method="RK4", step=1e-4, duration=1.5, sample=0.01),
 )
-numbers = {
+numbers = {  # path: unit
     "material.steel.young": 1e9,
     "tip.mass": 1e-3,
     "link.strip.damping.ratio": 1e-3,
-}  # path: unit
+}
 
 # %%
 # The measurement: made here from numbers that the fit is not told, with a noise of 0.5 mm.
@@ -70,9 +74,7 @@ start = np.array([guess.values_at(path)[0] for path in numbers]) / units
 fit = least_squares(residual, start, jacobian, x_scale=start)
 spread = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
 for path, value, deviation, unit in zip(numbers, fit.x, spread, units, strict=True):
-    print(
-        f"{path:25} {value * unit:.4g} ± {deviation * unit:.1g}, in truth {truth[path]:.4g}"
-    )
+    print(f"{path:25} {value * unit:.4g} ± {deviation * unit:.1g}, in truth {truth[path]:.4g}")
 print(f"{fit.njev} Jacobians, {fit.nfev} runs")
 
 # %%

@@ -13,15 +13,10 @@ import numpy as np
 
 import flexlink as fl
 
-models = (
-    Path("models") if Path("models").is_dir() else Path("../models")
-)  # of the checkout
+models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
 SCENE = fl.load_scene(models / "three_links.toml").varied({"run.step": 1e-3})
-EFFORT, PERIOD, EPISODE = (
-    np.array([200.0, 400.0, 200.0]),
-    0.01,
-    3.0,
-)  # N m, twice what gravity takes at most; s
+EFFORT = np.array([200.0, 400.0, 200.0])  # N m, twice what gravity takes at most
+PERIOD, EPISODE = 0.01, 3.0  # s
 
 
 class ArmEnv(gymnasium.Env[np.ndarray, np.ndarray]):

@@ -13,23 +13,16 @@ from scipy.linalg import solve_continuous_are
 
 import flexlink as fl
 
-models = (
-    Path("models") if Path("models").is_dir() else Path("../models")
-)  # of the checkout
+models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
 scene = fl.load_scene(models / "three_links.toml").varied({"run.step": 2.5e-4})
 chain = fl.lump(scene)
 own, n = chain.active, chain.n
-still = fl.solve_static(
-    chain, fl.initial_state(scene, chain)[0], locked=own
-)  # bent by gravity, joints held
-model, rest = (
-    fl.linearize(chain, still.q, tau=still.tau),
-    np.append(still.q, np.zeros(n)),
-)  # rest: (q, q̇)
+still = fl.solve_static(chain, fl.initial_state(scene, chain)[0], locked=own)  # bent by gravity
+rest = np.append(still.q, np.zeros(n))  # (q, q̇)
+model = fl.linearize(chain, still.q, tau=still.tau)
 price = 0.01  # of a torque [1/(N m)²], against 1e4 of an angle and 1e2 of a rate
-riccati = solve_continuous_are(
-    model.A, model.B, np.diag([1e4] * n + [1e2] * n), price * np.eye(len(own))
-)
+Q, R = np.diag([1e4] * n + [1e2] * n), price * np.eye(len(own))
+riccati = solve_continuous_are(model.A, model.B, Q, R)
 gain = model.B.T @ riccati / price
 designed = np.linalg.eigvals(model.A - model.B @ gain)
 
@@ -40,17 +33,13 @@ def run(x: np.ndarray, duration: float, sample: float) -> fl.Trajectory:
     def law(_: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         return still.tau[own] - gain @ (np.concatenate([q, qd]) - rest)
 
-    return fl.simulate(
-        scene, q0=x[:n], qd0=x[n:], control=law, duration=duration, sample=sample
-    )
+    return fl.simulate(scene, q0=x[:n], qd0=x[n:], control=law, duration=duration, sample=sample)
 
 
 # %%
 # The nonlinear arm's poles: what a millisecond does to small changes of the state, one after the other.
-small, brief = (
-    1e-5,
-    1e-3,
-)  # rad and rad/s; s: less than half a period of the fastest pole
+small = 1e-5  # rad and rad/s
+brief = 1e-3  # s: less than half a period of the fastest pole
 ends = [
     [np.concatenate(run(rest + d, brief, brief).state(-1)[1:]) for d in (e, -e)]
     for e in small * np.eye(2 * n)
@@ -61,7 +50,8 @@ flow = np.array(
 poles = np.log(np.linalg.eigvals(flow).astype(complex)) / brief
 error = (np.abs(designed[:, None] - poles).min(axis=1) / np.abs(designed)).max()
 print(
-    f"{2 * n} poles, slowest {designed.real.max():.3f} 1/s: at most {100 * error:.1g} % off the linear prediction"
+    f"{2 * n} poles, slowest {designed.real.max():.3f} 1/s: "
+    f"at most {100 * error:.1g} % off the linear prediction"
 )
 
 # %%

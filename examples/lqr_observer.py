@@ -23,17 +23,12 @@ bends = {
 }
 damping, motor = fl.Damping(ratio=0.005, at_hz=3.0), fl.Joint(armature=1.0)  # kg m²
 links = tuple(
-    fl.Link(name=name, damping=damping, joint=motor, **bends)
-    for name in ("upper", "fore")
+    fl.Link(name=name, damping=damping, joint=motor, **bends) for name in ("upper", "fore")
 )
-arm = fl.Arm(
-    links=links, materials=aluminium, sections=tube, tip=fl.RigidBody(mass=4.0)
-)
+arm = fl.Arm(links=links, materials=aluminium, sections=tube, tip=fl.RigidBody(mass=4.0))
 start = fl.InitialState(joint_deg=(40.0, -70.0), passive="static")
 run = fl.RunSettings(method="RK4", step=1e-4, duration=2.0, sample=0.01)
-scene = fl.Scene(
-    name="observed", arm=arm, gravity=(0.0, -9.81, 0.0), initial=start, run=run
-)
+scene = fl.Scene(name="observed", arm=arm, gravity=(0.0, -9.81, 0.0), initial=start, run=run)
 chain = fl.lump(scene)
 own, n = chain.active, chain.n
 rest = fl.solve_static(chain, fl.initial_state(scene, chain)[0], locked=own)
@@ -51,10 +46,9 @@ NOISE = np.array([1e-4, 1e-4, 2e-6])  # rad, rad, strain
 Q, R = np.diag([1e4] * n + [1e2] * n), 0.01 * np.eye(2)
 P = solve_discrete_are(A, B, Q, R)
 K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-S = solve_discrete_are(
-    A.T, C.T, B @ B.T * 25.0 + 1e-12 * np.eye(2 * n), np.diag(NOISE**2)
-)  # torques off by 5 N m
-L = np.linalg.solve(C @ S @ C.T + np.diag(NOISE**2), C @ S).T
+W, V = 25.0 * B @ B.T + 1e-12 * np.eye(2 * n), np.diag(NOISE**2)  # torques off by 5 N m
+S = solve_discrete_are(A.T, C.T, W, V)
+L = np.linalg.solve(C @ S @ C.T + V, C @ S).T
 
 
 # %%

@@ -7,27 +7,20 @@ pictures. Download this page as a notebook and change its numbers.
 
 import flexlink as fl
 
+steel = fl.Material(young=206e9, density=7850.0, loss_time=1e-3)  # Pa, kg/m³, s
 strip = {"material": "steel", "section": "strip", "flex": "z", "segments": 5}
+upper = fl.Link(name="upper", length=0.8, **strip)  # m
+fore = fl.Link(name="fore", length=0.6, **strip)
 arm = fl.Arm(
-    links=(
-        fl.Link(name="upper", length=0.8, **strip),
-        fl.Link(name="fore", length=0.6, **strip),
-    ),
-    materials={
-        "steel": fl.Material(young=206e9, density=7850.0, loss_time=1e-3)
-    },  # Pa, kg/m³, s
-    sections={"strip": fl.Section(shape="rectangle", height=0.004, width=0.03)},  # m
+    links=(upper, fore),
+    materials={"steel": steel},
+    sections={"strip": fl.Section(shape="rectangle", height=0.004, width=0.03)},
     tip=fl.RigidBody(mass=0.2),  # kg
 )
-scene = fl.Scene(
-    name="strips",
-    arm=arm,
-    gravity=(0.0, -9.81, 0.0),  # m/s²; Y is up
-    initial=fl.InitialState(joint_deg=(60.0, -30.0)),
-    run=fl.RunSettings(
-        method="auto", relative_tolerance=1e-4, duration=1.0, sample=0.005
-    ),
-)
+start = fl.InitialState(joint_deg=(60.0, -30.0))
+run_for = fl.RunSettings(method="auto", relative_tolerance=1e-4, duration=1.0, sample=0.005)
+down = (0.0, -9.81, 0.0)  # m/s²; Y is up
+scene = fl.Scene(name="strips", arm=arm, gravity=down, initial=start, run=run_for)
 scene.plot()
 
 # %%

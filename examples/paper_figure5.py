@@ -12,9 +12,7 @@ import numpy as np
 
 import flexlink as fl
 
-models = (
-    Path("models") if Path("models").is_dir() else Path("../models")
-)  # of the checkout
+models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
 scene = fl.load_scene(models / "paper_fig5.toml")
 run = fl.simulate(scene)  # RK4 at the step that the scene names, as in the paper
 print(run, run.steps, sep="\n")
@@ -22,15 +20,11 @@ print(run, run.steps, sep="\n")
 # %%
 # The joints swing by ten degrees, each hinge by a thousandth of one: that is why the paper draws them apart.
 chain = run.chain
-fig, (joints, hinges, tip) = plt.subplots(
-    3, 1, figsize=(5, 7), sharex=True, layout="constrained"
-)
+fig, (joints, hinges, tip) = plt.subplots(3, 1, figsize=(5, 7), sharex=True, layout="constrained")
 for k in chain.active:
     joints.plot(run.t, np.degrees(run.q[:, k]), label=chain.joint_name(k))
 for k in chain.bending[::4]:  # the hinge at the root of each link, where it bends most
-    hinges.plot(
-        run.t, np.degrees(run.q[:, k]), linewidth=0.7, label=chain.joint_name(k)
-    )
+    hinges.plot(run.t, np.degrees(run.q[:, k]), linewidth=0.7, label=chain.joint_name(k))
 tip.plot(run.t, run.tip[:, 0], label="x, forwards")
 tip.plot(run.t, run.tip[:, 2], label="z, downwards")
 for panel, label in (

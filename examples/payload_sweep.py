@@ -9,9 +9,7 @@ import matplotlib.pyplot as plt
 
 import flexlink as fl
 
-link = fl.Link(
-    name="arm", length=2.0, material="aluminium", section="tube", flex="z", segments=5
-)
+link = fl.Link(name="arm", length=2.0, material="aluminium", section="tube", flex="z", segments=5)
 scene = fl.Scene(
     name="swing",
     arm=fl.Arm(
@@ -24,14 +22,12 @@ scene = fl.Scene(
     initial=fl.InitialState(joint_deg=(0.0,), passive="static"),
     drive=fl.Drive(
         kind="pd",
-        kp=(2e4,),
-        kd=(2e3,),
-        gravity="static",  # N m/rad, N m s/rad
+        kp=(2e4,),  # N m/rad
+        kd=(2e3,),  # N m s/rad
+        gravity="static",
         reference=fl.Reference(profile="quintic", to_deg=(60.0,), duration=0.8),
     ),
-    run=fl.RunSettings(
-        method="auto", relative_tolerance=1e-4, duration=1.5, sample=0.005
-    ),
+    run=fl.RunSettings(method="auto", relative_tolerance=1e-4, duration=1.5, sample=0.005),
 )
 
 # %%

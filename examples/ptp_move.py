@@ -12,9 +12,7 @@ import numpy as np
 
 import flexlink as fl
 
-models = (
-    Path("models") if Path("models").is_dir() else Path("../models")
-)  # of the checkout
+models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
 scene = fl.load_scene(models / "ptp_move.toml")  # PD, shaped by ZVD
 drive, move, chain = scene.drive, scene.drive.reference, fl.lump(scene)
 
@@ -22,21 +20,16 @@ drive, move, chain = scene.drive, scene.drive.reference, fl.lump(scene)
 # What to tune it to: the two lowest poles of the arm on its motors, where the move ends. Both are first bending, one
 # upright and one sideways.
 there = scene.varied({"initial.joint_deg": move.to_deg, "drive": fl.Drive()})
-goal = fl.solve_static(
-    chain, fl.initial_state(there, chain)[0], locked=chain.active
-).q  # bent by gravity
+slack, _ = fl.initial_state(there, chain)
+goal = fl.solve_static(chain, slack, locked=chain.active).q  # bent by gravity
 slow = fl.pd_poles(chain, goal, kp=drive.kp, kd=drive.kd)[:2]
 shapers = {
     "unshaped": None,
     "ZV": fl.InputShaper.at(slow, "ZV"),
     "ZVD": fl.InputShaper.at(slow, "ZVD"),
 }
-print(
-    "shaped for",
-    np.round(np.abs(slow) / (2 * np.pi), 4),
-    "Hz; in the scene's file",
-    move.shaper.frequency_hz,
-)
+print("shaped for", np.round(np.abs(slow) / (2 * np.pi), 4), "Hz")
+print("in the scene's file", move.shaper.frequency_hz)
 
 # %%
 # The same move three times; what is left of the vibration after 2 s, when all references have ended.
@@ -44,29 +37,21 @@ runs = {
     name: fl.simulate(scene.varied({"drive.reference.shaper": shaper}))
     for name, shaper in shapers.items()
 }
-left = {
-    name: fl.residual_vibration(run, after=2.0) for name, run in runs.items()
-}  # [m]
+left = {name: fl.residual_vibration(run, after=2.0) for name, run in runs.items()}  # [m]
 rest = fl.tip_position(chain, goal)
-settled = {
-    name: fl.settling_time(run, target=rest, tolerance=1e-3)
-    for name, run in runs.items()
-}  # [s]
+settled = {  # [s]
+    name: fl.settling_time(run, target=rest, tolerance=1e-3) for name, run in runs.items()
+}
 for name in runs:
-    print(
-        f"{name:8}: vibrates by {1e3 * left[name]:.3f} mm after 2 s, within 1 mm from {settled[name]:.2f} s on"
-    )
+    print(f"{name:8}: vibrates by {1e3 * left[name]:.3f} mm after 2 s,", end=" ")
+    print(f"within 1 mm from {settled[name]:.2f} s on")
 
 # %%
 # On a logarithmic scale one sees what a millimetre costs.
 fig, panel = plt.subplots(figsize=(5, 3.5), layout="constrained")
 for name, run in runs.items():
-    panel.semilogy(
-        run.t, 1e3 * np.linalg.norm(run.tip - rest, axis=1), label=name, linewidth=1
-    )
+    panel.semilogy(run.t, 1e3 * np.linalg.norm(run.tip - rest, axis=1), label=name, linewidth=1)
 panel.axhline(1.0, color="0.5", linestyle=":", label="1 mm")
-panel.set(
-    xlabel="time [s]", ylabel="tip, from its goal [mm]", xlim=(0, 4), ylim=(1e-2, 3e3)
-)
+panel.set(xlabel="time [s]", ylabel="tip, from its goal [mm]", xlim=(0, 4), ylim=(1e-2, 3e3))
 panel.legend(ncols=2)
 panel.grid(alpha=0.3)

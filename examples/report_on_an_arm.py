@@ -10,9 +10,15 @@ import matplotlib.pyplot as plt
 import flexlink as fl
 
 link = fl.Link(
-    name="arm", length=2.0, material="steel", section="box", flex="z", segments=5,
-    damping=fl.Damping(ratio=0.01, at_hz=6.0), joint=fl.Joint(armature=5.0),
-)  # fmt: skip
+    name="arm",
+    length=2.0,
+    material="steel",
+    section="box",
+    flex="z",
+    segments=5,
+    damping=fl.Damping(ratio=0.01, at_hz=6.0),
+    joint=fl.Joint(armature=5.0),
+)
 scene = fl.Scene(
     name="lifter",
     about="Two metres of steel box that lift 40 kg by 50° in a second and a half",
@@ -25,11 +31,14 @@ scene = fl.Scene(
     gravity=(0.0, -9.81, 0.0),
     initial=fl.InitialState(joint_deg=(-10.0,), passive="static"),
     drive=fl.Drive(
-        kind="pd", kp=(6e4,), kd=(6e3,), gravity="static",  # N m/rad, N m s/rad
+        kind="pd",
+        kp=(6e4,),  # N m/rad
+        kd=(6e3,),  # N m s/rad
+        gravity="static",
         reference=fl.Reference(profile="quintic", to_deg=(40.0,), duration=1.5),
     ),
     run=fl.RunSettings(method="auto", relative_tolerance=1e-4, duration=2.5, sample=0.01),
-)  # fmt: skip
+)
 written = fl.report(scene, "lifter_report")
 print(written.page)
 for verdict in written.verdicts:
@@ -40,14 +49,11 @@ for verdict in written.verdicts:
 run = fl.simulate(scene)
 root = run.loads.moment[:, run.chain.body("arm"), 2]
 goal = run.tip[-1]
-print(
-    f"settles within 1 mm of its last place {fl.settling_time(run, target=goal, tolerance=1e-3):.2f} s after the start"
-)
+settled = fl.settling_time(run, target=goal, tolerance=1e-3)
+print(f"settles within 1 mm of its last place {settled:.2f} s after the start")
 
 # %%
-fig, (upper, lower) = plt.subplots(
-    2, 1, figsize=(5, 4.6), sharex=True, layout="constrained"
-)
+fig, (upper, lower) = plt.subplots(2, 1, figsize=(5, 4.6), sharex=True, layout="constrained")
 upper.plot(run.t, run.tip[:, 1])
 upper.set(ylabel="height of the load [m]")
 lower.plot(run.t, root)

@@ -13,22 +13,17 @@ import numpy as np
 
 import flexlink as fl
 
-folder = (
-    Path("examples") if Path("examples").is_dir() else Path()
-)  # from the checkout's root, or from here
+folder = Path("examples") if Path("examples").is_dir() else Path()  # of the checkout, or here
+damping, tube = fl.Damping(ratio=0.01, at_hz=8.0), fl.Section(shape="tube", outer=0.07, inner=0.064)
+motors = dict.fromkeys(("turn", "shoulder", "elbow"), 1.5)  # kg m², rotors beyond their gears
 found = fl.import_urdf(
     folder / "reach_arm.urdf",
     flexible={
-        "upper_arm": fl.FlexibleLink(
-            frequency_hz=8.0, damping=fl.Damping(ratio=0.01, at_hz=8.0)
-        ),
-        "forearm": fl.FlexibleLink(
-            section=fl.Section(shape="tube", outer=0.07, inner=0.064)
-        ),  # m; of aluminium
+        "upper_arm": fl.FlexibleLink(frequency_hz=8.0, damping=damping),  # as measured
+        "forearm": fl.FlexibleLink(section=tube),  # m; of aluminium
     },
     posture={"shoulder": 0.9, "elbow": -1.2},  # rad
-    armature=dict.fromkeys(("turn", "shoulder", "elbow"), 1.5)
-    | dict.fromkeys(("wrist_bend", "wrist_turn"), 0.1),
+    armature=motors | dict.fromkeys(("wrist_bend", "wrist_turn"), 0.1),
 )
 print(found)  # what was folded, held, and what the beams are made of
 
@@ -43,10 +38,12 @@ fl.modes(chain, start, locked=chain.active).plot(chain, count=2)
 # A move of the turntable in 1 s under joint PD with gravity held. Links are named by the URDF.
 there = (90.0, np.degrees(0.9), np.degrees(-1.2), 0.0, 0.0)
 pd = fl.Drive(
-    kind="pd", gravity="static",
-    kp=(2e4, 2e4, 1e4, 1e3, 1e3, 0), kd=(600, 600, 300, 20, 20, 0),  # the flange has no joint of its own
+    kind="pd",
+    gravity="static",
+    kp=(2e4, 2e4, 1e4, 1e3, 1e3, 0),  # N m/rad; the flange has no joint
+    kd=(600, 600, 300, 20, 20, 0),
     reference=fl.Reference(profile="quintic", to_deg=(*there, 0.0), duration=1.0),
-)  # fmt: skip
+)
 moved = scene.varied({"drive": pd, "run.relative_tolerance": 1e-4, "run.duration": 2.0})
 run = fl.simulate(moved)
 rigid = fl.simulate(fl.rigidified(moved).varied({"drive": pd}))

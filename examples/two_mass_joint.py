@@ -12,9 +12,7 @@ import numpy as np
 
 import flexlink as fl
 
-models = (
-    Path("models") if Path("models").is_dir() else Path("../models")
-)  # of the checkout
+models = Path("models") if Path("models").is_dir() else Path("../models")  # of the checkout
 scene = fl.load_scene(models / "two_mass_joint.toml")
 link, payload, chain = scene.arm.links[0], scene.arm.tip, fl.lump(scene)
 motor, k, length = link.joint.armature, link.joint.gear_stiffness, link.length
@@ -31,9 +29,7 @@ print(
 # A run, from the motor at zero and the gear twisted by 0.01 rad, beside its closed form.
 run = fl.simulate(scene, method="RK10", step=1e-3)
 twist = scene.initial.q[1]
-swing = twist * np.cos(
-    omega * run.t
-)  # of the gear; the motor answers it so that nothing turns as a whole
+swing = twist * np.cos(omega * run.t)  # of the gear; the motor answers: nothing turns as a whole
 exact = np.column_stack([inertia / (motor + inertia) * (twist - swing), swing])
 error = np.abs(run.q - exact).max()
 print(f"run of {run.t[-1]:g} s: {error:.1e} rad from the closed form")

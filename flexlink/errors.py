@@ -1,4 +1,14 @@
-"""All errors that flexlink raises on purpose; `FlexlinkError` is the base of all but those of an interruption."""
+"""All errors that flexlink raises on purpose; `FlexlinkError` is the base of all but those of an interruption.
+
+Examples
+--------
+>>> try:
+...     fl.simulate(scene, step=2e-3)
+... except fl.errors.UnstableStepError as error:
+...     run = fl.simulate(scene, tolerance=1e-4)
+... except fl.errors.FlexlinkError as error:  # any other
+...     print(error)
+"""
 
 from flexlink.common.errors import (
     AdviceError,

@@ -65,7 +65,7 @@ def scenes() -> Iterator[tuple[str, fl.Scene]]:
 
 def runs(scene: fl.Scene) -> Iterator[tuple[str, str]]:
     """Digests of the runs of a scene, or of what refuses them."""
-    step = scene.run.step
+    step = scene.run.fixed_step
     short = {"run.sample": 20 * step, "run.duration": 20 * SAMPLES * step, "run.unstable": "allow"}
     for way, changes in WAYS.items():
         settings = {f"run.{key}": value for key, value in changes.items()}
@@ -89,14 +89,14 @@ def continued(scene: fl.Scene) -> str:
     """Of a run from a sample of another."""
     run = fl.simulate(scene)
     t, q, qd = run.state(CONTINUED)
-    left = scene.run.duration - CONTINUED * scene.run.sample
+    left = scene.run.duration - CONTINUED * scene.run.spacing
     return of_run(fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=left))
 
 
 def stepped(scene: fl.Scene) -> str:
     """Of an arm that is stepped from outside, without torques."""
     simulator = fl.Simulator(scene)
-    states = [simulator.step(duration=scene.run.sample) for _ in range(SAMPLES)]
+    states = [simulator.step(duration=scene.run.spacing) for _ in range(SAMPLES)]
     return digest(*(np.concatenate([state.q, state.qd]) for state in states))
 
 

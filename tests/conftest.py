@@ -12,7 +12,21 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
-from flexlink import Arm, Chain, InitialState, Joint, Link, Material, Mount, RigidBody, Scene, Section, load_scene, lump
+from flexlink import (
+    Arm,
+    Chain,
+    InitialState,
+    Joint,
+    Link,
+    Material,
+    Mount,
+    RigidBody,
+    RunSettings,
+    Scene,
+    Section,
+    load_scene,
+    lump,
+)
 from flexlink.describe.spec import Vector3
 
 ROOT = Path(__file__).parent.parent
@@ -68,9 +82,10 @@ def flexible(name: str, flex: str = "z", segments: int = 5, **fields: object) ->
 
 
 def make_scene(*links: Link, tip: RigidBody | None = None, **fields: object) -> Scene:
-    """A scene of the given links at zero angles."""
+    """A scene of the given links at zero angles, in steps of 0.1 ms."""
     arm = Arm(links=links, materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE}, tip=tip or RigidBody())
-    return Scene(name="test", arm=arm, **{"initial": InitialState(joint_deg=(0.0,) * len(links)), **fields})
+    usual = {"initial": InitialState(joint_deg=(0.0,) * len(links)), "run": RunSettings(step=1e-4)}
+    return Scene(name="test", arm=arm, **{**usual, **fields})
 
 
 def chain_of(arm: Arm, gravity: Vector3 = (0.0, 0.0, 0.0), joint_deg: tuple[float, ...] | None = None) -> Chain:

@@ -90,7 +90,7 @@ FITS = {
     ("index", "link", "text"), ("coordinate", "k", "text"), ("joint_name", "k", "text"),
     ("solve_static", "tolerance", "number"),
     ("simulate", "method", "nothing"), ("simulate", "step", "nothing"), ("simulate", "duration", "nothing"),
-    ("simulate", "step", "number"), ("simulate", "progress", "nothing"),
+    ("simulate", "step", "number"), ("simulate", "step", "none in a 0-d array"), ("simulate", "progress", "nothing"),
     ("simulate", "progress", "class"), ("simulate", "duration", "number"), ("compare", "engines", "nothing"),
 }  # fmt: skip
 

@@ -178,7 +178,8 @@ def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
 
 def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
     paper = fl.load_scene(models / "paper_fig5.toml")
-    runs = fl.RunSettings(duration=0.05), fl.RunSettings(step=1e-3, duration=0.05, sample=1e-3, unstable="allow")
+    fine = fl.RunSettings(step=1e-4, duration=0.05)
+    runs = fine, fl.RunSettings(step=1e-3, duration=0.05, sample=1e-3, unstable="allow")
     good, wild = (paper.varied({"run": run}) for run in runs)
     with pytest.raises(fl.errors.DivergenceError, match="try a smaller step than") as caught:
         fl.simulate_many([good, wild, good])
@@ -223,11 +224,11 @@ def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_keeps_what_every_member_has_done(models, number: int) -> None:
     """All runs come back, each as far as it went; those that had not started hold their initial sample."""
-    paper = fl.load_scene(models / "paper_fig5.toml").varied({"run": fl.RunSettings(duration=50.0)})
+    paper = fl.load_scene(models / "paper_fig5.toml").varied({"run": fl.RunSettings(step=1e-4, duration=50.0)})
     starts = [
         paper.varied({"initial": fl.InitialState(joint_deg=(0.0, float(angle), 0.0))}) for angle in range(-90, -72)
     ]
-    fl.simulate_many([start.varied({"run": fl.RunSettings(duration=0.01)}) for start in starts])  # compiles
+    fl.simulate_many([start.varied({"run": fl.RunSettings(step=1e-4, duration=0.01)}) for start in starts])  # compiles
     timer = threading.Timer(0.5, signal.raise_signal, [number])
     timer.start()
     with pytest.raises(fl.errors.InterruptedRunError) as caught:

@@ -31,7 +31,7 @@ def paper(models: Path) -> str:
 
 def error_line(capsys: pytest.CaptureFixture[str]) -> str:
     lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("compiling")]
-    assert len(lines) == 1
+    assert all(line.startswith("  also: ") for line in lines[1:])
     assert lines[0].startswith("flexlink: ")
     return lines[0]
 
@@ -41,10 +41,10 @@ def test_info_names_every_coordinate_and_the_stable_steps(paper: str, capsys) ->
     out = capsys.readouterr().out
     assert "10 degrees of freedom, 2 driven" in out
     assert "upper.1.z" in out
-    assert "stable step, RK4    at most 0.000491 s, " in out
+    assert "  RK4    at most 0.000491 s, " in out
     assert " s of CPU time for one second of motion\n" in out
     assert "stiffness ratio 13.3: fastest eigenvalue 5760 1/s, slowest elastic mode 431.6 rad/s with free joints" in out
-    assert "stable step, Radau5 no limit, as cheap as RK4 with about " in out
+    assert "  Radau5 no limit, as cheap as RK4 with about " in out
 
 
 @pytest.mark.slow
@@ -281,7 +281,7 @@ def test_info_and_modes_show_the_damping_asked_for_beside_the_damping_there_is(t
 def test_info_says_what_damping_costs_an_explicit_step(tmp_path: Path, capsys) -> None:
     def steps(damping: str) -> list[float]:
         assert main(["info", damped_boom(tmp_path, damping)]) == 0
-        line = next(line for line in capsys.readouterr().out.splitlines() if "step, RK4" in line)
+        line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("  RK4 "))
         return [float(number) for number in re.findall(r"(\d[\d.e-]*) s\b(?! of CPU)", line)]
 
     (free,) = steps("")

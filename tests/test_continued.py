@@ -136,5 +136,5 @@ def test_a_whole_state_needs_no_angles_of_the_joints(tmp_path: Path) -> None:
     path = tmp_path / "whole.toml"
     path.write_text(whole.to_toml(), encoding="utf-8")
     assert fl.load_scene(path) == whole
-    with pytest.raises(fl.errors.SceneError, match="joint_deg: missing; this key is required where q is not given"):
-        fl.InitialState(rate_deg=(1.0,))
+    moving = make_scene(flexible("a"), initial=fl.InitialState(rate_deg=(1.0,)))
+    assert moving.initial.joint_deg == (0.0,), "nor do rates need angles"

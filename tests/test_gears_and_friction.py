@@ -185,7 +185,7 @@ def test_exports_hold_limits_and_no_engine_enforces_them(rng) -> None:
 @pytest.mark.parametrize(
     ("build", "wanted"),
     [
-        (lambda: fl.Joint(gear_stiffness=K), r"^armature = 0\.0: gear_stiffness = 300\.0 needs the motor's inertia"),
+        (lambda: fl.Joint(gear_stiffness=K), r"^armature = 0\.0, the default: gear_stiffness = 300\.0 needs the motor"),
         (lambda: fl.Joint(gear_damping=1.0), r"^gear_damping = 1\.0: needs a gear_stiffness"),
         (lambda: fl.Joint(gear_stiffness=0.0, armature=1.0), r"^gear_stiffness = 0\.0: expected float > 0"),
         (lambda: fl.Joint(limits_deg=(10, 10)), r"^limits_deg = \(10\.0, 10\.0\): the lower one must be below"),

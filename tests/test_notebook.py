@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from html.parser import HTMLParser
+from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from conftest import flexible, make_scene, nasty_scene
+from conftest import ROOT, flexible, make_scene, nasty_scene
 
 import flexlink as fl
 from flexlink.advice.verdict import Advice
 from flexlink.common import notebook
+from flexlink.pages.verdict import Report, Verdict
 
 SCENE = make_scene(
     flexible("a<b>&"), flexible("c", segments=30), run=fl.RunSettings(step=1e-6, sample=1e-5, duration=1e-4)
@@ -75,6 +77,46 @@ def test_a_picture_is_shown_once(shown: dict[str, Any], name: str) -> None:
     assert figure._repr_png_().startswith(b"\x89PNG")
     assert not plt.get_fignums()
     assert figure.axes[0].lines
+
+
+@pytest.mark.parametrize(("name", "tag"), [("arm.gif", "<img "), ("arm.html", "<iframe ")])
+def test_a_film_plays_where_its_path_is_the_value_of_a_cell(
+    shown: dict[str, Any], name: str, tag: str, tmp_path: Path
+) -> None:
+    path = shown["run"].animate(tmp_path / name, width=320)
+    assert path == tmp_path / name
+    assert path._repr_html_().startswith(tag)
+    assert str(tmp_path) not in path._repr_html_()
+    path.unlink()
+    assert path._repr_html_() is None, "the notebook shows the path"
+
+
+def test_a_comparison_tells_the_mistake_in_a_notebook_too(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    scene = SCENE.varied({"gravity": (0.0, -9.81, 0.0)})
+    file = tmp_path / "theirs.xml"
+    file.write_text(fl.to_mjcf(fl.lump(scene)).replace("-9.81", "9.81"), encoding="utf-8")
+    assert "gravity has the wrong sign" in fl.compare(scene, file=file, samples=4)._repr_html_()
+
+
+def test_rows_of_a_sweep_are_a_table() -> None:
+    mass = {"mass": {"of": "tip z [m]"}}
+    rows = fl.sweep(fl.Sweep(scene=SCENE, grid={"tip.mass": [0.5, 1.5]}, quantity=mass))
+    table = Table(rows._repr_html_())
+    assert table.depth == 0
+    assert {"2 rows, 0 failed", "0.5", "1.5"} <= set(table.cells)
+
+
+def test_a_report_is_told_by_its_verdicts() -> None:
+    found = Report(Path("page/index.html"), (Verdict("Engines", "pass", "agree", "200 states <"),), ())
+    assert repr(found) == "<Report 'page/index.html': Engines agree>"
+    table = Table(found._repr_html_())
+    assert {"Engines", "agree", "200 states <", "page/index.html"} <= set(table.cells)
+
+
+def test_what_an_import_has_to_say_is_told_in_a_notebook() -> None:
+    found = fl.import_urdf(ROOT / "examples" / "reach_arm.urdf")
+    assert "5 joints from base to flange" in found._repr_html_()
 
 
 def test_an_arm_is_drawn_where_it_is_asked_for() -> None:

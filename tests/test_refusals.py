@@ -30,16 +30,16 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "a link without name": (lambda: fl.Link(name=""), r"name = '': must not be empty"),
     "material without section": (
         lambda: fl.Link(name="a", length=1.0, material="steel"),
-        r"material = 'steel', section = None: give both, or neither"),
+        r"section: missing; material = 'steel' is given: give both, or"),
     "taper to a section from none": (
         lambda: fl.Link(name="a", length=1.0, section_tip="thin"), r"section_tip = 'thin': needs a section at the"),
     "a rigid link in segments": (
         lambda: fl.Link(name="a", length=1.0, segments=3), r"segments = 3: a rigid link has 1"),
-    "a flexible link in one": (lambda: flexible("a", segments=1), r"segments = 1: a flexible link needs at least 2"),
+    "a flexible link in one": (lambda: flexible("a", segments=1), r"segments = 1, the default: a flexible link"),
     "a flexible link without length": (
-        lambda: flexible("a", length=0.0), r"length = 0.0: a flexible link needs a length > 0"),
+        lambda: flexible("a", length=0.0), r"length = 0.0, the default: a flexible link needs a length > 0"),
     "a flexible link without material": (
-        lambda: fl.Link(name="a", length=1.0, flex="z", segments=3), r"a flexible link needs a material and a section"),
+        lambda: fl.Link(name="a", length=1.0, flex="z", segments=3), r"^material, section: missing;"),
     "a scene without name": (lambda: replace(make_scene(flexible("a")), name=""), r"name = '': must not be"),
     "times that stand": (
         lambda: fl.Drive(**TABLE | {"times": (1.0, 1.0)}), r"times\[1\] = 1\.0: must be greater than times\[0\]"),

@@ -67,7 +67,7 @@ BAD = {  # what is replaced: (old, new, what the message must contain)
     "joints too few": ("[0.0, -80.0, -10.0]", "[0.0, -80.0]", ["initial.joint_deg", "one number per link, 3"]),
     "unknown method": ('"RK4"', '"RK5"', ["run.method", "'RK5'", "RK2"]),
     "two names": ('name     = "fore"', 'name = "upper"', ["link.3.name", "'upper'", "differ"]),
-    "gravity of two": ("[0.0, 0.0, 9.81]", "[0.0, 9.81]", ["gravity", "length 3"]),
+    "gravity of two": ("[0.0, 0.0, 9.81]", "[0.0, 9.81]", ["gravity", "three numbers [m/s²]", "got 2"]),
     "section incomplete": ("width  = 0.04", "", ["section.square.width", "rectangle"]),
     "section of another shape": ("width  = 0.04", "diameter = 1.0", ["section.square.diameter", "height, width"]),
     "poisson": ("poisson = 0.33", "poisson = 0.6", ["material.aluminium.poisson", "0.6", "0.5"]),
@@ -186,7 +186,7 @@ def test_a_scene_written_as_toml_reads_back_equal(path: Path, tmp_path: Path) ->
 def test_python_objects_are_checked_like_files() -> None:
     with pytest.raises(SceneError, match=r"length = -1.0: expected float >= 0.0"):
         Link(name="a", length=-1.0)
-    with pytest.raises(SceneError, match=r"length = 0.0: a link of material 'aluminium' needs a length > 0"):
+    with pytest.raises(SceneError, match=r"length = 0.0, the default: a link of material 'aluminium' needs a len"):
         Link(name="a", material="aluminium", section="square")
     with pytest.raises(SceneError, match=r"armature = nan: must be a finite number"):
         Joint(armature=float("nan"))

@@ -44,7 +44,7 @@ DEADLY = 5  # number of the member that ends its process
 
 @pytest.fixture(scope="module")
 def paper() -> fl.Scene:
-    run = fl.RunSettings(duration=0.002, sample=0.001)
+    run = fl.RunSettings(step=1e-4, duration=0.002, sample=0.001)
     return fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run": run})
 
 

@@ -508,19 +508,6 @@ def test_a_file_that_is_not_there_is_named_and_two_engines_are_refused(tmp_path:
         fl.compare(SPATIAL, file=file, engines=("pinocchio",))
 
 
-@pytest.mark.slow
-def test_the_example_of_the_readme_is_what_is_printed(tmp_path: Path, capsys) -> None:
-    path = ROOT / "models" / "paper_fig5.toml"
-    edit = planted.both(
-        planted.each("option", gravity=None, integrator=None),
-        planted.scaled(".//joint", "stiffness", planted.PER_DEGREE),
-    )
-    file = written(tmp_path, "mjcf", edit, fl.lump(fl.load_scene(path)))
-    assert main(["compare", str(path), "--file", str(file)]) == 1
-    shown = (ROOT / "README.md").read_text(encoding="utf-8").split("--file theirs.xml\n…\n")[1].split("```")[0]
-    assert capsys.readouterr().out.endswith(shown)
-
-
 def test_a_relative_path_is_of_the_folder_of_now(tmp_path: Path, monkeypatch) -> None:
     """A child process waits for the next file, and stays in the folder where it was started."""
     light = fl.load_scene(ROOT / "models" / "paper_fig5.toml")

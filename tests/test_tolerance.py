@@ -284,7 +284,7 @@ def test_a_tolerance_and_a_step_take_each_others_place() -> None:
         ({"run.step": 1e-4, "run.tolerance": 1e-3}, "run.step = 0.0001: run.tolerance is given, too"),
         ({"run.relative_tolerance": 1e-4, "run.tolerance": 1e-3}, "tolerance = 0.001 is given, too"),
         ({"run.accuracy": "deflection", "run.tolerance": 1e-3}, "needs relative_tolerance, a fraction of the def"),
-        ({"run.method": "auto"}, "run.method = 'auto': picks a method for a tolerance; give run.tolerance"),
+        ({"run.method": "auto"}, "run.method = 'auto': picks a method for a tolerance, but run.step = 0.0001 is"),
         ({"run.tolerance": -1e-3}, "-0.001"),
         ({"run.method": "RK4", "run.tolerance": 1e-3}, "allowed are auto, DOP853, Radau5, Radau9"),
     ],

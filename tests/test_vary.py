@@ -112,10 +112,10 @@ def test_a_motion_is_found_by_its_link_and_all_are_replaced_at_once() -> None:
         ({"": 1}, r" = 1: not a path"),
         ({"run.step": -1}, r"run\.step = -1: expected float > 0\.0"),
         ({"run.step": 3e-4}, r"run\.sample = 0\.005: must be a multiple of step = 0\.0003"),
-        ({"run.step": np.array(None)}, r"run\.step = None: expected float"),
+        ({"initial.time": np.array(None)}, r"initial\.time = None: expected float"),
         ({"initial.joint_deg": {1.0, 2.0, 3.0}}, r"initial\.joint_deg = \{.*\}: a set has no order"),
         ({"name": b"bytes"}, r"name = b'bytes': expected str"),
-        ({"tip": fl.RunSettings()}, r"tip\.method = 'RK4': unknown key; allowed are mass, center, inertia"),
+        ({"tip": fl.RunSettings(step=1e-4)}, r"tip\.method = 'RK4': unknown key; allowed are mass, center, inertia"),
         ({"run": 5, "run.step": 1e-4}, r"run\.step = 0\.0001: run is one value"),
         ({"link": [5], "link.*.joint.viscous": 1.0}, r"link\.\*\.joint\.viscous = 1\.0: link\.\* is one value"),
         (

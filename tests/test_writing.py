@@ -61,7 +61,8 @@ def test_a_situation_reads_back_equal() -> None:
 def test_a_shaped_reference_has_tables_of_its_own() -> None:
     shaper = fl.InputShaper(kind="ZVD", frequency_hz=(1.5, 2.0), damping=(0.01, 0.0))
     reference = fl.Reference(profile="quintic", to_deg=(9.0,), duration=1.0, shaper=shaper)
-    scene = make_scene(fl.Link(name="a"), drive=fl.Drive(kind="pd", kp=(4.0,), kd=(1.0,), reference=reference))
+    drive = fl.Drive(kind="pd", kp=(4.0,), kd=(1.0,), reference=reference)
+    scene = make_scene(fl.Link(name="a"), drive=drive, run=fl.RunSettings())
     text_ = scene.to_toml()
     assert scene_from(tomllib.loads(text_)) == scene
     assert (

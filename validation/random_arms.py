@@ -65,6 +65,7 @@ def random_arm(seed: int) -> fl.Scene:
         ),
         gravity=dice.three(9.81),
         initial=fl.InitialState(joint_deg=tuple(dice.linear(-90, 90) for _ in links)),
+        run=fl.RunSettings(step=1e-4),
     )  # fmt: skip
 
 

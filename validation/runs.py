@@ -22,7 +22,7 @@ from validation.store import Series
 
 def run_facts(run: RunSettings) -> dict[str, Fact]:
     """Method, step and duration of a run."""
-    return {"method": run.method, "step": run.step, "duration": run.duration}
+    return {"method": run.method, "step": run.fixed_step, "duration": run.duration}
 
 
 def stable_step_at_start(scene: Scene, method: str) -> float:
@@ -33,7 +33,7 @@ def stable_step_at_start(scene: Scene, method: str) -> float:
 
 def stable_steps(scene: Scene, method: str, of_stable: float = 1.0) -> int:
     """Steps between two samples that are no longer than this part of the largest stable one at the start."""
-    return max(1, math.ceil(scene.run.sample / (of_stable * stable_step_at_start(scene, method))))
+    return max(1, math.ceil(scene.run.spacing / (of_stable * stable_step_at_start(scene, method))))
 
 
 def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import shutil
 from pathlib import Path
 from typing import Any
-
-from sphinx_gallery.scrapers import figure_rst
 
 from flexlink.results.notebook_figure import NotebookFigure
 
 
 def pictures(_block: object, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
     """The figure, or the film whose path, is the value of a block, as reST; one of `image_scrapers`."""
+    figure_rst = importlib.import_module("sphinx_gallery.scrapers").figure_rst
     names = block_vars["example_globals"]
     value, before = names.get("___"), names.get("___shown")  # a block without a value leaves the last one standing
     if value is before:

@@ -20,6 +20,7 @@ INTRO = """\
 What flexlink refuses or doubts it says in one line: the thing, its value, what is allowed, and what to do. Python
 raises an error of :class:`flexlink.FlexlinkError`; the command line prints it and exits with 2. Doubts are printed
 as ``warning:`` and kept in ``Trajectory.warnings``; what has no effect, or is likely not meant, is a ``note:``.
+Below, in bold, parts of what is printed, without its numbers and names.
 """
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 
 LEVELS = "=-~^"
+ROLE = re.compile(r"(:\w+:`[^`]+`)")
 
 
 def heading(text: str, level: int = 0) -> str:
@@ -39,7 +41,12 @@ def literal(text: object) -> str:
 
 
 def prose(text: str) -> str:
-    """Sentences of a docstring's comment: code in single backticks, as Markdown and our comments have it."""
+    """Sentences of a docstring's comment: code in single backticks, as Markdown and our comments have it, and roles."""
+    parts = ROLE.split(text)
+    return "".join(part if k % 2 else _marked(part) for k, part in enumerate(parts))
+
+
+def _marked(text: str) -> str:
     parts = text.split("`")
     marked = [f"``{part}``" if k % 2 else part.replace("*", r"\*").replace("|", r"\|") for k, part in enumerate(parts)]
     return "".join(marked).replace("````", "")

@@ -21,6 +21,7 @@ from flexlink.chain.arguments import positive, require_bool, require_type
 from flexlink.common.errors import AdviceError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.start_notes import is_free_fall
 from flexlink.results.convergence import Limit
 from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
@@ -64,10 +65,20 @@ def advise(
         travel, or of a deflection, that is zero.
     InterruptedRunError
         Ctrl-C or SIGTERM.
+
+    Examples
+    --------
+    >>> found = fl.advise(scene, tip="5 mm")
+    >>> print(found.met, found.error < 5e-3, fl.lump(found.scene).n < 10)
+    True True True
+    >>> small = fl.simulate(found.scene)
     """
     scene = checked_scene(require_type("scene", scene, Scene))
     goal = goal_of(tip, deflection=require_bool("deflection", deflection), band=band, run=scene.run)
     return Advisor(scene, goal, positive("budget", budget)).advice()
+
+
+FREE_FALL = "none: this is a free fall; give the scene its drive, or lock its joints, for advice on its task"
 
 
 class Advisor:
@@ -75,7 +86,7 @@ class Advisor:
 
     def __init__(self, scene: Scene, goal: Goal, budget: float) -> None:
         self.scene, self.goal, self._started = scene, goal, thread_time()
-        self.runner, self.norm = ModelRunner(scene, budget), TipErrorNorm(goal, scene.run.sample)
+        self.runner, self.norm = ModelRunner(scene, budget), TipErrorNorm(goal, scene.run.spacing)
         self.axes, self.lines = all_axes(scene), list[str]()
         self.rigid: Outcome | None = None
 
@@ -231,9 +242,10 @@ class Advisor:
             line("error", f"{length(error)}{own}"),
             line("cost", f"{cost}; advice took {self.runner.count} runs, {time(took)}"),
         )
+        falls = [line("drive", FREE_FALL)] if is_free_fall(self.scene) else []
         return Advice(
             error <= tolerance, self.runner.scene_of(model, outcome.stepping), error, tolerance, travel, one.whole,
-            one.again, limit, holds, self.runner.count, took, (first, *self.lines, *lines, *last),
+            one.again, limit, holds, self.runner.count, took, (first, *falls, *self.lines, *lines, *last),
         )  # fmt: skip
 
     def _choices(self, model: Model, outcome: Outcome) -> list[str]:
@@ -249,6 +261,6 @@ class Advisor:
             taken = outcome.run.steps if outcome.run else ""
             return f"tolerance {length(stepping.tolerance or 0.0)}: {taken}"
         if not any(model):
-            return f"{stepping}, {round(self.scene.run.sample / stepping.step)} steps per sample"
+            return f"{stepping}, {round(self.scene.run.spacing / stepping.step)} steps per sample"
         share = stepping.step / self.runner.stable_step(model)
         return f"{stepping}, {share:.2f} of the stable step (smallest over {len(self.runner.postures)} postures)"

@@ -63,9 +63,9 @@ def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: RunS
             f"deflection = True: tip = {truncated(tip)} is a length; give a fraction of the deflection, such as 0.01"
         )
     if band is not None:
-        band, highest = positive("band", band), 0.5 / run.sample
+        band, highest = positive("band", band), 0.5 / run.spacing
         if band > highest:
-            raise ArgumentError(f"band = {band!r}: samples {run.sample:g} s apart resolve at most {highest:g} Hz")
+            raise ArgumentError(f"band = {band!r}: samples {run.spacing:g} s apart resolve at most {highest:g} Hz")
     return Goal(size, metres, deflection, np.inf if band is None else band)
 
 

@@ -102,7 +102,7 @@ class ModelRunner:
         step = run.step if stepping.step is None else stepping.step
         return replace(
             run, method=stepping.method, step=step, tolerance=stepping.tolerance, relative_tolerance=None,
-            accuracy="tip", solver="articulated", unstable="refuse",
+            sample=run.spacing, accuracy="tip", solver="articulated", unstable="refuse",
         )  # fmt: skip
 
     def run(self, model: Model, stepping: Stepping) -> Outcome:
@@ -209,7 +209,7 @@ class ModelRunner:
         """RK4 with a whole number of steps a sample, at most this long [s]; None if no such steps fit the scene."""
         if not largest > 0:
             return None
-        sample, group = self.scene.run.sample, self._divisions
+        sample, group = self.scene.run.spacing, self._divisions
         if not group:
             return None
         per_sample = group * max(1, math.ceil(sample / largest / group * (1 - 1e-9)))
@@ -221,7 +221,7 @@ class ModelRunner:
         run = self.scene.run
         for parts in range(1, 1001):
             try:
-                replace(self.scene, run=self._settings(Stepping("RK4", run.sample / parts)))
+                replace(self.scene, run=self._settings(Stepping("RK4", run.spacing / parts)))
             except FlexlinkError:
                 continue
             return parts

@@ -93,7 +93,7 @@ def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Ste
         * (factor * allowed / strict.stepping.tolerance) ** -0.25  # order 5, with an error estimate of order 4
         for factor in loose
     }
-    fixed = runner.fixed_steps(runner.scene.run.sample)
+    fixed = runner.fixed_steps(runner.scene.run.spacing)
     if fixed is not None:
         costs[fixed] = runner.fixed_steps_cost(rigid_model(runner), fixed)
     return sorted((stepping for stepping, cost in costs.items() if cost < strict.seconds), key=lambda s: costs[s])
@@ -112,7 +112,7 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     u = tip_position(chain, q + θ) - run.tip
     ω = slowest_frequency(chain, q[0])
     released = release(runner, strict, model, q[0])
-    y = oscillator_response(u, ω, runner.scene.run.sample, released.start)
+    y = oscillator_response(u, ω, runner.scene.run.spacing, released.start)
     return RigidError(2.5 * max(norm(u), norm(y), norm(released.drift)), ω / (2 * np.pi))
 
 

@@ -62,6 +62,16 @@ class Chain:
         The three-index coordinate of every hinge, in sequential order.
     link_names
         Names of the arm's links; `Coordinate.link` counts them from 1.
+
+    Examples
+    --------
+    >>> chain
+    <Chain 'two_links': 6 joints, 2 of them driven; 6.15281 kg>
+    >>> print(chain.n, chain.joint_names)
+    6 ('upper', 'upper.1.z', 'upper.2.z', 'fore', 'fore.1.z', 'fore.2.z')
+    >>> print(chain.active, chain.stiffness[chain.bending].round(0))  # N m/rad
+    [0 3] [17194. 17194. 21492. 21492.]
+    >>> picture = chain.plot(q)
     """
 
     name: str
@@ -133,6 +143,11 @@ class Chain:
         ------
         ArgumentError
             `q` has the wrong shape, is not real or not finite, or the chain has no mass.
+
+        Examples
+        --------
+        >>> print(chain.com(q)[:2].round(3))  # m
+        [1.286 0.154]
         """
         if self.mass == 0:
             raise ArgumentError(f"{self.name!r}: has no mass, and so no centre of mass")
@@ -230,6 +245,11 @@ class Chain:
         ------
         ArgumentError
             There is no such coordinate, or its joint is locked.
+
+        Examples
+        --------
+        >>> print(chain.index("upper", 1, 3), chain.joint_name(1))  # link, segment, axis: 3 bends in the XY plane
+        1 upper.1.z
         """
         wanted = Coordinate(
             link_number("link", link, self.link_names), integer("segment", segment, 0), integer("axis", axis, 0, 3)
@@ -259,7 +279,13 @@ class Chain:
         return self.joint_names[self.joint_index("k", k)]
 
     def body(self, k: int | str) -> int:
-        """Number in `bodies` of the one that hangs on joint `k`, given by index or name; errors as above."""
+        """Number in `bodies` of the one that hangs on joint `k`, given by index or name; errors as above.
+
+        Examples
+        --------
+        >>> print(chain.body("fore"), chain.body("fore.2.z"))
+        3 5
+        """
         return int(np.searchsorted(self.bodies["stop"], self.joint_index("k", k), side="right"))
 
     def joint_indices(self, name: str, value: Joints) -> NDArray[np.intp]:

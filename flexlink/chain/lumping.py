@@ -53,6 +53,14 @@ def lump(scene: Scene) -> Chain:
         A rule's own file is not valid.
     ArgumentError
         `scene` is no Scene.
+
+    Examples
+    --------
+    >>> chain = fl.lump(scene)
+    >>> chain
+    <Chain 'two_links': 6 joints, 2 of them driven; 6.15281 kg>
+    >>> print(chain.joint_names)
+    ('upper', 'upper.1.z', 'upper.2.z', 'fore', 'fore.1.z', 'fore.2.z')
     """
     arm = require_type("scene", scene, Scene).arm
     if has_own_rules(scene):

@@ -31,7 +31,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run_command(options: argparse.Namespace) -> int:
     """Find a model, say why it is this one, and write the scene where it is asked for; 1 if no model is good enough."""
-    scene = varied_scene(options.scene, options.set)
+    scene = varied_scene(options.scene, options)
     if options.out is not None:
         require_writable(options.out)
     tip = float(options.tip) if _is_number(options.tip) else options.tip

@@ -39,7 +39,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run_command(options: argparse.Namespace) -> int:
     """Compare on a scene; 1 where engines or the file disagree by more than rounding explains."""
     _refuse_without_effect(options)
-    scene = varied_scene(options.scene, options.set)
+    scene = varied_scene(options.scene, options)
     bar = Progress(scene.name)
     how: dict[str, Any] = {"engines": options.engines, "progress": bar}
     comparison: Comparison | TrajectoryComparison

@@ -13,7 +13,7 @@ from pathlib import Path
 from flexlink.chain.arguments import positive
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import prefix_errors, print_lines, require_writable, varied_scene
+from flexlink.cli.shared import make_folder, prefix_errors, print_lines, require_writable, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
@@ -28,7 +28,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `export`."""
     command.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
     command.add_argument("--format", choices=FORMATS, action="append", help="may be repeated; default: all")
-    command.add_argument("--out", type=Path, default=Path(), help="folder to write to; default: the current one")
+    command.add_argument(
+        "--out", type=Path, default=Path(), help="folder to write to, made if need be; default: the current one"
+    )
     command.add_argument(
         "--strict", action="store_true", help="write nothing if a format cannot represent the whole scene"
     )
@@ -45,7 +47,7 @@ def run_command(options: argparse.Namespace) -> int:
     texts: dict[Path, str] = {}
     notes: list[str] = []
     for path in options.scenes:
-        scene = varied_scene(path, options.set)
+        scene = varied_scene(path, options)
         with prefix_errors(path):
             chain, state = _chain_and_state(path, scene, options, notes)
         for name in _formats(options):
@@ -56,6 +58,7 @@ def run_command(options: argparse.Namespace) -> int:
                 notes += _missing(target, scene, chain, name, strict=options.strict)
                 texts[target] = FORMATS[name].write(chain, **({"initial": state} if FORMATS[name].keyframe else {}))
     for path, text in texts.items():
+        make_folder(path.parent)
         require_writable(path)
         write_text(path, text)
         print(path)

@@ -16,11 +16,10 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.modes import first_elastic, print_modes
-from flexlink.cli.shared import prefix_errors, print_lines, varied_scene
+from flexlink.cli.shared import prefix_errors, print_notes, varied_scene
 from flexlink.common.types import Array, Complex
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.hints import notes
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
@@ -37,17 +36,17 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run_command(options: argparse.Namespace) -> int:
     """Print what a scene's chain is like, and what it says without effect."""
-    scene = varied_scene(options.scene, options.set)
+    scene = varied_scene(options.scene, options)
     with prefix_errors(options.scene):
         _show(scene)
-        print_lines("note", notes(scene))
+        print_notes(scene)
     return 0
 
 
 def _show(scene: Scene) -> None:
     chain = lump(scene)
     q0, _ = initial_state(scene, chain)
-    print(f"{scene.name}: {scene.about}")
+    print(f"{scene.name}: {scene.about}" if scene.about else scene.name)
     print(f"{chain.n} degrees of freedom, {len(chain.active)} driven; mass {chain.bodies['mass'].sum():.6g} kg")
     listed = 100
     for k in range(min(chain.n, listed)):
@@ -98,6 +97,7 @@ def _kind(chain: Chain, k: int) -> str:
 def _show_steps(chain: Chain, factor: float, λ: Complex, free: Complex) -> None:
     """Largest stable steps, also without structural damping, and their CPU time, `factor` times the listed one."""
     rk4 = step_cost(chain, "RK4") / stable_step_of(λ, "RK4")
+    print("with a tolerance, the default, steps follow from the error; fixed steps, by method:")
     for method in data_files.names("methods"):
         h, cost, price = stable_step_of(λ, method), step_cost(chain, method), ""
         if np.isfinite(h):
@@ -106,7 +106,7 @@ def _show_steps(chain: Chain, factor: float, λ: Complex, free: Complex) -> None
             price = f", as cheap as RK4 with about {rk4 / cost:.0f} steps per second"
         undamped = stable_step_of(free, method)
         without = "" if undamped == h else f"; {_step(undamped)} without structural damping"
-        print(f"stable step, {method:<6} {_step(h)}{price}{without}")
+        print(f"  {method:<6} {_step(h)}{price}{without}")
 
 
 def _without_structural_damping(chain: Chain) -> Chain:
@@ -121,5 +121,5 @@ def _step(h: float) -> str:
 
 
 def _some(values: Array) -> str:
-    shown = [f"{value:.4g}" for value in values]
+    shown = [f"{value:.4g}" if np.isfinite(value) else "none: it falls" for value in values]
     return ", ".join(shown if len(shown) <= 8 else [*shown[:4], "…", *shown[-2:]])

@@ -18,6 +18,7 @@ from flexlink.cli.terminal import announced
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import finish, word
 from flexlink.common.versions import __version__
+from flexlink.describe.mistakes import ALSO
 from flexlink.results.stop_reasons import InterruptedRunError
 
 
@@ -40,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except (FlexlinkError, OSError, MemoryError) as error:
         reason = "not enough memory: " if isinstance(error, MemoryError) else ""
-        print(f"flexlink: {reason}{' '.join(str(error).split())}", file=sys.stderr)
+        print(f"flexlink: {reason}{_in_lines(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
         number = getattr(error, "signal", signal.SIGINT)
@@ -49,6 +50,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 128 + number
     finally:
         finish()
+
+
+def _in_lines(error: Exception) -> str:
+    """An error in one line; further mistakes of the same file have a line each."""
+    return "\n  also: ".join(" ".join(text.split()) for text in str(error).split(ALSO))
 
 
 class _Parser(argparse.ArgumentParser):
@@ -81,6 +87,9 @@ def build_parser() -> argparse.ArgumentParser:
             "--set", action="append", default=[], metavar="PATH=VALUE",
             help="change a value of the scene, such as run.step=1e-5 or 'link.*.segments=9'; may be repeated",
         )  # fmt: skip
+        command.add_argument(
+            "--quiet-hints", action="store_true", help="do not tell numbers that are likely given in another unit"
+        )
     return parser
 
 

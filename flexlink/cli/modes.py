@@ -57,7 +57,7 @@ def first_elastic(scene: Scene, chain: Chain, q: Array) -> str:
 
 def run_command(options: argparse.Namespace) -> int:
     """Print modes, slowest first, and draw them where that was asked for."""
-    scene = varied_scene(options.scene, options.set)
+    scene = varied_scene(options.scene, options)
     require_picture(options.plot)
     if options.count < 1:
         raise ArgumentError(f"--count = {options.count}: must be at least 1")

@@ -31,7 +31,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run_command(options: argparse.Namespace) -> int:
     """Write the report, a line a chapter on stderr; 1 if something in it is known to be wrong."""
-    scene = varied_scene(options.scene, options.set)
+    scene = varied_scene(options.scene, options)
     building()  # what is missing is said before the work
     with prefix_errors(options.scene):
         page = report(

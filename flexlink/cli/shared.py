@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import sys
 import tomllib
@@ -11,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.output import write_or_keep
+from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene, load_scene
+from flexlink.dynamics.hints import defaults, notes
 from flexlink.results.files import picture_format
 from flexlink.results.trajectory import plotting
 
@@ -19,9 +22,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def varied_scene(path: Path, settings: Sequence[str], own: Mapping[str, object] | None = None) -> Scene:
-    """The scene of a file with `--set PATH=VALUE`, then with what the command's own options say, values by path."""
-    return varied(path, load_scene(path), settings, own)
+def varied_scene(path: Path, options: argparse.Namespace, own: Mapping[str, object] | None = None) -> Scene:
+    """The scene of a file with `--set PATH=VALUE`, then with what the command's own options say, values by path.
+
+    Numbers that are likely mistaken are told.
+    """
+    scene = varied(path, load_scene(path), options.set, own)
+    print_hints(scene, options)
+    return scene
 
 
 def varied(path: Path, scene: Scene, settings: Sequence[str], own: Mapping[str, object] | None = None) -> Scene:
@@ -64,10 +72,35 @@ def print_lines(word: str, texts: Iterable[str]) -> None:
         print(f"{word}: {text}", file=sys.stderr, flush=True)
 
 
+def print_hints(scene: Scene, options: argparse.Namespace) -> None:
+    """Numbers that are likely given in another unit, unless nobody wants to know."""
+    if not options.quiet_hints:
+        print_lines("warning", hints(scene))
+
+
+def print_notes(scene: Scene) -> None:
+    """What is to be known of a scene before it runs: defaults that decide, and what has no effect."""
+    print_lines("note", (*defaults(scene), *notes(scene)))
+
+
 def draw(figure: Figure, path: Path) -> None:
     """Write a picture to its file."""
     write_or_keep(path, lambda place: figure.savefig(place, dpi=150))
     print(f"plot: {path}")
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder to write to, if it is not there.
+
+    Raises
+    ------
+    ArgumentError
+        It cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ArgumentError(f"{path}: the folder cannot be made: {error.strerror}") from None
 
 
 def require_writable(path: Path) -> None:

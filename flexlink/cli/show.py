@@ -12,9 +12,8 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from flexlink.cli.shared import prefix_errors, print_lines, require_writable, varied_scene
+from flexlink.cli.shared import prefix_errors, print_lines, print_notes, require_writable, varied_scene
 from flexlink.common.progress import Progress
-from flexlink.dynamics.hints import notes
 from flexlink.motion.simulate import simulate
 from flexlink.results.pictures.animate import COLOURS, FORMATS, animate, shot
 from flexlink.results.pictures.film import frame_count
@@ -42,11 +41,9 @@ def run_command(options: argparse.Namespace) -> int:
     out = options.out or Path(options.scene.with_suffix(".html").name)
     wanted = shot(out, **{name: getattr(options, name) for name in ("magnify", "colour", "fps", "speed", "width")})
     require_writable(out)
-    scene = varied_scene(
-        options.scene, options.set, {} if options.duration is None else {"run.duration": options.duration}
-    )
+    scene = varied_scene(options.scene, options, {} if options.duration is None else {"run.duration": options.duration})
     frame_count(scene.run.duration, wanted.fps, wanted.speed)
-    print_lines("note", notes(scene))
+    print_notes(scene)
     with prefix_errors(options.scene):
         run = simulate(scene, progress=Progress(scene.name))
     print_lines("warning", run.warnings)

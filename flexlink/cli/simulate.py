@@ -15,7 +15,15 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlink.cli.shared import draw, prefix_errors, print_lines, require_picture, require_writable, varied_scene
+from flexlink.cli.shared import (
+    draw,
+    prefix_errors,
+    print_lines,
+    print_notes,
+    require_picture,
+    require_writable,
+    varied_scene,
+)
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
 from flexlink.common.progress import Progress
@@ -23,7 +31,6 @@ from flexlink.describe import data_files
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import SOLVERS
-from flexlink.dynamics.hints import notes
 from flexlink.inputs.problem import problem_of
 from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.files import output_format
@@ -66,14 +73,14 @@ def run_command(options: argparse.Namespace) -> int:
     """Run a scene, show how far it is, deliver what was asked for."""
     settings = {f"run.{name}": getattr(options, name) for name in RunSettings.__struct_fields__}
     changes = {path: value for path, value in settings.items() if value is not None}
-    scene = varied_scene(options.scene, options.set, changes)
+    scene = varied_scene(options.scene, options, changes)
     if options.out is not None:
         output_format(options.out)
         require_writable(options.out)
     require_picture(options.plot)
     with prefix_errors(options.scene):
         ready = SingleRun(prepare(problem_of(scene)))  # compiled: a signal need not wait, and no run is timed by it
-        print_lines("note", notes(scene))
+        print_notes(scene)
     with deferred() as stop, contextlib.ExitStack() as last:
         last.callback(finish)
         bar = Progress(scene.name)

@@ -15,7 +15,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from flexlink.chain.arguments import integer
-from flexlink.cli.shared import assignments, prefix_errors, require_writable
+from flexlink.cli.shared import assignments, prefix_errors, print_hints, require_writable
 from flexlink.common.progress import Progress, clock
 from flexlink.sweeps.fingerprint import fingerprint
 from flexlink.sweeps.plan import Plan, load_sweep
@@ -72,6 +72,7 @@ def _planned(options: argparse.Namespace) -> Plan:
     with prefix_errors(options.sweep):
         plan = Plan(replace(sweep, set={**sweep.set, **changes}))
         preflight(plan)
+    print_hints(plan.sweep.scene, options)
     return plan
 
 

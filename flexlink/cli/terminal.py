@@ -7,35 +7,57 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 from flexlink.common.progress import Line, clock
 from flexlink.kernels.tools.compiler import watched
+from flexlink.kernels.tools.machine_code import cache_folder
 
 
 class Compiling(Line):
-    """Says that machine code is being made, when that starts, and on a terminal for how long."""
+    """Says that machine code is being made: once a cache folder, and on a terminal whenever and for how long.
 
-    TEXT = "compiling the solver for this machine (once, up to a minute) …"
+    Parameters
+    ----------
+    folder
+        Says where the code is kept; asked when something is compiled.
+    """
 
-    def __init__(self) -> None:
+    TEXT = "compiling the solver for this machine (once, up to a minute; other kinds of runs add to it) …"
+
+    def __init__(self, folder: Callable[[], Path] = cache_folder) -> None:
         super().__init__()
-        self._said, self._seconds = False, 0.0
+        self._folder, self._seconds = folder, 0.0
+        self._unkept = False
         self._over = threading.Event()
         self._ticker: threading.Thread | None = None
 
     def started(self) -> None:
         """Something is about to be compiled."""
         if not self.shown:
-            if not self._said:
+            if not self._was_said():
                 print(self.TEXT, file=sys.stderr, flush=True)
-            self._said = True
             return
         self._since = time.perf_counter()
         self._over = threading.Event()
         self._tick()
         self._ticker = threading.Thread(target=self._tick_on, args=(self._over,), daemon=True)
         self._ticker.start()
+
+    def _was_said(self) -> bool:
+        """Whether some process has said so for this folder; from now on it has."""
+        folder = self._folder()
+        said = folder / "announced"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            said.touch(exist_ok=False)
+        except FileExistsError:
+            return True
+        except OSError:  # where nothing can be kept, every process compiles, and says so once
+            before, self._unkept = self._unkept, True
+            return before
+        return False
 
     def ended(self) -> None:
         """It is there; further pieces may follow."""

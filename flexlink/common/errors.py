@@ -11,43 +11,129 @@ if TYPE_CHECKING:
 
 
 class FlexlinkError(Exception):
-    """Base of every error that flexlink raises on purpose; the command line prints it as one line."""
+    """Base of every error that flexlink raises on purpose; the command line prints it as one line.
+
+    Examples
+    --------
+    >>> try:
+    ...     fl.load_scene("missing.toml")
+    ... except fl.FlexlinkError as error:
+    ...     print(type(error).__name__)
+    SceneError
+    """
 
 
 class SceneError(FlexlinkError, ValueError):
-    """A scene, or a part of one such as a link (TOML file or Python object), that is not valid."""
+    """A scene, or a part of one such as a link (TOML file or Python object), that is not valid.
+
+    Examples
+    --------
+    >>> fl.Section(shape="tube", outer=0.05, inner=0.06)
+    Traceback (most recent call last):
+        ...
+    flexlink.common.errors.SceneError: inner = 0.06: must be smaller than outer = 0.05
+    """
 
 
 class DataFileError(FlexlinkError, ValueError):
-    """A file of data that is not valid: a lumping rule, a Runge-Kutta method, an engine's XML, a case of the study."""
+    """A file of data that is not valid: a lumping rule, a Runge-Kutta method, an engine's XML, a case of the study.
+
+    Examples
+    --------
+    >>> _ = Path("mine.toml").write_text("order = 4")
+    >>> fl.simulate(scene, method="mine.toml")
+    Traceback (most recent call last):
+        ...
+    flexlink.common.errors.DataFileError: run.method = ...: about: missing; this key is required
+    """
 
 
 class ArgumentError(FlexlinkError, ValueError):
-    """An argument of a function with a wrong shape, dtype, value or name."""
+    """An argument of a function with a wrong shape, dtype, value or name.
+
+    Examples
+    --------
+    >>> fl.tip_position(chain, [0.0])
+    Traceback (most recent call last):
+        ...
+    flexlink.common.errors.ArgumentError: q has shape (1,); expected (6,), or (b, 6) for b states
+    """
 
 
 class SingularMassError(FlexlinkError, ArithmeticError):
-    """The mass matrix is not positive definite at this posture: some joint moves no inertia."""
+    """The mass matrix is not positive definite at this posture: some joint moves no inertia.
+
+    Examples
+    --------
+    >>> wire = fl.Arm(links=(fl.Link(name="wire"),))  # without mass, hub, armature
+    >>> weightless = fl.Scene(name="wire", arm=wire)
+    >>> fl.forward_dynamics(fl.lump(weightless), [0.0], [0.0], [0.0])
+    Traceback (most recent call last):
+        ...
+    flexlink.common.errors.SingularMassError: mass matrix of 'wire' is singular: joint 'wire' moves no ...
+    """
 
 
 class AdviceError(FlexlinkError, RuntimeError):
-    """No model of a scene can be judged: no two of them can be run, or nothing moves; the message says which."""
+    """No model of a scene can be judged: no two of them can be run, or nothing moves; the message says which.
+
+    Examples
+    --------
+    >>> still = scene.varied({"drive.reference": None, "drive.target_deg": (30.0, -60.0)})
+    >>> fl.advise(still.varied({"gravity": (0.0, 0.0, 0.0)}))
+    Traceback (most recent call last):
+        ...
+    flexlink.common.errors.AdviceError: two_links: the tip moves by only 0 m, and 1e-03 of that is ...
+    """
 
 
 class OutputError(FlexlinkError, OSError):
-    """A result that could not be written; the message says where it was kept instead."""
+    """A result that could not be written; the message says where it was kept instead.
+
+    Examples
+    --------
+    >>> scene.save("nowhere/scene.toml")
+    Traceback (most recent call last):
+        ...
+    flexlink.common.errors.OutputError: nowhere/scene.toml: cannot be written: No such file or ...
+    """
 
 
 class MissingDependencyError(FlexlinkError, ImportError):
-    """An optional package (an engine, matplotlib) is not installed; the message names the extra to install."""
+    """An optional package (an engine, matplotlib) is not installed; the message names the extra to install.
+
+    Examples
+    --------
+    >>> try:
+    ...     table = run.to_pandas()
+    ... except fl.errors.MissingDependencyError as error:
+    ...     print(error)  # the package, and how to install it
+    """
 
 
 class EngineError(FlexlinkError, RuntimeError):
-    """Another engine failed on its own account: its process crashed, or gave no answer in time."""
+    """Another engine failed on its own account: its process crashed, or gave no answer in time.
+
+    Examples
+    --------
+    >>> try:
+    ...     found = fl.compare(scene, engines=["mujoco"], samples=2)
+    ... except fl.errors.EngineError as error:
+    ...     print(error)  # its process crashed
+    """
 
 
 class UnstableStepError(FlexlinkError, ValueError):
-    """The step is larger than the largest stable one, `largest` [s]; `unstable = "allow"` insists on it."""
+    """The step is larger than the largest stable one, `largest` [s]; `unstable = "allow"` insists on it.
+
+    Examples
+    --------
+    >>> try:
+    ...     fl.simulate(scene, step=2e-3)
+    ... except fl.errors.UnstableStepError as error:
+    ...     print(f"{error.largest:.2g} s")
+    0.00095 s
+    """
 
     def __init__(self, message: str, largest: float) -> None:
         super().__init__(message)
@@ -59,7 +145,16 @@ class UnstableStepError(FlexlinkError, ValueError):
 
 
 class ConvergenceError(FlexlinkError, ArithmeticError):
-    """An equilibrium that was not reached; `q` is the one on the way with the largest part, `load`, of the load."""
+    """An equilibrium that was not reached; `q` is the one on the way with the largest part, `load`, of the load.
+
+    Examples
+    --------
+    >>> try:
+    ...     rest = fl.solve_static(chain, tip_wrench=[0.0, -1e9, 0.0, 0.0, 0.0, 0.0], locked=chain.active)
+    ... except fl.errors.ConvergenceError as error:
+    ...     print(error.load < 1.0, error.q.shape)  # the part of the load that was reached
+    True (6,)
+    """
 
     def __init__(self, message: str, q: NDArray[np.float64], load: float) -> None:
         super().__init__(message)
@@ -71,7 +166,16 @@ class ConvergenceError(FlexlinkError, ArithmeticError):
 
 
 class InterruptedSweepError(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM during a sweep; a KeyboardInterrupt for all who stop at one. `signal` is its number."""
+    """Ctrl-C or SIGTERM during a sweep; a KeyboardInterrupt for all who stop at one. `signal` is its number.
+
+    Examples
+    --------
+    >>> plan = fl.Sweep(scene=scene, grid={"tip.mass": [1.0, 2.0]}, quantity={"height": {"of": "tip y [m]"}})
+    >>> try:
+    ...     rows = fl.sweep(plan, out="masses.db")
+    ... except fl.errors.InterruptedSweepError as stopped:
+    ...     print(stopped)  # Ctrl-C: rows are kept, and the same call goes on
+    """
 
     def __init__(self, message: str, number: int = signal.SIGINT) -> None:
         super().__init__(message)

@@ -22,6 +22,11 @@ def html_table(caption: str, heads: Sequence[str], rows: Sequence[Sequence[objec
     return f'<table style="text-align: left">{title}{head}<tbody>{body}</tbody></table>'
 
 
+def html_lines(text: str) -> str:
+    """Lines as they stand, as HTML."""
+    return f'<pre style="text-align: left; white-space: pre-wrap">{html.escape(text)}</pre>'
+
+
 def _cells(tag: str, texts: Sequence[str]) -> str:
     return "".join(f'<{tag} style="text-align: left">{html.escape(text)}</{tag}>' for text in texts)
 

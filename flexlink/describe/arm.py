@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import msgspec
@@ -14,6 +15,7 @@ from flexlink.describe import data_files
 from flexlink.describe.directions import Line, line_of, unit
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.links import link_number
+from flexlink.describe.mistakes import raise_together
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.sections import SHAPES, SectionProperties
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, did_you_mean, link_key, short_list, truncated
@@ -23,7 +25,14 @@ AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 
 
 class Material(Spec, frozen=True):
-    """Isotropic, linear elastic, with Kelvin-Voigt loss: stress = E (strain + loss_time · strain rate)."""
+    """Isotropic, linear elastic, with Kelvin-Voigt loss: stress = E (strain + loss_time · strain rate).
+
+    Examples
+    --------
+    >>> steel = fl.Material(young=210e9, density=7850.0, poisson=0.3)  # Pa, kg/m³
+    >>> print(f"{scene.varied({'material.aluminium': steel}).arm.materials['aluminium'].young:.2g} Pa")
+    2.1e+11 Pa
+    """
 
     young: Positive
     """Young's modulus E [Pa]: steel 210e9, aluminium 70e9."""
@@ -45,6 +54,12 @@ class Section(Spec, frozen=True):
 
     rectangle: height (along local y), width (along z); circle: diameter; tube: outer, inner (diameters);
     box: height, width, wall; general: area, i_y = ∫ z² dA, i_z = ∫ y² dA, torsion (St Venant's constant J).
+
+    Examples
+    --------
+    >>> tube = fl.Section(shape="tube", outer=0.06, inner=0.05)  # m
+    >>> plate = fl.Section(shape="rectangle", height=0.005, width=0.03)
+    >>> measured = fl.Section(shape="general", area=3e-4, i_y=4e-8, i_z=4e-8, torsion=8e-8)  # m², m⁴
     """
 
     shape: Literal["rectangle", "circle", "tube", "box", "general"]
@@ -114,6 +129,14 @@ class Damping(Spec, frozen=True):
     It is Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), the same in every hinge, under which the ratio of a
     mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable step of
     explicit methods: `flexlink info` says by how much.
+
+    Examples
+    --------
+    >>> welded = fl.Damping(ratio=0.01, at_hz=4.2)  # 1 % of critical at 4.2 Hz
+    >>> damped = fl.lump(scene.varied({"link.*.damping": welded}))
+    >>> found = fl.modes(damped, q, locked=damped.active)
+    >>> print(found.hertz[:2].round(2), found.damping_ratios[:2].round(4))  # in proportion to the frequency
+    [ 5.7  26.87] [0.0135 0.064 ]
     """
 
     ratio: NonNegative
@@ -132,6 +155,13 @@ class Friction(Spec, frozen=True):
 
     A link that bends by an angle loses coulomb times this
     angle, however many hinges share it.
+
+    Examples
+    --------
+    >>> rubbing = scene.varied({"link.upper.friction": fl.Friction(coulomb=0.5)})  # N m in each hinge
+    >>> rates = np.ones(chain.n)  # rad/s
+    >>> print((fl.friction_torque(fl.lump(rubbing), rates) - fl.friction_torque(chain, rates)).round(2))
+    [0.  0.5 0.5 0.  0.  0. ]
     """
 
     coulomb: NonNegative
@@ -147,6 +177,13 @@ class Link(Spec, frozen=True):
     Its section's z points to `up`, by default to the joint's axis (`line_of` says more). The link ends where the beam
     does, with the axes of its own frame: there hang `end` and the next link's mount.
     A link that bends has segments − 1 hinges, where `lumping` puts them.
+
+    Examples
+    --------
+    >>> stiff = fl.Link(name="base", hub=fl.RigidBody(mass=3.0))
+    >>> link = fl.Link(name="boom", length=3.0, flex="yz", segments=5, material="steel", section="pipe")
+    >>> print(stiff.flex, link.flex, link.lumping)
+    rigid yz gauss
     """
 
     name: str
@@ -190,9 +227,9 @@ class Link(Spec, frozen=True):
         if not self.name:
             raise SceneError("name = '': must not be empty")
         if (self.material is None) != (self.section is None):
-            raise SceneError(
-                f"material = {self.material!r}, section = {self.section!r}: give both, or neither for a massless link"
-            )
+            missing, given = ("section", "material") if self.section is None else ("material", "section")
+            said = f"{given} = {getattr(self, given)!r}"
+            raise SceneError(f"{missing}: missing; {said} is given: give both, or neither for a massless link")
         if self.section_tip is not None and self.section is None:
             raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
         if self.line is not None and self.length:
@@ -206,17 +243,17 @@ class Link(Spec, frozen=True):
             raise SceneError(f"segments = {self.segments}: a rigid link has 1")
         elif self.material is not None and length == 0:
             raise SceneError(
-                f"length = {self.length!r}: a link of material {self.material!r} needs a length > 0 or a line; "
-                "one without length has neither material nor section, but may have a hub"
+                f"length = {self.length!r}, the default: a link of material {self.material!r} needs a length > 0 or a "
+                "line; one without length has neither material nor section, but may have a hub"
             )
 
     def _check_flexible(self, length: float) -> None:
         if self.segments < 2:
-            raise SceneError(f"segments = {self.segments}: a flexible link needs at least 2")
+            raise SceneError(f"segments = {self.segments}, the default: a flexible link needs at least 2, such as 5")
         if length == 0:
-            raise SceneError(f"length = {self.length!r}: a flexible link needs a length > 0 or a line")
+            raise SceneError(f"length = {self.length!r}, the default: a flexible link needs a length > 0 or a line")
         if self.material is None:
-            raise SceneError("material = None: a flexible link needs a material and a section")
+            raise SceneError("material, section: missing; a flexible link needs both")
 
     @property
     def elastic(self) -> bool:
@@ -248,7 +285,19 @@ def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | Non
 
 
 class Arm(Spec, frozen=True):
-    """Serial arm: links from the base outward, with the materials and sections they name."""
+    """Serial arm: links from the base outward, with the materials and sections they name.
+
+    Examples
+    --------
+    >>> arm = fl.Arm(
+    ...     links=(fl.Link(name="boom", length=3.0, flex="z", segments=5, material="steel", section="pipe"),),
+    ...     materials={"steel": fl.Material(young=210e9, density=7850.0)},
+    ...     sections={"pipe": fl.Section(shape="tube", outer=0.06, inner=0.05)},
+    ...     tip=fl.RigidBody(mass=5.0),
+    ... )
+    >>> print(arm)
+    <Arm: 'boom' (z)>
+    """
 
     links: Annotated[tuple[Link, ...], msgspec.Meta(min_length=1)] = msgspec.field(name="link")
     """The links, from the base outward."""
@@ -261,30 +310,29 @@ class Arm(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        raise_together(self._mistakes())
+
+    def _mistakes(self) -> Iterator[str]:
+        """What does not fit together."""
         seen: set[str] = set()
         for k, link in enumerate(self.links, 1):
             if link.name in seen:
-                raise SceneError(f"link.{k}.name = {link.name!r}: names of links must differ")
+                yield f"link.{k}.name = {link.name!r}: names of links must differ"
             seen.add(link.name)
             tables = (("material", self.materials), ("section", self.sections), ("section_tip", self.sections))
             for key, table in tables:
                 name = getattr(link, key)
                 if name is not None and name not in table:
                     known = ", ".join(table) or "none"
-                    raise SceneError(
-                        f"{self.path(k)}.{key} = {name!r}: not defined; defined are {known}{did_you_mean(name, table)}"
-                    )
-            if link.section_tip is not None and link.section is not None:
-                shapes = self.sections[link.section].shape, self.sections[link.section_tip].shape
-                if shapes[0] != shapes[1]:
-                    raise SceneError(
-                        f"{self.path(k)}.section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
-                    )
-        conventions = {link.dh.convention for link in self.links if link.dh is not None}
-        if len(conventions) > 1:
-            raise SceneError("link.dh.convention: differs from link to link; a table has one")
+                    meant = did_you_mean(name, table)
+                    yield f"{self.path(k)}.{key} = {name!r}: not defined; defined are {known}{meant}"
+            shapes = [self.sections[n].shape for n in (link.section, link.section_tip) if n in self.sections]
+            if len(set(shapes)) > 1:
+                yield f"{self.path(k)}.section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
+        if len({link.dh.convention for link in self.links if link.dh is not None}) > 1:
+            yield "link.dh.convention: differs from link to link; a table has one"
         if all(link.joint.locked and not link.elastic for link in self.links):
-            raise SceneError("link: every joint is locked and every link rigid; at least one must move")
+            yield "link: every joint is locked and every link rigid; at least one must move"
 
     def __repr__(self) -> str:
         return f"<Arm: {short_list([f'{link.name!r} ({link.flex})' for link in self.links])}>"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
@@ -26,6 +27,13 @@ from flexlink.describe.spec import (
 )
 
 AUTO = "auto"  # in place of a method's name
+DEFAULT_TOLERANCE = 1e-3
+"""Part of the arm's reach that any body may be off by at the end of a run that says nothing of its steps."""
+DEFAULT_STEP = 1e-4
+"""Length of the fixed steps of a run that names a method alone [s]."""
+DEFAULT_DURATION = 5.0  # s
+SAMPLE = 0.005
+"""Time between stored samples where it fits the run [s]."""
 Frame = Literal["world", "tip"]
 """Axes that a tip wrench is given in: of frame 0, or of the tip frame, with which it turns."""
 ForwardSolver = Literal["articulated", "lu", "cholesky"]
@@ -43,6 +51,13 @@ class InitialState(Spec, frozen=True):
     `q` [rad] and `qd` [rad/s], one number per joint of the chain in sequential order, take the place of all that, as
     `time` [s] does of t = 0: the state from which another run is continued. Beside `q`, `joint_deg` is where the locked
     joints stay, and may be left out: zero in a scene.
+
+    Examples
+    --------
+    >>> slack = fl.InitialState(joint_deg=(30.0, -60.0))
+    >>> sagged = fl.InitialState(joint_deg=(30.0, -60.0), passive="static")  # bent by gravity
+    >>> print(slack.passive)
+    zero
     """
 
     joint_deg: PerLink = ()
@@ -60,8 +75,6 @@ class InitialState(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.joint_deg and self.q is None:
-            raise SceneError("joint_deg: missing; this key is required where q is not given")
         if self.q is not None and self.passive == "static":
             raise SceneError("passive = 'static': computes the hinges' angles, but q is given, too; give only one")
         if self.qd is not None and self.rate_deg is not None:
@@ -85,6 +98,12 @@ class Drive(Spec, frozen=True):
     [1/s², 1/s].
     `effort`: the largest torque of each drive [N m], beyond which it stays there; also of laws in Python.
     With `rate` [Hz] the law is asked at instants t = k / rate, and what it gives is held in between.
+
+    Examples
+    --------
+    >>> pd = fl.Drive(kind="pd", kp=(2e4, 1e4), kd=(600.0, 250.0), gravity="static", target_deg=(40.0, -60.0))
+    >>> constant = fl.Drive(kind="constant", torque=(30.0, 10.0))  # N m, one number a link
+    >>> held = scene.varied({"drive": pd})
     """
 
     kind: Literal["none", "constant", "table", "pd", "computed_torque"] = "none"
@@ -139,6 +158,16 @@ class PrescribedMotion(Spec, frozen=True):
 
     Angle [deg], rate [deg/s] and acceleration [deg/s²] at `times` [s], which start at 0; quintic polynomials in
     between, then on at the last rate.
+
+    Examples
+    --------
+    >>> turn = fl.PrescribedMotion(
+    ...     link="upper", times=(0.0, 1.0), angle_deg=(30.0, 90.0), rate_deg=(0, 0),
+    ...     acceleration_deg=(0, 0),
+    ... )
+    >>> moved = scene.varied({"motion": (turn,), "drive": fl.Drive(), "run.duration": 0.2})
+    >>> print(fl.simulate(moved).tau[-1, 0] != 0.0)  # N m that the motion takes
+    True
     """
 
     link: str | int
@@ -169,6 +198,13 @@ class Wrench(Spec, frozen=True):
 
     Their components are in axes of frame = "world", frame 0, or "tip", with which they turn. They are constant, `force`
     and `moment`, or a table: `forces`, `moments` or both, one row per time [s], held outside, in between as a drive's.
+
+    Examples
+    --------
+    >>> hook = fl.Wrench(force=(0.0, -20.0, 0.0))  # N, frame 0
+    >>> follower = fl.Wrench(force=(0.0, -20.0, 0.0), frame="tip")  # turns with the tip
+    >>> print(scene.varied({"wrench": hook}).tip_wrench)
+    [  0. -20.   0.   0.   0.   0.]
     """
 
     force: Vector3 = (0.0, 0.0, 0.0)
@@ -225,20 +261,32 @@ class RunSettings(Spec, frozen=True):
     default then, takes the cheapest method. Vibrations too small to matter for the tip's path may be damped away by
     accuracy = "tip".
 
+    Where nothing is said of method, step and tolerance, steps keep a tolerance of a thousandth of the reach. A method
+    alone takes fixed steps of 1e-4 s.
+
     Such a run may take `max_evaluations` of forward or inverse dynamics: a hundred times what dry friction of the
     stiffest arms has taken, and half a minute of ten joints. One that would take more tells where it hangs, then stops.
 
     `unstable` = "allow" insists on a step beyond the largest stable one, and on a run whose energy does not balance.
+
+    Examples
+    --------
+    >>> by_step = fl.RunSettings(method="RK4", step=1e-4, duration=2.0, sample=0.01)  # s
+    >>> by_error = fl.RunSettings(method="auto", tolerance=1e-4, duration=2.0)  # m
+    >>> print(fl.simulate(scene.varied({"run": by_error})).steps.method)
+    Radau5
     """
 
     method: str = ""
-    """Runge-Kutta method: a name, the path of a method's file, or auto, the cheapest for the tolerance."""
-    step: Positive = 1e-4
-    """Length of fixed steps [s]."""
-    duration: NonNegative = 5.0
+    """Runge-Kutta method: a name, the path of a method's file, or auto, the cheapest for the tolerance. Default: auto;
+    with a step RK4."""
+    step: Positive | None = None
+    """Length of fixed steps [s]. Default: steps follow from a tolerance; of a method that is named 1e-4."""
+    duration: NonNegative = DEFAULT_DURATION
     """How long the run is [s]."""
-    sample: Positive = 0.005
-    """Time between stored samples [s]."""
+    sample: Positive | None = None
+    """Time between stored samples [s]. Default: 0.005, or what is nearest of the parts of the duration that are whole
+    numbers of steps."""
     solver: ForwardSolver = "articulated"
     """Of forward dynamics: articulated bodies, or M by LU (the paper's way) or Cholesky."""
     unstable: Unstable = "refuse"
@@ -246,7 +294,8 @@ class RunSettings(Spec, frozen=True):
     tolerance: Positive | None = None
     """Largest error of any body's place at the end of the run [m]; steps follow from it."""
     relative_tolerance: Positive | None = None
-    """The same as a part of the reach, or of the deflection (`accuracy`) [1]."""
+    """The same as a part of the reach, or of the deflection (`accuracy`) [1]. Default: 1e-3, where neither method nor
+    step are given."""
     accuracy: Accuracy = "tip"
     """What a relative tolerance is a part of: the arm's reach (tip), or how far springs have moved it."""
     max_evaluations: Positive = 1e7
@@ -255,13 +304,16 @@ class RunSettings(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.method:
-            msgspec.structs.force_setattr(self, "method", "auto" if self.controlled else "RK4")
+            fixed = self.step is not None and not self.has_tolerance
+            msgspec.structs.force_setattr(self, "method", "RK4" if fixed else AUTO)
         msgspec.structs.force_setattr(self, "method", data_files.absolute(self.method))
         if self.controlled:
             self._check_tolerance()
+        elif self.sample is None:
+            whole(self._duration_said, self.duration, self.said("step"), self.fixed_step)
         else:
-            whole("sample", self.sample, "step", self.step)
-        whole("duration", self.duration, "sample", self.sample)
+            whole("sample", self.sample, self.said("step"), self.fixed_step)
+        whole(self._duration_said, self.duration, self.said("sample"), self.spacing)
 
     def _check_tolerance(self) -> None:
         if self.tolerance is not None and self.relative_tolerance is not None:
@@ -273,28 +325,74 @@ class RunSettings(Spec, frozen=True):
             raise SceneError("accuracy = 'deflection': needs relative_tolerance, a fraction of the deflection")
 
     @property
+    def has_tolerance(self) -> bool:
+        """Whether a tolerance is given."""
+        return self.tolerance is not None or self.relative_tolerance is not None
+
+    @property
     def controlled(self) -> bool:
         """Whether steps follow from a tolerance."""
-        return self.tolerance is not None or self.relative_tolerance is not None
+        return self.has_tolerance or self.method == AUTO
+
+    @property
+    def by_default(self) -> bool:
+        """Whether steps follow from the tolerance that is taken where neither method, step nor tolerance are given."""
+        return self.method == AUTO and not self.has_tolerance
+
+    @property
+    def in_words(self) -> str:
+        """Method, step or tolerance, and duration, in one line."""
+        steps = f"step {self.fixed_step:g} s"
+        if self.tolerance is not None:
+            steps = f"tolerance {self.tolerance:g} m"
+        elif self.controlled:
+            steps = f"tolerance {self.tolerance_within(1.0):g} of the {self.measure}"
+        return f"{self.method}, {steps}, duration {self.duration:g} s"
+
+    @property
+    def measure(self) -> str:
+        """What a relative tolerance is a part of."""
+        return {"tip": "reach", "deflection": "deflection"}[self.accuracy]
+
+    @property
+    def _duration_said(self) -> str:
+        """Its key, for messages."""
+        return "duration" if self.duration != DEFAULT_DURATION else f"duration, by default {DEFAULT_DURATION},"
+
+    def said(self, key: str, above: str = "") -> str:
+        """A key of these settings, below another, for messages: of one that nobody wrote, that it is a default."""
+        return f"{above}{key}" if getattr(self, key) is not None else f"the default {above}{key}"
 
     def tolerance_within(self, length: float) -> float:
         """The tolerance [m], a relative one of this length."""
-        return self.tolerance or (self.relative_tolerance or 0.0) * length
+        return self.tolerance or (self.relative_tolerance or DEFAULT_TOLERANCE) * length
+
+    @property
+    def fixed_step(self) -> float:
+        """Length of fixed steps [s]."""
+        return DEFAULT_STEP if self.step is None else self.step
+
+    @property
+    def spacing(self) -> float:
+        """Time between two stored samples [s]."""
+        if self.sample is not None:
+            return self.sample
+        return default_sample(self.duration, None if self.controlled else self.fixed_step)
 
     @property
     def steps_per_sample(self) -> int:
         """Number of fixed steps between two stored samples."""
-        return round(self.sample / self.step)
+        return round(self.spacing / self.fixed_step)
 
     @property
     def between(self) -> float:
         """Time between two stored samples [s]: of fixed steps what their number takes."""
-        return self.sample if self.controlled else self.steps_per_sample * self.step
+        return self.spacing if self.controlled else self.steps_per_sample * self.fixed_step
 
     @property
     def samples(self) -> int:
         """Number of stored samples, the initial one included."""
-        return round(self.duration / self.sample) + 1
+        return round(self.duration / self.spacing) + 1
 
     @property
     def times(self) -> Array:
@@ -304,6 +402,22 @@ class RunSettings(Spec, frozen=True):
     def times_from(self, start: float) -> Array:
         """Times of the stored samples [s]: whole multiples of the time between them, if the start is one."""
         return multiples(start, self.between, self.samples)
+
+
+@functools.lru_cache(maxsize=256)
+def default_sample(duration: float, step: float | None) -> float:
+    """Time between stored samples [s] where none is given: a part of the duration near 0.005 s, of whole steps."""
+    if _fits(duration, SAMPLE) and (step is None or _fits(SAMPLE, step)):
+        return SAMPLE
+    if step is None:
+        return duration / max(1, round(duration / SAMPLE))
+    near, total, tries = max(1, round(min(SAMPLE / step, 2**53))), round(duration / step), 10_000
+    fitting = (number for number in range(near, max(0, near - tries), -1) if total % number == 0)
+    return next(fitting, total) * step
+
+
+def _fits(long: float, unit: float) -> bool:
+    return long == 0 or (0.5 < long / unit < 2**53 and is_whole(long / unit))
 
 
 def check_table(
@@ -335,7 +449,12 @@ def multiples(start: float, between: float, count: int) -> Array:
 def parts(value: float, unit: float) -> float:
     """How many `unit`s a value is: a whole number, if it is one up to the rounding of decimal input."""
     ratio = value / unit
-    return round(ratio) if abs(ratio - round(ratio)) <= 1e-9 * max(1.0, ratio) else ratio
+    return round(ratio) if is_whole(ratio) else ratio
+
+
+def is_whole(ratio: float) -> bool:
+    """Whether a ratio of two decimal numbers is a whole number, up to their rounding; 0 is."""
+    return abs(ratio - round(ratio)) <= 1e-9 * max(1.0, ratio)
 
 
 def whole(name: str, value: float, unit_name: str, unit: float, error: type[FlexlinkError] = SceneError) -> int:
@@ -392,8 +511,11 @@ def check_method(run: RunSettings) -> None:
         The method's own file is not valid.
     """
     if run.method == AUTO:
-        if not run.controlled:
-            raise SceneError(f"run.method = {AUTO!r}: picks a method for a tolerance; give run.tolerance, or a method")
+        if run.by_default and run.step is not None:
+            raise SceneError(
+                f"run.method = {AUTO!r}: picks a method for a tolerance, but run.step = {run.step!r} is given; give "
+                "run.tolerance, or a method, or leave run.step out"
+            )
         return
     try:
         able = method(run.method).controlled or not run.controlled

@@ -29,6 +29,7 @@ def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
     return HINGES(arm.links, None, lambda: _of_all(arm))
 
 
+DEFAULT = Link(name="any").lumping  # of a link that names no rule
 HINGES = Memo(64)
 """Nodes and weights of arms by their links, which variants of a material or a payload share."""
 
@@ -71,7 +72,8 @@ def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:
     try:
         return _placed(rule, count)
     except ArgumentError as error:
-        raise SceneError(f"segments = {link.segments}, so {count} hinges: rule {link.lumping!r} {error}") from None
+        rule_said = f"{link.lumping!r}{', the default,' if link.lumping == DEFAULT else ''}"
+        raise SceneError(f"segments = {link.segments}, so {count} hinges: rule {rule_said} {error}") from None
 
 
 @functools.lru_cache(maxsize=64)

@@ -19,6 +19,12 @@ class Joint(Spec, frozen=True):
     their rates. The joint's angle is then the motor's; `locked` holds the motor.
     Friction torque T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh makes Coulomb's law
     smooth, which Runge-Kutta needs: at |q̇| = 3 · coulomb_width it has reached 99.5 % of the dry torque.
+
+    Examples
+    --------
+    >>> motor = fl.Joint(axis=(0.0, 1.0, 0.0), armature=0.5, viscous=2.0)  # kg m², N m s/rad
+    >>> geared = fl.Joint(armature=0.5, gear_stiffness=8e3)  # N m/rad
+    >>> welded = fl.Joint(locked=True)
     """
 
     axis: Vector3 = (0.0, 0.0, 1.0)
@@ -49,8 +55,8 @@ class Joint(Spec, frozen=True):
             raise SceneError(f"gear_damping = {self.gear_damping!r}: needs a gear_stiffness")
         if self.gear_stiffness is not None and not self.armature and not self.locked:
             raise SceneError(
-                f"armature = {self.armature!r}: gear_stiffness = {self.gear_stiffness!r} needs the motor's inertia; "
-                "nothing else moves between motor and gear"
+                f"armature = {self.armature!r}, the default: gear_stiffness = {self.gear_stiffness!r} needs the "
+                "motor's inertia; nothing else moves between motor and gear"
             )
 
     @property
@@ -64,6 +70,12 @@ class Mount(Spec, frozen=True):
 
     First the offset `xyz` [m], then `rpy_deg` [deg] or `rpy` [rad], roll, pitch, yaw about fixed axes:
     R = Rz(yaw) Ry(pitch) Rx(roll), the convention of URDF; v_parent = R v_joint. Multiples of 90° are exact.
+
+    Examples
+    --------
+    >>> upright = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))  # the joint's axis horizontal, where Z is up
+    >>> beside = fl.Mount(xyz=(0.1, 0.0, 0.05))  # m, in the frame of the link before
+    >>> link = fl.Link(name="boom", mount=upright)
     """
 
     xyz: Vector3 = (0.0, 0.0, 0.0)
@@ -90,6 +102,11 @@ class DenavitHartenberg(Spec, frozen=True):
     frame, to this link's; a and α are Craig's of the link before, a_{i−1}, α_{i−1}, as in the rows of his tables.
     Either way the table alone says where axes and tip are: a beam runs beside it, and carries it at its end. The
     link's `mount`, that of the base, comes before the row. `a`, `d` [m].
+
+    Examples
+    --------
+    >>> row = fl.DenavitHartenberg(convention="modified", a=0.4, alpha_deg=-90.0)
+    >>> link = fl.Link(name="upper", dh=row)
     """
 
     convention: Literal["standard", "modified"]

@@ -44,6 +44,13 @@ class Reference(Spec, frozen=True):
     Before and after the table its first and last angles are held.
 
     With a `shaper`, the sum of delayed references that leaves no vibration of its frequencies; it is later at its end.
+
+    Examples
+    --------
+    >>> move = fl.Reference(profile="s_curve", to_deg=(60.0, -40.0), max_rate_deg=(90.0, 90.0), max_jerk_deg=(2e3, 2e3))
+    >>> course = move.course((30.0, -60.0))  # from there
+    >>> print(course.knots[-1].round(2))  # s
+    0.78
     """
 
     profile: Literal["quintic", "trapezoidal", "s_curve", "linear", "smooth", "hold"]
@@ -140,6 +147,12 @@ class Reference(Spec, frozen=True):
             Lists are not of one number per link, or an angle changes faster than float64 can hold.
         DataFileError
             The shaper's own file is not valid.
+
+        Examples
+        --------
+        >>> angle, rate, acceleration = move.course((30.0, -60.0))(0.25)
+        >>> print(np.degrees(angle).round(1))  # half-way
+        [ 45. -60.]
         """
         initial = np.asarray(initial_deg, dtype=np.float64)
         for name, row in self.per_link.items():

@@ -33,6 +33,13 @@ class ReferenceTrajectory:
     ------
     ArgumentError
         Shapes do not fit, a number is not finite, knots do not increase, or it does not start and end at rest.
+
+    Examples
+    --------
+    >>> course = scene.course  # of the drive's reference
+    >>> angle, rate, acceleration = course([0.0, 0.25, 0.5])  # rad, rad/s, rad/s²
+    >>> print(np.degrees(angle[:, 0]).round(1), course.knots)
+    [30. 45. 60.] [-1.    0.    0.25  0.5 ]
     """
 
     knots: Array
@@ -87,6 +94,12 @@ class ReferenceTrajectory:
         ------
         ArgumentError
             Times and weights are no lists of the same length, a number is not finite, or pieces are too many.
+
+        Examples
+        --------
+        >>> shaper = fl.InputShaper(kind="ZV", frequency_hz=(2.0,))
+        >>> print(scene.course.shaped(*shaper.impulses).knots[-1])  # s: half a period later
+        0.75
         """
         t, a = numbers("times", times), numbers("weights", weights)
         if t.ndim != 1 or t.shape != a.shape or not len(t) or not (np.isfinite(t).all() and np.isfinite(a).all()):

@@ -24,6 +24,12 @@ class RigidBody(Spec, frozen=True):
     A body with mass has an inertia that bodies can have: its covariance ∫ ρ ρᵀ dm = tr(I)/2 · 1 − I is positive
     semidefinite, that is, no principal moment exceeds the sum of the other two. Without mass it is a wheel given by its
     inertia alone, such as a rotor's about one axis, and I need only be positive semidefinite itself.
+
+    Examples
+    --------
+    >>> payload = fl.RigidBody(mass=5.0, center=(0.1, 0.0, 0.0), inertia=(0.02, 0.05, 0.05))  # kg, m, kg m²
+    >>> print(f"{fl.lump(scene.varied({'tip': payload})).mass:.2f} kg")
+    7.15 kg
     """
 
     mass: NonNegative = 0.0

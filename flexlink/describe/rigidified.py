@@ -37,7 +37,9 @@ def rigidified(scene: Scene) -> Scene:
     Examples
     --------
     >>> model = fl.lump(fl.rigidified(scene))
-    >>> tau = fl.inverse_dynamics(model, q[chain.active], qd[chain.active], qdd)
+    >>> print(model.n, "joints instead of", chain.n)
+    2 joints instead of 6
+    >>> torque = fl.inverse_dynamics(model, q[chain.active], qd[chain.active], [1.0, 0.0])  # N m, rad/s²
     """
     if not isinstance(scene, Scene):
         raise ArgumentError(f"scene = {truncated(scene)}: expected a Scene, got {type(scene).__name__}")

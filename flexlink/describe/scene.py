@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -30,21 +30,41 @@ from flexlink.describe.conditions import (
     whole,
 )
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.mistakes import check_all, mistakes, raise_together
 from flexlink.describe.reference import refuse_beyond
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
-from flexlink.describe.spec import Spec, Vector3, build_validated, check_keys, decode, fields_of, link_key, truncated
+from flexlink.describe.spec import (
+    Spec,
+    Vector3,
+    build_validated,
+    check_keys,
+    decode,
+    fields_of,
+    key_mistakes,
+    link_key,
+    truncated,
+)
 from flexlink.describe.vary import apply_changes, get_in, to_document, top_level_keys, values_at
 from flexlink.describe.writing import toml_of, without_defaults
 
 
 class Scene(Spec, frozen=True):
-    """One arm in one situation, as plain data: `lump` cuts it, `simulate` runs it; `gravity` [m/s²] in frame 0."""
+    """One arm in one situation, as plain data: `lump` cuts it, `simulate` runs it; `gravity` [m/s²] in frame 0.
+
+    Examples
+    --------
+    >>> start = fl.InitialState(joint_deg=(30.0, -60.0))
+    >>> falling = fl.Scene(name="two_links", arm=arm, gravity=(0.0, -9.81, 0.0), initial=start)
+    >>> heavier = falling.varied({"tip.mass": 5.0, "link.*.segments": 5})
+    >>> print(heavier.arm.tip.mass, fl.lump(heavier).n)
+    5.0 10
+    """
 
     name: str
     """Name of the scene; files written from it are called so."""
     arm: Arm
     """The arm; in a file its keys `link`, `material`, `section`, `tip` stand at the top."""
-    initial: InitialState
+    initial: InitialState = InitialState()
     """State at the start. Default: all joints at zero, at rest."""
     about: str = ""
     """A sentence on what the scene shows."""
@@ -63,9 +83,16 @@ class Scene(Spec, frozen=True):
         super().__post_init__()
         if not self.name:
             raise SceneError("name = '': must not be empty")
-        links = len(self.arm.links)
+        said = "initial.joint_deg" if self.initial.joint_deg else "the default initial.joint_deg"
         if not self.initial.joint_deg:
             self._put_joints_at_zero()
+        raise_together(self._wrong_lists())  # what follows counts on their lengths
+        checks = [self._check_rate, lambda: self._check_limits(said), self._check_reference, self._check_motions]
+        check_all(checks if self.run.controlled else [self._check_grid, *checks])
+
+    def _wrong_lists(self) -> Iterator[str]:
+        """Lists of another length than the arm has links, and numbers of joints that are locked."""
+        links = len(self.arm.links)
         per_link: dict[str, tuple[float, ...] | None] = {
             "initial.joint_deg": self.initial.joint_deg,
             "initial.rate_deg": self.initial.rate_deg,
@@ -79,24 +106,23 @@ class Scene(Spec, frozen=True):
         of_locked_joints_too = {"initial.joint_deg", "drive.target_deg", "drive.effort"}
         for key, values in per_link.items():
             if values is not None and len(values) != links:
-                raise SceneError(f"{key} = {truncated(values)}: expected one number per link, {links}")
+                yield f"{key} = {truncated(values)}: expected one number per link, {links}"
+                continue
             for k, link in enumerate(self.arm.links):
                 if link.joint.locked and values and values[k] and key not in of_locked_joints_too:
                     where = self.arm.path(k + 1, key)
-                    raise SceneError(f"{where} = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
-        if not self.run.controlled:
-            self._check_grid()
-        self._check_rate()
+                    yield f"{where} = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits"
+
+    def _check_limits(self, said: str) -> None:
+        """Joints start within their limits."""
         for k, (link, angle) in enumerate(zip(self.arm.links, self.initial.joint_deg, strict=True)):
             outside = _outside_limits(link, angle)
             if outside and (self.initial.q is None or link.joint.locked):
-                raise SceneError(f"{self.arm.path(k + 1, 'initial.joint_deg')} = {outside}")
-        self._check_reference()
-        self._check_motions()
+                raise SceneError(f"{self.arm.path(k + 1, said)} = {outside}")
 
     def __repr__(self) -> str:
         run = self.run
-        return f"<Scene {self.name!r}: {self.arm!r}; {run.method}, step {run.step:g} s, duration {run.duration:g} s>"
+        return f"<Scene {self.name!r}: {self.arm!r}; {run.in_words}>"
 
     def _repr_html_(self) -> str:
         heads = ("link", "flex", "segments", "length [m]", "material", "section")
@@ -105,7 +131,7 @@ class Scene(Spec, frozen=True):
             for k in self.arm.links
         ]
         run = self.run
-        return html_table(f"{self.name}: {run.method}, step {run.step:g} s, duration {run.duration:g} s", heads, rows)
+        return html_table(f"{self.name}: {run.in_words}", heads, rows)
 
     def plot(self) -> Any:
         """Draw the arm where the scene starts, from the side and, if it is not in a plane, from above.
@@ -118,6 +144,11 @@ class Scene(Spec, frozen=True):
             matplotlib is not installed.
         SceneError, ConvergenceError
             As in `initial_state`.
+
+        Examples
+        --------
+        >>> picture = scene.plot()
+        >>> picture.savefig("two_links.png")
         """
         return drawing_module("scene_report.arm_picture").plot_scene(self)
 
@@ -137,14 +168,14 @@ class Scene(Spec, frozen=True):
 
     def _check_grid(self) -> None:
         """Fixed steps end where the run starts, and where a held row gives way to the next."""
-        whole("initial.time", self.initial.time, "run.step", self.run.step)
+        whole("initial.time", self.initial.time, self.run.said("step", "run."), self.run.fixed_step)
         for name, table in (("drive", self.drive), ("wrench", self.wrench)):
             for k, time in enumerate(table.times or () if table.hold else ()):
-                whole(f"{name}.times[{k}]", time, "run.step", self.run.step)
+                whole(f"{name}.times[{k}]", time, self.run.said("step", "run."), self.run.fixed_step)
 
     def _put_joints_at_zero(self) -> None:
-        """Of a scene that starts from a whole state; but then nobody has said where a reference starts."""
-        if self.drive.reference is not None and self.drive.reference.from_initial:
+        """Where nothing else is said; but of a whole state nobody has said where a reference starts."""
+        if self.initial.q is not None and self.drive.reference is not None and self.drive.reference.from_initial:
             raise SceneError("drive.reference.from_deg: missing; initial.joint_deg, its default, is not given")
         joint_deg = (0.0,) * len(self.arm.links)
         msgspec.structs.force_setattr(self, "initial", replace(self.initial, joint_deg=joint_deg))
@@ -176,16 +207,18 @@ class Scene(Spec, frozen=True):
         if rate is None:
             return
         apart = 1 / rate
-        long, short_one = ("run.sample", run.sample), ("1 / rate", apart)
-        if apart > run.sample:
+        long, short_one = (run.said("sample", "run."), run.spacing), ("1 / rate", apart)
+        if apart > run.spacing:
             long, short_one = short_one, long
         try:
             if not run.controlled:
-                whole("1 / rate", apart, "run.step", run.step)
+                whole("1 / rate", apart, run.said("step", "run."), run.fixed_step)
             whole("initial.time", self.initial.time, "1 / rate", apart)
             whole(*long, *short_one)
         except SceneError as error:
-            raise SceneError(f"drive.rate = {rate!r}: {error}") from None
+            fitting = max(1, round(run.spacing * rate)) / rate
+            own = "" if run.sample is not None else f"; give run.sample, such as {fitting:.6g}"
+            raise SceneError(f"drive.rate = {rate!r}: {error}{own}") from None
 
     def _check_reference(self) -> None:
         """The reference stays within the joints' limits, at every extreme of a piece, and jumps at ends of steps."""
@@ -197,7 +230,7 @@ class Scene(Spec, frozen=True):
                 course, [(link.name, link.joint.limits_deg) for link in self.arm.links if not link.joint.locked]
             )
             for time in [] if run.controlled or self.drive.rate else course.jumps:
-                whole("jumps, or its rate does: t", float(f"{time:.12g}"), "run.step", run.step)
+                whole("jumps, or its rate does: t", float(f"{time:.12g}"), run.said("step", "run."), run.fixed_step)
         except SceneError as error:
             raise SceneError(f"drive.reference {error}") from None
 
@@ -269,7 +302,7 @@ class Scene(Spec, frozen=True):
         --------
         >>> fine = scene.varied({"link.*.segments": 9, "link.*.lumping": "gauss", "run.step": 1e-5})
         >>> soft = scene.varied({"material.aluminium.young": 35e9, "initial.joint_deg.upper": -45.0})
-        >>> free = scene.varied({"motion": (), "drive": Drive(kind="constant", torque=(0.0, 5.0, 0.0))})
+        >>> driven = scene.varied({"drive": fl.Drive(kind="constant", torque=(30.0, 5.0))})
         """
         if not isinstance(changes, Mapping) or not changes or not all(map(_of_run, changes.items())):
             return self._varied(changes)
@@ -299,11 +332,22 @@ class Scene(Spec, frozen=True):
         ------
         SceneError
             The path leads nowhere.
+
+        Examples
+        --------
+        >>> print(scene.values_at("tip.mass"), scene.values_at("link.*.segments"))
+        [4.0] [3, 3]
         """
         return values_at(self.document(), FIELDS, path)
 
     def to_toml(self) -> str:
-        """This scene as a TOML document that `load_scene` reads back equal; defaults are left out, but for gravity."""
+        """This scene as a TOML document that `load_scene` reads back equal; defaults are left out, but for gravity.
+
+        Examples
+        --------
+        >>> print(scene.to_toml().splitlines()[0])
+        name    = "two_links"
+        """
         document: dict[str, Any] = without_defaults(self, always=frozenset({"gravity"}))
         document |= document.pop("arm")
         order = (
@@ -321,6 +365,11 @@ class Scene(Spec, frozen=True):
             `path` is no path.
         OutputError
             It cannot be written.
+
+        Examples
+        --------
+        >>> print(fl.load_scene(scene.save("two_links.toml")) == scene)
+        True
         """
         path = data_files.require_path("path", path)
         write_text(path, self.to_toml())
@@ -360,6 +409,12 @@ def load_scene(path: str | Path) -> Scene:
         The message names the file, the key path, the value and what is allowed.
     DataFileError
         The file of a rule or method that the scene names is not valid.
+
+    Examples
+    --------
+    >>> scene = fl.load_scene("models/three_links.toml")
+    >>> print(scene.name, scene.run.duration)
+    three_links 8.0
     """
     path = data_files.require_path("path", path)
     raw = data_files.read_toml(path)
@@ -391,8 +446,11 @@ def check_named(scene: Scene) -> None:
     DataFileError
         The file of a rule or method is not valid.
     """
-    hinges_of(scene.arm)
-    check_method(scene.run)
+    check_all([lambda: _check_rules(scene.arm), lambda: check_method(scene.run)])
+
+
+def _check_rules(arm: Arm) -> None:
+    hinges_of(arm)
 
 
 def _document_of_parts(parts: Mapping[str, Any], keys: Container[str]) -> dict[str, Any]:
@@ -421,12 +479,36 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
     SceneError
         The message names the key path, the value and what is allowed.
     """
-    required = (key for key, field in (_OWN | OF_ARM).items() if field.required and key not in kept)
-    check_keys(raw, FIELDS, required)
-    values = {**kept, **{key: decode(value, FIELDS[key], key) for key, value in raw.items()}}
-    parts = {OF_ARM[key].name: value for key, value in values.items() if key in OF_ARM}
+    required = [key for key, field in (_OWN | OF_ARM).items() if field.required and key not in kept]
+    try:
+        check_keys(raw, FIELDS, required)
+        values = {**kept, **{key: decode(value, FIELDS[key], key) for key, value in raw.items()}}
+        arm = arm or _arm_of(values)
+    except SceneError:
+        raise_together(_mistakes(raw, kept, required))
+        raise
     own = {key: value for key, value in values.items() if key in _OWN}
-    return build_validated(Scene, arm=arm or build_validated(Arm, **parts), **own)
+    return build_validated(Scene, arm=arm, **own)
+
+
+def _arm_of(values: Mapping[str, Any]) -> Arm:
+    arm: Arm = build_validated(Arm, **{OF_ARM[key].name: value for key, value in values.items() if key in OF_ARM})
+    return arm
+
+
+def _mistakes(raw: Mapping[str, Any], kept: Mapping[str, Any], required: Sequence[str]) -> Iterator[str]:
+    """All mistakes of a parsed file, key by key; those of its arm, too, where its parts are right."""
+    yield from key_mistakes(raw, list(FIELDS), required)
+    known = {key: value for key, value in raw.items() if key in FIELDS}
+    wrong = {key: mistakes(value, FIELDS[key], key) for key, value in known.items()}
+    for found in wrong.values():
+        yield from found
+    of_arm = {key: value for key, value in known.items() if key in OF_ARM}
+    if not any(wrong[key] for key in of_arm) and "link" in {*kept, *of_arm}:
+        try:
+            _arm_of({**kept, **{key: decode(value, FIELDS[key], key) for key, value in of_arm.items()}})
+        except SceneError as error:
+            yield str(error)
 
 
 def _of_run(change: tuple[object, object]) -> bool:

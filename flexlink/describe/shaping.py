@@ -72,6 +72,15 @@ class InputShaper(Spec, frozen=True):
     """An input shaper for vibrations given by `frequency_hz`, undamped, and `damping` ratios, or by `poles`.
 
     `kind`: ZV, ZVD, …, or a path to a file of one's own. `poles` are [Re λ, Im λ] of each vibration [1/s].
+
+    Examples
+    --------
+    >>> slow = fl.pd_poles(chain, q, kp=(2e4, 1e4), kd=(600.0, 250.0))[:1]  # what is to be left out
+    >>> shaper = fl.InputShaper.at(slow, "ZV")
+    >>> times, amplitudes = shaper.impulses
+    >>> print(times.round(3), amplitudes.round(3))  # s
+    [0.    0.119] [0.634 0.366]
+    >>> shaped = scene.varied({"drive.reference.shaper": shaper})
     """
 
     kind: str
@@ -101,7 +110,13 @@ class InputShaper(Spec, frozen=True):
 
     @classmethod
     def at(cls, poles: ArrayLike, kind: str = "ZVD") -> InputShaper:
-        """The shaper for complex poles λ, Im λ > 0, as `pd_poles` gives them [1/s]."""
+        """The shaper for complex poles λ, Im λ > 0, as `pd_poles` gives them [1/s].
+
+        Examples
+        --------
+        >>> print(fl.InputShaper.at([-0.2 + 12.0j], "ZVD").kind)
+        ZVD
+        """
         vibrations = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
         return cls(kind=kind, poles=tuple((λ.real, λ.imag) for λ in vibrations.tolist()))
 

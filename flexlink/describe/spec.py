@@ -9,7 +9,7 @@ import math
 import re
 import reprlib
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array, T
+from flexlink.describe.not_supported import why_not
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -32,6 +33,7 @@ BRIEF = reprlib.Repr()
 BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
 BRIEF.maxstring, BRIEF.maxother = 60, 400
 
+TOO_DEEP = "nested too deeply"
 
 _thread = threading.local()  # `validated`: whether what this thread builds has been checked, number by number
 
@@ -62,7 +64,7 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
             try:
                 value = to_builtin(getattr(self, field.name))
             except RecursionError:
-                raise SceneError(f"{field.encode_name}: nested too deeply") from None
+                raise SceneError(f"{field.encode_name}: {TOO_DEEP}") from None
             _check_finite(value, field.type, field.encode_name)
             try:
                 kept = msgspec.convert(value, field.type)  # a tuple for a list, a Spec for a dict, a float for an int
@@ -133,7 +135,7 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
     try:
         _check_finite(raw, kind, path)
     except RecursionError:
-        raise SceneError(f"{path}: nested too deeply") from None
+        raise SceneError(f"{path}: {TOO_DEEP}") from None
     if get_origin(kind) is dict and isinstance(raw, dict):  # a table of named things: keep the name in the path
         return {key: decode(item, get_args(kind)[1], f"{path}.{key}") for key, item in raw.items()}  # type: ignore[return-value]
     try:
@@ -164,7 +166,8 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     missing = re.search(r"missing required field `(.*)`", reason)
     if missing:
         return _missing(f"{where}.{missing[1]}".lstrip("."))
-    return f"{where} = {truncated(value)}: {_allowed(kind, value) or _lower(reason)}".removeprefix(" = ")
+    expected = _allowed(kind, value) or _three_numbers(str(where), kind, value) or _lower(reason)
+    return f"{where} = {truncated(value)}: {expected}{why_not('', value)}".removeprefix(" = ")
 
 
 def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterable[str]) -> None:
@@ -175,17 +178,22 @@ def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterabl
     SceneError
         A key that is unknown, with its value and what is allowed, or one that is missing.
     """
-    allowed = list(allowed)
-    for key, value in raw.items():
-        if key not in allowed:
-            raise SceneError(_unknown(key, value, allowed))
-    for key in required:
-        if key not in raw:
-            raise SceneError(_missing(key))
+    for mistake in key_mistakes(raw, list(allowed), required):
+        raise SceneError(mistake)
+
+
+def key_mistakes(
+    raw: Mapping[str, Any], allowed: Sequence[str], required: Iterable[str], path: str = ""
+) -> Iterator[str]:
+    """What is wrong with the keys of a table at a path: those that are unknown, then those that are missing."""
+    yield from (_unknown(key, value, allowed, path) for key, value in raw.items() if key not in allowed)
+    yield from (_missing(f"{path}.{key}".lstrip(".")) for key in required if key not in raw)
 
 
 def _unknown(name: str, value: object, allowed: Sequence[str], where: str = "") -> str:
     key = f"{where}.{name}".lstrip(".")
+    if reason := why_not(name, value):
+        return f"{key} = {truncated(value)}{reason}"
     return f"{key} = {truncated(value)}: unknown key; allowed are {', '.join(allowed)}{did_you_mean(name, allowed)}"
 
 
@@ -205,6 +213,25 @@ def _allowed(kind: Any, value: object) -> str:
     """What a `Literal` annotation allows, and which of it was likely meant; empty for others."""
     allowed = get_args(kind) if get_origin(kind) is Literal else ()
     return "allowed are " + ", ".join(map(repr, allowed)) + did_you_mean(value, allowed) if allowed else ""
+
+
+EXAMPLES = {
+    "gravity": ("m/s²", (0.0, 0.0, -9.81)), "axis": ("", (0.0, 0.0, 1.0)), "up": ("", (0.0, 0.0, 1.0)),
+    "xyz": ("m", (0.0, 0.0, 0.5)), "rpy_deg": ("deg", (0.0, 90.0, 0.0)), "rpy": ("rad", (0.0, 1.57, 0.0)),
+    "force": ("N", (0.0, 0.0, -10.0)), "moment": ("N m", (0.0, 0.0, 1.0)), "center": ("m", (0.0, 0.0, 0.1)),
+}  # fmt: skip
+"""Of keys that take three numbers: their unit, and how it looks."""
+DIRECTIONS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def _three_numbers(where: str, kind: Any, value: object) -> str:
+    """What a vector's key takes, and an example, of an axis the one that is meant; empty for others."""
+    unit, example = EXAMPLES.get(where.rpartition(".")[2], ("", ()))
+    if kind != Vector3 or not example:
+        return ""
+    named = DIRECTIONS.get(value.strip("+- ").casefold(), example) if isinstance(value, str) and not unit else example
+    length = f", got {len(value)}" if isinstance(value, list | tuple) else ""
+    return f"expected three numbers{f' [{unit}]' if unit else ''}, such as {list(named)}{length}"
 
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:
@@ -355,7 +382,7 @@ def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
 def _lower(reason: str) -> str:
     """msgspec's reason in the words of TOML."""
     words = (reason[:1].lower() + reason[1:]).replace("`", "")
-    return words.replace(" | null", "").replace("object", "table")
+    return words.replace(" | null", "").replace("object", "table").replace("array", "a list")
 
 
 def truncated(value: object) -> str:

@@ -18,6 +18,7 @@ from flexlink.chain.arguments import positive, require_each, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError, MissingDependencyError
+from flexlink.common.notebook import html_lines
 from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
@@ -75,6 +76,9 @@ class TrajectoryComparison:
     def passed(self) -> bool:
         """Whether every run agrees with ours."""
         return all(row.passed for row in self.rows)
+
+    def _repr_html_(self) -> str:
+        return html_lines(str(self))
 
     def __str__(self) -> str:
         lines = [f"{self.scene}: {self.steps}; largest differences from flexlink"]
@@ -136,6 +140,12 @@ def compare_trajectories(
         One of `engines` is not installed (by default: none is).
     DivergenceError, UnstableStepError
         As in `simulate`, for our own run.
+
+    Examples
+    --------
+    >>> found = fl.compare_trajectories(scene, engines=["mujoco"], duration=0.05)
+    >>> print(found.passed)
+    True
     """
     require_type("scene", scene, Scene)
     if duration is not None:
@@ -176,14 +186,14 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
     run = scene.run
     over = f"{run.duration:g} s in"
     if steps_explicitly(run):
-        return scene, f"{over} {run.method} steps of {run.step:g} s"
+        return scene, f"{over} {run.method} steps of {run.fixed_step:g} s"
     problem = problem_of(scene, chain)
     state = problem.q, problem.qd
     stable = stable_step(chain, *state, method="RK4", **acting_at(problem.inputs, chain, problem.start, *state))
-    whole = min(run.sample, 1 / (scene.drive.rate or 1 / run.sample)) if run.controlled else run.step
+    whole = min(run.spacing, 1 / (scene.drive.rate or 1 / run.spacing)) if run.controlled else run.fixed_step
     step = whole / math.ceil(whole / (0.5 * stable))  # half of it: the motion changes it by less
-    fixed = scene.varied({"run.method": "RK4", "run.step": step})
-    own = f"a tolerance, {run.method}" if run.controlled else f"{run.method} steps of {run.step:g} s"
+    fixed = scene.varied({"run.method": "RK4", "run.step": step, "run.sample": run.spacing})
+    own = f"a tolerance, {run.method}" if run.controlled else f"{run.method} steps of {run.fixed_step:g} s"
     return fixed, f"{over} RK4 steps of {step:g} s, {step / stable:.2g} of the stability limit (the scene has {own})"
 
 

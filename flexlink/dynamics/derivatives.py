@@ -83,6 +83,12 @@ def inverse_dynamics_derivatives(
     ------
     ArgumentError
         An argument has the wrong shape, is not real or not finite, or a derivative is beyond float64.
+
+    Examples
+    --------
+    >>> slopes = fl.inverse_dynamics_derivatives(chain, q, qd, qdd)
+    >>> print(slopes.dq[0, 0].round(2))  # N m/rad: how the holding torque changes with the first angle
+    -9.3
     """
     if is_batch(q, qd, qdd):
         state = {"q": q, "qd": qd, "qdd": qdd}
@@ -142,6 +148,13 @@ def forward_dynamics_derivatives(
         An argument has the wrong shape, is not real or not finite, or a derivative is beyond float64.
     SingularMassError
         A joint moves no inertia of its own here.
+
+    Examples
+    --------
+    >>> slopes = fl.forward_dynamics_derivatives(chain, q, qd, tau)
+    >>> M = fl.mass_matrix(chain, q)
+    >>> print(slopes.dq.shape, np.allclose(slopes.dtau @ M, np.eye(chain.n)))
+    (6, 6) True
     """
     if is_batch(q, qd, tau):
         state = {"q": q, "qd": qd, "tau": tau}

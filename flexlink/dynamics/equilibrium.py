@@ -119,6 +119,12 @@ def solve_static(
         An argument has the wrong shape or is not finite, or `locked` names no coordinate.
     ConvergenceError
         The path from q does not reach the full load; the error holds the posture at the largest part reached.
+
+    Examples
+    --------
+    >>> rest = fl.solve_static(chain, q, locked=["upper", "fore"])
+    >>> print(rest.stable, rest.tau[chain.active].round(2))  # N m that hold the driven joints
+    True [77.6  30.31]
     """
     n = require_type("chain", chain, Chain).n
     follower, tolerance = turns_with_tip(frame), positive("tolerance", tolerance)
@@ -184,6 +190,13 @@ def buckling_loads(
     ------
     ArgumentError
         An argument has the wrong shape or is not finite, or `locked` names no coordinate.
+
+    Examples
+    --------
+    >>> standing = np.where(np.arange(chain.n) == 0, np.pi / 2, 0.0)  # rad; upright
+    >>> factors = fl.buckling_loads(chain, standing, locked=["upper", "fore"])
+    >>> print(factors[0].round(1))  # times its weight and load
+    140.9
     """
     n = require_type("chain", chain, Chain).n
     q = chain.rest.copy() if q is None else vector("q", q, n)

@@ -1,4 +1,4 @@
-"""notes(scene): what is legal but likely not meant, because it has no effect; one line each."""
+"""notes(scene): what is legal but likely not meant; defaults(scene): what decides a run unsaid."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import numpy as np
 from flexlink.chain.arguments import require_type
 from flexlink.chain.lumping import lump
 from flexlink.describe.arm import Link
+from flexlink.describe.conditions import DEFAULT_TOLERANCE
 from flexlink.describe.joint import Joint
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.start_notes import balance, slack_springs, unheld_joints
 from flexlink.dynamics.terms import elastic_torque
 
 
 def notes(scene: Scene) -> tuple[str, ...]:
-    """Hints on what a scene says without effect: each names the key, its value and why nothing comes of it.
+    """What is likely not meant: what has no effect, and how the arm starts; key, value, cause, what to change.
 
     Parameters
     ----------
@@ -33,8 +35,33 @@ def notes(scene: Scene) -> tuple[str, ...]:
         `scene` is no Scene.
     """
     require_type("scene", scene, Scene)
-    found = _stillness, _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
-    return tuple(note for each in found for note in each(scene))
+    starts = _stillness, slack_springs, unheld_joints, balance
+    idle = _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
+    with np.errstate(all="ignore"):  # numbers beyond float64 are refused where a run is made of them
+        return tuple(note for each in (*starts, *idle) for note in each(scene))
+
+
+def defaults(scene: Scene) -> tuple[str, ...]:
+    """What a scene leaves to defaults that decide what comes out: the steps of a run without a word on them.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+
+    Returns
+    -------
+    tuple of str
+        One line each, empty if there is nothing to say.
+    """
+    run = scene.run
+    if run.duration == 0 or (run.step is not None or run.has_tolerance):
+        return ()
+    if not run.by_default:
+        return (f"run: no step given; fixed ones of {run.fixed_step:g} s by {run.method}, unless a tolerance is given",)
+    tolerance = run.tolerance_within(lump(scene).reach)
+    of_reach = f"{1e3 * tolerance:.3g} mm ({DEFAULT_TOLERANCE:g} of the reach)"
+    return (f"run: no step given; tolerance {of_reach}, method auto",)
 
 
 def _stillness(scene: Scene) -> Iterator[str]:

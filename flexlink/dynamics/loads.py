@@ -80,6 +80,14 @@ def internal_loads(
     ------
     ArgumentError
         An argument has the wrong shape, is not real or not finite, or a load is beyond float64.
+
+    Examples
+    --------
+    >>> cuts = fl.internal_loads(chain, q, qd, qdd)
+    >>> print(cuts.moment[chain.body("fore"), 2].round(2))  # N m: what bends the elbow
+    -30.31
+    >>> print(run.loads.moment.shape)  # along a run: samples, bodies, axes
+    (101, 7, 3)
     """
     if is_batch(q, qd, qdd):
         return each(internal_loads, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench, frame=frame)

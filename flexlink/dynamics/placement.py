@@ -48,6 +48,12 @@ def frames(chain: Chain, q: ArrayLike) -> Frames:
     ------
     ArgumentError
         `q` has the wrong shape, is not real or not finite.
+
+    Examples
+    --------
+    >>> placed = fl.frames(chain, q)
+    >>> print(placed.points[-1, :2].round(4))  # the tip [m]
+    [1.5578 0.092 ]
     """
     if is_batch(q):
         return each(frames, chain, {"q": q})
@@ -75,6 +81,13 @@ def tip_position(chain: Chain, q: ArrayLike) -> Array:
     ------
     ArgumentError
         As in `frames`.
+
+    Examples
+    --------
+    >>> print(fl.tip_position(chain, q)[:2].round(4))  # m, frame 0
+    [1.5578 0.092 ]
+    >>> print(fl.tip_position(chain, [q, 0 * q]).shape)  # of several states at once
+    (2, 3)
     """
     if not is_batch(q):
         return np.asarray(frames(chain, q).points[-1])
@@ -123,6 +136,12 @@ def jacobian(chain: Chain, q: ArrayLike, *, body: int = -1, point: ArrayLike = (
     ------
     ArgumentError
         An argument has the wrong shape, is not real or not finite, or there is no such body.
+
+    Examples
+    --------
+    >>> J = fl.jacobian(chain, q)  # of the tip
+    >>> print((J.linear @ np.ones(chain.n))[:2].round(3))  # m/s, all joints at 1 rad/s
+    [1.032 5.186]
     """
     if is_batch(q):
         return each(jacobian, chain, {"q": q}, body=body, point=point)

@@ -106,6 +106,12 @@ def point_motion(
     ArgumentError
         An argument has the wrong shape, is not real or not finite, there is no such body, or a result
         is beyond float64.
+
+    Examples
+    --------
+    >>> imu = fl.point_motion(chain, q, qd, qdd, body=chain.body("fore"), point=(0.1, 0.0, 0.0))
+    >>> print(imu.position[:2].round(3), np.linalg.norm(imu.accelerometer).round(2))  # m; m/s²
+    [0.954 0.446] 9.81
     """
     if is_batch(q, qd, qdd):
         return each(point_motion, chain, {"q": q, "qd": qd, "qdd": qdd}, body=body, point=point)

@@ -69,6 +69,12 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
         is beyond float64.
     SceneError, DataFileError
         As of `lump`.
+
+    Examples
+    --------
+    >>> gauge = fl.beam_strain(scene, q, link="upper", fibre=(0.025, 0.0))
+    >>> print(gauge.x.round(3), (1e6 * gauge.strain).round(1))  # m from the root; µm/m
+    [0.211 0.789] [194.2 114.8]
     """
     chain, arm = lump(require_type("scene", scene, Scene)), scene.arm
     number = arm.number(link)

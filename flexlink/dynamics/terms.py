@@ -99,6 +99,12 @@ def inverse_dynamics(
     ------
     ArgumentError
         An argument has the wrong shape, is not real or not finite, or a torque is beyond float64.
+
+    Examples
+    --------
+    >>> torque = fl.inverse_dynamics(chain, q, qd, qdd) + fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd)
+    >>> print(torque.round(2) + 0.0)  # N m; bent by gravity, springs hold their hinges
+    [77.6   0.    0.   30.31  0.    0.  ]
     """
     if is_batch(q, qd, qdd):
         return _inverse_dynamics_of_many(chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench, frame)
@@ -151,6 +157,11 @@ def bias_torque(
     ------
     ArgumentError
         As in `inverse_dynamics`.
+
+    Examples
+    --------
+    >>> print(fl.bias_torque(chain, q, qd)[chain.active].round(2))  # N m; at rest that of gravity
+    [77.6  30.31]
     """
     return inverse_dynamics(
         chain, q, qd, np.zeros(require_type("chain", chain, Chain).n), tip_wrench=tip_wrench, frame=frame
@@ -176,6 +187,11 @@ def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
     ------
     ArgumentError
         `q` has the wrong shape, is not real or not finite.
+
+    Examples
+    --------
+    >>> print(fl.gravity_torque(chain, q)[chain.active].round(2))  # N m that hold the arm
+    [77.6  30.31]
     """
     return bias_torque(chain, q, np.zeros(require_type("chain", chain, Chain).n))
 
@@ -199,6 +215,11 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
     ------
     ArgumentError
         `q` has the wrong shape, is not real or not finite, or a torque is beyond float64.
+
+    Examples
+    --------
+    >>> print(fl.elastic_torque(chain, q).round(2) + 0.0)  # N m; none on driven joints
+    [  0.   -66.78 -39.47   0.   -23.36  -5.86]
     """
     if is_batch(q):
         return each(elastic_torque, chain, {"q": q})
@@ -232,6 +253,11 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
     ------
     ArgumentError
         `qd` has the wrong shape, is not real or not finite, or a torque is beyond float64.
+
+    Examples
+    --------
+    >>> print(fl.friction_torque(chain, np.ones(chain.n)).round(2))  # N m at 1 rad/s in every joint
+    [ 0.   10.95 10.95  0.   13.68 13.68]
     """
     if is_batch(qd):
         return each(friction_torque, chain, {"qd": qd})
@@ -269,6 +295,12 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     ------
     ArgumentError
         `q` has the wrong shape, is not real or not finite, the algorithm is unknown, or M is beyond float64.
+
+    Examples
+    --------
+    >>> M = fl.mass_matrix(chain, q)
+    >>> print(M.shape, M[0, 0].round(3))  # kg m² about the first joint
+    (6, 6) 12.181
     """
     n, kernel = require_type("chain", chain, Chain).n, require_one_of("algorithm", algorithm, MASS_ALGORITHMS)
     if is_batch(q):
@@ -304,6 +336,12 @@ def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
     ------
     ArgumentError
         `q` or `qd` has the wrong shape, is not real or not finite, or an energy is beyond float64.
+
+    Examples
+    --------
+    >>> found = fl.energy(chain, q, qd)
+    >>> print(f"{found.gravity:.3f} J of gravity, {found.elastic:.3f} J in the springs")
+    9.296 J of gravity, 0.188 J in the springs
     """
     if is_batch(q, qd):
         return each(energy, chain, {"q": q, "qd": qd})

@@ -165,7 +165,7 @@ class DrakeEngine:
         simulator, plant = self._simulator(problem)
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
         plant.SetPositionsAndVelocities(state, np.concatenate([q[0], qd[0]]))
-        integrator = ResetIntegratorFromFlags(simulator, methods[run.method], run.step)
+        integrator = ResetIntegratorFromFlags(simulator, methods[run.method], run.fixed_step)
         integrator.set_fixed_step_mode(True)
         simulator.Initialize()
         for row in range(1, len(t)):

@@ -101,7 +101,7 @@ class ExudynEngine:
         whole.load(np.zeros(self.n), None)
         with whole.driven(self._torque_function(problem), base.wrench_function(problem)):
             for row in range(1, len(t)):
-                begin = (row - 1) * run.steps_per_sample * run.step
+                begin = (row - 1) * run.steps_per_sample * run.fixed_step
                 q[row], qd[row] = whole.advance(q[row - 1], qd[row - 1], begin, run)
                 if not np.isfinite([q[row], qd[row]]).all():
                     raise base.divergence_error(self.name, problem, samples, row)
@@ -185,7 +185,7 @@ class _System:
         self._set_state(q, qd, exu.ConfigurationType.Initial)
         settings = _settings()
         time = settings.timeIntegration
-        time.startTime, time.endTime = begin, begin + run.steps_per_sample * run.step
+        time.startTime, time.endTime = begin, begin + run.steps_per_sample * run.fixed_step
         time.numberOfSteps = run.steps_per_sample
         self.mbs.SolveDynamic(settings, solverType=METHODS[run.method])
         data = self.mbs.systemData

@@ -157,10 +157,10 @@ class MujocoEngine:
         samples = t, q, qd = base.allocate_samples(problem)
         data = self.data
         mujoco.mj_resetData(model, data)
-        model.opt.timestep = run.step
+        model.opt.timestep = run.fixed_step
         data.qpos[:], data.qvel[:], data.time = q[0], qd[0], scene.initial.time
         drive, wrench = base.drive_function(problem), base.wrench_function(problem)
-        first_step = round(scene.initial.time / run.step)
+        first_step = round(scene.initial.time / run.fixed_step)
         if wrench is not None and wrench.constant and not wrench.follows:
             data.xfrc_applied[self.tip], wrench = wrench(0.0), None
         callbacks = {"mjcb_passive": self._coulomb_callback(), "mjcb_control": self._control_callback(drive, wrench)}
@@ -172,9 +172,9 @@ class MujocoEngine:
                 else:
                     for number in range((row - 1) * run.steps_per_sample, row * run.steps_per_sample):
                         for function in inputs:
-                            function.begin(first_step + number, run.step, data.qpos, data.qvel)
+                            function.begin(first_step + number, run.fixed_step, data.qpos, data.qvel)
                         mujoco.mj_step(model, data)
-                restarted = abs(data.time - t[row]) > run.step / 2
+                restarted = abs(data.time - t[row]) > run.fixed_step / 2
                 finite = np.isfinite([data.qpos, data.qvel]).all()  # MuJoCo's warnings look at the step before
                 if restarted or data.warning.number.any() or not finite:
                     raise base.divergence_error(self.name, problem, samples, row)

@@ -167,7 +167,7 @@ class PinocchioEngine:
         problem = fixed_steps_problem(scene)
         samples = t, q, qd = allocate_samples(problem)
         run, step = problem.run, self._step_function(problem)
-        first_step = round(problem.start / run.step)
+        first_step = round(problem.start / run.fixed_step)
         y = np.concatenate([q[0], qd[0]])
         with np.errstate(all="ignore"):  # divergence raises an error below
             for row in range(1, len(t)):
@@ -180,7 +180,7 @@ class PinocchioEngine:
 
     def _step_function(self, problem: InitialValueProblem) -> Callable[[int, Array], Array]:
         """A function that returns the state (q, q̇) at (number + 1) h from the one at number · h."""
-        n, h, wrench = self.n, problem.run.step, wrench_function(problem)
+        n, h, wrench = self.n, problem.run.fixed_step, wrench_function(problem)
         A, b, c = method(problem.run.method).arrays
         drive, motion = drive_function(problem), problem.inputs.motion
         F, no_torque, prescribed = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)

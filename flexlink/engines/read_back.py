@@ -165,7 +165,10 @@ def require_hinges(joints: Sequence[tuple[str, str]]) -> None:
     """
     for name, kind in joints:
         if kind:
-            raise ArgumentError(f"joint {name!r} is of type {kind}: only revolute joints are supported; make it fixed")
+            sliding = "sliding joints are not supported, " if kind in {"slide", "prismatic"} else ""
+            raise ArgumentError(
+                f"joint {name!r} is of type {kind}: {sliding}only revolute joints are supported; make it fixed"
+            )
     if not joints:
         raise ArgumentError("the file has no movable joint")
 

@@ -81,6 +81,12 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
         mass or inertia of a segment; `initial` has the wrong shape.
     SingularMassError
         A coordinate moves no inertia of its own.
+
+    Examples
+    --------
+    >>> text = fl.to_mjcf(chain, initial=(q, qd))
+    >>> print(text.count("<joint"), "joints")
+    6 joints
     """
     most_bodies = 490  # MuJoCo's XML parser stops at 500 nested elements
     if len(require_type("chain", chain, Chain).bodies) > most_bodies:

@@ -60,6 +60,12 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     ------
     ArgumentError
         `chain` is not a Chain.
+
+    Examples
+    --------
+    >>> text = fl.to_sdf(chain, shapes=False)
+    >>> print("<spring_stiffness>" in text)
+    True
     """
     require_type("chain", chain, Chain)
     name, *names = sdf_names(chain)

@@ -59,6 +59,12 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     ------
     ArgumentError
         `chain` is not a Chain.
+
+    Examples
+    --------
+    >>> text = fl.to_urdf(chain)
+    >>> print(text.count("<joint"), "joints, the last one fixed")
+    9 joints, the last one fixed
     """
     require_type("chain", chain, Chain)
     joints, links = xml_joint_names(chain), xml_link_names(chain)

@@ -165,7 +165,7 @@ def _sampled(scene: Scene, law: Drive) -> Drive:
     """The law sampled at instants t = k / rate, with memory for all instants of the run."""
     run, rate = scene.run, float(scene.drive.rate or 0.0)
     if not run.controlled:
-        rate = 1.0 / (round(1.0 / (rate * run.step)) * run.step)  # as far from the decimal one as the step
+        rate = 1.0 / (round(1.0 / (rate * run.fixed_step)) * run.fixed_step)  # as far from the decimal one as the step
     rows = round(run.duration * rate) + 2
     return law._replace(rate=rate, held=np.zeros((rows, len(law.joints))))
 

@@ -46,6 +46,14 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
         `initial.q` or `initial.qd` does not have n numbers, or is not where a prescribed motion is at `initial.time`.
     ConvergenceError
         passive = "static", and the arm finds no equilibrium.
+
+    Examples
+    --------
+    >>> q, qd = fl.initial_state(scene, chain)
+    >>> print(np.degrees(q[chain.active]).round(1))  # °
+    [ 30. -60.]
+    >>> print(np.degrees(q[chain.index("upper", 1, 3)]).round(3))  # a hinge, bent by gravity
+    -0.223
     """
     require_type("scene", scene, Scene)
     require_type("chain", chain, Chain)

@@ -43,7 +43,7 @@ def _within_bounds(problems: Sequence[InitialValueProblem]) -> list[bool]:
             abouts = [(p.chain, p.q, p.qd) for p in map(problems.__getitem__, these)]
             for k, bound in zip(these, eigenvalue_bounds(abouts, _acting([problems[k] for k in these])), strict=True):
                 run = problems[k].run
-                within[k] = run.step * bound <= stable_half_disc(method(run.method))
+                within[k] = run.fixed_step * bound <= stable_half_disc(method(run.method))
     return within
 
 
@@ -72,18 +72,22 @@ def judge_step(problem: InitialValueProblem) -> tuple[str, ...]:
         return ()
     about = problem.chain, problem.q, problem.qd
     acting = acting_at(problem.inputs, problem.chain, problem.start, problem.q, problem.qd)
-    if run.step * eigenvalue_bound(*about, **acting) <= stable_half_disc(method(run.method)):
+    if run.fixed_step * eigenvalue_bound(*about, **acting) <= stable_half_disc(method(run.method)):
         return ()
     λ = fastest_eigenvalues(*about, **acting)
     largest = stable_step_of(λ, run.method)
-    if run.step <= largest:
+    if run.fixed_step <= largest:
         return ()
     reason = (
-        f"run.step = {run.step:g} s: more than {largest:.3g} s, the largest stable step of {run.method} at the start "
+        f"{run.said('step', 'run.')} = {run.fixed_step:g} s: more than {largest:.3g} s, the largest stable step of "
+        f"{run.method} at the start "
         f"of {problem.scene.name!r} (fastest eigenvalue {np.abs(λ).max():.4g} 1/s)"
     )
     if run.unstable == "refuse":
         raise UnstableStepError(
-            f"{reason}; take a smaller step, or allow this one: unstable = 'allow' (--insist)", largest
+            f"{reason}; take a tolerance in its place, for any stiffness: relative_tolerance = 1e-3 "
+            f"(--relative-tolerance 1e-3), or a step below {largest:.3g} s, or allow this one: unstable = 'allow' "
+            "(--insist)",
+            largest,
         )
     return (f"{reason}; allowed by unstable = 'allow'",)

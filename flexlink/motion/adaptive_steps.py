@@ -89,7 +89,7 @@ class AdaptiveSteps:
             record.kept("first step", (types, self.method), find)(*arguments)
             self.work.stepper[STEPPER.deflection] = min(self.work.stepper[STEPPER.deflection], record.chain.reach)
         else:
-            self.work.stepper[STEPPER.step] = run.step
+            self.work.stepper[STEPPER.step] = run.fixed_step
 
     def __iter__(self) -> Iterator[Reached]:
         yield Reached(1, 0.0 if self.ends else 1.0)
@@ -167,7 +167,7 @@ class AdaptiveSteps:
         try:
             self.control.note(k, *self.state[:2])
         except (LawFailure, KeyboardInterrupt):
-            before = self.control.times[k] - NEAR * self.run.sample
+            before = self.control.times[k] - NEAR * self.run.spacing
             yield Reached(int(np.searchsorted(self.record.t, before)), self._reached().part)
             raise
 
@@ -269,7 +269,7 @@ class AdaptiveSteps:
         The end is that of the whole step to the bit, and what follows starts as after a knot.
         """
         (*fixed, _, _), knots, now, count = self.settings, self.knots, self.work.stepper, self.count
-        step, k, start = self.run.step, int(count[COUNT.knot]), float(now[STEPPER.time])
+        step, k, start = self.run.fixed_step, int(count[COUNT.knot]), float(now[STEPPER.time])
         at_knot = start + adaptive.NEARLY * step >= knots[k]
         end = float(knots[k]) if at_knot else start + step
         try:
@@ -371,7 +371,7 @@ class AdaptiveSteps:
     def _stuck(self) -> Failure:
         now, h = self.time, self.work.stepper[STEPPER.step]
         if not self.run.controlled:
-            h = self.run.step / PARTS[-1]
+            h = self.run.fixed_step / PARTS[-1]
         text = f"no step down to {h:.3g} s meets the tolerance at t = {now:.6g} s"
         if self.work.stepper[STEPPER.refusal] == REFUSAL.iteration:
             joint = self.record.chain.joint_name(int(self.work.stepper[STEPPER.worst_joint]))
@@ -386,9 +386,9 @@ def pieces(record: Record, control: Control | None) -> tuple[float, list[float]]
     run = record.run
     start, end = float(record.t[0]), float(record.t[-1])
     if not run.controlled:  # on the grid of all steps, to the bit
-        start, end = (run.step * (record.origin + k * run.steps_per_sample) for k in (0, len(record.t) - 1))
+        start, end = (run.fixed_step * (record.origin + k * run.steps_per_sample) for k in (0, len(record.t) - 1))
     between = [] if control is None else control.times[1:].tolist()
-    return start, [*(t for t in between if t < end - NEAR * run.sample), *([end] if end > start else [])]
+    return start, [*(t for t in between if t < end - NEAR * run.spacing), *([end] if end > start else [])]
 
 
 def choose(run: RunSettings, record: Record, slowest: float) -> Choice:
@@ -412,7 +412,7 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
     of_a_deflection = 0.1  # stricter where the tolerance is on deflection: errors of all steps ring on in its vibration
     reach = record.chain.reach
     if not run.controlled:
-        return np.inf, 0.0, run.step, exact * reach, 0.0, 1.0, run.step, run.step
+        return np.inf, 0.0, run.fixed_step, exact * reach, 0.0, 1.0, run.fixed_step, run.fixed_step
     if run.accuracy == "deflection" and not (record.chain.hinges["stiffness"] > 0).any():
         raise SceneError(
             f"run.accuracy = 'deflection': no link of {record.chain.name!r} bends, so there is no deflection to take "

@@ -59,6 +59,12 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
         A member diverged, as in `simulate`; the error's `runs` holds all runs, that member's up to there.
     InterruptedRunError
         Ctrl-C or SIGTERM; its `runs` holds all runs as far as they went.
+
+    Examples
+    --------
+    >>> scenes = [scene.varied({"tip.mass": mass, "run.duration": 0.2}) for mass in (2.0, 4.0, 6.0)]
+    >>> print([f"{run.tip[-1, 1]:.2f}" for run in fl.simulate_many(scenes, threads=2)])  # m
+    ['0.34', '0.32', '0.29']
     """
     scenes, threads = require_each("scenes", scenes, Scene), integer("threads", threads, 1)
     with deferred() as stop:

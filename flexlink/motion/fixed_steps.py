@@ -57,7 +57,7 @@ class FixedSteps:
 
     def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
         """Go on from `start` to `end` [s] under these inputs; returns why not, if not."""
-        h, origin = self.run.step, self.origin
+        h, origin = self.run.fixed_step, self.origin
         first, last = round(start / h) - origin, round(end / h) - origin
         arguments = self.scratch, self.tableau, inputs, h, origin, first, last, NEVER, self.state, self.no_samples
         if inputs is not self._inputs:
@@ -84,7 +84,7 @@ class FixedSteps:
     def _not_finite(self) -> Failure:
         (q, qd, _), step = self.state, self._done + 1
         joint = self.joint_name(int(np.argmin(np.isfinite(q) & np.isfinite(qd))))
-        time = (self.origin + step) * self.run.step
+        time = (self.origin + step) * self.run.fixed_step
         return Failure(f"the state is no longer finite at t = {time:.6g} s (step {step}, joint {joint!r})")
 
 
@@ -100,7 +100,7 @@ def pieces(run: RunSettings, record: Record, scratch: Any, state: Arrays, sample
     `integrate`.
     """
     first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
-    fixed = scratch, method(run.method).arrays, record.inputs, run.step, record.origin
+    fixed = scratch, method(run.method).arrays, record.inputs, run.fixed_step, record.origin
     go = record.kept("fixed steps", state[0].ndim, lambda: direct(integrate, *fixed, 0, 0, every, state, samples))
     yield int(go(*fixed, 0, 0, every, state, samples))
     pace = ChunkSize(record.chain.n)

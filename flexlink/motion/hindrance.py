@@ -34,7 +34,7 @@ def hindrance(record: Record, q: Array) -> Hindrance | None:
         return Hindrance(
             f"the control loop is unstable at drive.rate = {record.problem.scene.drive.rate:g} Hz: near the start, "
             f"motion grows by a factor of {growth:.3g} from one sample to the next",
-            "use a higher rate, smaller gains, or no rate",
+            "use a higher rate, smaller gains, or no rate, or give the joints armature",
         )
     return _locked_gimbal(record, q)
 

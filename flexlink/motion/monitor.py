@@ -15,7 +15,8 @@ from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance
-from flexlink.motion.sampled_control import Control
+from flexlink.motion.hindrance import hindrance
+from flexlink.motion.sampled_control import Control, held_torques_advice
 from flexlink.motion.step_errors import step_errors
 from flexlink.results import balance
 from flexlink.results.record import Record
@@ -180,14 +181,24 @@ class RunMonitor:
     def diverged(self, failure: Failure | None = None) -> DivergenceError:
         """The error to raise for a run that failed a check, or whose steps ended early."""
         record, run = self.record, self.run
-        advice = f"try a smaller step than {run.step:g} s"
+        advice = f"try a smaller step than {run.fixed_step:g} s"
         if run.controlled:
             smaller = "smaller" if self.failure else "larger"  # no step was small enough
             advice = f"try a {smaller} tolerance, another method, or fixed steps"
+        advice = self._loop_advice() or advice
         if self.failure or failure is None:
             failure = Failure(f"t = {record.t[self.n_valid]:.6g} s: {self.failure}")
         message = f"{record.chain.name}: {failure.text}; {failure.advice or advice}; {self.n_valid} samples kept"
         return failure.kind(message, self.trajectory())
+
+    def _loop_advice(self) -> str:
+        """Where torques are held between samples and the step is within the stable one: the loop is to blame."""
+        if self.run.unstable == "allow":
+            return ""
+        if self.control is not None and self.control.sampled:
+            return held_torques_advice(self.control.between)
+        found = hindrance(self.record, self.record.q[0]) if self.record.inputs.drive.rate else None
+        return f"{found.cause}; {found.advice}" if found is not None else ""
 
     def _look(self, first: int, stop: int) -> None:
         """Judge samples: numbers are finite, the kinetic energy is positive, energy balances, hinges bend, limits."""
@@ -313,7 +324,7 @@ class RunMonitor:
             return 0.0
         record, run = self.record, self.run
         q, qd = (np.abs(part[: self.n_valid]).max(axis=0) for part in (record.q, record.qd))
-        step, reach = float(np.minimum(run.step * qd, np.spacing(q) / 2).sum()), record.chain.reach
+        step, reach = float(np.minimum(run.fixed_step * qd, np.spacing(q) / 2).sum()), record.chain.reach
         return step * reach * self.n_valid * run.steps_per_sample if step * reach > rounding.of_reach(reach) else 0.0
 
     def _warn(self, key: str, row: int, text: str) -> None:

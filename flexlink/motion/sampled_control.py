@@ -40,6 +40,8 @@ class Control:
         Instants [s] for which the run holds what the law gives: where it is sampled, or the samples of the run.
     joints
         Number of driven joints.
+    between
+        Time between two instants [s].
     drive
         What it gave at its instants, held: so far, 0 later.
     """
@@ -48,16 +50,16 @@ class Control:
         run, start, chain, self.law, self.chain = problem.run, problem.start, problem.chain, law, problem.chain
         self.effort, self.joints = effort_of(problem.scene, chain), len(chain.active)
         self.limited = bool(np.isfinite(self.effort).any())
-        self.sampled, self.origin = rate is not None, round(start / run.step)
-        between = run.sample if rate is None else 1 / positive("rate", rate)
+        self.sampled, self.origin = rate is not None, round(start / run.fixed_step)
+        self.between = between = run.spacing if rate is None else 1 / positive("rate", rate)
         if self.sampled:
             whole("t0", start, "1 / rate", between, ArgumentError)
         if run.controlled:
             self.times = multiples(start, between, math.floor(parts(run.duration, between)) + 1)
         else:
-            self.apart = whole(f"rate = {rate!r}: 1 / rate", between, "run.step", run.step, ArgumentError)
+            self.apart = whole(f"rate = {rate!r}: 1 / rate", between, "run.step", run.fixed_step, ArgumentError)
             last = (run.samples - 1) * run.steps_per_sample
-            self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.step)
+            self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.fixed_step)
         self.drive = held_torques(chain, self.times, np.zeros((len(self.times), self.joints)))
 
     def torque(self, t: float, q: Array, qd: Array) -> Array:
@@ -120,7 +122,7 @@ class Control:
         self, record: Record, tableau: Tableau, state: tuple[Array, Array, Array], first: int, stop: int
     ) -> int:
         run, samples = record.run, (record.q, record.qd, record.works)
-        fixed = record.scratch, tableau, record.inputs, run.step, record.origin
+        fixed = record.scratch, tableau, record.inputs, run.fixed_step, record.origin
         return int(integrate(*fixed, first, stop, run.steps_per_sample, state, samples))
 
     def _continuous(
@@ -128,7 +130,7 @@ class Control:
     ) -> int:
         """As `integrate`, with the law evaluated at every stage."""
         (A, b, c), run, inputs = tableau, record.run, record.inputs
-        h = run.step
+        h = run.fixed_step
         (q, qd, work), (L, K) = state, np.zeros((2, len(c), self.chain.n))
         for number in range(self.origin + first, self.origin + stop):
             for i in range(len(c)):
@@ -152,6 +154,14 @@ class Control:
         return tau
 
 
+def held_torques_advice(between: float) -> str:
+    """What to change where torques that are held for so long [s], in stable steps, drive an arm apart."""
+    return (
+        f"the step is stable, so likely the loop that is sampled at {1 / between:.6g} Hz is not: take lower gains, a "
+        "higher rate, or give the joints armature"
+    )
+
+
 def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None) -> Control | None:
     """The law of a run, checked, or None.
 
@@ -170,9 +180,15 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
     if scene.drive.kind != "none":
         raise ArgumentError(f"control: the scene has a drive, {scene.drive.kind!r}, too; give only one")
     if rate is None and not problem.explicit:
-        what = "a tolerance" if run.controlled else f"method = {run.method!r}, which is implicit"
+        what = (
+            "the default tolerance"
+            if run.by_default
+            else "a tolerance"
+            if run.controlled
+            else f"method = {run.method!r}, which is implicit"
+        )
         raise ArgumentError(
-            f"control: with {what}, a control law needs a rate; give rate, or take fixed steps of an explicit method, "
-            "such as RK4"
+            f"control: with {what}, a control law needs a rate; give rate, or take fixed steps of an explicit method: "
+            "run.step, such as 1e-4, and run.method = 'RK4'"
         )
     return Control(law, rate, problem)

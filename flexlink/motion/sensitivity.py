@@ -77,6 +77,13 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
         wrench whose derivative is not known.
     SceneError, UnstableStepError, DivergenceError, InterruptedRunError
         As in `simulate`; a DivergenceError, too, where a derivative leaves the finite numbers.
+
+    Examples
+    --------
+    >>> falling = scene.varied({"drive": fl.Drive(), "run.duration": 0.2})
+    >>> slopes = fl.sensitivities(falling, ["tip.mass", "material.aluminium.young"])
+    >>> print((1e3 * slopes.tip[-1, 1, 0]).round(2))  # mm of the tip's height per kg
+    -0.97
     """
     problem = problem_of(require_type("scene", scene, Scene))
     run, chain = problem.run, problem.chain
@@ -85,16 +92,17 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
         raise ArgumentError("parameters = (): empty; name at least one path")
     if not problem.explicit:
         raise ArgumentError(
-            f"run.method = {run.method!r}: sensitivities need fixed steps of an explicit method, such as RK4"
+            f"run.method = {run.method!r}: sensitivities need fixed steps of an explicit method; give run.step, such "
+            "as 1e-4, and run.method = 'RK4'"
         )
     trajectory = simulate(scene)
     varied, (δq, δqd) = parametric(scene, chain, paths)
     _check_drive(scene, trajectory, varied.drive)
     found = np.empty((2, len(trajectory.t), chain.n, len(paths)))
-    origin = round(problem.start / run.step)  # steps from t = 0 to the start
+    origin = round(problem.start / run.fixed_step)  # steps from t = 0 to the start
     state = trajectory.q[0].copy(), trajectory.qd[0].copy()
     slopes = δq.ravel().copy(), δqd.ravel().copy()
-    fixed = problem.workspace(), method(run.method).arrays, problem.inputs, varied, run.step
+    fixed = problem.workspace(), method(run.method).arrays, problem.inputs, varied, run.fixed_step
     every = run.steps_per_sample
     found[0, 0], found[1, 0] = δq, δqd
     for row in range(1, len(trajectory.t)):

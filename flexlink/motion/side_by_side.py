@@ -213,7 +213,7 @@ class Block:
     def _rounded_away(self, chains: Sequence[Chain], rounded: Array) -> Array:
         """`RunMonitor._rounded_away` of each [m]."""
         q, qd = (np.abs(part[:, : self.rows]).max(axis=1) for part in (self.q, self.qd))
-        lost = np.minimum(self.run.step * qd, np.spacing(q) / 2).sum(axis=1)
+        lost = np.minimum(self.run.fixed_step * qd, np.spacing(q) / 2).sum(axis=1)
         lost *= [chain.reach for chain in chains]
         return np.where(lost > rounded, lost * self.rows * self.run.steps_per_sample, 0.0)
 

@@ -108,6 +108,20 @@ def simulate(
         The law raised, or gave no d finite numbers; its `trajectory` holds the samples before.
     InterruptedRunError
         Ctrl-C or SIGTERM; its `trajectory` holds the samples up to there.
+
+    Examples
+    --------
+    >>> run = fl.simulate(scene)  # as the scene says
+    >>> print(run, run.warnings)
+    <Trajectory 'two_links': 101 samples, 0 … 1 s, 6 joints> ()
+    >>> exact = fl.simulate(scene, tolerance=1e-5)  # m; the method is picked, the steps follow
+    >>> print(abs(run.tip - exact.tip).max() < 1e-4)  # m
+    True
+    >>> later = fl.simulate(scene, q0=run.q[-1], qd0=run.qd[-1], t0=1.0, duration=0.1)  # goes on
+    >>> def damp(t, q, qd):  # a law in place of the scene's drive [N m]
+    ...     return fl.gravity_torque(chain, q)[chain.active] - 50.0 * qd[chain.active]
+    >>> undriven = scene.varied({"drive": fl.Drive()})
+    >>> lazy = fl.simulate(undriven, control=damp, rate=1000.0, duration=0.1)
     """
     require_callable("progress", progress)
     settings = {
@@ -147,8 +161,11 @@ class Problem:
 
     Examples
     --------
-    >>> problem = Problem(scene.varied({"run.tolerance": 1e-4}))
-    >>> runs = [problem.simulate(q0=q) for q in starts]
+    >>> falling = scene.varied({"drive": fl.Drive(), "run.tolerance": 1e-4, "run.duration": 0.2})
+    >>> problem = fl.Problem(falling)
+    >>> runs = [problem.simulate(q0=q + angle) for angle in (-0.1, 0.0, 0.1)]
+    >>> print(len(runs), runs[0].steps.method)
+    3 Radau5
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -192,6 +209,12 @@ class Problem:
         -------
         Trajectory
             Samples, at the distances that `scene.run` says.
+
+        Examples
+        --------
+        >>> problem = fl.Problem(scene)
+        >>> print(problem.simulate(duration=0.1).t[-1])
+        0.1
         """
         require_callable("progress", progress)
         if duration is not None:
@@ -415,7 +438,8 @@ def allocate(
         record = Record(problem, times, q, qd, kept)
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
-            f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
+            f"{run.said('sample', 'run.')} = {run.spacing!r}: {run.samples} samples of {chain.n} joints do not fit "
+            "into memory"
         ) from None
     record.q[0], record.qd[0] = problem.q, problem.qd
     if not record.kept.types:  # all else that kernels are given here is made in one way

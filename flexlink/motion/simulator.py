@@ -19,6 +19,7 @@ from flexlink.inputs.problem import problem_of
 from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.motion.monitor import allowed_imbalance, tolerance_of
+from flexlink.motion.sampled_control import held_torques_advice
 from flexlink.motion.simulate import prepare, started_from, steps_of
 from flexlink.results import balance
 from flexlink.results.record import trajectory_from_states
@@ -55,15 +56,18 @@ class Simulator:
 
     Examples
     --------
-    >>> arm = Simulator(scene)
-    >>> while arm.time < 2.0:
+    >>> arm = fl.Simulator(scene)
+    >>> while arm.time < 0.05:
     ...     t, q, qd = arm.state
-    ...     arm.step(-50.0 * q[arm.chain.active] - 5.0 * qd[arm.chain.active], duration=1e-3)
+    ...     torque = fl.gravity_torque(arm.chain, q)[arm.chain.active] - 50.0 * qd[arm.chain.active]
+    ...     after = arm.step(torque, duration=1e-3)
+    >>> print(round(arm.time, 3), fl.tip_position(arm.chain, arm.state.q)[:2].round(3))
+    0.05 [1.558 0.092]
     """
 
     def __init__(self, scene: Scene) -> None:
         run = require_type("scene", scene, Scene).run
-        self._scene = scene if run.duration else scene.varied({"run.duration": run.sample})
+        self._scene = scene if run.duration else scene.varied({"run.duration": run.spacing})
         self.chain = lump(scene)
         self._held = held_torques(
             self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain)
@@ -83,6 +87,13 @@ class Simulator:
             A state of the wrong shape, or that is not finite; a time that is no multiple of a fixed step.
         UnstableStepError
             The step is larger than the largest stable one there.
+
+        Examples
+        --------
+        >>> arm = fl.Simulator(scene)
+        >>> after = arm.step([30.0, 10.0], duration=0.01)
+        >>> print(arm.reset().t)
+        0.0
         """
         scene = started_from(self._scene, q, qd, time)
         monitor = prepare(problem_of(scene, self.chain), rows=1)
@@ -92,7 +103,7 @@ class Simulator:
         self._driven, self._pushed = inputs, inputs._replace(drive=self._held)
         self._time, self._calls = float(self._record.t[0]), 0
         if not self._run.controlled:
-            self._time = self._record.origin * self._run.step
+            self._time = self._record.origin * self._run.fixed_step
         self._balance = balance.Balance(self.chain, np.zeros(3))
         self._balance.start(self._record.energy[:, 0])
         self._steps.go(self._pushed, self._time, self._time)  # compiles
@@ -127,8 +138,15 @@ class Simulator:
         DivergenceError
             The state left the finite numbers, no step keeps the tolerance, or the energy does not balance; the
             simulator stays where it was before this call.
+
+        Examples
+        --------
+        >>> arm = fl.Simulator(scene)
+        >>> after = arm.step([30.0, 10.0], duration=0.01)  # N m of the driven joints, held for 0.01 s
+        >>> print(after.t, after.q.shape)
+        0.01 (6,)
         """
-        inputs, end, steps = self._driven, self._later(self._run.sample if duration is None else duration), self._steps
+        inputs, end, steps = self._driven, self._later(self._run.spacing if duration is None else duration), self._steps
         if tau is not None:
             self._held.feedforward.coefficients[0, 0] = vector("tau", tau, len(self.chain.active))
             inputs = self._pushed
@@ -144,7 +162,8 @@ class Simulator:
             raise
         if fault:
             self._restore(*before)
-            raise self._diverged(fault)
+            held = end - self._time if tau is not None else 0.0
+            raise self._diverged(fault, held)
         self._time, self._calls = end, calls
         return self.state
 
@@ -158,10 +177,11 @@ class Simulator:
         run, now = self._run, self._time
         if type(duration) is not float or duration not in self._lengths:
             duration = positive("duration", duration)
-            whole_steps = 0 if run.controlled else whole("duration", duration, "run.step", run.step, ArgumentError)
+            unit = run.said("step", "run."), run.fixed_step
+            whole_steps = 0 if run.controlled else whole("duration", duration, *unit, ArgumentError)
             self._lengths[duration] = whole_steps
         if not run.controlled:
-            return (round(now / run.step) + self._lengths[duration]) * run.step
+            return (round(now / run.fixed_step) + self._lengths[duration]) * run.fixed_step
         end = (parts(now, duration) + 1) * duration
         if end <= now:
             raise ArgumentError(f"duration = {duration!r}: too short to change t = {now!r} s in float64")
@@ -185,10 +205,13 @@ class Simulator:
         self._balance.seen[:] = before
         return Failure(f"the energy does not balance: E − E(0) − W = {r:.3g} J of {X:.3g} J exchanged")
 
-    def _diverged(self, fault: Failure) -> DivergenceError:
+    def _diverged(self, fault: Failure, held: float) -> DivergenceError:
+        """The error for a step that failed, with torques from outside that are held for so long [s], or none."""
         (t, q, qd), run = self.state, self._run
-        fixed = f"a smaller step than {run.step:g} s"
+        fixed = f"a smaller step than {run.fixed_step:g} s"
         advice = fault.advice or f"try {'another tolerance, or fixed steps' if run.controlled else fixed}"
+        if held and run.unstable == "refuse":
+            advice = held_torques_advice(held)
         return fault.kind(
             f"{self.chain.name}: after t = {t:.6g} s: {fault.text}; {advice}",
             trajectory_from_states(problem_of(self._scene, self.chain), np.array([t]), q[None], qd[None]),

@@ -36,7 +36,7 @@ def _ends(record: Record, scratch: Any, samples: tuple[Array, Array], probed: ND
     ends = np.empty((2, len(probed), *samples[0].shape[1:]))
     drive = record.inputs.drive._replace(next_instant=np.array([NEVER]))  # a sampled law is not asked by these steps
     inputs, origins = record.inputs._replace(drive=drive), record.origin + probed * run.steps_per_sample
-    arguments = scratch, method(run.method).arrays, inputs, run.step, origins, probed, samples, ends
+    arguments = scratch, method(run.method).arrays, inputs, run.fixed_step, origins, probed, samples, ends
     record.kept("probed steps", ends.ndim, lambda: direct(probe, *arguments))(*arguments)
     return ends[0], ends[1]
 

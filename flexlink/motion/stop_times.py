@@ -40,9 +40,9 @@ class StopTimes:
             smooth = [breakpoints(table, part * run.tolerance_within(reach) / reach) for table in tables]
             fixed = np.concatenate([*smooth, motion.knots])
         else:
-            number = np.concatenate([*map(corners, tables), motion.knots]) / run.step
+            number = np.concatenate([*map(corners, tables), motion.knots]) / run.fixed_step
             number = number[np.abs(number - np.round(number)) > on_the_grid]
-            fixed = np.concatenate([number, np.ceil(number)]) * run.step
+            fixed = np.concatenate([number, np.ceil(number)]) * run.fixed_step
         self.fixed: list[float] = sorted(set(fixed.tolist()))
         self._kept = Kept()
 
@@ -74,13 +74,13 @@ class StopTimes:
         """Numbers of the samples between two times."""
         run = self.run
         if run.controlled:
-            first, last = (parts(t - self.start, run.sample) for t in (start, end))
+            first, last = (parts(t - self.start, run.spacing) for t in (start, end))
             return range(math.floor(first) + 1, math.ceil(last))
-        first, last = (round(t / run.step) - self.origin for t in (start, end))
+        first, last = (round(t / run.fixed_step) - self.origin for t in (start, end))
         return range(first // run.steps_per_sample + 1, -(-last // run.steps_per_sample))
 
     def _times(self, numbers: Indices) -> Array:
         run = self.run
         if run.controlled:
-            return np.asarray((parts(self.start, run.sample) + numbers) * run.sample)
-        return np.asarray((self.origin + numbers * run.steps_per_sample) * run.step)
+            return np.asarray((parts(self.start, run.spacing) + numbers) * run.spacing)
+        return np.asarray((self.origin + numbers * run.steps_per_sample) * run.fixed_step)

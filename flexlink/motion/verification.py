@@ -69,8 +69,8 @@ def second_runs(monitor: RunMonitor, name: str) -> Iterator[Second]:
             yield from _stricter_and_stricter(monitor)
     elif monitor.extent > 0:
         if pairs := (run.samples - 1) // 2:
-            sample = 2 * run.sample
-            coarser = replace(run, step=2 * run.step, sample=sample, duration=pairs * sample)
+            sample = 2 * run.spacing
+            coarser = replace(run, step=2 * run.fixed_step, sample=sample, duration=pairs * sample)
             yield Second(coarser, 2, error_ratio, strict=False)
         yield Second(_within(run, AUTO, STRICTER * _tolerance(monitor)), 1, 1.0)
 
@@ -79,7 +79,7 @@ def doubt(monitor: RunMonitor, second: Second, tip: Array) -> str:
     """The warning that follows from the tips of a verification run; empty if both runs agree."""
     error = float(np.linalg.norm(monitor.record.tip[:: second.every][: len(tip)] - tip, axis=1).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(monitor)
-    steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"steps of {second.run.step:g} s"
+    steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"steps of {second.run.fixed_step:g} s"
     text = f"doubtful: tip error {error:.2g} m against a run with {steps}"
     if monitor.run.controlled and error > TOLERABLE * _tolerance(monitor):
         return f"{text}{multiplies(monitor)}; {advice(monitor)} and compare"
@@ -123,11 +123,13 @@ def _stricter(monitor: RunMonitor, name: str) -> RunSettings:
     run = monitor.run
     if run.accuracy == "tip":
         return _within(run, name, max(STRICTER * _tolerance(monitor), monitor.record.least_tolerance))
-    return replace(run, method=name, relative_tolerance=STRICTER * (run.relative_tolerance or 0.0))
+    return replace(run, method=name, relative_tolerance=STRICTER * run.tolerance_within(1.0))
 
 
 def _within(run: RunSettings, name: str, tolerance: float) -> RunSettings:
-    return replace(run, method=name, tolerance=tolerance, relative_tolerance=None, solver=RunSettings().solver)
+    return replace(
+        run, method=name, tolerance=tolerance, relative_tolerance=None, sample=run.spacing, solver=RunSettings().solver
+    )
 
 
 def _tolerance(monitor: RunMonitor) -> float:

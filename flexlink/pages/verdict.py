@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from flexlink.common.notebook import html_table
 from flexlink.pages.chapter import Chapter
 
 State = Literal["pass", "fail", "doubt", "info", "incomplete", "met", "missed", "not-measured"]
@@ -30,7 +32,7 @@ class Fact(NamedTuple):
     label: str
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Report:
     """A report that was written.
 
@@ -47,6 +49,15 @@ class Report:
     page: Path
     verdicts: tuple[Verdict, ...]
     chapters: Sequence[Chapter]
+
+    def __repr__(self) -> str:
+        told = ", ".join(f"{verdict.about} {verdict.word}" for verdict in self.verdicts)
+        return f"<{type(self).__name__} {str(self.page)!r}: {told}>"
+
+    def _repr_html_(self) -> str:
+        rows = [(verdict.about, verdict.word, verdict.text) for verdict in self.verdicts]
+        link = f'<a href="{html.escape(str(self.page))}">{html.escape(str(self.page))}</a>'
+        return html_table(repr(self), ("about", "verdict", "number"), rows) + link
 
     @property
     def failures(self) -> tuple[str, ...]:

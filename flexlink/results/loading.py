@@ -40,6 +40,12 @@ def load_trajectory(path: str | Path) -> Trajectory:
         `path` is no path, or does not end in .npz.
     DataFileError
         The file is missing, or no run of this version of flexlink.
+
+    Examples
+    --------
+    >>> again = fl.load_trajectory(run.save("move.npz"))
+    >>> print(again, np.array_equal(again.tip, run.tip))
+    <Trajectory 'two_links': 101 samples, 0 … 1 s, 6 joints> True
     """
     arrays = read_archive(path)
     try:

@@ -45,7 +45,7 @@ class Record:
         self.t, self.q, self.qd = t, q, qd
         self.tau, self.tip, self.energy = np.empty_like(q), np.empty((len(t), 3)), np.empty((3, len(t)))
         self.works = np.zeros(len(t))
-        self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.step)
+        self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.fixed_step)
         self.kept = Kept() if kept is None else kept
         self._derive: Callable[..., None] | None = None
 

@@ -12,9 +12,11 @@ from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
+from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each
+from flexlink.dynamics.hints import defaults, notes
 from flexlink.dynamics.loads import InternalLoads, internal_loads
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.terms import Energy
@@ -93,9 +95,20 @@ class RunSamples(Result):
     def __repr__(self) -> str:
         samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)
         doubts = f"; {len(self.warnings)} warnings" if self.warnings else ""
+        doubts += f"; {len(self.hints)} hints on units" if self.hints else ""
         return (
             f"<Trajectory {self.chain.name!r}: {samples} samples, {start:g} … {end:g} s, {self.chain.n} joints{doubts}>"
         )
+
+    @functools.cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What the run did by default, and what its scene says without effect, a line each."""
+        return () if self.scene is None else (*defaults(self.scene), *notes(self.scene))
+
+    @functools.cached_property
+    def hints(self) -> tuple[str, ...]:
+        """Numbers of the scene that are likely given in another unit, a line each with the likely one."""
+        return () if self.scene is None else hints(self.scene)
 
     def state(self, k: int) -> State:
         """Time, joint angles and rates of sample `k`, −1 the last; `simulate(scene, q0=, qd0=, t0=)` goes on there.

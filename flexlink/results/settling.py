@@ -41,6 +41,12 @@ def settling_time(run: Trajectory, *, target: ArrayLike, tolerance: float, after
     ------
     ArgumentError
         An argument has the wrong shape or is not finite, or no sample follows `after`.
+
+    Examples
+    --------
+    >>> rest = run.tip[-1]
+    >>> print(fl.settling_time(run, target=rest, tolerance=0.02) < 1.0)  # s
+    True
     """
     after = real("after", after, "a time [s]")
     t, tip = _from(run, after)
@@ -69,6 +75,11 @@ def overshoot(run: Trajectory, *, target: ArrayLike) -> float:
     ------
     ArgumentError
         `target` has the wrong shape, is not finite, or is where the tip starts; or the run has no sample.
+
+    Examples
+    --------
+    >>> print(f"{1e3 * fl.overshoot(run, target=run.tip[-1]):.0f} mm beyond")
+    26 mm beyond
     """
     _, tip = _from(run, -math.inf)
     goal = vector("target", target, 3)
@@ -100,6 +111,11 @@ def residual_vibration(run: Trajectory, *, after: float) -> float:
     ------
     ArgumentError
         `after` is not a number, or less than two samples follow.
+
+    Examples
+    --------
+    >>> print(f"{1e3 * fl.residual_vibration(run, after=0.5):.0f} mm")  # the move ends at 0.5 s
+    17 mm
     """
     _, tip = _from(run, after, least=2)
     return largest_distance(tip, centre_of_motion(tip))

@@ -18,6 +18,15 @@ class DivergenceError(FlexlinkError, ArithmeticError):
     """A run left the finite numbers, or its energy does not balance; `trajectory` holds every good sample before.
 
     Of `simulate_many`, `runs` holds all runs, this one's samples among them.
+
+    Examples
+    --------
+    >>> try:
+    ...     fl.simulate(scene, step=2e-3, unstable="allow")
+    ... except fl.errors.DivergenceError as error:
+    ...     kept = error.trajectory  # every good sample before
+    ...     print(kept.t[-1] < 1.0)
+    True
     """
 
     def __init__(self, message: str, trajectory: Trajectory, runs: Sequence[Trajectory] = ()) -> None:
@@ -30,7 +39,16 @@ class DivergenceError(FlexlinkError, ArithmeticError):
 
 
 class EvaluationLimitError(DivergenceError):
-    """A run with a tolerance does not get on: it has taken all that `run.max_evaluations` allows, or would."""
+    """A run with a tolerance does not get on: it has taken all that `run.max_evaluations` allows, or would.
+
+    Examples
+    --------
+    >>> try:
+    ...     fl.simulate(scene, tolerance=1e-9, max_evaluations=100)
+    ... except fl.errors.EvaluationLimitError as error:
+    ...     print(error.trajectory.t[-1] < 1.0)
+    True
+    """
 
 
 class Failure(NamedTuple):
@@ -46,7 +64,16 @@ class LawFailure(Exception):  # noqa: N818  no ending yet: becomes the error bel
 
 
 class ControlError(FlexlinkError, ValueError):
-    """A control law raised, or gave no torques; `trajectory` holds every sample before."""
+    """A control law raised, or gave no torques; `trajectory` holds every sample before.
+
+    Examples
+    --------
+    >>> try:
+    ...     fl.simulate(scene.varied({"drive": fl.Drive()}), control=lambda t, q, qd: [np.nan, 0.0], rate=1000.0)
+    ... except fl.errors.ControlError as error:
+    ...     print(error.trajectory.t)
+    [0.]
+    """
 
     def __init__(self, message: str, trajectory: Trajectory) -> None:
         super().__init__(message)
@@ -62,6 +89,13 @@ class InterruptedRunError(KeyboardInterrupt):
 
     `trajectory` holds every sample up to there, `signal` the number of the signal; of `simulate_many`, `runs` holds all
     runs as far as they went.
+
+    Examples
+    --------
+    >>> try:
+    ...     found = fl.simulate(scene)
+    ... except fl.errors.InterruptedRunError as stopped:
+    ...     found = stopped.trajectory  # Ctrl-C: the samples so far
     """
 
     def __init__(

@@ -22,7 +22,19 @@ if TYPE_CHECKING:
 
 
 class Trajectory(RunSamples):
-    """Samples of a simulation (`RunSamples`), with files, tables, plots and pictures of them."""
+    """Samples of a simulation (`RunSamples`), with files, tables, plots and pictures of them.
+
+    Examples
+    --------
+    >>> run
+    <Trajectory 'two_links': 101 samples, 0 … 1 s, 6 joints>
+    >>> print(run.steps)
+    RK4: 5000 steps, 20000 evaluations
+    >>> print(np.degrees(run.q[-1, chain.active]).round(1))  # °
+    [ 60. -60.]
+    >>> height = run.columns["tip y [m]"]
+    >>> t, q, qd = run.state(-1)
+    """
 
     @property
     def columns(self) -> Mapping[str, Array]:
@@ -46,6 +58,12 @@ class Trajectory(RunSamples):
             The name ends neither in .npz nor in .csv.
         OutputError
             It cannot be written.
+
+        Examples
+        --------
+        >>> archive = run.save("move.npz")  # or a table, "move.csv"
+        >>> print(np.array_equal(fl.load_trajectory(archive).q, run.q))
+        True
         """
         path = require_path("path", path)
         write_whole(path, self.writer(path))
@@ -68,6 +86,12 @@ class Trajectory(RunSamples):
         ------
         MissingDependencyError
             pandas is not installed.
+
+        Examples
+        --------
+        >>> table = run.to_pandas()
+        >>> print(table["tip y [m]"].max().round(3), table.index.name)
+        0.884 t [s]
         """
         return tables.to_pandas(self)
 
@@ -78,6 +102,12 @@ class Trajectory(RunSamples):
         ------
         MissingDependencyError
             xarray is not installed.
+
+        Examples
+        --------
+        >>> data = run.to_xarray()
+        >>> print(data["tip"].dims, data["tip"].attrs["units"])
+        ('time', 'axis') m
         """
         return tables.to_xarray(self)
 
@@ -94,6 +124,10 @@ class Trajectory(RunSamples):
         ------
         MissingDependencyError
             matplotlib is not installed.
+
+        Examples
+        --------
+        >>> run.plot().savefig("move.png")  # in a notebook run.plot() alone shows it
         """
         figure: Figure = plotting().plot_trajectory(self)
         return figure
@@ -136,7 +170,7 @@ class Trajectory(RunSamples):
         Returns
         -------
         Path
-            The file.
+            The file, which a notebook plays.
 
         Raises
         ------
@@ -152,6 +186,11 @@ class Trajectory(RunSamples):
             The file cannot be written.
         SingularMassError
             As in `qdd`.
+
+        Examples
+        --------
+        >>> print(run.animate("move.html", magnify=5, speed=0.5))  # a page with a player; also .gif, .mp4
+        move.html
         """
         room = importlib.import_module("flexlink.results.pictures.animate")
         wanted = room.shot(path, magnify=magnify, colour=colour, fps=fps, speed=speed, width=width)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -42,7 +42,7 @@ def assembled(
         As in `bent`; or a negative armature.
     """
     parts = list(_imported_links(way, flexible, armature))
-    _check_last(parts[-1].link)
+    _check_last(parts[-1].link, [part.joint.parent for part in way.parts[1:]])
     links = [one.link for one in parts]
     links += _tip(way, _stop(links[-1]))
     starts = [math.degrees(way.positions[part.joint.name]) for part in way.parts]
@@ -128,9 +128,11 @@ def _tip(way: SerialPath, before: Array) -> list[Link]:
     return [Link(name=name, mount=mount, joint=Joint(locked=True))]
 
 
-def _check_last(link: Link) -> None:
+def _check_last(link: Link, before: Sequence[str]) -> None:
+    """What the last joint moves has inertia; `before` are the links on which all joints but the first hang."""
     moved = link.hub.about(link.joint.direction) + link.joint.armature
     if moved == 0 and link.flex == "rigid":
         raise DataFileError(
             f"link {truncated(link.name)}: nothing beyond its joint has inertia; choose a tip before it"
+            + "".join(f", as by --tip {name}" for name in before[-1:])
         )

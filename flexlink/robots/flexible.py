@@ -29,6 +29,13 @@ class FlexibleLink(Spec, frozen=True):
 
     `line`, from one point of the link's frame to another [m], is by default the straight line from joint to joint;
     `up`, `flex`, `segments`, `lumping` and `damping` are those of `Link`.
+
+    Examples
+    --------
+    >>> measured = fl.FlexibleLink(frequency_hz=12.0)  # a thin tube that swings so, clamped at its joint
+    >>> tube = fl.FlexibleLink(section=fl.Section(shape="tube", outer=0.08, inner=0.074), segments=7)
+    >>> print(measured, tube.flex)
+    FlexibleLink(frequency_hz=12.0) yz
     """
 
     section: Section | None = None

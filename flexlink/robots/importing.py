@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from flexlink.common.errors import ArgumentError
+from flexlink.common.notebook import html_lines
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short_list, truncated
 from flexlink.robots.assembly import assembled, origins_beyond
@@ -51,6 +52,9 @@ class ImportResult:
 
     def __str__(self) -> str:
         return "\n".join(self.notes)
+
+    def _repr_html_(self) -> str:
+        return html_lines("\n".join([*self.notes, *(f"warning: {doubt}" for doubt in self.warnings)]))
 
 
 def import_urdf(
@@ -101,6 +105,15 @@ def import_urdf(
         The file is no URDF, or says what cannot be; or the inertia of a folded link is none that a body can have.
     SceneError
         A value of `flexible` or `armature` that cannot be.
+
+    Examples
+    --------
+    >>> bends = {"upper_arm": fl.FlexibleLink(frequency_hz=8.0)}  # the rest stays rigid
+    >>> found = fl.import_urdf("examples/reach_arm.urdf", flexible=bends, posture={"shoulder": 0.9})
+    >>> found
+    <ImportResult 'reach_arm': 5 joints from base to flange>
+    >>> print(found.scene.arm)
+    <Arm: 'turntable' (rigid), 'upper_arm' (yz), 'forearm' (rigid), 'wrist' (rigid), 'hand' (rigid), 'flange' (rigid)>
     """
     for key, table in {"posture": posture, "locked": locked, "flexible": flexible, "armature": armature}.items():
         if not isinstance(table, Mapping):

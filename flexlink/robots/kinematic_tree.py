@@ -115,7 +115,8 @@ class Robot:
             if other is not joint:
                 both = f"{truncated(other.name)} and {truncated(joint.name)}"
                 raise DataFileError(
-                    f"link {truncated(joint.child)} is the child of two joints, {both}; closed loops are not supported"
+                    f"link {truncated(joint.child)} is the child of two joints, {both}; closed loops are not "
+                    "supported: take one of the two joints out"
                 )
         return parents
 
@@ -172,7 +173,7 @@ def _check_roots(robot: Robot) -> None:
     reached = set(robot.outward(roots[0])) if roots else set()
     circle = [link for link in robot.links if link not in reached]
     if circle:
-        raise DataFileError(f"links {short_list(circle)} form a loop; closed loops are not supported")
+        raise DataFileError(f"links {short_list(circle)} form a loop; closed loops are not supported: take a joint out")
 
 
 def _check_mimics(robot: Robot) -> None:

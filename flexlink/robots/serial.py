@@ -92,8 +92,8 @@ def serial(
     for joint in free:
         if (reason := _unfit(joint)) is not None:
             raise ArgumentError(
-                f"joint {truncated(joint.name)}, between {base!r} and {tip!r}, {reason}; only hinges can move: fix it, "
-                f"as by --locked {joint.name}=0.0"
+                f"joint {truncated(joint.name)}, between {base!r} and {tip!r}, {reason}; only hinges can move: "
+                f"fix it, as by --locked {joint.name}=0.0{' (m)' if joint.kind == 'prismatic' else ''}"
             )
     if not free:
         raise ArgumentError(f"no movable joint between {base!r} and {tip!r}; the arm needs at least one")
@@ -150,7 +150,8 @@ def _unfit(joint: TreeJoint) -> str | None:
     """Why a joint cannot be a free one of an arm."""
     if joint.mimic is not None:
         return f"mimics {truncated(joint.mimic.leader)}"
-    return None if joint.turns else f"is {joint.kind}"
+    sliding = ", and sliding joints are not supported" if joint.kind == "prismatic" else ""
+    return None if joint.turns else f"is {joint.kind}{sliding}"
 
 
 def _only_tip(robot: Robot, base: str, locked: Mapping[str, float]) -> str:
@@ -169,7 +170,10 @@ def _only_tip(robot: Robot, base: str, locked: Mapping[str, float]) -> str:
     others = [links[0] for way, links in chains.items() if longest[: len(way)] != way]
     if others:
         ends = short_list([chains[longest][-1], *others])
-        raise ArgumentError(f"tip: missing; several arms begin at {base!r}; choose one of their ends: {ends}")
+        raise ArgumentError(
+            f"tip: missing; several arms begin at {base!r}; choose one of their ends: {ends}, "
+            f"as by --tip {chains[longest][-1]}"
+        )
     return chains[longest][-1]
 
 

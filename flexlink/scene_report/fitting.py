@@ -122,9 +122,9 @@ class Comparison:
         self.scene = scene
         if self.t.size:
             last = min(
-                math.ceil(float(self.t[-1] - run.t[0]) / scene.run.sample) * scene.run.sample, scene.run.duration
+                math.ceil(float(self.t[-1] - run.t[0]) / scene.run.spacing) * scene.run.spacing, scene.run.duration
             )
-            self.scene = scene.varied({"run.duration": max(last, scene.run.sample)})
+            self.scene = scene.varied({"run.duration": max(last, scene.run.spacing)})
 
     def at_times(self, run: Trajectory) -> dict[str, Array]:
         """The measured columns as a run has them, by cubic splines through its samples."""

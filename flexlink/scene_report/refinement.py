@@ -143,7 +143,7 @@ class Refinement:
         """The scene's steps, or tolerance, times a factor."""
         run = self.scene.run
         if not run.controlled:
-            return Stepping(run.method, step=factor * run.step)
+            return Stepping(run.method, step=factor * run.fixed_step)
         size = float(self.study.bent_by.max()) if run.accuracy == "deflection" else self.study.reach
         return Stepping(run.method, tolerance=factor * run.tolerance_within(size))
 

@@ -57,6 +57,12 @@ def report(
         matplotlib or jinja2 is not installed.
     OutputError
         The folder cannot be made, or a file in it not be written.
+
+    Examples
+    --------
+    >>> written = fl.report(scene, "two_links_report")
+    >>> print(written.page, written.passed)
+    two_links_report/index.html True
     """
     study = Study(require_type("scene", scene, Scene), None if against is None else _beside(against), command)
     require_callable("progress", progress)

@@ -31,6 +31,18 @@ class Sweep(Spec, frozen=True):
     All keys are paths of `Scene.varied`, or "engine". `set` applies to all members. Every combination of the axes is a
     member: each key of `grid` is an axis, all keys of `together` are one axis, whose values are taken in step, and
     `sample` is one. `quantity` names the numbers to keep of each run.
+
+    Examples
+    --------
+    >>> plan = fl.Sweep(
+    ...     scene=scene,
+    ...     set={"run.duration": 0.1},
+    ...     grid={"tip.mass": {"between": [1.0, 5.0], "count": 3}},
+    ...     quantity={"bend [m]": {"of": "deflection [m]", "take": "max"}},
+    ... )
+    >>> rows = fl.sweep(plan)
+    >>> print(rows.column("tip.mass"), [f"{1e3 * bend:.1f} mm" for bend in rows.column("bend [m]")])
+    [1.0, 3.0, 5.0] ['9.6 mm', '21.2 mm', '28.7 mm']
     """
 
     scene: Scene
@@ -185,6 +197,12 @@ def load_sweep(path: str | Path) -> Sweep:
         The message names the file, the key path, the value and what is allowed.
     DataFileError
         The file of a rule or method that the scene names is not valid.
+
+    Examples
+    --------
+    >>> plan = fl.load_sweep("models/sweeps/payload.toml")
+    >>> print(plan.scene.name, list(plan.quantity))
+    paper_fig5 ['tip_z', 'bend', 'swing', 'error']
     """
     path = data_files.require_path("path", path)
     raw = data_files.read_toml(path)

@@ -72,6 +72,17 @@ def sweep(
         No worker can run members; rows are kept.
     InterruptedSweepError
         Ctrl-C or SIGTERM; rows are kept.
+
+    Examples
+    --------
+    >>> plan = fl.Sweep(
+    ...     scene=scene.varied({"run.duration": 0.1}),
+    ...     grid={"tip.mass": [1.0, 2.0]},
+    ...     quantity={"height [m]": {"of": "tip y [m]"}},
+    ... )
+    >>> rows = fl.sweep(plan)  # out="masses.db" keeps them; workers=2
+    >>> print(rows.failed, rows.to_pandas()["height [m]"].round(2).tolist())
+    {} [0.13, 0.12]
     """
     require_callable("progress", progress)
     count = integer("workers", workers, 1, MAX_WORKERS)

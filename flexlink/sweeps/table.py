@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlink.common.errors import MissingDependencyError
+from flexlink.common.notebook import html_table
 from flexlink.common.output import write_whole
 from flexlink.sweeps.plan import ROW_COLUMNS
 
@@ -33,6 +34,10 @@ class SweepRows:
 
     def __repr__(self) -> str:
         return f"<SweepRows: {len(self.rows)} rows of {', '.join(self.columns)}>"
+
+    def _repr_html_(self) -> str:
+        shown = [tuple("" if value is None else value for value in row) for row in self.rows]
+        return html_table(f"{len(self.rows)} rows, {len(self.failed)} failed", self.columns, shown)
 
     def column(self, name: str) -> list[Any]:
         """One column, by its name."""

@@ -97,7 +97,7 @@ def _references(scene: Scene, budget: float) -> Iterator[tuple[str, Array]]:
             continue
         yield method, run.tip
         if method == "DOP853" and run.steps is not None and scene.run.duration > 0:
-            sample = scene.run.sample
+            sample = scene.run.spacing
             mean = scene.run.duration / run.steps.taken
             changes = {"run.method": "RK10", "run.step": sample / math.ceil(2 * sample / mean), "run.unstable": "allow"}
             if (run := _reference(scene.varied(changes), budget)) is not None:
@@ -144,8 +144,8 @@ def outcome_of(scene: Scene, truth: Callable[[], Truth], budget: float) -> RunOu
 def outcome_beside(scene: Scene, name: str, method: str, truth: Callable[[], Truth]) -> RunOutcome:
     """Run a scene with fixed steps in an engine; it refuses no step and checks no result."""
     run, started = scene.run, time.thread_time()
-    if run.duration / run.step > 20_000:  # nobody can stop them
-        return RunOutcome("dear", np.nan, f"{round(run.duration / run.step)} steps", 0.0)
+    if run.duration / run.fixed_step > 20_000:  # nobody can stop them
+        return RunOutcome("dear", np.nan, f"{round(run.duration / run.fixed_step)} steps", 0.0)
     try:
         chain = lump(scene)
         engine = engines.load(name, chain)

@@ -55,7 +55,7 @@ def run(
 def _tip(scene: Scene, cut: Rule, of_stable: float) -> Array:
     """Of the chain at a step that divides the time between samples."""
     scene = scene.varied({"link.*.lumping": cut.rule, "link.*.segments": cut.hinges + 1})
-    return fl.simulate(scene, step=scene.run.sample / stable_steps(scene, scene.run.method, of_stable)).tip
+    return fl.simulate(scene, step=scene.run.spacing / stable_steps(scene, scene.run.method, of_stable)).tip
 
 
 def _series(scene: Scene, exact: Array, fine: Array) -> Series:

@@ -35,7 +35,7 @@ def run(case: Case, run: tuple[Trial, ...], chain: Rule) -> Iterator[Measured | 
         scene = trial.variant.build(case, chain)
         name = trial.variant.name or scene.name
         times, exact = _exact(trial)
-        ours, half = fl.simulate(scene), fl.simulate(scene, step=scene.run.step / 2)
+        ours, half = fl.simulate(scene), fl.simulate(scene, step=scene.run.fixed_step / 2)
         rows = np.searchsorted(ours.t, times - 1e-9)  # their samples among ours, whatever the last digit of k·step
         error = np.linalg.norm(ours.tip[rows, :2] - exact, axis=1)
         yield Measured("tip error", float(error.max()), name, varied=run_facts(scene.run))

@@ -152,7 +152,7 @@ def _outcomes(settings: Settings, corner: Corner, runs: Iterable[HowTo]) -> Iter
     truths: dict[tuple[float, float], Truth] = {}
 
     def truth(scene: Scene) -> Truth:
-        run = scene.run.duration, scene.run.sample
+        run = scene.run.duration, scene.run.spacing
         if run not in truths:
             truths[run] = truth_of(scene, budget=3.0 * settings.budget)  # it is found once for many runs
         return truths[run]

@@ -64,9 +64,10 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     facts: Facts = {**settings.best.facts, **run_facts(scene.run)}
     for measure, error in _errors(settings, ours, exact).items():
         yield Measured(f"{measure} error", error, scene.name, varied=facts)
-    half = fl.simulate(scene, step=scene.run.step / 2)
+    step = scene.run.fixed_step
+    half = fl.simulate(scene, step=step / 2)
     change = float(np.abs(half.tip - ours.tip).max())
-    yield Measured("time integration error", change, scene.name, varied=facts, note=f"{scene.run.step:.3g} s halved.")
+    yield Measured("time integration error", change, scene.name, varied=facts, note=f"{step:.3g} s halved.")
     yield from _motion(case, settings, ours, run(settings.beside), exact)
     yield from _independent(case, settings, run)
     yield from _parity(_scene(case, settings, settings.parity), settings.parity)
@@ -77,7 +78,7 @@ def _scene(case: Case, settings: Settings, at: Rule) -> Scene:
     with_input = require_one_of(f"{case.path}: settings.input", settings.input, INPUTS)
     scene = with_input(Variant().build(case, at))
     steps = stable_steps(scene, scene.run.method, settings.of_stable)
-    return scene.varied({"run.step": scene.run.sample / steps})
+    return scene.varied({"run.step": scene.run.spacing / steps})
 
 
 def _errors(settings: Settings, run: Trajectory, exact: Array) -> dict[str, float]:

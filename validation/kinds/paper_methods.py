@@ -93,13 +93,13 @@ def _ladder(scene: Scene, cut: Setup, method: str, halvings: int, truth: Path) -
     longest = stable_steps(cut.scene(scene), method, OF_STABLE)
     for halving in range(halvings + 1):
         steps = 2**halving * longest  # between two samples
-        setup = replace(cut, method=method, step=scene.run.sample / steps)
+        setup = replace(cut, method=method, step=scene.run.spacing / steps)
         evaluations = methods.method(method).stages * steps * (scene.run.samples - 1)
         try:
             error = largest_distance(setup.tip(scene), truth.tip) / tip_travel(truth.tip)
         except fl.FlexlinkError:  # a posture passed later has a shorter stable step
             error = math.inf
-        yield Point(scene.run.sample / steps, error, evaluations)
+        yield Point(scene.run.spacing / steps, error, evaluations)
 
 
 def _costs(ladders: Mapping[str, list[Point]], error: float) -> dict[str, float]:

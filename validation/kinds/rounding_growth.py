@@ -42,7 +42,7 @@ def run(
         within = slice(1, end)
         rate = float(np.polyfit(ours.t[within], np.log(own[within]), 1)[0])
         ulps = 0.5 * math.sqrt(1 / (rate * step))  # half an ulp in each step of one e-folding time
-        facts: dict[str, Fact] = {"method": scene.run.method, "step": scene.run.step}
+        facts: dict[str, Fact] = {"method": scene.run.method, "step": scene.run.fixed_step}
         yield Measured("growth rate", rate, scene.name, varied=facts)
         yield Measured("horizon", float(ours.t[end - 1]), scene.name, varied=facts)
         curves = {"time [s]": ours.t, "native, one ulp or another solver": own}

@@ -24,7 +24,7 @@ def run(case: Case, repeats: int, solvers: tuple[str, ...], engines: tuple[str, 
             facts: Facts = run_facts(scene.run) | ({"solver": solver} if solver else {})
             quantity = "real-time factor" if name == "native" else "real-time factor of another engine"
             yield Measured(quantity, scene.run.duration / seconds, scene.name, name, facts, timed=True)
-            step = 1e6 * seconds * scene.run.step / scene.run.duration
+            step = 1e6 * seconds * scene.run.fixed_step / scene.run.duration
             yield Measured("time of a step", step, scene.name, name, facts, timed=True)
 
 

@@ -91,8 +91,8 @@ def _native(scene: Scene, law: Law, between: float) -> Work:
 
 def _mujoco(scene: Scene, chain: Chain, law: Law, between: float) -> Work:
     engine, driven = MujocoEngine(chain), chain.active
-    model, data, steps = engine.model, engine.data, round(between / scene.run.step)
-    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, scene.run.step
+    model, data, steps = engine.model, engine.data, round(between / scene.run.fixed_step)
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, scene.run.fixed_step
     data.qpos, data.qvel = initial_state(scene, chain)
 
     def work(calls: int) -> None:

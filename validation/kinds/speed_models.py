@@ -65,7 +65,7 @@ class Grid(Spec, frozen=True):
                 yield from (replace(cut, method=method, tolerance=part * motion) for part in parts)
             for method in self.stepped:
                 steps = stable_steps(cut.scene(scene), method, OF_STABLE)
-                yield replace(cut, method=method, step=scene.run.sample / steps)
+                yield replace(cut, method=method, step=scene.run.spacing / steps)
 
 
 class Run(NamedTuple):

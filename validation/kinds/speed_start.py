@@ -19,7 +19,7 @@ PEAK_SCRIPT = """
 import resource, sys, flexlink
 scene = flexlink.load_scene(sys.argv[1])
 def peak(steps):
-    h = scene.run.step
+    h = scene.run.fixed_step
     flexlink.simulate(scene, duration=steps * h, sample=steps / 100 * h)
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 short, long = peak(int(sys.argv[2])), peak(int(sys.argv[3]))

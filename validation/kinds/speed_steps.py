@@ -50,5 +50,5 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         end = simulate(scene)  # an error if it leaves the finite numbers
         seconds = time.perf_counter() - start
         facts = {"chain": name, "n": end.chain.n}
-        yield Measured("steps of the longest chain", float(end.t[-1] / scene.run.step), varied=facts)
+        yield Measured("steps of the longest chain", float(end.t[-1] / scene.run.fixed_step), varied=facts)
         yield Measured("run of the longest chain", seconds, varied=facts, timed=True)

@@ -156,7 +156,7 @@ def _stiffnesses(beam: Beam, fine: Numerics) -> tuple[float, float]:
 def _settings(run: RunSettings, step: float, residual: float) -> Any:
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
-    settings.solution.sensors.writePeriod = run.sample
+    settings.solution.sensors.writePeriod = run.spacing
     settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
     time = settings.timeIntegration
     time.endTime, time.numberOfSteps = run.duration, round(run.duration / step)

@@ -44,7 +44,7 @@ class Family(Spec, frozen=True):
 
 def of_steps(scene: Scene, steps: int, step: float | None = None) -> Scene:
     """A run with RK4 of so many steps that keeps its first and last state; the step [s] is the scene's, or this."""
-    h = step or scene.run.step
+    h = step or scene.run.fixed_step
     return scene.varied({"run": RunSettings(method="RK4", step=h, duration=steps * h, sample=max(steps, 1) * h)})
 
 

@@ -52,5 +52,5 @@ def _compiled(text: str) -> mujoco.MjModel:
 
 
 def _run(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start: tuple[Any, Any]) -> None:
-    model.opt.timestep = scene.run.step
-    take_in_mujoco(scene, model, data, start, round(scene.run.duration / scene.run.step))
+    model.opt.timestep = scene.run.fixed_step
+    take_in_mujoco(scene, model, data, start, round(scene.run.duration / scene.run.fixed_step))

@@ -46,7 +46,7 @@ def native_batch(members: Sequence[Scene]) -> Work:
 
 def _loop(problem: InitialValueProblem, work: Any, starts: Array) -> Work:
     """From each of the starts (runs, 2, n), or of eight side by side (blocks, 2, n, 8)."""
-    fixed = work, method("RK4").arrays, problem.inputs, problem.run.step, 0
+    fixed = work, method("RK4").arrays, problem.inputs, problem.run.fixed_step, 0
     lanes = starts.shape[3:]
     samples = *np.zeros((2, 2, problem.chain.n, *lanes)), np.zeros((2, *lanes))
 
@@ -60,7 +60,7 @@ def _loop(problem: InitialValueProblem, work: Any, starts: Array) -> Work:
 
 def by_pinocchio(scene: Scene) -> Work:
     """A plain Python loop over `aba`, four a step, of an arm that nothing drives; set up once."""
-    chain, h = lump(scene), scene.run.step
+    chain, h = lump(scene), scene.run.fixed_step
     engine = PinocchioEngine(chain)
     model, data, k, d = engine.model, engine.data, engine.stiffness, engine.damping
     if scene.drive.kind != "none" or scene.motion or scene.tip_wrench.any() or engine.coulomb.any():
@@ -103,7 +103,7 @@ def take_in_mujoco(
     data.qpos, data.qvel = start
     with quiet():
         mujoco.mj_step(model, data, steps)
-    in_time = abs(data.time - steps * scene.run.step) < 0.5 * scene.run.step
+    in_time = abs(data.time - steps * scene.run.fixed_step) < 0.5 * scene.run.fixed_step
     _demand(scene, "MuJoCo", in_time and not data.warning.number.any() and bool(np.isfinite(data.qpos).all()))
 
 
@@ -130,11 +130,11 @@ def by_mujoco_rollout(members: Sequence[Scene]) -> Work:
 def _loaded(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData, tuple[Any, Any]]:
     chain = lump(scene)
     engine = MujocoEngine(chain)
-    engine.model.opt.timestep = scene.run.step
+    engine.model.opt.timestep = scene.run.fixed_step
     return engine.model, engine.data, initial_state(scene, chain)
 
 
 def _demand(scene: Scene, engine: str, stable: bool) -> None:
     if not stable:
-        step = f"step = {scene.run.step:g} s"
+        step = f"step = {scene.run.fixed_step:g} s"
         raise FlexlinkError(f"{scene.name}: {engine} is unstable at {step}: its time says nothing")

@@ -54,7 +54,7 @@ class DrakeRuns:
         simulator, plant = self.engine._simulator(problem_of(self.scene, self.chain))
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
         plant.SetPositionsAndVelocities(state, np.concatenate(self.start))
-        integrator = ResetIntegratorFromFlags(simulator, scheme, self.scene.run.sample)
+        integrator = ResetIntegratorFromFlags(simulator, scheme, self.scene.run.spacing)
         integrator.set_fixed_step_mode(False)
         integrator.set_target_accuracy(accuracy)
         simulator.Initialize()

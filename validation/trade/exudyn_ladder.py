@@ -49,24 +49,24 @@ class ExudynRuns:
     def run(self, solver: str, steps: int) -> Point:
         """A run with so many steps between outputs; an error of infinity if Exudyn gives up."""
         run = self.scene.run
-        seconds, good = self._seconds(solver, run.sample / steps, steps * OUTPUTS)
+        seconds, good = self._seconds(solver, run.spacing / steps, steps * OUTPUTS)
         kept = np.array(self.system.mbs.GetSensorStoredData(self.sensor))
         rows = [int(np.abs(kept[:, 0] - t).argmin()) for t in run.times]
         if not good or np.abs(kept[rows, 0] - run.times).max() > 1e-9 * run.duration:
-            return Point(run.sample / steps, math.inf, 0.0)
+            return Point(run.spacing / steps, math.inf, 0.0)
         of_a_step = 4 if solver == "RK44" else 1  # of implicit ones Exudyn does not tell its iterations
         evaluations = of_a_step * steps * OUTPUTS
-        return point(self.name, seen(self.chain, kept[rows, 1:]), run.sample / steps, seconds, evaluations)
+        return point(self.name, seen(self.chain, kept[rows, 1:]), run.spacing / steps, seconds, evaluations)
 
     def seconds_a_step(self, solver: str, steps_per_sample: int) -> float:
         """CPU seconds of a step, from the first of a run."""
         steps = 200  # as many as tell it
-        return self._seconds(solver, self.scene.run.sample / steps_per_sample, steps)[0] / steps
+        return self._seconds(solver, self.scene.run.spacing / steps_per_sample, steps)[0] / steps
 
     def _seconds(self, solver: str, step: float, steps: int) -> tuple[float, bool]:
         """CPU seconds of a run from the start, and whether Exudyn came to its end."""
         self.system._set_state(*self.start, exu.ConfigurationType.Initial)
-        settings, early = _settings(), (1 - 1e-6) * self.scene.run.sample  # so that rounding misses no output
+        settings, early = _settings(), (1 - 1e-6) * self.scene.run.spacing  # so that rounding misses no output
         settings.solution.sensors.active, settings.solution.sensors.writePeriod = True, early
         settings.timeIntegration.endTime, settings.timeIntegration.numberOfSteps = step * steps, steps
         begun = time.thread_time()

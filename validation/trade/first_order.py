@@ -157,7 +157,7 @@ class FirstOrder:
 
     def by_rk4(self, steps: int) -> Solved:
         """A run by a loop of RK4 with so many steps between two samples, as flexlink takes them; nan if it diverges."""
-        y, h = self.start, self.scene.run.sample / steps
+        y, h = self.start, self.scene.run.spacing / steps
         rows, before = [y], self.evaluations
         with np.errstate(all="ignore"):
             for sample in range(1, self.scene.run.samples):
@@ -193,7 +193,7 @@ class FirstOrder:
             inside |= {drive.times[0], drive.times[-1]} if drive.smooth else set(drive.times)
         inside = inside.union(*(motion.times for motion in self.scene.motion))
         near = {t: float(run.times[np.abs(run.times - t).argmin()]) for t in inside}
-        close = 1e-9 * run.sample  # of a sample: rounding of decimal input
+        close = 1e-9 * run.spacing  # of a sample: rounding of decimal input
         return sorted({s if abs(s - t) < close else t for t, s in near.items() if close < t < run.times[-1] - close})
 
 

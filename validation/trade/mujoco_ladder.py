@@ -50,7 +50,7 @@ def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
     def run(integrator: str, steps: int) -> Point:
         q, seconds = runs.run(integrator, steps)
         evaluations = EVALUATIONS_OF_A_STEP.get(integrator, 1) * OUTPUTS * steps
-        return point(name, seen(runs.chain, q), runs.scene.run.sample / steps, seconds, evaluations)
+        return point(name, seen(runs.chain, q), runs.scene.run.spacing / steps, seconds, evaluations)
 
     return ladders(runs.scene, INTEGRATORS, run, runs.seconds_a_step, budget, smallest)
 
@@ -97,7 +97,7 @@ class MujocoRuns:
         run, data = self.scene.run, self.data
         q = np.full((run.samples, self.chain.n), np.nan)
         q[0], seconds = self.start[0], 0.0
-        with self._ready(integrator, run.sample / steps_per_sample):
+        with self._ready(integrator, run.spacing / steps_per_sample):
             for row in range(1, run.samples):
                 seconds += _seconds_of(self.model, data, steps_per_sample)
                 if data.warning.number.any() or not np.isfinite([data.qpos, data.qvel]).all():
@@ -108,7 +108,7 @@ class MujocoRuns:
     def seconds_a_step(self, integrator: str, steps_per_sample: int) -> float:
         """CPU seconds of a step, from the first of a run."""
         steps = min(steps_per_sample, 5000)  # as many as tell it
-        with self._ready(integrator, self.scene.run.sample / steps_per_sample):
+        with self._ready(integrator, self.scene.run.spacing / steps_per_sample):
             return _seconds_of(self.model, self.data, steps) / steps
 
     @contextlib.contextmanager

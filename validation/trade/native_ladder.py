@@ -107,7 +107,7 @@ def _point(name: str, scene: Scene, setting: float, longest: float = math.inf, c
 def by_step(name: str, method: str, budget: float, smallest: float) -> list[Point]:
     """Runs of a method from its largest stable step on; one without error, told by its beginning, if it is longer."""
     scene = trade_scene(name)
-    sample, first = scene.run.sample, stable_steps(scene, method, OF_STABLE)
+    sample, first = scene.run.spacing, stable_steps(scene, method, OF_STABLE)
     stepped = {"run.method": method, "run.unstable": "allow"}
     beginning = scene.varied(stepped | {"run.step": sample / first, "run.duration": sample})
     try:

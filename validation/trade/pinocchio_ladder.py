@@ -87,13 +87,13 @@ def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -
         first = stable_steps(form.scene, method)
         evaluations = a_step * OUTPUTS * first
         if evaluations > most:
-            too_long = Point(form.scene.run.sample / first, math.nan, evaluations * aba, math.nan, evaluations)
+            too_long = Point(form.scene.run.spacing / first, math.nan, evaluations * aba, math.nan, evaluations)
             found[method] = [too_long]
         elif method == "RK4":
             longest = aba * most
 
             def run(steps: int) -> Point:
-                return _point(name, form, form.scene.run.sample / steps, aba, lambda: form.by_rk4(steps))
+                return _point(name, form, form.scene.run.spacing / steps, aba, lambda: form.by_rk4(steps))
 
             found[method] = ladder(run, first, longest, smallest)
         else:

@@ -80,7 +80,7 @@ def compute(name: str) -> float:
 
 def _run(scene: Scene, method: str, divided: int) -> tuple[Seen, float]:
     """What is seen at the outputs, and the step: the largest stable one that divides a sample, divided."""
-    step = scene.run.sample / (divided * stable_steps(scene, method, OF_STABLE))
+    step = scene.run.spacing / (divided * stable_steps(scene, method, OF_STABLE))
     return seen(fl.lump(scene), fl.simulate(scene, method=method, step=step).q), step
 
 

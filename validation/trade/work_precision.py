@@ -95,7 +95,7 @@ def ladders(
         first = stable_steps(scene, "RK4") if explicit else 1
         whole = seconds_a_step(integrator, first) * first * (scene.run.samples - 1) if explicit else 0.0
         if whole > budget:
-            found[integrator] = [Point(scene.run.sample / first, math.nan, whole)]
+            found[integrator] = [Point(scene.run.spacing / first, math.nan, whole)]
         else:
             found[integrator] = ladder(functools.partial(run, integrator), first, budget, smallest)
     return found

@@ -130,6 +130,15 @@ def linearize(
         An argument has the wrong shape or is not finite, or there is no such output.
     SingularMassError
         A joint moves no inertia of its own here.
+
+    Examples
+    --------
+    >>> rest = fl.solve_static(chain, q, locked=chain.active)
+    >>> model = fl.linearize(chain, rest.q, tau=rest.tau, outputs=("tip", "joints"))
+    >>> model
+    <LinearModel: 12 states, 2 inputs, 5 outputs>
+    >>> print(model.inputs, model.outputs[:2])
+    ('tau upper [N m]', 'tau fore [N m]') ('tip x [m]', 'tip y [m]')
     """
     n = require_type("chain", chain, Chain).n
     q = vector("q", q, n)

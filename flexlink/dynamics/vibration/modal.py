@@ -85,6 +85,11 @@ class Modes(SavedResult):
         ------
         MissingDependencyError
             matplotlib is not installed.
+
+        Examples
+        --------
+        >>> picture = fl.modes(chain, q, locked=["upper", "fore"]).plot(chain, count=2)
+        >>> picture.savefig("modes.png")
         """
         return drawing_module("results.plotting").plot_modes(self, chain, count)
 
@@ -161,6 +166,12 @@ def modes(
         An argument has the wrong shape or is not finite, or `locked` names no coordinate.
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
+
+    Examples
+    --------
+    >>> found = fl.modes(chain, q, locked=["upper", "fore"])  # joints held
+    >>> print(found.hertz[:2].round(2), found.kinds[0])
+    [ 5.7  26.87] elastic
     """
     n, follower = require_type("chain", chain, Chain).n, turns_with_tip(frame)
     q = chain.rest.copy() if q is None else vector("q", q, n)
@@ -274,6 +285,11 @@ def natural_frequencies(
     ------
     ArgumentError, SingularMassError
         As in `modes`.
+
+    Examples
+    --------
+    >>> print(fl.natural_frequencies(chain, q, locked=["upper", "fore"])[:2].round(1))  # rad/s
+    [ 35.8 168.8]
     """
     return modes(chain, q, qd, tip_wrench=tip_wrench, frame=frame, locked=locked).frequencies
 

@@ -45,6 +45,12 @@ def pd_poles(
         An argument has the wrong shape, is not finite, or is negative.
     SingularMassError
         A joint moves no inertia of its own here.
+
+    Examples
+    --------
+    >>> slow = fl.pd_poles(chain, q, kp=(2e4, 1e4), kd=(600.0, 250.0))
+    >>> print((abs(slow[:2]) / (2 * np.pi)).round(2))  # Hz
+    [ 4.28 26.51]
     """
     n = require_type("chain", chain, Chain).n
     driven = chain.active

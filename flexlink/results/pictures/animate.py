@@ -19,6 +19,7 @@ from flexlink.describe.data_files import require_path
 from flexlink.results.pictures.colouring import Colour
 from flexlink.results.pictures.film import Film, film_of
 from flexlink.results.pictures.page import page
+from flexlink.results.pictures.played import PlayedPath
 from flexlink.results.pictures.video import require_ffmpeg, write_gif, write_mp4
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: fl
     return Shot(path, magnify, require_one_of("colour", colour, COLOURS), fps, speed, width)
 
 
-def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> Path:
+def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> PlayedPath:
     """Draw what is wanted of a run and write it; errors as of `Trajectory.animate`."""
     require_callable("progress", progress)
     report, path = progress or (lambda _: None), wanted.path
@@ -76,7 +77,7 @@ def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> 
 
     with deferred() as stop:
         write_or_keep(path, lambda place: WRITERS[path.suffix](film, place, wanted.width, pulse))
-    return path
+    return PlayedPath(path)
 
 
 def require_film(path: Path) -> None:

@@ -82,8 +82,8 @@ def _affordable(study: Study) -> float:
     """As much of the run [s], in whole samples, as engines do in so many evaluations."""
     run = in_fixed_steps(study.scene, study.chain)[0].run
     evaluations = 8_000  # of an engine’s run; from Python one takes a tenth of a millisecond
-    samples = int(evaluations / method(run.method).stages * run.step / run.sample)
-    return min(run.duration, max(samples, 1) * run.sample)
+    samples = int(evaluations / method(run.method).stages * run.fixed_step / run.spacing)
+    return min(run.duration, max(samples, 1) * run.spacing)
 
 
 def _terms(diagnoses: Sequence[Diagnosis]) -> Table:

@@ -1,0 +1,68 @@
+"""All mistakes of a parsed file, one message each: looked for where reading it has failed; none hides another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, get_args, get_origin
+
+import msgspec
+
+from flexlink.common.errors import SceneError
+from flexlink.describe.spec import TOO_DEEP, bare_type, decode, fields_of, key_mistakes, path_to, type_below
+
+MOST = 20
+"""How many mistakes are told; a file with more is of another kind."""
+ALSO = "; also "
+"""Between two mistakes in one message."""
+
+
+def mistakes(raw: Any, kind: Any, path: str = "") -> list[str]:
+    """What `decode` finds wrong with a value and with all below it; arguments as there."""
+    try:
+        decode(raw, kind, path)
+    except SceneError as error:
+        deep = str(error).endswith(TOO_DEEP)
+        return [str(error)] if deep else list(_below(raw, kind, path)) or [str(error)]
+    return []
+
+
+def _below(raw: Any, kind: Any, path: str) -> Iterator[str]:
+    """Mistakes of a table's keys and of the tables in a list; none where the value as a whole is wrong."""
+    bare = bare_type(kind)
+    if get_origin(bare) is dict and isinstance(raw, dict):
+        for key, item in raw.items():
+            yield from mistakes(item, get_args(bare)[1], f"{path}.{key}")
+    elif isinstance(bare, type) and issubclass(bare, msgspec.Struct) and isinstance(raw, dict):
+        fields = fields_of(bare)
+        names = [field.encode_name for field in fields]
+        yield from key_mistakes(raw, names, (f.encode_name for f in fields if f.required), path)
+        for key in raw.keys() & set(names):
+            yield from mistakes(raw[key], type_below(bare, key), f"{path}.{key}".lstrip("."))
+    elif get_origin(bare) is tuple and isinstance(raw, list) and Ellipsis in get_args(bare):
+        for k, item in enumerate(raw):
+            if isinstance(item, dict):
+                yield from mistakes(item, get_args(bare)[0], path_to([k], raw, kind, path))
+
+
+def raise_together(found: Iterable[str]) -> None:
+    """Raise one error that tells all mistakes, if there are any.
+
+    Raises
+    ------
+    SceneError
+        The first one, and after "; also " each other one.
+    """
+    if told := list(dict.fromkeys(found)):
+        more = [f"{len(told) - MOST} more"] if len(told) > MOST else []
+        raise SceneError(ALSO.join([*told[:MOST], *more]))
+
+
+def check_all(checks: Sequence[Callable[[], None]]) -> None:
+    """Make all checks, and raise what they find together; errors as in `raise_together`."""
+    found = []
+    for check in checks:
+        try:
+            check()
+        except SceneError as error:
+            found.append(str(error))
+    raise_together(found)

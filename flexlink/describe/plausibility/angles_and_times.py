@@ -1,0 +1,68 @@
+"""Angles in radians, times in milliseconds, tolerances in millimetres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from flexlink.describe.plausibility.ranges import told
+from flexlink.describe.plausibility.situation import Situation
+from flexlink.describe.scene import Scene
+
+
+def of_angles(scene: Scene) -> Iterator[str]:
+    """Angles in degrees whose digits are those of multiples of 5° in radians; radians beyond all turns."""
+    arm, drive, reference = scene.arm, scene.drive, scene.drive.reference
+    angles: list[tuple[str, Sequence[float]]] = [
+        ("initial.joint_deg", scene.initial.joint_deg), ("drive.target_deg", drive.target_deg or ()),
+    ]  # fmt: skip
+    if reference is not None:
+        angles += [
+            ("drive.reference.to_deg", reference.to_deg or ()),
+            ("drive.reference.from_deg", reference.from_deg or ()),
+        ]
+    for motion in scene.motion:
+        angles += [(f"motion.{motion.link}.angle_deg", motion.angle_deg)]
+    for k, link in enumerate(arm.links, 1):
+        path = arm.path(k)
+        angles += [
+            (f"{path}.mount.rpy_deg", link.mount.rpy_deg),
+            (f"{path}.joint.limits_deg", link.joint.limits_deg or ()),
+        ]
+        if link.dh is not None:
+            angles += [(f"{path}.dh.alpha_deg", (link.dh.alpha_deg,)), (f"{path}.dh.theta_deg", (link.dh.theta_deg,))]
+        if max(map(abs, link.mount.rpy or (0.0,))) > 2 * math.pi + 1e-3:
+            yield (
+                f"{path}.mount.rpy = {list(link.mount.rpy or ())} rad: more than a turn; likely given in deg: write it "
+                "as rpy_deg"
+            )
+    for path, values in angles:
+        some = [value for value in values if value]
+        if some and max(map(abs, some)) <= 2 * math.pi + 0.01 and any(map(_looks_like_radians, some)):
+            inner = ", ".join(f"{math.degrees(value):.4g}" for value in values)
+            why = "the digits are those of whole angles in radians"
+            yield f"{path} = {list(values)} deg: {why}; likely given in rad: in degrees [{inner}]"
+
+
+def _looks_like_radians(value: float) -> bool:
+    """Whether the decimals are those of a multiple of 5° in radians, of right angles if there are only two of them."""
+    decimals = len(f"{abs(value):.12g}".partition(".")[2])
+    if decimals < 2 or "e" in f"{value:.12g}":
+        return False
+    unit = math.pi / (36 if decimals > 2 else 2)
+    nearest = round(abs(value) / unit) * unit
+    return nearest > 0 and abs(abs(value) - nearest) <= 1.1 * 10.0**-decimals
+
+
+def of_times(scene: Scene, about: Situation) -> Iterator[str]:
+    """Tables that outlast the run, and a tolerance of the size of the arm."""
+    run = scene.run
+    tables = [("drive", scene.drive.times), ("wrench", scene.wrench.times)]
+    tables += [(f"motion.{motion.link}", motion.times) for motion in scene.motion]
+    tables += [("drive.reference", scene.drive.reference.times)] if scene.drive.reference is not None else []
+    for path, times in tables:
+        if times and run.duration > 0 and times[-1] > 10.0:
+            yield from told(f"{path}.times[{len(times) - 1}]", times[-1], "times", times[-1] / run.duration)
+    if run.tolerance is not None and about.reach > 0:
+        part = run.tolerance / about.reach
+        yield from told("run.tolerance", run.tolerance, "tolerance", part, 1.0, f", {part:.2g}")

@@ -1,0 +1,143 @@
+"""A scene that says nothing of its steps keeps a tolerance and says so; one that names a step or a method keeps it."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.describe.scene import scene_from
+
+GRAVITY = (0.0, -9.81, 0.0)
+
+
+def arm(**run: Any) -> fl.Scene:
+    return make_scene(flexible("a", segments=3), gravity=GRAVITY, run=fl.RunSettings(**run))
+
+
+def test_a_scene_without_steps_runs_within_a_thousandth_of_the_reach() -> None:
+    run = fl.simulate(arm(duration=0.2))
+    exact = fl.simulate(arm(duration=0.2, tolerance=1e-8))
+    asked = fl.simulate(arm(duration=0.2, relative_tolerance=1e-3))
+    assert np.array_equal(run.q, asked.q)
+    assert np.linalg.norm(run.tip[-1] - exact.tip[-1]) <= 1.46e-3
+    assert run.steps.taken < 2000  # fixed steps of 1e-4 s
+
+
+@pytest.mark.parametrize(
+    ("said", "method", "step"),
+    [({"step": 1e-4}, "RK4", 1e-4), ({"method": "RK10"}, "RK10", 1e-4), ({"method": "Radau5"}, "Radau5", 1e-4),
+     ({"method": "RK2", "step": 2e-5}, "RK2", 2e-5)],
+)  # fmt: skip
+def test_a_scene_that_names_a_step_or_a_method_has_fixed_steps(said: Any, method: str, step: float) -> None:
+    run = fl.RunSettings(**said)
+    assert (run.controlled, run.method, run.fixed_step, run.spacing) == (False, method, step, 0.005)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [{}, {"step": 1e-4}, {"step": 0.01}, {"method": "RK10"}, {"method": "auto"}, {"tolerance": 1e-4}, {"sample": 0.01},
+     {"duration": 0.0123}, {"relative_tolerance": 1e-3}, {"relative_tolerance": 1e-3, "accuracy": "deflection"},
+     {"step": 3e-4, "duration": 0.3}],
+)  # fmt: skip
+def test_a_file_says_what_its_scene_said_and_no_more(said: Any) -> None:
+    scene = arm(**said)
+    document = tomllib.loads(scene.to_toml())
+    assert scene_from(document) == scene
+    assert document.get("run", {}).keys() - {"method"} == said.keys() - {"method"}
+
+
+@pytest.mark.parametrize(
+    ("first", "then", "is_default", "step"),
+    [
+        ({}, {"run.step": 1e-3}, False, 1e-3),
+        ({"run.step": 1e-3}, {"run.step": None, "run.method": None}, True, None),
+        ({}, {"run.method": "RK10"}, False, None),
+        ({"run.tolerance": 1e-4}, {"run.tolerance": None}, True, None),
+        ({"run.tolerance": 1e-4}, {"run.step": 1e-3}, False, 1e-3),
+        ({"run.step": 1e-3}, {"run.tolerance": 1e-4}, False, 1e-3),
+    ],
+)  # fmt: skip
+def test_a_tolerance_takes_the_place_of_a_step_and_a_step_that_of_the_default(
+    first: Any, then: Any, is_default: bool, step: float | None
+) -> None:
+    run = arm().varied(first).varied(then).run
+    assert (run.by_default, run.step) == (is_default, step)
+    assert run.controlled == (is_default or "run.tolerance" in then)
+
+
+@pytest.mark.parametrize(
+    ("said", "sample"),
+    [({"step": 1e-4}, 0.005), ({"step": 0.01}, 0.01), ({"step": 0.003, "duration": 3.0}, 0.006),
+     ({"step": 0.002, "duration": 3.0}, 0.004), ({"duration": 0.0123}, 0.0123 / 2), ({"duration": 0.001}, 0.001),
+     ({"step": 5e-4, "duration": 0.0035}, 0.0035), ({"duration": 0.0}, 0.005), ({"step": 0.3, "duration": 0.0}, 0.3)],
+)  # fmt: skip
+def test_the_default_sample_fits_whatever_step_and_duration_are_written(said: Any, sample: float) -> None:
+    run = fl.RunSettings(**said)
+    assert run.spacing == pytest.approx(sample, rel=1e-12)
+    assert (run.samples - 1) * run.between == pytest.approx(run.duration, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"run.step": 0.003}, "run.duration, by default 5.0, = 5.0: must be a multiple of step = 0.003"),
+        ({"run.method": "RK4", "run.sample": 1.5e-4}, "run.sample = 0.00015: must be a multiple of the default step"),
+        ({"run.method": "RK4", "initial.time": 1e-5}, "initial.time = 1e-05: must be a multiple of the default run.s"),
+        ({"run.method": "auto", "run.step": 1e-3}, "run.method = 'auto': .* run.step = 0.001 is given; give run.tol"),
+        (
+            {"drive": {"kind": "pd", "kp": [1.0], "kd": [1.0], "target_deg": [0.0], "rate": 300.0}},
+            "drive.rate = 300.0: the default run.sample = 0.005: must be .* give run.sample, such as 0.00666667",
+        ),
+    ],
+)  # fmt: skip
+def test_what_nobody_wrote_is_said_to_be_a_default(changes: Any, message: str) -> None:
+    with pytest.raises(fl.errors.SceneError, match=message):
+        arm().varied(changes)
+
+
+def test_the_command_line_and_the_result_say_what_the_steps_keep_by_default(tmp_path: Path, capsys: Any) -> None:
+    path = arm(duration=0.01).save(tmp_path / "arm.toml")
+    note = "run: no step given; tolerance 1.46 mm (0.001 of the reach), method auto"
+    assert main(["simulate", str(path)]) == 0
+    assert f"note: {note}\n" in capsys.readouterr().err
+    assert main(["simulate", str(path), "--step", "1e-4"]) == 0
+    assert "no step given" not in capsys.readouterr().err
+    assert fl.simulate(fl.load_scene(path)).notes == (note,)
+    assert fl.simulate(fl.load_scene(path), tolerance=1e-4).notes == ()
+    (fixed,) = fl.simulate(fl.load_scene(path), method="RK10").notes
+    assert fixed == "run: no step given; fixed ones of 0.0001 s by RK10, unless a tolerance is given"
+
+
+def test_a_refused_step_names_a_tolerance_as_the_first_way_out() -> None:
+    with pytest.raises(fl.errors.UnstableStepError) as caught:
+        fl.simulate(arm(step=0.01))
+    first, then = str(caught.value).split("; take a tolerance")[1].split("or a step below")
+    assert "relative_tolerance = 1e-3 (--relative-tolerance 1e-3)" in first
+    assert "--insist" in then
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda s: fl.sensitivities(s, ("tip.mass",)), "need fixed steps of an explicit method; give run.step"),
+        (lambda s: fl.simulate(s, control=lambda t, q, qd: [0.0]), "with the default tolerance, .* give rate, or take"),
+    ],
+)  # fmt: skip
+def test_what_needs_fixed_steps_says_how_to_have_them(call: Any, message: str) -> None:
+    with pytest.raises(fl.errors.ArgumentError, match=message):
+        call(arm(duration=0.01))
+
+
+def test_simulators_sweeps_and_engines_take_the_default(tmp_path: Path) -> None:
+    scene = arm(duration=0.02)
+    assert fl.Simulator(scene).step(duration=0.0123).t == 0.0123
+    rows = fl.sweep(fl.Sweep(scene=scene, grid={"tip.mass": [0.0, 1.0]}, quantity={"z": {"of": "tip y [m]"}}))
+    assert np.isfinite(rows.column("z")).all()
+    assert "RK4 steps of" in fl.compare_trajectories(scene, engines=["native"]).steps

@@ -1,0 +1,128 @@
+"""What a newcomer writes wrong is told at once, in words that say what to write instead."""
+
+from __future__ import annotations
+
+import copy
+import re
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+from conftest import ROOT
+from test_hostile_urdf import joint, robot
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.describe.scene import scene_from
+from flexlink.engines.read_back import require_hinges
+
+T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
+LIMIT = '<limit lower="0" upper="1" effort="1" velocity="1"/>'
+Edit = Callable[[dict[str, Any]], Any]
+
+
+def refused(*edits: Edit) -> str:
+    raw = copy.deepcopy(T3)
+    for edit in edits:
+        edit(raw)
+    with pytest.raises(fl.errors.SceneError) as caught:
+        scene_from(raw)
+    return str(caught.value)
+
+
+def at(*keys: Any, **values: Any) -> Edit:
+    """An edit that puts values into the table below the keys."""
+
+    def edit(raw: dict[str, Any]) -> None:
+        for key in keys:
+            raw = raw[key]
+        raw.update(values)
+
+    return edit
+
+
+@pytest.mark.parametrize(
+    ("edit", "wanted"),
+    [
+        (at("link", 1, joint={"type": "prismatic"}), "link.upper.joint.type = 'prismatic': sliding joints are not su"),
+        (at("link", 1, kind="telescopic"), "link.upper.kind = 'telescopic': sliding joints are not supported"),
+        (at("link", 1, joint="prismatic"), "expected table, got str: sliding joints are not supported"),
+        (at("link", 1, joint={"type": "revolute"}), "all joints are hinges: leave this out"),
+        (at(contact={"ground": 0.0}), "contact = .*: contact is not supported: give the force"),
+        (at(loop=[{}]), "loop = .*: closed loops are not supported, .* cut the loop"),
+        (at("link", 2, parent="waist"), "link.fore.parent = 'waist': trees are not supported"),
+        (at("link", 1, joint={"axis": "x"}), r"joint.axis = 'x': expected three numbers, such as \[1.0, 0.0, 0.0\]"),
+        (at(gravity=-9.81), r"gravity = -9.81: expected three numbers \[m/s²\], such as \[0.0, 0.0, -9.81\]"),
+        (at("link", 1, mount={"xyz": 0.3}), r"mount.xyz = 0.3: expected three numbers \[m\]"),
+    ],
+)  # fmt: skip
+def test_what_does_not_exist_is_refused_with_what_to_do(edit: Edit, wanted: str) -> None:
+    message = refused(edit)
+    assert re.search(wanted, message), message
+
+
+def test_all_mistakes_of_a_file_are_told_at_once() -> None:
+    message = refused(
+        at("link", 0, lenght=1.0), at("link", 1, flex=True), at("link", 2, material="stell"), at(gravty=1),
+        lambda raw: raw["material"]["aluminium"].pop("density"), lambda raw: raw.pop("name"), at("run", step="fast"),
+    )  # fmt: skip
+    told = [text.split(" = ")[0].split(":")[0] for text in message.split("; also ")]
+    assert told == ["gravty", "name", "material.aluminium.density", "link.waist.lenght", "link.upper.flex", "run.step"]
+    assert "link.fore.material = 'stell': not defined" in refused(at("link", 2, material="stell"), at(gravty=1))
+
+
+def test_lists_of_the_wrong_length_are_told_together() -> None:
+    message = refused(at("initial", joint_deg=[0.0]), at(drive={"kind": "constant", "torque": [1.0]}))
+    assert message.split("; also ")[1].startswith("drive.torque = (1.0,): expected one number per link, 3")
+
+
+def test_a_mistake_is_told_once_and_a_single_one_as_before() -> None:
+    assert refused(at("run", step=-1.0)) == "run.step = -1.0: expected float > 0.0"
+
+
+def test_the_command_line_has_a_line_for_each_mistake(tmp_path: Path, capsys: Any) -> None:
+    raw = copy.deepcopy(T3)
+    raw["gravty"] = raw.pop("gravity")
+    raw["run"]["step"] = -1.0
+    path = tmp_path / "arm.toml"
+    path.write_text(tomli_w.dumps(raw), encoding="utf-8")
+    assert main(["info", str(path)]) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.startswith(f"flexlink: {path}: gravty = ")
+    assert second == "  also: run.step = -1.0: expected float > 0.0"
+
+
+def test_the_initial_state_may_be_left_out() -> None:
+    raw = copy.deepcopy(T3)
+    raw.pop("initial")
+    scene = scene_from(raw)
+    assert scene.initial.joint_deg == (0.0, 0.0, 0.0)
+    assert scene == scene_from({**raw, "initial": {"joint_deg": [0.0] * 3}})
+    assert scene_from({**raw, "initial": {"passive": "static"}}).initial.joint_deg == (0.0, 0.0, 0.0)
+
+
+def test_an_angle_that_nobody_wrote_is_said_to_be_a_default() -> None:
+    raw = copy.deepcopy(T3)
+    raw.pop("initial")
+    raw["link"][1].setdefault("joint", {})["limits_deg"] = [10.0, 20.0]
+    with pytest.raises(fl.errors.SceneError, match=r"the default initial.joint_deg.upper = 0.0: outside limits_deg"):
+        scene_from(raw)
+
+
+def test_a_sliding_joint_of_a_robot_is_not_supported_and_the_message_says_how_to_lock_it(tmp_path: Path) -> None:
+    path = tmp_path / "slider.urdf"
+    path.write_text(robot("ab", joint("j", "a", "b", LIMIT, kind="prismatic")), encoding="utf-8")
+    with pytest.raises(fl.errors.ArgumentError, match=r"sliding joints are not supported; .* --locked j=0.0 \(m\)"):
+        fl.import_urdf(path, tip="b")
+    with pytest.raises(fl.errors.ArgumentError, match="'j' is of type slide: sliding joints are not supported"):
+        require_hinges([("j", "slide")])
+
+
+def test_export_makes_its_folder(tmp_path: Path) -> None:
+    out = tmp_path / "new" / "folder"
+    assert main(["export", str(ROOT / "models" / "paper_fig5.toml"), "--format", "urdf", "--out", str(out)]) == 0
+    assert (out / "paper_fig5.urdf").is_file()
+    assert main(["export", str(ROOT / "models" / "paper_fig5.toml"), "--out", str(out / "paper_fig5.urdf")]) == 2

@@ -1,0 +1,108 @@
+"""The site in a real browser, from its files: nothing cut on a desk or a phone, light or dark; search finds."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from browser import CHROMIUM, DRIVER, Browser, axe, browser
+from conftest import ROOT
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver"),
+    pytest.mark.skipif(find_spec("sphinx_gallery") is None, reason="needs Sphinx: the extra 'docs'"),
+]
+DESK, PHONE = (1280, 800), (390, 844)
+PAGES = (
+    "index", "start/first_arm", "start/coming_from", "howto/index", "howto/steps", "explanation/chain", "gallery/index",
+    "gallery/crane", "reference/generated/api", "reference/generated/api/flexlink.Joint",
+    "reference/generated/api/flexlink.simulate", "reference/generated/scene", "reference/generated/command_line",
+    "reference/generated/methods", "reference/generated/messages", "reference/generated/notation",
+    "reference/generated/study",
+)  # fmt: skip
+SEARCHES = {
+    "mass_matrix": "flexlink.mass_matrix", "armature": "reference/generated/scene", "prismatic": "start/",
+    "segments": "howto/segments", "damping": "howto/stiffness", "buckling": "howto/statics", "gymnasium": "howto/loop",
+    "stiff": "howto/steps", "strain": "howto/loads", "LQR": "howto/control", "urdf": "start/robot",
+    "shaper": "start/shaped_move", "sweep": "howto/sweeps", "tolerance": "howto/steps", "mujoco": "start/coming_from",
+    "install": "start/install", "Radau5": "reference/generated/methods", "gauss": "reference/generated/rules",
+    "units": "reference/", "contact": "start/for_you",
+}  # fmt: skip
+OVERFLOW = """
+const width = document.documentElement.clientWidth
+if (document.documentElement.scrollWidth <= width + 1) return []
+const own = e => ['auto', 'scroll', 'hidden'].includes(getComputedStyle(e).overflowX)
+const scrolls = e => e && (own(e) || scrolls(e.parentElement))
+return [...document.querySelectorAll('body *')].filter(e => e.checkVisibility() && !scrolls(e.parentElement)
+  && e.getBoundingClientRect().right > width + 1).map(e => `${e.tagName} ${e.className} ${e.textContent.slice(0, 60)}`)
+"""
+STILL = "document.head.insertAdjacentHTML('beforeend', '<style>* { transition: none !important }</style>')"
+VIOLATIONS = """
+const done = arguments[0]
+axe.run(document, {resultTypes: ['violations']}).then(found =>
+  done(found.violations.map(v => `${v.id}: ${v.nodes.length} × ${v.nodes[0].html.slice(0, 200)}`)))
+"""
+
+
+@pytest.fixture(scope="module")
+def window() -> Iterator[Browser]:
+    with browser() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site that SITE names, or one that is built for this, without running its code."""
+    if "SITE" in os.environ:
+        return Path(os.environ["SITE"])
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "docs", "--quick", "--out", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, timeout=300)
+    return folder
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
+@pytest.mark.parametrize("name", PAGES)
+def test_nothing_is_cut_and_nobody_shut_out(
+    window: Browser, site: Path, name: str, size: tuple[int, int], dark: bool
+) -> None:
+    window.open(site / f"{name}.html", *size, dark)
+    window.run(STILL)
+    assert window.run("return document.documentElement.dataset.theme") == ("dark" if dark else "light")
+    assert window.run(OVERFLOW) == []
+    script = axe()
+    if script is None:
+        pytest.skip("needs axe-core: npm install axe-core, or AXE=…/axe.min.js")
+    window.run(script.read_text(encoding="utf-8"))
+    assert window.run_async(VIOLATIONS) == []
+
+
+@pytest.mark.parametrize("word", SEARCHES)
+def test_search_from_a_file_finds_the_page(window: Browser, site: Path, word: str) -> None:
+    window.open(site / "search.html", *DESK)
+    window.run(f"location.href = 'search.html?q={word}'")
+    wait = """
+    const done = arguments[0]
+    const look = tries => {
+      const status = document.querySelector('#search-results .search-summary')
+      if (status && status.textContent.includes('found') || tries == 0)
+        done([...document.querySelectorAll('#search-results li a')].map(a => a.getAttribute('href')))
+      else setTimeout(() => look(tries - 1), 50)
+    }
+    look(200)"""
+    assert any(SEARCHES[word] in link for link in window.run_async(wait)), word
+
+
+def test_no_page_asks_a_network_for_anything(site: Path) -> None:
+    asked = re.compile(
+        r"""<(?:script|img|iframe)[^>]*src=["']?(?:https?:)?//|<link[^>]*stylesheet[^>]*href=["']?http"""
+    )
+    assert [path for path in site.rglob("*.html") if asked.search(path.read_text(encoding="utf-8"))] == []
