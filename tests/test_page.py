@@ -139,10 +139,10 @@ LATEST = Path(__file__).parent.parent / "reports" / "latest" / "index.html"
 
 @pytest.mark.skipif(not LATEST.is_file(), reason="needs a report: python -m validation")
 def test_the_whole_report_is_short_and_light_and_cuts_no_word(window: Browser) -> None:
-    """17 screens folded, figures as wide as half the column; 2 MB without the drawings."""
+    """22 screens folded, of all 100 cases, with figures as wide as half the column; 2 MB without the drawings."""
     window.open(LATEST, *DESK)
     window.run(FOLD)
-    assert window.run(SCREENS) <= 17
+    assert window.run(SCREENS) <= 22
     window.run(UNFOLD)
     assert window.run(CUT_WORDS) == []
     drawn = window.run(

@@ -121,7 +121,9 @@ def test_ratios_below_one_are_shown_like_those_above_and_what_no_run_shows_is_ho
     pictures = {picture.name: picture for picture in trade_ratios.draw(study(tmp_path))}
     assert set(pictures) == {"trade_ratios.0.01", "trade_ratios.0.0001"}
     (axes,) = pictures["trade_ratios.0.0001"].figure.axes
-    marks = {line.get_label(): line for line in axes.lines if line.get_linestyle() == "None"}
+    names = {line.get_color(): line.get_label() for line in axes.lines if not len(line.get_xdata())}  # of the legend
+    drawn = [line for line in axes.lines if line.get_linestyle() == "None" and len(line.get_xdata())]
+    marks = {names[line.get_color()]: line for line in drawn}
     assert marks["Pinocchio"].get_xdata()[0] == pytest.approx(2 / 3)
     assert marks["MuJoCo"].get_xdata()[0] == pytest.approx(30)
     assert marks["MuJoCo"].get_markerfacecolor() == "none"
