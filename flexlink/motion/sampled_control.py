@@ -179,7 +179,8 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
     run, scene = problem.run, problem.scene
     if scene.drive.kind != "none":
         raise ArgumentError(
-            f"control: the scene has a drive, {scene.drive.kind!r}, too; give only one: scene.varied({{'drive': None}}) has none"
+            f"control: the scene has a drive, {scene.drive.kind!r}, too; "
+            "give only one: scene.varied({'drive': None}) has none"
         )
     if rate is None and not problem.explicit:
         what = (
