@@ -31,18 +31,12 @@ def strip(segments: int, load: float) -> fl.Scene:
         sections={"flat": fl.Section(shape="rectangle", height=HEIGHT, width=WIDTH)},
     )
     pressed = fl.Wrench(force=(-load, 0.0, 0.0))
-    return fl.Scene(
-        name="strip",
-        arm=arm,
-        gravity=(0, 0, 0),
-        wrench=pressed,
-        initial=fl.InitialState(joint_deg=(0.0,)),
-    )
+    return fl.Scene(name="strip", arm=arm, gravity=(0.0, 0.0, 0.0), wrench=pressed)
 
 
 # %%
-# Factors of the present load, here 1 N: the first one is the buckling load. Its error falls with the
-# square of the number of hinges.
+# Factors of the present load, here 1 N: the first one is the buckling load. Its error falls with the square of the
+# number of hinges.
 factors = {}
 for segments in (3, 5, 9, 17):
     scene = strip(segments, load=1.0)

@@ -1,8 +1,9 @@
 """Fit a model to a measurement: exact derivatives for SciPy
 =========================================================
 
-An arm is plucked, its tip is filmed. Which Young's modulus, payload and damping explain the film? ``fl.sensitivities``
-gives the run and its derivatives along these numbers at once: the Jacobian that SciPy's least squares asks for.
+A strip is let go from straight, its tip is filmed. Which Young's modulus, payload and damping explain the film?
+``fl.sensitivities`` gives the run and its derivatives along these numbers at once: the Jacobian that SciPy's least
+squares asks for.
 """
 
 import matplotlib.pyplot as plt
@@ -28,10 +29,9 @@ arm = fl.Arm(
     tip=fl.RigidBody(mass=0.2),
 )
 guess = fl.Scene(
-    name="plucked",
+    name="let_go",
     arm=arm,
     gravity=(0.0, -9.81, 0.0),
-    initial=fl.InitialState(joint_deg=(0.0,)),  # straight, and let go
     run=fl.RunSettings(method="RK4", step=1e-4, duration=1.5, sample=0.01),
 )
 numbers = {  # path: unit

@@ -36,8 +36,7 @@ def spin(segments: int) -> fl.Trajectory:
         acceleration_deg=np.degrees(acceleration),
     )
     run = fl.RunSettings(method="RK4", step=1e-3, duration=20.0, sample=0.02)
-    start = fl.InitialState(joint_deg=(0.0,))
-    floating = {"gravity": (0.0, 0.0, 0.0), "initial": start, "motion": (motion,)}
+    floating = {"gravity": (0.0, 0.0, 0.0), "motion": (motion,)}
     return fl.simulate(fl.Scene(name="spin_up", arm=arm, run=run, **floating))
 
 

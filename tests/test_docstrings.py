@@ -11,10 +11,12 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import pytest
-from conftest import ROOT
+from conftest import ROOT, compiled
 
 import flexlink as fl
 from flexlink.dynamics.vibration.modal import Modes
+
+pytestmark = compiled  # the run that is prepared
 
 PUBLIC = {name: getattr(fl, name) for name in fl.__all__} | {
     f"errors.{name}": getattr(fl.errors, name) for name in fl.errors.__all__

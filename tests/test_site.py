@@ -14,6 +14,7 @@ import flexlink as fl
 from docs.generators import PAGES, api, command_line, keys, messages
 from flexlink.cli.main import build_parser
 from flexlink.describe import data_files
+from flexlink.describe.plausibility.ranges import ranges
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 from flexlink.describe.schemes.methods import Method
@@ -131,6 +132,8 @@ def test_every_data_file_is_a_section_of_its_page(texts: dict[str, str]) -> None
     for folder, page in (("methods", "methods.rst"), ("lumping", "rules.rst"), ("shapers", "shapers.rst")):
         titles = re.findall(r"^(\S+)\n-{2,}$", texts[page], re.MULTILINE)
         assert twice_or_never(titles, list(data_files.names(folder))) == {}
+    listed = re.findall(r"^\s+\* - ``(\w+)``$", texts["plausibility.rst"], re.MULTILINE)
+    assert twice_or_never(listed, list(ranges())) == {}
 
 
 def test_every_error_text_of_the_source_is_listed(texts: dict[str, str]) -> None:

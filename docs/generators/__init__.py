@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from docs.generators import api, command_line, docstrings, keys, messages, notation, schemes, study
+from docs.generators import api, command_line, docstrings, keys, messages, notation, plausibility, schemes, study
 
 PAGES: dict[str, Callable[[Path], str]] = {
     "api.rst": api.page,
@@ -17,6 +17,7 @@ PAGES: dict[str, Callable[[Path], str]] = {
     "methods.rst": schemes.methods_page,
     "rules.rst": schemes.rules_page,
     "shapers.rst": schemes.shapers_page,
+    "plausibility.rst": plausibility.page,
     "messages.rst": messages.page,
     "notation.md": notation.page,
     "study.rst": study.page,

@@ -66,7 +66,7 @@ class SingularMassError(FlexlinkError, ArithmeticError):
     Examples
     --------
     >>> wire = fl.Arm(links=(fl.Link(name="wire"),))  # without mass, hub, armature
-    >>> weightless = fl.Scene(name="wire", arm=wire, initial=fl.InitialState(joint_deg=(0.0,)))
+    >>> weightless = fl.Scene(name="wire", arm=wire)
     >>> fl.forward_dynamics(fl.lump(weightless), [0.0], [0.0], [0.0])
     Traceback (most recent call last):
         ...

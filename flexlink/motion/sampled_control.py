@@ -178,7 +178,10 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
         return None
     run, scene = problem.run, problem.scene
     if scene.drive.kind != "none":
-        raise ArgumentError(f"control: the scene has a drive, {scene.drive.kind!r}, too; give only one")
+        raise ArgumentError(
+            f"control: the scene has a drive, {scene.drive.kind!r}, too; "
+            "give only one: scene.varied({'drive': None}) has none"
+        )
     if rate is None and not problem.explicit:
         what = (
             "the default tolerance"
