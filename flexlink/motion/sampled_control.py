@@ -157,7 +157,7 @@ class Control:
 def held_torques_advice(between: float) -> str:
     """What to change where torques that are held for so long [s], in stable steps, drive an arm apart."""
     return (
-        f"the step is stable, so likely the loop that is sampled at {1 / between:.6g} Hz is not: take lower gains, a "
+        f"likely the loop that is sampled at {1 / between:.6g} Hz is unstable, not the steps: take lower gains, a "
         "higher rate, or give the joints armature"
     )
 
