@@ -11,10 +11,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
-from PIL import Image
+from PIL import Image, ImageColor
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
+from flexlink.pages.colours import CYCLE, GREY, INK, PAPER
 from flexlink.pages.page import make_folder, template
 from flexlink.pages.tables import table_csv
 from reports import verdict
@@ -40,7 +41,7 @@ from validation.judgement import crowd
 HERE = Path(__file__).parent
 MOST = 10_000_000  # bytes: what a repository may hold of generated files
 LARGE = 100_000  # bytes, of a table that is compressed: people look at small ones, programs at large ones
-COLOURS = 64  # of a picture: lines on a ground, and what softens their edges; a third of the bytes
+COLOURS = 96  # of a picture: lines on a ground, and what softens their edges; a third of the bytes
 WRITTEN = ("README.md", "*.csv", "*.csv.gz", "*.json", "*.png")
 WORDS = ("kind", "title", "metric", "reason", "given_up")  # the same in many rows: they have a table of their own
 
@@ -94,10 +95,21 @@ def _files(report: StudyReport) -> Iterator[str]:
 def _shrink(file: Path) -> None:
     """A picture to few colours, a large table to one that pandas and NumPy still read as it is."""
     if file.suffix == ".png":
-        Image.open(file).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(file, optimize=True)
+        picture = Image.open(file).convert("RGB")
+        picture.quantize(palette=_palette(picture), dither=Image.Dither.NONE).save(file, optimize=True)
     elif file.suffix == ".csv" and file.stat().st_size > LARGE:
         file.with_name(f"{file.name}.gz").write_bytes(gzip.compress(file.read_bytes(), mtime=0))
         file.unlink()
+
+
+def _palette(picture: Image.Image) -> Image.Image:
+    """The colours of engines and curves, however rare in the picture, and those that are most of it."""
+    counts = picture.getcolors(picture.width * picture.height) or []
+    common = [colour for _, colour in sorted(counts, reverse=True)[:COLOURS]]
+    named = [ImageColor.getrgb(colour) for colour in (*CYCLE, INK, PAPER, GREY)]
+    found = Image.new("P", (1, 1))
+    found.putpalette([part for colour in dict.fromkeys([*named, *common]) for part in colour])
+    return found
 
 
 def _meanings(study: Results) -> Iterator[tuple[str, ...]]:

@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from PIL import Image
 from studies import row, stored
 
 from flexlink.pages.colours import CYCLE, ENGINES, engine_name, look_of
+from flexlink.pages.picture import Picture
 from flexlink.pages.style import stacked_axes, tidy_linear, tidy_logs
-from reports import figures
+from reports import figures, full
 from reports.cells import with_range
 from reports.drawing import modules, pictures
 from reports.placing import Word, place_words
@@ -143,3 +145,21 @@ def test_a_panel_of_terms_names_them_once_and_the_axis_what_is_divided_by(tmp_pa
     picture.figure.draw_without_rendering()
     boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
     assert not boxes[0].overlaps(boxes[1])
+
+
+def test_a_picture_that_is_checked_in_keeps_the_colour_of_every_engine(tmp_path: Path) -> None:
+    """Few marks of many colours, beside many words: so rare colours were lost to a small palette."""
+    figure, (axes,) = stacked_axes(1, 6.0)
+    for k, look in enumerate(ENGINES.values()):
+        axes.plot([k], [k], look.marker, color=look.colour)
+    for k in range(30):
+        axes.text(0.0, k / 5, "two links of 40 hinges in a plane " * 2, fontsize=8)
+    file = tmp_path / "picture.png"
+    Picture("picture", "Title", figure, "", "").save_png(file)
+    before = {colour for _, colour in Image.open(file).convert("RGB").getcolors(10**6) or ()}
+    full._shrink(file)
+    after = {colour for _, colour in Image.open(file).convert("RGB").getcolors(10**6) or ()}
+    for look in ENGINES.values():
+        wanted = tuple(int(look.colour[k : k + 2], 16) for k in (1, 3, 5))
+        assert wanted in before
+        assert min(max(abs(a - b) for a, b in zip(wanted, found, strict=True)) for found in after) <= 12, look.name

@@ -102,6 +102,13 @@ def test_resolved_modes_have_the_frequencies_of_many_hinges_and_half_of_them_at_
     assert not fine[-1], "the fastest mode is always one of the cut"
 
 
+def test_a_pendulum_is_no_mode_that_needs_hinges(models: Path) -> None:
+    chain = fl.lump(fl.load_scene(models / "three_links.toml").varied({"link.*.segments": 3}))
+    modes = fl.modes(chain, fl.solve_static(chain, locked=chain.active.tolist()).q)
+    assert "pendulum" in modes.kinds
+    assert all(fine for fine, kind in zip(resolved(modes, chain), modes.kinds, strict=True) if kind != "elastic")
+
+
 def test_pictures_mark_the_modes_that_the_hinges_do_not_resolve(models: Path) -> None:
     scene = fl.load_scene(models / "three_links.toml").varied({"link.*.segments": 3})
     chain = fl.lump(scene)

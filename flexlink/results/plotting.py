@@ -96,7 +96,7 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
     rows = -(-shown // 2)
     figure = Figure(figsize=(7.2, 3.0 * rows + 0.6), layout="constrained")
     fine = resolved(found, chain)
-    note = "" if all(fine[:shown]) else "; dashed: fewer than two hinges a half-wave"
+    note = "" if all(fine[:shown]) else "\ndashed: fewer than two hinges per half-wave"
     figure.suptitle(f"{chain.name}: mode shapes, amplitude not to scale{note}")
     panels = np.atleast_1d(figure.subplots(rows, 2, squeeze=False)).ravel()
     for panel in panels[shown:]:
@@ -108,7 +108,8 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
         panel.plot(*view.flat(found.points), color=GREY, linewidth=1.0, label="posture")
         colour, line, words = (BLUE, "-", "") if fine[k] else (VERMILION, "--", ", not resolved")
         panel.plot(*view.flat(bent), line, color=colour, marker=".", markersize=4, label=f"mode {k + 1}")
-        panel.set_title(f"{k + 1}: {found.hertz[k]:.4g} Hz{words}", fontsize="medium")
+        frequency = f"{found.hertz[k]:.4g} Hz" if np.isfinite(found.hertz[k]) else "falls, no frequency"
+        panel.set_title(f"{k + 1}: {frequency}{words}", fontsize="medium")
         panel.set(xlabel=view.labels[0], ylabel=view.labels[1])
         panel.set_aspect("equal", adjustable="datalim")
         panel.grid(alpha=0.3)

@@ -18,13 +18,13 @@ def resolved(found: Modes, chain: Chain) -> tuple[bool, ...]:
 
     A link's hinge angles about an axis change sign where the beam's curvature does; between two changes lies a
     half-wave, which needs `HINGES_A_HALF_WAVE`; so no more modes are resolved than there are pairs of hinges. Modes
-    without elastic energy count as resolved. Frequencies of resolved modes are mostly right within a few percent.
+    that are not elastic count as resolved. Frequencies of resolved modes are mostly right within a few percent.
     """
     springs = int((chain.stiffness > 0).sum())
     elastic = np.cumsum([kind == "elastic" for kind in found.kinds])
     return tuple(
-        bool(rank <= springs / HINGES_A_HALF_WAVE) and _resolves(_in_phase(shape), chain)
-        for rank, shape in zip(elastic, found.shapes, strict=True)
+        kind != "elastic" or (bool(rank <= springs / HINGES_A_HALF_WAVE) and _resolves(_in_phase(shape), chain))
+        for kind, rank, shape in zip(found.kinds, elastic, found.shapes, strict=True)
     )
 
 

@@ -44,7 +44,7 @@ def draw(results: Results) -> Iterator[Picture]:
         tidy_logs(axes)
         legend_above(figure, axes, 4)
         words = [Word(_cut(run), run.errors[AIM], run.seconds, INK) for run in named(best, AIM, APART)]
-        place_words(axes, words, [(run.errors[AIM], run.seconds) for run in best])
+        place_words(axes, words, [(run.errors[AIM], run.seconds) for run in many])
         yield Picture(f"{case}.{series.name}", series.title, figure, CAPTION, columns_csv(series.columns))
 
 

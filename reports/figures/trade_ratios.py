@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterator
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flexlink.pages.colours import GREY, INK, PAPER
-from flexlink.pages.numbers import number
+from flexlink.pages.numbers import JOIN, number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
 from flexlink.pages.tables import table_csv
@@ -23,7 +24,7 @@ CAPTION = (
     "Each program's cheapest run with that error. Left of the line flexlink is slower. Hollow: extrapolated, in the "
     "other's favour."
 )
-LETTERS = 70  # in a line of what a scene is
+LETTERS = 74  # in a line of what a scene is
 WRITTEN: dict[str, Any] = {
     "fontsize": 8.5, "va": "top", "bbox": {"facecolor": PAPER, "edgecolor": "none", "pad": 0.3},
 }  # fmt: skip
@@ -52,17 +53,18 @@ def draw(results: Results) -> Iterator[Picture]:
 
 def _picture(error: float, found: dict[str, dict[str, Price]], about: dict[str, str]) -> Picture:
     scenes = sorted(found, key=lambda scene: min(_ratios(found[scene]).values()))
-    words = {scene: textwrap.fill(f"{scene}: {about[scene]}", LETTERS) for scene in scenes}
+    words = {scene: textwrap.fill(_with_units(f"{scene}: {about[scene]}"), LETTERS) for scene in scenes}
     tops = np.cumsum([0.0, *(ROOM + HEIGHT * (words[scene].count("\n") + 1) for scene in scenes)])
     figure, (axes,) = stacked_axes(1, 1.2 + float(tops[-1]))
     places = dict(zip(scenes, tops[1:] - 0.4 * ROOM, strict=True))
     for who, look in LOOKS.items():
         known = [scene for scene in scenes if who != OURS and who in found[scene]]
-        for k, scene in enumerate(known):
+        if known:
+            axes.plot([], [], look.marker, color=look.colour, linestyle="", label=look.name)
+        for scene in known:
             axes.plot(
                 found[scene][who].time / found[scene][OURS].time, places[scene], look.marker, color=look.colour,
                 markerfacecolor="none" if found[scene][who].remark else look.colour, linestyle="",
-                label=look.name if k == 0 else None,
             )  # fmt: skip
     for scene, top in zip(scenes, tops, strict=False):
         axes.axhline(places[scene], color=GREY, linewidth=0.5, zorder=0)
@@ -74,6 +76,11 @@ def _picture(error: float, found: dict[str, dict[str, Price]], about: dict[str, 
     legend_above(figure, axes, 3)
     title = f"CPU time of others over flexlink's, tip error {number(error)} of the motion"
     return Picture(f"trade_ratios.{error:g}", title, figure, CAPTION, _csv(found))
+
+
+def _with_units(words: str) -> str:
+    """Numbers and what they count stay in one line."""
+    return re.sub(r"(?<=\d) (?=\w)", JOIN, words)
 
 
 def _ratios(price: dict[str, Price]) -> dict[str, float]:

@@ -25,7 +25,7 @@ def find(results: Results) -> Iterator[Table]:
         )
         heads = ("method", "largest residual up to its order [1]", "one order above [1]")
         title = "Order conditions of the Runge-Kutta methods"
-        yield Table("order_conditions", title, heads, lines, (_sentence(values),), to_look_up=True)
+        yield Table("order_conditions.methods", title, heads, lines, (_sentence(values),), to_look_up=True)
 
 
 def _line(method: str, found: dict[str, float | None]) -> tuple[Cell, ...]:

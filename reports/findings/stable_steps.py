@@ -27,7 +27,8 @@ def find(results: Results) -> Iterator[Table]:
             heads = ("method", "scenes", "median difference [1]", "largest difference [1]", "in scene")
             lines = tuple(_line(method, of) for method, of in found.items())
             title = "Largest stable step: runs against the prediction from the modes"
-            yield Table(case, title, heads, lines, (_sentence([row for of in found.values() for row in of]),))
+            sentence = _sentence([row for of in found.values() for row in of])
+            yield Table(f"{case}.methods", title, heads, lines, (sentence,))
 
 
 def _line(method: str, rows: list[Row]) -> tuple[str, int, float, float, str]:

@@ -89,7 +89,8 @@ def _picture(study: Study, found: Modes, fine: tuple[bool, ...]) -> Picture:
         line = "-" if fine[k] else "--"
         panel.plot(*view.flat(bent), line, color=BLUE if fine[k] else VERMILION, marker=".", markersize=4)
         coarse = "" if fine[k] else ", not resolved"
-        panel.set_title(f"{k + 1}: {number(float(found.hertz[k]))} Hz{coarse}")
+        frequency = f"{number(float(found.hertz[k]))} Hz" if np.isfinite(found.hertz[k]) else "falls, no frequency"
+        panel.set_title(f"{k + 1}: {frequency}{coarse}")
         panel.set_aspect("equal", adjustable="datalim")
         panel.set_xlabel(view.labels[0].removesuffix(" [m]"), fontsize=9)
         panel.set_ylabel(view.labels[1].removesuffix(" [m]"), fontsize=9)
