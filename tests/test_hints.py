@@ -12,6 +12,8 @@ from sensible import sensible_arm
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.describe.plausibility.hints import hints
+from flexlink.scene_report.parts import model
+from flexlink.scene_report.study import Study
 
 STEEL = fl.Material(young=2.1e11, density=7850.0)
 CRANE = fl.Scene(
@@ -139,3 +141,10 @@ def test_a_hint_is_told_even_where_the_run_is_refused(tmp_path: Path, capsys: An
     path = CRANE.varied({"material.steel.density": 7.85, "run.step": 1e-3}).save(tmp_path / "crane.toml")
     assert main(["simulate", str(path)]) == 2
     assert "warning: material.steel.density = 7.85 kg/m³" in capsys.readouterr().err
+
+
+def test_a_report_has_the_hints_and_what_the_run_does_by_default() -> None:
+    scene = CRANE.varied({"material.steel.loss_time": 0.3, "run": {"duration": 1.0}})
+    sentences = model.made(Study(scene)).sentences
+    assert any(text.startswith("Look at material.steel.loss_time = 0.3 s: ") for text in sentences)
+    assert any(text.startswith("Note: run: no step given; tolerance ") for text in sentences)

@@ -82,10 +82,10 @@ def test_an_unstable_law_in_python_is_not_blamed_on_the_step() -> None:
     def law(t: float, q: Any, qd: Any) -> Any:
         return -1e6 * q[active] - 3e4 * qd[active]
 
-    with pytest.raises(fl.errors.DivergenceError, match="likely the loop that is sampled at 200 Hz is not: take lower"):
+    with pytest.raises(fl.errors.DivergenceError, match="likely the loop that is sampled at 200 Hz is unstable, not"):
         fl.simulate(scene, control=law, rate=200.0)
     simulator = fl.Simulator(scene)
-    with pytest.raises(fl.errors.DivergenceError, match="likely the loop that is sampled at 200 Hz is not: take lower"):
+    with pytest.raises(fl.errors.DivergenceError, match="likely the loop that is sampled at 200 Hz is unstable, not"):
         for _ in range(200):
             simulator.step(law(*simulator.state), duration=5e-3)
 

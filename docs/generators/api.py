@@ -16,8 +16,11 @@ INTRO = """\
 in ``_deg`` or ``_hz``; symbols, signs and frames are those of :doc:`notation`. Functions of a state take ``q``,
 ``qd``, … of shape ``(n,)``, or of many states, ``(b, n)``.
 
-In the examples ``fl`` is flexlink and ``np`` NumPy; where an example begins with a ``scene`` or a ``chain``, these
-are an arm of two links that bend, and its chain.
+What the examples find at hand is made so:
+
+.. literalinclude:: ../../../tests/prepared.py
+   :language: python
+   :start-at: import numpy
 """
 
 

@@ -253,7 +253,7 @@ class Link(Spec, frozen=True):
         if length == 0:
             raise SceneError(f"length = {self.length!r}, the default: a flexible link needs a length > 0 or a line")
         if self.material is None:
-            raise SceneError("material, section: missing; a flexible link needs both")
+            raise SceneError("material, section: missing; a flexible link needs a material and a section")
 
     @property
     def elastic(self) -> bool:
@@ -326,6 +326,8 @@ class Arm(Spec, frozen=True):
                     known = ", ".join(table) or "none"
                     meant = did_you_mean(name, table)
                     yield f"{self.path(k)}.{key} = {name!r}: not defined; defined are {known}{meant}"
+            if link.section_tip is None:
+                continue
             shapes = [self.sections[n].shape for n in (link.section, link.section_tip) if n in self.sections]
             if len(set(shapes)) > 1:
                 yield f"{self.path(k)}.section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"

@@ -52,7 +52,9 @@ def raise_together(found: Iterable[str]) -> None:
     SceneError
         The first one, and after "; also " each other one.
     """
-    if told := list(dict.fromkeys(found)):
+    told = list(found)
+    if told:
+        told = list(dict.fromkeys(told))
         more = [f"{len(told) - MOST} more"] if len(told) > MOST else []
         raise SceneError(ALSO.join([*told[:MOST], *more]))
 
@@ -65,4 +67,5 @@ def check_all(checks: Sequence[Callable[[], None]]) -> None:
             check()
         except SceneError as error:
             found.append(str(error))
-    raise_together(found)
+    if found:
+        raise_together(found)

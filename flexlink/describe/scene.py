@@ -86,7 +86,8 @@ class Scene(Spec, frozen=True):
         said = "initial.joint_deg" if self.initial.joint_deg else "the default initial.joint_deg"
         if not self.initial.joint_deg:
             self._put_joints_at_zero()
-        raise_together(self._wrong_lists())  # what follows counts on their lengths
+        for _ in self._wrong_lists():  # on whose lengths all else counts
+            raise_together(self._wrong_lists())
         checks = [self._check_rate, lambda: self._check_limits(said), self._check_reference, self._check_motions]
         check_all(checks if self.run.controlled else [self._check_grid, *checks])
 
@@ -446,7 +447,11 @@ def check_named(scene: Scene) -> None:
     DataFileError
         The file of a rule or method is not valid.
     """
-    check_all([lambda: _check_rules(scene.arm), lambda: check_method(scene.run)])
+    try:
+        hinges_of(scene.arm)
+        check_method(scene.run)
+    except SceneError:
+        check_all([lambda: _check_rules(scene.arm), lambda: check_method(scene.run)])
 
 
 def _check_rules(arm: Arm) -> None:
@@ -479,7 +484,7 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
     SceneError
         The message names the key path, the value and what is allowed.
     """
-    required = [key for key, field in (_OWN | OF_ARM).items() if field.required and key not in kept]
+    required = [key for key in REQUIRED if key not in kept]
     try:
         check_keys(raw, FIELDS, required)
         values = {**kept, **{key: decode(value, FIELDS[key], key) for key, value in raw.items()}}
@@ -526,5 +531,6 @@ COURSES = Memo(64)
 """Trajectories of references: runs of one scene share them."""
 _OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}
 OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
+REQUIRED = [key for key, field in (_OWN | OF_ARM).items() if field.required]
 FIELDS: dict[str, Any] = {key: field.type for key, field in (_OWN | OF_ARM).items()}
 """What stands at each key of a scene's file, which is flat: the arm's keys stand beside the scene's own."""

@@ -178,8 +178,13 @@ def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterabl
     SceneError
         A key that is unknown, with its value and what is allowed, or one that is missing.
     """
-    for mistake in key_mistakes(raw, list(allowed), required):
-        raise SceneError(mistake)
+    allowed = list(allowed)
+    for key in raw:
+        if key not in allowed:
+            raise SceneError(_unknown(key, raw[key], allowed))
+    for key in required:
+        if key not in raw:
+            raise SceneError(_missing(key))
 
 
 def key_mistakes(

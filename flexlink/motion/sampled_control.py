@@ -157,7 +157,7 @@ class Control:
 def held_torques_advice(between: float) -> str:
     """What to change where torques that are held for so long [s], in stable steps, drive an arm apart."""
     return (
-        f"the step is stable, so likely the loop that is sampled at {1 / between:.6g} Hz is not: take lower gains, a "
+        f"likely the loop that is sampled at {1 / between:.6g} Hz is unstable, not the steps: take lower gains, a "
         "higher rate, or give the joints armature"
     )
 
@@ -178,7 +178,10 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
         return None
     run, scene = problem.run, problem.scene
     if scene.drive.kind != "none":
-        raise ArgumentError(f"control: the scene has a drive, {scene.drive.kind!r}, too; give only one")
+        raise ArgumentError(
+            f"control: the scene has a drive, {scene.drive.kind!r}, too; "
+            "give only one: scene.varied({'drive': None}) has none"
+        )
     if rate is None and not problem.explicit:
         what = (
             "the default tolerance"

@@ -21,6 +21,8 @@ class Range(Spec, frozen=True):
     """What the range comes from."""
     mistaken: dict[str, float]
     """Factors to SI, by unit."""
+    of: str = ""
+    """What the range is of, with its unit, where that is not the number itself."""
 
     def holds(self, value: float) -> bool:
         """Whether a value is plausible."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from flexlink.describe.arm import Link
 from flexlink.describe.hinges import hinges_of
-from flexlink.dynamics.hints import notes
+from flexlink.describe.plausibility.hints import hints
+from flexlink.dynamics.hints import defaults, notes
 from flexlink.dynamics.placement import frames
 from flexlink.pages.numbers import number, plural
 from flexlink.pages.picture import Picture
@@ -35,7 +36,8 @@ def made(study: Study) -> Part:
     drive = f"Drive: {scene.drive.kind}." if scene.drive.kind != "none" else "No drive: the joints turn freely."
     if scene.motion:
         drive += f" Prescribed motions: {', '.join(str(motion.link) for motion in scene.motion)}."
-    remarks = tuple(f"Without effect: {note}." for note in notes(scene))
+    remarks = [f"Look at {hint}." for hint in hints(scene)]
+    remarks += [f"Note: {note}." for note in (*defaults(scene), *notes(scene))]
     sentences = (*((scene.about + ".",) if scene.about else ()), size, f"{gravity} {drive}", *remarks)
     tables = [_links(study), _joints(study)]
     if springs:
