@@ -9,8 +9,8 @@ from flexlink.describe.plausibility.ranges import Range, ranges
 
 INTRO = """\
 A number outside its range is likely given in another unit: a warning names it, what is usual, and the unit that would
-bring it there. It is never an error; ``--quiet-hints`` leaves these warnings out. Where a quantity has no unit it is a
-ratio of numbers that belong together, such as a link's length over its width.
+bring it there. It is never an error; ``--quiet-hints`` leaves these warnings out. Some ranges are of what follows from
+the number, such as a link's length over its width.
 """
 
 
@@ -23,7 +23,7 @@ def page(_: Path) -> str:
 
 def _range(each: Range) -> str:
     low, high = each.range
-    unit = "" if each.unit == "1" else f" {each.unit}"
+    of = each.of or ("" if each.unit == "1" else each.unit)
     if low == high:
         return "by other numbers"
-    return f"up to {high:g}{unit}" if low == 0 else f"{low:g} … {high:g}{unit}"
+    return f"up to {high:g} {of}".strip() if low == 0 else f"{low:g} … {high:g} {of}".strip()
