@@ -16,14 +16,17 @@ the number, such as a link's length over its width.
 
 def page(_: Path) -> str:
     """Every quantity with its range, the reason, and the units that are tried."""
-    heads = ("quantity", "plausible", "reason", "units that are tried")
-    rows = [(literal(name), _range(each), each.reason, ", ".join(each.mistaken)) for name, each in ranges().items()]
+    heads = ("quantity", "what", "plausible", "reason", "units that are tried")
+    rows = [
+        (literal(name), each.of or "the number itself", _range(each), each.reason, ", ".join(each.mistaken))
+        for name, each in ranges().items()
+    ]
     return "\n".join([heading("Plausible numbers"), INTRO, table(heads, rows)])
 
 
 def _range(each: Range) -> str:
     low, high = each.range
-    of = each.of or ("" if each.unit == "1" else each.unit)
+    unit = "" if each.of or each.unit == "1" else f" {each.unit}"
     if low == high:
         return "by other numbers"
-    return f"up to {high:g} {of}".strip() if low == 0 else f"{low:g} … {high:g} {of}".strip()
+    return f"up to {high:g}{unit}" if low == 0 else f"{low:g} … {high:g}{unit}"
