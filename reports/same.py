@@ -63,7 +63,8 @@ class Comparison:
 
     def sentences(self) -> list[str]:
         """What came out, the answer first."""
-        answer = "These are the published numbers." if self.same else "These are not the published numbers."
+        so_far = "" if self.cases == self.published else ", as far as they go"
+        answer = f"These are{'' if self.same else ' not'} the published numbers{so_far}."
         equal, rounding, different, timed = (self.of(kind) for kind in ("equal", "rounding", "different", "timed"))
         counts = (
             f"{self.cases} of {plural(self.published, 'published case')} compared: {plural(len(equal), 'number')} "

@@ -289,6 +289,13 @@ def test_info_says_what_damping_costs_an_explicit_step(tmp_path: Path, capsys) -
     assert without == free > 4 * damped
 
 
+def test_a_mode_that_falls_has_no_frequency_and_no_damping_ratio(paper: str, capsys) -> None:
+    assert main(["modes", paper, "--set", "gravity=[0.0, 0.0, -9.81]"]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"1 +none: it falls +– +pendulum", out)
+    assert "nan" not in out
+
+
 def test_info_names_links_as_errors_do(paper: str, capsys) -> None:
     assert main(["info", paper]) == 0
     assert not re.search(r"link \d", capsys.readouterr().out)

@@ -61,7 +61,7 @@ def test_a_file_says_what_its_scene_said_and_no_more(said: Any) -> None:
         ({}, {"run.method": "RK10"}, False, None),
         ({"run.tolerance": 1e-4}, {"run.tolerance": None}, True, None),
         ({"run.tolerance": 1e-4}, {"run.step": 1e-3}, False, 1e-3),
-        ({"run.step": 1e-3}, {"run.tolerance": 1e-4}, False, 1e-3),
+        ({"run.step": 1e-3}, {"run.tolerance": 1e-4}, False, None),
     ],
 )  # fmt: skip
 def test_a_tolerance_takes_the_place_of_a_step_and_a_step_that_of_the_default(

@@ -57,6 +57,10 @@ def at(*keys: Any, **values: Any) -> Edit:
         (at("link", 1, joint={"axis": "x"}), r"joint.axis = 'x': expected three numbers, such as \[1.0, 0.0, 0.0\]"),
         (at(gravity=-9.81), r"gravity = -9.81: expected three numbers \[m/s²\], such as \[0.0, 0.0, -9.81\]"),
         (at("link", 1, mount={"xyz": 0.3}), r"mount.xyz = 0.3: expected three numbers \[m\]"),
+        (at(link={"name": "boom"}), r"link = .*: expected \[\[link\]\], a table for each link"),
+        (at("link", 1, damping=0.01), r"upper.damping = 0.01: expected a table, such as { ratio = 0.01, at_hz = 5.0 }"),
+        (at(drive={"kind": "pd", "kp": 300}), r"drive.kp = 300: expected a list of one gain per link, such as \["),
+        (at(run={"step": 1e-4, "tolerance": 1e-3}), "step = 0.0001: tolerance = 0.001 is given, too; give only one"),
     ],
 )  # fmt: skip
 def test_what_does_not_exist_is_refused_with_what_to_do(edit: Edit, wanted: str) -> None:

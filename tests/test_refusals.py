@@ -34,7 +34,8 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "taper to a section from none": (
         lambda: fl.Link(name="a", length=1.0, section_tip="thin"), r"section_tip = 'thin': needs a section at the"),
     "a rigid link in segments": (
-        lambda: fl.Link(name="a", length=1.0, segments=3), r"segments = 3: a rigid link has 1"),
+        lambda: fl.Link(name="a", length=1.0, segments=3),
+        r"segments = 3: a rigid link has 1; flex = 'z', .* makes it bend"),
     "a flexible link in one": (lambda: flexible("a", segments=1), r"segments = 1, the default: a flexible link"),
     "a flexible link without length": (
         lambda: flexible("a", length=0.0), r"length = 0.0, the default: a flexible link needs a length > 0"),

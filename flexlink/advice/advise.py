@@ -119,7 +119,7 @@ class Advisor:
         travel, strict = tip_travel(self.rigid.tip), self.rigid
         tolerance = self.goal.tolerance(travel, 0.0)
         estimate = rigid.estimate(self.runner, strict, self.axes, self.norm)
-        size = f"at most {length(estimate.error)}" if np.isfinite(estimate.error) else "too large to estimate"
+        size = f"at most {length(estimate.error)}" if np.isfinite(estimate.error) else "larger than can be estimated"
         vibration = f", vibration of {estimate.hertz:.3g} Hz" if np.isfinite(estimate.hertz) else ""
         self.lines = [line("rigid", f"estimated error {size}{vibration}")]
         clearly_rigid, error = 0.5 * tolerance, estimate.error  # an estimate below this settles it

@@ -99,9 +99,8 @@ class ModelRunner:
 
     def _settings(self, stepping: Stepping) -> RunSettings:
         run = self.scene.run
-        step = run.step if stepping.step is None else stepping.step
         return replace(
-            run, method=stepping.method, step=step, tolerance=stepping.tolerance, relative_tolerance=None,
+            run, method=stepping.method, step=stepping.step, tolerance=stepping.tolerance, relative_tolerance=None,
             sample=run.spacing, accuracy="tip", solver="articulated", unstable="refuse",
         )  # fmt: skip
 

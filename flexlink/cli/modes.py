@@ -39,7 +39,10 @@ def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
     asks = any(η)
     print("mode  frequency [Hz]  damping ratio  kind" + "      specified" * asks)
     for k in which:
-        line = f"{k + 1:4d}  {found.hertz[k]:14.6g}  {found.damping_ratios[k]:13.4g}  {found.kinds[k]:<8}"
+        hertz, ratio = f"{found.hertz[k]:.6g}", f"{found.damping_ratios[k]:.4g}"
+        if np.isnan(found.hertz[k]):
+            hertz, ratio = "none: it falls", "–"
+        line = f"{k + 1:4d}  {hertz:>14}  {ratio:>13}  {found.kinds[k]:<8}"
         bounds = [f"{bound(η) * found.frequencies[k] / 2:.4g}" for bound in (min, max)] if asks else []
         print("  ".join([line, " … ".join(dict.fromkeys(bounds))]).rstrip())
 

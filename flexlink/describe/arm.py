@@ -240,7 +240,7 @@ class Link(Spec, frozen=True):
         if self.flex != "rigid":
             self._check_flexible(length)
         elif self.segments != 1:
-            raise SceneError(f"segments = {self.segments}: a rigid link has 1")
+            raise SceneError(f"segments = {self.segments}: a rigid link has 1; flex = 'z', 'yz' or 'xyz' makes it bend")
         elif self.material is not None and length == 0:
             raise SceneError(
                 f"length = {self.length!r}, the default: a link of material {self.material!r} needs a length > 0 or a "

@@ -321,6 +321,9 @@ class RunSettings(Spec, frozen=True):
                 f"relative_tolerance = {self.relative_tolerance!r}: tolerance = {self.tolerance!r} is given, too; "
                 "give only one"
             )
+        if self.step is not None and self.has_tolerance:
+            key = "tolerance" if self.tolerance is not None else "relative_tolerance"
+            raise SceneError(f"step = {self.step!r}: {key} = {getattr(self, key)!r} is given, too; give only one")
         if self.accuracy == "deflection" and self.relative_tolerance is None:
             raise SceneError("accuracy = 'deflection': needs relative_tolerance, a fraction of the deflection")
 
@@ -488,6 +491,8 @@ def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
     gone: list[str] = []
     if tolerances or step:
         gone += ["run.tolerance", "run.relative_tolerance"]
+    if tolerances:
+        gone += ["run.step"]
     if step:
         gone += ["run.accuracy"]
     if (tolerances and not run.controlled) or (step and run.method == AUTO):

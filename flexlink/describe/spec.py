@@ -166,7 +166,10 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     missing = re.search(r"missing required field `(.*)`", reason)
     if missing:
         return _missing(f"{where}.{missing[1]}".lstrip("."))
-    expected = _allowed(kind, value) or _three_numbers(str(where), kind, value) or _lower(reason)
+    expected = (
+        _allowed(kind, value) or _three_numbers(str(where), kind, value) or _as_written(str(where), value)
+        or _lower(reason)
+    )  # fmt: skip
     return f"{where} = {truncated(value)}: {expected}{why_not('', value)}".removeprefix(" = ")
 
 
@@ -237,6 +240,25 @@ def _three_numbers(where: str, kind: Any, value: object) -> str:
     named = DIRECTIONS.get(value.strip("+- ").casefold(), example) if isinstance(value, str) and not unit else example
     length = f", got {len(value)}" if isinstance(value, list | tuple) else ""
     return f"expected three numbers{f' [{unit}]' if unit else ''}, such as {list(named)}{length}"
+
+
+WRITTEN = {
+    "link": (dict, "expected [[link]], a table for each link, in two pairs of brackets"),
+    "motion": (dict, "expected [[motion]], a table for each motion, in two pairs of brackets"),
+    "damping": (float, "expected a table, such as { ratio = 0.01, at_hz = 5.0 }"),
+    "kp": (float, "expected a list of one gain per link, such as [300.0, 300.0]"),
+    "kd": (float, "expected a list of one gain per link, such as [30.0, 30.0]"),
+    "torque": (float, "expected a list of one torque per link [N m], such as [10.0, 5.0]"),
+    "joint_deg": (float, "expected a list of one angle per link [deg], such as [0.0, 30.0]"),
+}
+"""What is often written in place of a list or a table, by key: its type, and how it looks."""
+
+
+def _as_written(where: str, value: object) -> str:
+    """How a key's list or table is written, where a single one was given; empty for others."""
+    kind, expected = WRITTEN.get(where.rpartition(".")[2], (None, ""))
+    given = float if isinstance(value, int | float) else type(value)
+    return expected if given is kind else ""
 
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:

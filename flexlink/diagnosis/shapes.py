@@ -100,10 +100,12 @@ def lever_scaled(factor: float) -> Shape:
 
 def products_negated(diff: Discrepancy) -> bool:
     """Equal moments and negated products of inertia, in their axes, in ours, or in those of frame 0."""
-    k = diff.rows
+    k, off = diff.rows, ~np.eye(3, dtype=bool)
     for R in (diff.their_record.frames[k], diff.our_record.frames[k], np.eye(3)[None]):
         I = R.mT @ diff.ours @ R
-        if _each_close(R.mT @ diff.theirs @ R, 2 * I * np.eye(3) - I):
+        if np.abs(I[..., off]).max() > 1e-6 * np.abs(I).max() and _each_close(
+            R.mT @ diff.theirs @ R, 2 * I * np.eye(3) - I
+        ):
             return True
     return False
 

@@ -185,10 +185,14 @@ class RunMonitor:
         if run.controlled:
             smaller = "smaller" if self.failure else "larger"  # no step was small enough
             advice = f"try a {smaller} tolerance, another method, or fixed steps"
-        advice = self._loop_advice() or advice
+        loop = self._loop_advice()
+        advice = loop or advice
         if self.failure or failure is None:
             failure = Failure(f"t = {record.t[self.n_valid]:.6g} s: {self.failure}")
-        message = f"{record.chain.name}: {failure.text}; {failure.advice or advice}; {self.n_valid} samples kept"
+        if failure.advice:
+            sampled = self.control is not None and self.control.sampled
+            advice = f"{loop}; else {failure.advice}" if loop and sampled else failure.advice
+        message = f"{record.chain.name}: {failure.text}; {advice}; {self.n_valid} samples kept"
         return failure.kind(message, self.trajectory())
 
     def _loop_advice(self) -> str:

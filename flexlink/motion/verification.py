@@ -128,7 +128,13 @@ def _stricter(monitor: RunMonitor, name: str) -> RunSettings:
 
 def _within(run: RunSettings, name: str, tolerance: float) -> RunSettings:
     return replace(
-        run, method=name, tolerance=tolerance, relative_tolerance=None, sample=run.spacing, solver=RunSettings().solver
+        run,
+        method=name,
+        step=None,
+        tolerance=tolerance,
+        relative_tolerance=None,
+        sample=run.spacing,
+        solver=RunSettings().solver,
     )
 
 
