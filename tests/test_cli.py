@@ -306,3 +306,17 @@ def test_an_editable_install_is_a_path() -> None:
     an empty package; with this mapping, and no packages outside of it, it writes a path."""
     setup = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
     assert setup["package-dir"] == {"": "."}
+
+
+def test_a_long_comparison_of_runs_says_how_many_steps_it_takes_and_how_to_shorten_it(
+    monkeypatch, paper: str, capsys
+) -> None:
+    monkeypatch.setattr("flexlink.cli.compare.MANY_STEPS", 100)
+    command = ["compare", paper, "--trajectory", "--engines", "mujoco", "--duration"]
+    assert main([*command, "0.02"]) == 0
+    assert (
+        "note: 200 steps in each engine, 0.02 s in RK4 steps of 0.0001 s; --duration shortens it"
+        in capsys.readouterr().err
+    )
+    assert main([*command, "0.005"]) == 0
+    assert "steps in each engine" not in capsys.readouterr().err

@@ -12,11 +12,16 @@ import contextlib
 from pathlib import Path
 from typing import Any
 
-from flexlink.cli.shared import prefix_errors, varied_scene
+from flexlink.chain.lumping import lump
+from flexlink.cli.shared import prefix_errors, print_lines, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.progress import Progress
+from flexlink.describe.scene import Scene
 from flexlink.diagnosis.comparison import Comparison, compare
-from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories
+from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories, in_fixed_steps
+
+MANY_STEPS = 50_000
+"""Other engines take some seconds for so many."""
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -45,6 +50,7 @@ def run_command(options: argparse.Namespace) -> int:
     comparison: Comparison | TrajectoryComparison
     with prefix_errors(options.scene) if options.file is None else contextlib.nullcontext():  # a file names itself
         if options.trajectory:
+            print_lines("note", _long_runs(scene, options.duration))
             comparison = compare_trajectories(scene, duration=options.duration, **how)
         else:
             samples = 200 if options.samples is None else options.samples
@@ -52,6 +58,14 @@ def run_command(options: argparse.Namespace) -> int:
     bar.clear()
     print(comparison)
     return 0 if comparison.passed else 1
+
+
+def _long_runs(scene: Scene, duration: float | None) -> tuple[str, ...]:
+    """What every engine is about to do, where that takes seconds and more."""
+    scene = scene if duration is None else scene.varied({"run.duration": duration})
+    fixed, steps = in_fixed_steps(scene, lump(scene))
+    number = fixed.run.duration / fixed.run.fixed_step
+    return () if number < MANY_STEPS else (f"{number:,.0f} steps in each engine, {steps}; --duration shortens it",)
 
 
 def _refuse_without_effect(options: argparse.Namespace) -> None:
