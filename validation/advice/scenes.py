@@ -97,7 +97,7 @@ def robot_scene(duration: float) -> fl.Scene:
     posture = {"waist": 0.3, "shoulder": -0.6, "elbow": 0.9}
     scene = fl.import_urdf(ROBOT_FILE, posture=posture, flexible=flexible).scene
     every = duration / SAMPLES
-    run = replace(scene.run, duration=duration, sample=every, step=every)
+    run = replace(scene.run, duration=duration, sample=every)
     return replace(scene, initial=replace(scene.initial, rate_deg=(60.0, 0.0, 0.0)), run=run)
 
 
