@@ -10,6 +10,9 @@ document.addEventListener("DOMContentLoaded", () => {
   for (const link of document.querySelectorAll(".sphx-glr-thumbcontainer a")) {
     link.setAttribute("aria-label", link.textContent.trim())
   }
+  for (const head of document.querySelectorAll(".bd-article th:empty")) {
+    head.replaceWith(document.createElement("td"))  // the corner of a table of pandas
+  }
   for (const table of document.querySelectorAll(".bd-article table")) {
     if (table.scrollWidth > table.clientWidth) table.tabIndex = 0
   }
