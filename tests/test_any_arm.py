@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import flexlink as fl
 from flexlink.chain.rotation import turn_to
 from flexlink.describe.directions import unit
-from flexlink.dynamics.hints import notes
+from flexlink.dynamics.notes import notes
 
 EPS = np.finfo(float).eps
 FLAT = fl.Section(shape="rectangle", height=0.03, width=0.01)

@@ -13,7 +13,7 @@ from conftest import MODELS, flexible, make_scene
 
 import flexlink as fl
 from flexlink.diagnosis.comparison import compare
-from flexlink.dynamics.hints import notes
+from flexlink.dynamics.notes import notes
 from flexlink.engines import load
 
 

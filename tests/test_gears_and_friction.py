@@ -10,7 +10,7 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
-from flexlink.dynamics.hints import notes
+from flexlink.dynamics.notes import notes
 
 EPS = np.finfo(float).eps
 K, I_A, J = 300.0, 0.02, 0.5

@@ -10,7 +10,7 @@ from conftest import MODELS, flexible, make_scene
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.dynamics.hints import notes
+from flexlink.dynamics.notes import notes
 
 STILL = make_scene(fl.Link(name="a"), flexible("b"))
 """All axes along z, as is the default gravity."""

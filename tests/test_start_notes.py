@@ -10,7 +10,7 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
-from flexlink.dynamics.hints import notes
+from flexlink.dynamics.notes import notes
 
 DOWN = (0.0, -9.81, 0.0)
 PD = {"kind": "pd", "kp": (2e4, 2e4), "kd": (1e3, 1e3), "target_deg": (0.0, 0.0)}

@@ -10,15 +10,15 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from docs.generators.rest import directive, heading, literal, table
+from docs.generators.rest import directive, heading, literal, prose, table
 from flexlink.common.errors import ArgumentError
 from flexlink.describe import data_files
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.describe.shaping import ShaperRule
 from flexlink.dynamics.vibration.stability_function import stability_function, stable_reach
+from flexlink.pages.colours import BLUE, VERMILION
 
-BLUE, ORANGE = "#0072B2", "#D55E00"
 STYLE: dict[str, Any] = {"svg.hashsalt": "flexlink", "svg.fonttype": "path", "figure.facecolor": "white"}
 
 
@@ -98,7 +98,7 @@ def _draw_hinges(rule: LumpingRule, counts: list[int], path: Path) -> None:
             nodes, weights = rule.hinges(count)
             axes.plot([0, 1], [row, row], color="0.6", linewidth=3, solid_capstyle="butt", zorder=1)
             axes.scatter(nodes, np.full(count, row), s=900 * weights / 2 + 8, color=BLUE, alpha=0.45, zorder=2)
-            axes.scatter(nodes, np.full(count, row), s=14, color=ORANGE, zorder=3)
+            axes.scatter(nodes, np.full(count, row), s=14, color=VERMILION, zorder=3)
         figure.savefig(path, metadata={"Date": None})
 
 
@@ -146,5 +146,4 @@ def _figure(name: str, text: str) -> str:
 
 
 def _sentence(text: str) -> str:
-    text = text.replace("*", r"\*").replace("|", r"\|").replace("`", "``")
-    return text if text.endswith(".") else f"{text}."
+    return prose(text if text.endswith(".") else f"{text}.")

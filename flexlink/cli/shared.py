@@ -14,7 +14,7 @@ from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.output import write_or_keep
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene, load_scene
-from flexlink.dynamics.hints import defaults, notes
+from flexlink.dynamics.notes import defaults, notes
 from flexlink.results.files import picture_format
 from flexlink.results.trajectory import plotting
 

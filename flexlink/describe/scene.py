@@ -86,8 +86,7 @@ class Scene(Spec, frozen=True):
         said = "initial.joint_deg" if self.initial.joint_deg else "the default initial.joint_deg"
         if not self.initial.joint_deg:
             self._put_joints_at_zero()
-        for _ in self._wrong_lists():  # on whose lengths all else counts
-            raise_together(self._wrong_lists())
+        raise_together(self._wrong_lists())  # on whose lengths all else counts
         checks = [self._check_rate, lambda: self._check_limits(said), self._check_reference, self._check_motions]
         check_all(checks if self.run.controlled else [self._check_grid, *checks])
 

@@ -16,8 +16,8 @@ from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each
-from flexlink.dynamics.hints import defaults, notes
 from flexlink.dynamics.loads import InternalLoads, internal_loads
+from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.terms import Energy
 from flexlink.results import balance

@@ -10,7 +10,7 @@ import numpy as np
 from flexlink.describe.arm import Link
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.plausibility.hints import hints
-from flexlink.dynamics.hints import defaults, notes
+from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import frames
 from flexlink.pages.numbers import number, plural
 from flexlink.pages.picture import Picture
