@@ -74,6 +74,7 @@ class Builder:
         self.coordinates: list[Coordinate] = []
         self.bodies = [Body(HERE, 0, 0)]
         self.pieces: list[Piece] = []
+        self.couplings: list[tuple[int, int, float, float]] = []
         self.running = HERE
 
     def move(self, translation: Array, rotation: Array | None = None) -> None:

@@ -26,7 +26,7 @@ from flexlink.common.types import Array
 from flexlink.describe.links import link_number
 from flexlink.describe.spec import truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
-from flexlink.kernels.layout import ChainArrays
+from flexlink.kernels.layout import COUPLING, ChainArrays
 
 _OF_LAYOUT = {"active", "bending", "axes", "is_planar", "joint_names", "_sequential", "_layout"}
 """What is found of a chain without its masses, springs and gravity."""
@@ -62,6 +62,8 @@ class Chain:
         The three-index coordinate of every hinge, in sequential order.
     link_names
         Names of the arm's links; `Coordinate.link` counts them from 1.
+    couplings
+        Springs and dampers between two hinges, structured array of dtype `COUPLING`, read-only; none by default.
 
     Examples
     --------
@@ -80,9 +82,10 @@ class Chain:
     gravity: Array
     coordinates: tuple[Coordinate, ...]
     link_names: tuple[str, ...]
+    couplings: NDArray[np.void] = dataclasses.field(default_factory=lambda: np.zeros(0, COUPLING))
 
     def __post_init__(self) -> None:
-        for array in (self.bodies, self.hinges, self.gravity):
+        for array in (self.bodies, self.hinges, self.gravity, self.couplings):
             array.flags.writeable = False
 
     def __reduce__(self) -> tuple[type[Chain], tuple[object, ...]]:
@@ -114,9 +117,16 @@ class Chain:
         """
         return drawing_module("scene_report.arm_picture").plot_chain(self, q)
 
-    def with_numbers(self, name: str, bodies: NDArray[np.void], hinges: NDArray[np.void], gravity: Array) -> Chain:
+    def with_numbers(
+        self,
+        name: str,
+        bodies: NDArray[np.void],
+        hinges: NDArray[np.void],
+        gravity: Array,
+        couplings: NDArray[np.void],
+    ) -> Chain:
         """A chain whose hinges stand as they do here; what has been found of that is not sought again."""
-        other = Chain(name, bodies, hinges, gravity, self.coordinates, self.link_names)
+        other = Chain(name, bodies, hinges, gravity, self.coordinates, self.link_names, couplings)
         known = vars(self)
         vars(other).update((name, known[name]) for name in _OF_LAYOUT if name in known)
         return other
@@ -124,7 +134,7 @@ class Chain:
     @functools.cached_property
     def arrays(self) -> ChainArrays:
         """The kernels' view of this chain."""
-        return ChainArrays(self.bodies, self.hinges, self.gravity)
+        return ChainArrays(self.bodies, self.hinges, self.gravity, self.couplings)
 
     @property
     def n(self) -> int:
@@ -157,18 +167,37 @@ class Chain:
 
     @property
     def stiffness(self) -> Array:
-        """Spring constants k [N m/rad], shape (n,); 0 on active joints."""
+        """Spring constants k [N m/rad], shape (n,), K_ii of coupled springs; 0 on active joints."""
         return self.hinges["stiffness"]
 
     @property
     def damping(self) -> Array:
-        """Viscous coefficients d [N m s/rad], shape (n,), structural damping included."""
+        """Viscous coefficients d [N m s/rad], shape (n,), structural damping included; D_ii of coupled dampers."""
         return self.hinges["damping"]
 
     @property
     def rest(self) -> Array:
         """Angles θ₀ at which the springs are slack [rad], shape (n,)."""
         return self.hinges["rest"]
+
+    def matrix(self, field: str) -> Array:
+        """K of all springs, `field` "stiffness", or D of all dampers, "damping", shape (n, n), couplings included."""
+        matrix, (i, j) = np.diag(self.hinges[field]), (self.couplings["inner"], self.couplings["outer"])
+        matrix[i, j] = matrix[j, i] = self.couplings[field]
+        return matrix
+
+    def times(self, field: str, φ: Array, *, absolute: bool = False) -> Array:
+        """K φ, `field` "stiffness", or D φ, "damping", of angles or rates φ (n,) or (b, n), in O(n).
+
+        `absolute`: |K| |φ|, of which the product is known to a few roundings.
+        """
+        inner, outer, value = self.couplings["inner"], self.couplings["outer"], self.couplings[field]
+        if absolute:
+            φ, value = np.abs(φ), np.abs(value)
+        product: Array = self.hinges[field] * φ
+        np.add.at(product.T, inner, (value * φ[..., outer]).T)
+        np.add.at(product.T, outer, (value * φ[..., inner]).T)
+        return product
 
     @functools.cached_property
     def active(self) -> NDArray[np.intp]:
@@ -231,7 +260,10 @@ class Chain:
         """
         sizes = self.bodies["stop"] - self.bodies["first"]
         rotors = np.repeat(sizes > 1, sizes) & (self.hinges["armature"] != 0)
-        whole = (self.bodies["first"], self.bodies["stop"], self.hinges["axis"], self.hinges["prescribed"], rotors)
+        whole = (
+            self.bodies["first"], self.bodies["stop"], self.hinges["axis"], self.hinges["prescribed"], rotors,
+            self.couplings["inner"], self.couplings["outer"],
+        )  # fmt: skip
         return self.is_planar, *(part.tobytes() for part in whole)
 
     def same_layout(self, other: Chain) -> bool:

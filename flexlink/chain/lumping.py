@@ -16,15 +16,16 @@ from flexlink.chain.builder import Body, Builder, Piece, record_inertia, recorde
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
 from flexlink.describe.data_files import is_user_file
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
-from flexlink.kernels.layout import HINGE
+from flexlink.kernels.layout import COUPLING, HINGE
 
 TWIST = 1  # axis of a coordinate
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -82,14 +83,14 @@ CHAINS = Memo(64)
 def _lumped(scene: Scene) -> Chain:
     """Of arms with other payloads, springs and gravity the frame is the same, and found once."""
     arm, frame = scene.arm, frame_of(scene)
-    bodies, hinges = frame.bodies.copy(), frame.hinges.copy()
+    bodies, hinges, couplings = frame.bodies.copy(), frame.hinges.copy(), frame.couplings.copy()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such numbers, by name
         for springs in frame.springs:
-            springs.write(arm, hinges)
+            springs.write(arm, hinges, couplings)
         record_inertia(bodies[-2:-1], [frame.builder.carrying(arm.tip)])
-    for array in (bodies, hinges):
+    for array in (bodies, hinges, couplings):
         _check_finite(scene.name, array)
-    chain = frame.chain = frame.chain.with_numbers(scene.name, bodies, hinges, np.array(scene.gravity))
+    chain = frame.chain = frame.chain.with_numbers(scene.name, bodies, hinges, np.array(scene.gravity), couplings)
     return chain
 
 
@@ -102,21 +103,39 @@ def pieces(scene: Scene) -> list[Piece]:
 
 
 class Springs(NamedTuple):
-    """Hinges of a beam."""
+    """Springs of a beam: its rigidity at some sections holds its hinges, each its own, or those of a cell together."""
 
     link: Link
-    sections: Array  # (4, N) of the beam, at the hinges
-    lengths: Array  # (N,) of beam that each hinge stands for [m]
+    sections: Array  # (4, N) of the beam, at the hinges, or at the Gauss points of cells
+    lengths: Array  # (N,) of beam that each section stands for [m]
     rows: NDArray[np.intp]  # number of each hinge in the chain
     places: NDArray[np.intp]  # and its place among the stiffnesses, (3, N) in a row
+    cells: Cells | None
+    coupled: slice  # of the chain's couplings
+    pairs: NDArray[np.intp]  # (couplings, 3) axis, cell and pair of hinges in it
 
-    def write(self, arm: Arm, hinges: NDArray[np.void]) -> None:
-        """Put spring and damping constants into the hinges of the chain."""
+    def constants(self, rigidities: Array) -> tuple[Array, Array]:
+        """K_ii (…, hinges) and K_ij (…, couplings) [N m/rad] of GJ, EI_y, EI_z at the sections, (…, 3, N) [N m²]."""
+        held = rigidities / self.lengths
+        if self.cells is None:
+            return held.reshape(*held.shape[:-2], -1)[..., self.places], np.zeros((*held.shape[:-2], 0))
+        cell = self.cells.cell
+        held = held.reshape(*held.shape[:-1], -1, self.cells.hinges)
+        own = np.stack([cell.stiffness(i, i, held) for i in range(self.cells.hinges)], axis=-1)
+        both = [cell.stiffness(i, j, held) for i, j in cell.pairs]
+        axis, e, pair = self.pairs.T
+        k = own.reshape(*own.shape[:-3], -1)[..., self.places]
+        return k, np.stack(both, axis=-1)[..., axis, e, pair] if both else np.zeros((*held.shape[:-3], 0))
+
+    def write(self, arm: Arm, hinges: NDArray[np.void], couplings: NDArray[np.void]) -> None:
+        """Put spring and damping constants into the hinges and the couplings of the chain."""
         link, material = self.link, arm.materials[self.link.material or ""]
-        k = (rigidities(material, self.sections) / self.lengths).reshape(-1)[self.places]
+        k, coupled = self.constants(rigidities(material, self.sections))
         if not k.all():  # it would count as a joint without a spring
             raise SceneError(f"link {link.name!r}: the stiffness of a hinge underflows float64")
-        hinges["stiffness"][self.rows], hinges["damping"][self.rows] = k, arm.loss_time(link) * k
+        loss = arm.loss_time(link)
+        hinges["stiffness"][self.rows], hinges["damping"][self.rows] = k, loss * k
+        couplings["stiffness"][self.coupled], couplings["damping"][self.coupled] = coupled, loss * coupled
 
 
 @dataclasses.dataclass
@@ -125,6 +144,7 @@ class Frame:
 
     bodies: NDArray[np.void]
     hinges: NDArray[np.void]
+    couplings: NDArray[np.void]
     builder: Builder
     springs: tuple[Springs, ...]
     chain: Chain  # the last one that was made of it: what is found of the layout is found once
@@ -163,8 +183,9 @@ def _framed(scene: Scene, beams: Sequence[_Beam | None]) -> Frame:
         gravity=np.array(scene.gravity),
         coordinates=tuple(builder.coordinates),
         link_names=tuple(link.name for link in arm.links),
+        couplings=np.array(builder.couplings, dtype=COUPLING),
     )
-    return Frame(chain.bodies, chain.hinges, builder, tuple(springs), chain)
+    return Frame(chain.bodies, chain.hinges, chain.couplings, builder, tuple(springs), chain)
 
 
 def _beam_of(arm: Arm, link: Link) -> _Beam | None:
@@ -244,13 +265,13 @@ def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes:
     rule, first = lumping_rule(link.lumping), len(builder.hinges)
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
     rotors = _twist_rotors(link, rule, beam, nodes, weights).tolist()
-    places = []
-    for segment, (body, part, end) in enumerate(_segments(beam, nodes.tobytes())):
+    places: dict[tuple[int, int], int] = {}  # of axis and hinge along the beam: number in the chain
+    for segment, (body, part, end) in enumerate(_segments_of(link, rule, beam, nodes)):
         if segment:
             builder.start_body()
             backward = rule.alternate_axes and segment % 2 == 0
             for axis in AXES[link.flex][:: -1 if backward else 1]:
-                places.append((axis - 1) * len(nodes) + segment - 1)
+                places[axis - 1, segment - 1] = len(builder.hinges)
                 rotor = rotors[segment - 1] if axis == TWIST else 0.0
                 coordinate = Coordinate(number, segment, axis)
                 builder.add_hinge(coordinate, axis - 1, 0.0, 0.0, *friction, armature=rotor)
@@ -258,7 +279,26 @@ def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes:
             builder.add(body)
         builder.advance(number, part, end)
     rows = np.arange(first, len(builder.hinges))
-    return Springs(link, beam.sections(nodes), weights * beam.length, rows, np.array(places, dtype=np.intp))
+    among = np.array([axis * len(nodes) + hinge for axis, hinge in places], dtype=np.intp)
+    if rule.cells is None:
+        none = slice(len(builder.couplings), len(builder.couplings)), np.empty((0, 3), np.intp)
+        return Springs(link, beam.sections(nodes), weights * beam.length, rows, among, None, *none)
+    cell, count = rule.cells.cell, len(nodes) // rule.cells.hinges
+    points = (np.arange(count)[:, None] + cell.points).ravel() / count
+    lengths = beam.length / count / np.tile(cell.weights, count)
+    return Springs(link, beam.sections(points), lengths, rows, among, rule.cells, *_couple(builder, rule.cells, places))
+
+
+def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) -> tuple[slice, NDArray[np.intp]]:
+    """Add couplings of the hinges of every cell, of the same axis; returns which they are, and what each couples."""
+    first, pairs = len(builder.couplings), []
+    for axis, hinge in sorted(places):
+        cell, place = divmod(hinge, cells.hinges)
+        for pair, (i, j) in enumerate(cells.cell.pairs):
+            if i == place:
+                builder.couplings.append((places[axis, hinge], places[axis, hinge + j - i], 0.0, 0.0))
+                pairs.append((axis, cell, pair))
+    return slice(first, len(builder.couplings)), np.array(pairs, dtype=np.intp).reshape(-1, 3)
 
 
 def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weights: Array) -> Array:
@@ -289,12 +329,23 @@ def rigidities(material: Material, sections: Array) -> Array:
     return np.array([material.shear * torsion, material.young * i_y, material.young * i_z])
 
 
-@functools.lru_cache(maxsize=256)
-def _segments(beam: _Beam, nodes: bytes) -> list[tuple[SpatialInertia | None, tuple[float, float], Array]]:
-    """Of each segment its body, part of the link, end [m]; links alike share them, of whatever stiffness.
+Segment = tuple[SpatialInertia | None, tuple[float, float], Array]
+"""Of a segment its body, part of the link, end [m]."""
 
-    A hinge at the very root has nothing before it.
-    """
+
+def _segments_of(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array) -> list[Segment]:
+    """Links alike share their segments, of whatever stiffness."""
+    if rule.cells is None:
+        return _segments(beam, nodes.tobytes())
+    try:
+        return _cell_segments(beam, rule.cells, len(nodes))
+    except ArgumentError as error:
+        raise SceneError(f"link {link.name!r}: lumping = {link.lumping!r}: {error}") from None
+
+
+@functools.lru_cache(maxsize=256)
+def _segments(beam: _Beam, nodes: bytes) -> list[Segment]:
+    """Slices of the beam from hinge to hinge; a hinge at the very root has nothing before it."""
     edges = np.array([0.0, *np.frombuffer(nodes), 1.0])
     slices = zip(*beam.slices(edges), np.diff(edges) * beam.length, strict=True)
     return [
@@ -302,6 +353,54 @@ def _segments(beam: _Beam, nodes: bytes) -> list[tuple[SpatialInertia | None, tu
          part, np.array([length, 0, 0]))
         for part, (mass, center, inertia, length) in zip(itertools.pairwise(edges.tolist()), slices, strict=True)
     ]  # fmt: skip
+
+
+@functools.lru_cache(maxsize=256)
+def _cell_segments(beam: _Beam, cells: Cells, count: int) -> list[Segment]:
+    """Segments whose M is the exact one of a beam that has the angle of each segment at its Lobatto node s.
+
+    m is that of the slice, from S_i−1 to S_i; m c = l ∫ ρA from s_i to S_i, from the segment's start; and
+
+        J_i = l_i [(s_i − S_i−1) ν(s_i) + ∫ ν dx − Σ_j w_j ν(s_j)] − m_i c_i²        ν(x) = ∫ ρA from x to S_i
+
+    the integral from s_i to the end of the cell that begins at or holds s_i, the sum over its nodes beyond s_i.
+    """
+    places, lengths = cells.segments(count)
+    edges = np.append(0.0, np.cumsum(lengths))
+    edges[-1] = 1.0
+    mass = beam.slices(edges)[0]
+    l = lengths * beam.length
+    center = l * beam.masses(places, edges[1:]) / mass
+    J = np.array([_cell_inertia(beam, cells, i, places, edges) for i in range(count + 1)]) - mass * center**2
+    rounding = 16 * np.finfo(float).eps * l * (cells.hinges * l.max()) * (cells.hinges * mass.max())
+    given = cells.tip * mass[-1] * l[-1] ** 2 / 3
+    J[np.abs(J) <= rounding] = 0.0  # the first segment is a point mass at its end, the last at its hinge
+    J[-1] += given
+    J[-2] -= given
+    if (J < 0).any():
+        raise ArgumentError(
+            f"tip = {cells.tip:g}: segment {int(np.argmin(J))} would have a negative moment of inertia; "
+            "take a smaller tip in the rule"
+        )
+    y, z = beam.rotary(edges)
+    moments = np.column_stack([y + z, J + y, J + z])
+    return [
+        (SpatialInertia(float(m), np.array([c, 0, 0]), np.diag(I)), part, np.array([length, 0, 0]))
+        for part, m, c, I, length in zip(itertools.pairwise(edges.tolist()), mass, center, moments, l, strict=True)
+    ]
+
+
+def _cell_inertia(beam: _Beam, cells: Cells, i: int, places: Array, edges: Array) -> float:
+    """J_i + m_i c_i² of a segment."""
+    p, count, L = cells.hinges, len(places) - 1, beam.length
+    e = min(i // p, count // p - 1)
+    beyond = np.arange(i + 1, (e + 1) * p + 1)
+    weights = cells.cell.lengths[beyond - e * p] * p / count
+    s, start, end, stop = places[i], edges[i], edges[i + 1], places[(e + 1) * p]
+    x = s + (stop - s) * (1 + GAUSS_NODES) / 2
+    ν = beam.masses(np.concatenate([[s], x, places[beyond]]), np.full(1 + len(x) + len(beyond), end))
+    integral = (stop - s) / 2 * (GAUSS_WEIGHTS @ ν[1 : 1 + len(x)])
+    return float((end - start) * L**2 * ((s - start) * ν[0] + integral - weights @ ν[1 + len(x) :]))
 
 
 @functools.lru_cache(maxsize=256)
@@ -337,6 +436,18 @@ class _Beam:
         _, i_y, i_z, _ = self.sections(x)
         polar = half * GAUSS_WEIGHTS * self.density * self.length * (i_y + i_z)
         return polar.sum(axis=1), (x * polar).sum(axis=1)
+
+    def masses(self, start: Array, end: Array) -> Array:
+        """∫ ρA dx from each start to its end [kg], (N,), negative where the end is before the start."""
+        x = start[:, None] + (end - start)[:, None] * (1 + GAUSS_NODES) / 2
+        area = self.density * self.length * self.sections(x)[0]
+        return np.asarray((area * GAUSS_WEIGHTS).sum(axis=1) * (end - start) / 2)
+
+    def rotary(self, edges: Array) -> Array:
+        """∫ ρ I_y dx and ∫ ρ I_z dx between neighbouring edges [kg m²], (2, N)."""
+        half = np.diff(edges)[:, None] / 2
+        x = edges[:-1, None] + half * (1 + GAUSS_NODES)
+        return np.asarray((half * GAUSS_WEIGHTS * self.density * self.length * self.sections(x)[1:3]).sum(axis=2))
 
     def slices(self, edges: Array) -> tuple[Array, Array, Array]:
         """Between neighbouring edges: mass (N,), distance of the centre (N,), moments of inertia about it (N, 3).

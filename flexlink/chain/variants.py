@@ -14,7 +14,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.scene import Scene
-from flexlink.kernels.layout import HINGE
+from flexlink.kernels.layout import COUPLING, HINGE
 
 
 def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
@@ -65,13 +65,15 @@ def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
     """Chains of one frame; None where `lump` has to say what is wrong."""
     b = len(scenes)
     bodies, hinges = np.empty((b, len(frame.bodies)), frame.bodies.dtype), np.empty((b, len(frame.hinges)), HINGE)
-    bodies[:], hinges[:] = frame.bodies, frame.hinges
+    couplings = np.empty((b, len(frame.couplings)), COUPLING)
+    bodies[:], hinges[:], couplings[:] = frame.bodies, frame.hinges, frame.couplings
     good = np.ones(b, dtype=bool)
     with np.errstate(all="ignore"):
         for springs in frame.springs:
-            good &= _write_springs(springs, scenes, hinges)
+            good &= _write_springs(springs, scenes, hinges, couplings)
         _write_tips(frame, [scene.arm.tip for scene in scenes], bodies)
         good &= np.isfinite(bodies.view(np.float64)).all(axis=1)
+        good &= np.isfinite(couplings.view(np.float64)).all(axis=1)
         limits = [name in {"lower", "upper"} for name in HINGE.names or ()]
         finite = np.isfinite(hinges.view(np.float64)).reshape(b, -1, len(limits))
         good &= (finite | limits).all(axis=(1, 2))
@@ -81,13 +83,16 @@ def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
         if not good[k]:
             chains.append(None)
             continue
-        frame.chain = frame.chain.with_numbers(scene.name, bodies[k], hinges[k], np.array(scene.gravity))
+        gravity = np.array(scene.gravity)
+        frame.chain = frame.chain.with_numbers(scene.name, bodies[k], hinges[k], gravity, couplings[k])
         vars(frame.chain).update((name, values[k]) for name, values in found.items())
         chains.append(frame.chain)
     return chains
 
 
-def _write_springs(springs: Springs, scenes: Sequence[Scene], hinges: NDArray[np.void]) -> NDArray[np.bool_]:
+def _write_springs(
+    springs: Springs, scenes: Sequence[Scene], hinges: NDArray[np.void], couplings: NDArray[np.void]
+) -> NDArray[np.bool_]:
     """`Springs.write` for all; returns where no stiffness underflows."""
     name = springs.link.material or ""
     materials = [scene.arm.materials[name] for scene in scenes]
@@ -96,8 +101,9 @@ def _write_springs(springs: Springs, scenes: Sequence[Scene], hinges: NDArray[np
     loss = np.array([scene.arm.loss_time(springs.link) for scene in scenes])[:, None]
     _, i_y, i_z, torsion = springs.sections
     rigidities = np.stack([shear * torsion, young * i_y, young * i_z], axis=1)
-    k = (rigidities / springs.lengths).reshape(len(scenes), -1)[:, springs.places]
+    k, coupled = springs.constants(rigidities)
     hinges["stiffness"][:, springs.rows], hinges["damping"][:, springs.rows] = k, loss * k
+    couplings["stiffness"][:, springs.coupled], couplings["damping"][:, springs.coupled] = coupled, loss * coupled
     return np.asarray(k.all(axis=1))
 
 

@@ -141,13 +141,14 @@ def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
         raise ArgumentError("solver: several chains at once need solver 'articulated'")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
     bodies, hinges = _stacked([c.bodies for c in eight]), _stacked([c.hinges for c in eight])
-    return solver.lanes_workspace(bodies, hinges, np.array([c.gravity for c in eight]))
+    couplings = _stacked([c.couplings for c in eight])
+    return solver.lanes_workspace(bodies, hinges, np.array([c.gravity for c in eight]), couplings)
 
 
 def _stacked(records: Sequence[NDArray[np.void]]) -> NDArray[np.void]:
     """One above the other, as bytes: `np.stack` goes field by field, in ten times the time."""
     whole = bytearray(b"".join([record.tobytes() for record in records]))
-    return np.frombuffer(whole, records[0].dtype).reshape(len(records), -1)
+    return np.frombuffer(whole, records[0].dtype).reshape(len(records), len(records[0]))
 
 
 def solver_for(chain: Chain, solver: str) -> solvers.Solver:

@@ -161,7 +161,7 @@ def forward_dynamics_derivatives(
         write = functools.partial(forward_derivatives_of_many, require_type("chain", chain, Chain).arrays)
         if chain.is_planar:
             work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-            write = functools.partial(planar_derivatives_of_many, chain.hinges, work)
+            write = functools.partial(planar_derivatives_of_many, chain.hinges, chain.couplings, work)
         many = _of_many(write, chain.n, state, tip_wrench, frame)
         if many is None:
             return each(forward_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)

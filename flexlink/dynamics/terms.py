@@ -225,7 +225,7 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
         return each(elastic_torque, chain, {"q": q})
     q = vector("q", q, require_type("chain", chain, Chain).n, many=True)
     with np.errstate(over="ignore"):
-        torque: Array = chain.stiffness * (q - chain.rest)
+        torque: Array = chain.times("stiffness", q - chain.rest)
     if not is_finite(torque):
         raise beyond_float64(_at("elastic torque", chain, torque), q=q)
     return torque
@@ -264,7 +264,7 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
     qd = vector("qd", qd, require_type("chain", chain, Chain).n, many=True)
     hinges = chain.hinges
     with np.errstate(over="ignore"):  # far beyond the width tanh is 1
-        torque: Array = hinges["damping"] * qd + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
+        torque: Array = chain.times("damping", qd) + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
     if not is_finite(torque):
         raise beyond_float64(_at("friction torque", chain, torque), qd=qd)
     return torque

@@ -1,4 +1,4 @@
-"""Layout of a chain's arrays, which every kernel reads: its bodies, its hinges, and gravity."""
+"""Layout of a chain's arrays, which every kernel reads: its bodies, its hinges, gravity, and couplings of springs."""
 
 from typing import Any, NamedTuple
 
@@ -27,15 +27,24 @@ BODY = record(
 HINGE = record(
     [
         ("axis", np.int64),  # 0, 1, 2 = X, Y, Z
-        ("stiffness", np.float64),  # k [N m/rad]
+        ("stiffness", np.float64),  # k, K_ii where springs are coupled [N m/rad]
         ("rest", np.float64),  # θ₀ [rad]
-        ("damping", np.float64),  # d, viscous and structural [N m s/rad]
+        ("damping", np.float64),  # d, viscous and structural, D_ii where dampers are coupled [N m s/rad]
         ("coulomb", np.float64),  # dry friction torque [N m]
         ("coulomb_width", np.float64),  # rate over which the dry torque turns round [rad/s]
         ("armature", np.float64),  # rotor inertia, added to the diagonal of M [kg m²]
         ("lower", np.float64),  # limits of the angle, kept for whoever asks; ±inf without [rad]
         ("upper", np.float64),
         ("prescribed", np.int64),  # 1 if the motion of the hinge is given in time, and its torque sought
+    ]
+)
+
+COUPLING = record(
+    [
+        ("inner", np.int64),  # two hinges, inner < outer, of the cell that overlapping couplings make
+        ("outer", np.int64),
+        ("stiffness", np.float64),  # K_ij = K_ji: torque −K_ij (θ_j − θ₀_j) on i, −K_ij (θ_i − θ₀_i) on j [N m/rad]
+        ("damping", np.float64),  # D_ij = D_ji, of the rates likewise [N m s/rad]
     ]
 )
 
@@ -46,3 +55,4 @@ class ChainArrays(NamedTuple):
     bodies: NDArray[np.void]
     hinges: NDArray[np.void]
     gravity: NDArray[np.float64]
+    couplings: NDArray[np.void]

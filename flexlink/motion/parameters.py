@@ -27,7 +27,7 @@ from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.inputs.initial_state import initial_state, spread
 from flexlink.kernels.derivatives.inverse_derivatives import Arrays
 from flexlink.kernels.derivatives.sensitivity import AFFINE, EPSILON, Parametric, torque_derivatives
-from flexlink.kernels.layout import BODY, HINGE
+from flexlink.kernels.layout import BODY, COUPLING, HINGE
 
 POINTS = 9
 PARTS = 1 / 16, 1 / 128, 1 / 1024
@@ -41,6 +41,7 @@ class Numbers(NamedTuple):
 
     bodies: dict[str, Array]
     hinges: dict[str, Array]
+    couplings: dict[str, Array]
     drive: Array  # (3, n) u, v, w of T_EX = u + v q + w q̇, without a table's torques, which are no parameters
     start: Array  # (2, n), before hinges are bent
 
@@ -56,16 +57,16 @@ def parametric(scene: Scene, chain: Chain, paths: list[str]) -> tuple[Parametric
     """
     _check_known(scene)
     bodies, hinges = _complex(chain.bodies, BODY, len(paths)), _complex(chain.hinges, HINGE, len(paths))
+    couplings = _complex(chain.couplings, COUPLING, len(paths))
     bodies["turned"] = 1  # a mount that turns nothing has a slope, too
     drives, starts = np.empty((len(paths), 3, chain.n)), np.empty((2, chain.n, len(paths)))
     for j, path in enumerate(paths):
         slope = _slope(scene, chain, path)
-        for rows, slopes in ((bodies, slope.bodies), (hinges, slope.hinges)):
+        for rows, slopes in ((bodies, slope.bodies), (hinges, slope.hinges), (couplings, slope.couplings)):
             for name, values in slopes.items():
                 rows[name][j] += 1j * EPSILON * values
         drives[j], starts[:, :, j] = slope.drive, slope.start
-    arrays = Arrays(chain.bodies, chain.hinges, chain.gravity)
-    found = Parametric(arrays, bodies, hinges, _numbers(scene, chain).drive, drives)
+    found = Parametric(Arrays(*chain.arrays), bodies, hinges, couplings, _numbers(scene, chain).drive, drives)
     if scene.initial.passive == "static":
         _bend(scene, chain, found, starts)
     for part, whole in enumerate((scene.initial.q, scene.initial.qd)):
@@ -153,8 +154,8 @@ def _differentiated(f: Callable[[float], Numbers], p: float, Δ: float) -> Numbe
     def slopes(many: list[dict[str, Array]]) -> dict[str, Array]:
         return {name: slope([one[name] for one in many]) for name in many[0]}
 
-    bodies, hinges, drives, starts = (list(part) for part in zip(*values, strict=True))
-    return Numbers(slopes(bodies), slopes(hinges), slope(drives), slope(starts))
+    bodies, hinges, couplings, drives, starts = (list(part) for part in zip(*values, strict=True))
+    return Numbers(slopes(bodies), slopes(hinges), slopes(couplings), slope(drives), slope(starts))
 
 
 def _by_chebyshev(values: Array, x: Array, at: float) -> Array:
@@ -190,7 +191,11 @@ def _numbers(scene: Scene, chain: Chain) -> Numbers:
         target = np.radians(spread(chain, drive.target_deg or zero))
         affine[AFFINE.u], affine[AFFINE.v], affine[AFFINE.w] = torque + kp * target, -kp, -kd
     start = np.radians([spread(chain, scene.initial.joint_deg), spread(chain, scene.initial.rates)])
-    return Numbers(bodies, {name: chain.hinges[name] for name in names}, affine, start)
+    hinges, couplings = (
+        {name: rows[name] for name in fields}
+        for rows, fields in ((chain.hinges, names), (chain.couplings, ("stiffness", "damping")))
+    )
+    return Numbers(bodies, hinges, couplings, affine, start)
 
 
 def _bend(scene: Scene, chain: Chain, varied: Parametric, starts: Array) -> None:

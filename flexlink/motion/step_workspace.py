@@ -14,7 +14,7 @@ from flexlink.dynamics import rounding
 from flexlink.inputs.drives import gains_of
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
-from flexlink.kernels.forward.mass_plus_diagonal import FACTORS
+from flexlink.kernels.forward.mass_plus_cells import columns
 from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture, plane_postures
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture, space_postures
 from flexlink.kernels.inputs.record import Inputs
@@ -38,10 +38,10 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     of_fixed_step = 50  # Newton iterations: a fixed step is worth more of them than one that may be shortened
     chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
     posture = (plane_posture if chain.is_planar else space_posture)(*arrays)
-    numbers, new = np.zeros(STEPPER.size), np.zeros((3, n))
+    numbers, new, width = np.zeros(STEPPER.size), np.zeros((3, n)), columns(posture.first)
     numbers[STEPPER.inverse_ω1], numbers[STEPPER.rounding] = 1.0 / slowest, rounding.of_position(chain)
     numbers[STEPPER.max_iterations] = FEW_PASSES if record.run.controlled else of_fixed_step
-    springs = Springs(*drive_gains(chain, record.inputs), np.zeros((n, FACTORS.size)), *np.zeros((2, n)))
+    springs = Springs(*drive_gains(chain, record.inputs), np.zeros((n, width)), *np.zeros((2, n)))
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error)
         K, L = np.zeros((2, s + 1, n))
@@ -56,8 +56,8 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     return ImplicitWork(
         coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
         posture, numbers, new, np.zeros((6, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs,
-        np.zeros((r, n, FACTORS.size)), np.zeros((2, n), complex), np.zeros((p, n, FACTORS.size), complex),
-        postures, np.zeros((s, n, FACTORS.size)), turning,
+        np.zeros((r, n, width)), np.zeros((2, n), complex), np.zeros((p, n, width), complex),
+        postures, np.zeros((s, n, width)), turning,
     )  # fmt: skip
 
 

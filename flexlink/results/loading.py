@@ -16,7 +16,7 @@ from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.result import read_archive
 from flexlink.dynamics.terms import Energy
-from flexlink.kernels.layout import BODY, HINGE
+from flexlink.kernels.layout import BODY, COUPLING, HINGE
 from flexlink.results.samples import Steps
 from flexlink.results.trajectory import Trajectory
 
@@ -75,6 +75,7 @@ def _chain(arrays: Mapping[str, Any]) -> Chain:
         gravity=np.ascontiguousarray(arrays["chain_gravity"]),
         coordinates=tuple(Coordinate(*row) for row in arrays["chain_coordinates"].tolist()),
         link_names=tuple(arrays["chain_links"].tolist()),
+        couplings=_records(arrays.get("chain_couplings", np.zeros(0, COUPLING)), COUPLING),
     )
 
 

@@ -3,7 +3,8 @@
 A chain of rigid segments and springs is a quadrature of the curvature integral θ = ∫ M/EI dx:
 a hinge is a node, and its stiffness is k = EI / (weight · length). The frequencies are those of Nyström's method for
 λ κ(x) = ∫ M(x, y) κ(y) dy, M(x, y) the moment at x that a kink at y accelerates; M'' has a kink at x = y, so that
-no rule is of higher order than 4 in bending, and of 2 in twist (see `twist_inertias`).
+no rule is of higher order than 4 in bending, and of 2 in twist (see `twist_inertias`). That is so without axial load
+and for small angles; with them only rules of `cells` are of higher order than 2.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
 from flexlink.describe import data_files
+from flexlink.describe.schemes.cells import Cells, no_multiple
 from flexlink.describe.spec import NonNegative, Positive, Spec, truncated
 
 Exponent = Annotated[float, msgspec.Meta(ge=0, le=100)]
@@ -88,11 +90,13 @@ class LumpingRule(Spec, frozen=True):
     source: str
     """Where it is published, or how it was derived."""
     grid: Grid | None = None
-    """Equally spaced hinges; a rule has exactly one of grid, element, jacobi."""
+    """Equally spaced hinges; a rule has exactly one of grid, element, jacobi, cells."""
     element: Element | None = None
     """Hinges of an element that is repeated along the link."""
     jacobi: Jacobi | None = None
     """Gauss-Jacobi hinges over the whole link."""
+    cells: Cells | None = None
+    """Cells of hinges whose springs are coupled."""
     matched_twist: bool = False
     """Whether twist hinges get the rotor inertia that makes twist of order 4, too."""
     alternate_axes: bool = False
@@ -100,8 +104,10 @@ class LumpingRule(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if sum(kind is not None for kind in (self.grid, self.element, self.jacobi)) != 1:
-            raise SceneError("grid, element, jacobi: a rule has exactly one of the three")
+        if sum(kind is not None for kind in (self.grid, self.element, self.jacobi, self.cells)) != 1:
+            raise SceneError("grid, element, jacobi, cells: a rule has exactly one of the four")
+        if self.cells is not None and self.matched_twist:
+            raise SceneError("matched_twist = true: not with cells, which twist with order 4 without it; leave it out")
 
     def hinges(self, count: int) -> tuple[Array, Array]:
         """Nodes and weights of `count` hinges on [0, 1].
@@ -115,12 +121,12 @@ class LumpingRule(Spec, frozen=True):
             return _grid_hinges(self.grid, count)
         if self.jacobi is not None:
             return _jacobi_hinges(self.jacobi, count)
+        if self.cells is not None:
+            return self.cells.place(count)
         assert self.element is not None
         size = len(self.element.nodes)
         if count % size:
-            below = count - count % size
-            near = " or ".join(str(k + 1) for k in (below, below + size) if k)
-            raise ArgumentError(f"needs a multiple of {size} hinges; the nearest are {near} segments")
+            raise no_multiple(count, size)
         elements = count // size
         nodes = (np.arange(elements)[:, None] + np.array(self.element.nodes)) / elements
         return nodes.ravel(), np.tile(self.element.weights, elements) / elements

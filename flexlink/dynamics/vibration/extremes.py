@@ -29,7 +29,7 @@ def inertia_alone(chain: Chain) -> Chain:
     hinges = chain.hinges.copy()
     for name in ("stiffness", "damping", "coulomb"):
         hinges[name] = 0.0
-    return dataclasses.replace(chain, hinges=hinges, gravity=np.zeros(3))
+    return dataclasses.replace(chain, hinges=hinges, gravity=np.zeros(3), couplings=chain.couplings[:0])
 
 
 def slowest_frequency(chain: Chain, q: Array) -> float:

@@ -7,7 +7,7 @@ from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cros
 
 @kernel
 def energies(chain, q, qd):
-    """T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇²,  V_g = −Σ m g·p_c,  V_e = Σ ½ k (θ − θ₀)² [J]; V_g = 0 at the base."""
+    """T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇²,  V_g = −Σ m g·p_c,  V_e = ½ (θ − θ₀)·K (θ − θ₀) [J]; V_g = 0 at 0."""
     return energies_of(chain, q, qd, forward_kinematics(chain, q))
 
 
@@ -31,4 +31,8 @@ def energies_of(chain, q, qd, placed):
         ω_body = apply_transposed(rotations[i], ω)
         kinetic += 0.5 * b.mass * dot(v_center, v_center) + 0.5 * dot(ω_body, apply(b.inertia, ω_body))
         gravity -= b.mass * dot(vector(chain.gravity), add(p, lever))
+    for c in range(len(chain.couplings)):
+        pair = chain.couplings[c]
+        i, j = pair.inner, pair.outer
+        elastic += pair.stiffness * (q[i] - hinges[i].rest) * (q[j] - hinges[j].rest)
     return kinetic, gravity, elastic

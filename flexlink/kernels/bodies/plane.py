@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.bodies.couplings import CONSTANT, coupled_joints
 from flexlink.kernels.bodies.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import LANES, at, put_at, vec, zero_of
@@ -53,10 +54,12 @@ class PlanarWork(NamedTuple):
     dry: Any
     flat: Any  # angles, cosines and sines, for the loop over all of them
     trig: Any  # the same memory, for the links
+    pairs: Any  # coupled joints, and the couplings' constants
+    coupled: Any
 
 
 @kernel
-def planar_workspace(bodies, hinges, gravity):
+def planar_workspace(bodies, hinges, gravity, couplings):
     """Scratch of `planar` with the chain's constants."""
     n = len(hinges)
     base, links = np.zeros(12), np.zeros((n, LINK.size))
@@ -87,17 +90,20 @@ def planar_workspace(bodies, hinges, gravity):
             own = dot(normal, sym_apply(symmetric(b.inertia), normal))
             links[k, LINK.inertia] += own + b.mass * (cx * cx + cy * cy)
     trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
-    return PlanarWork(base, links, prescribed_joints(hinges), dry_joints(links[:, JOINT.coulomb]), trig, trig)
+    dry, (pairs, coupled) = dry_joints(links[:, JOINT.coulomb]), coupled_joints(couplings)
+    return PlanarWork(base, links, prescribed_joints(hinges), dry, trig, trig, pairs, coupled)
 
 
 @kernel
-def planar_lanes_workspace(bodies, hinges, gravity):
-    """The same for eight chains side by side, arrays of shape (8, bodies), (8, n), (8, 3)."""
+def planar_lanes_workspace(bodies, hinges, gravity, couplings):
+    """The same for eight chains side by side, arrays of shape (8, bodies), (8, n), (8, 3), (8, couplings)."""
     n = hinges.shape[1]
     base, links, coulomb = np.empty((12, LANES)), np.empty((n, LINK.size, LANES)), np.zeros(n)
-    trig = np.empty((3, n * LANES))
+    trig, coupled = np.empty((3, n * LANES)), np.empty((couplings.shape[1], CONSTANT.size, LANES))
+    pairs = coupled_joints(couplings[0])[0]
     for lane in range(LANES):
-        one = planar_workspace(bodies[lane], hinges[lane], gravity[lane])
+        one = planar_workspace(bodies[lane], hinges[lane], gravity[lane], couplings[lane])
+        coupled[:, :, lane] = one.coupled
         for j in range(12):
             base[j, lane] = one.base[j]
         for k in range(n):
@@ -105,7 +111,8 @@ def planar_lanes_workspace(bodies, hinges, gravity):
             for j in range(LINK.size):
                 links[k, j, lane] = one.links[k, j]
     trig_lanes = trig.reshape(3, n, LANES)
-    return PlanarWork(base, links, prescribed_joints(hinges[0]), dry_joints(coulomb), trig, trig_lanes)
+    prescribed, dry = prescribed_joints(hinges[0]), dry_joints(coulomb)
+    return PlanarWork(base, links, prescribed, dry, trig, trig_lanes, pairs, coupled)
 
 
 @kernel

@@ -63,21 +63,23 @@ class ForwardDerivativesWork(NamedTuple):
 
 
 @kernel
-def forward_derivatives_workspace(bodies, hinges, gravity):
+def forward_derivatives_workspace(bodies, hinges, gravity, couplings):
     """Scratch of `derivatives_in_space` for a chain."""
     n, m = len(hinges), len(bodies)
     return ForwardDerivativesWork(
-        articulated_workspace(bodies, hinges, gravity), np.empty((2, n)),
-        motion_workspace(Arrays(bodies, hinges, gravity)), np.empty((m, 9)), np.empty((m, 6)), np.empty((m, 6)),
-        np.empty((m, 6, LANES)), np.empty((n, LANES)), np.empty((n, LANES)),
+        articulated_workspace(bodies, hinges, gravity, couplings), np.empty((2, n)),
+        motion_workspace(Arrays(bodies, hinges, gravity, couplings)),
+        np.empty((m, 9)), np.empty((m, 6)), np.empty((m, 6)), np.empty((m, 6, LANES)),
+        np.empty((n, LANES)), np.empty((n, LANES)),
     )  # fmt: skip
 
 
 @kernel
-def forward_derivatives(bodies, hinges, gravity, wrench, q, qd, tau, found):
+def forward_derivatives(bodies, hinges, gravity, couplings, wrench, q, qd, tau, found):
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n), of prescribed joints ∂q̈/∂q̈_given; whether all is finite."""
-    work, slopes = forward_derivatives_workspace(bodies, hinges, gravity), (found[0], found[1], found[2])
-    return derivatives_in_space(Arrays(bodies, hinges, gravity), wrench, q, qd, tau, slopes, work)
+    work = forward_derivatives_workspace(bodies, hinges, gravity, couplings)
+    chain, slopes = Arrays(bodies, hinges, gravity, couplings), (found[0], found[1], found[2])
+    return derivatives_in_space(chain, wrench, q, qd, tau, slopes, work)
 
 
 @subroutine
@@ -136,6 +138,8 @@ def keep_solution(factors, axes, accelerations):
 def write_loads(chain, qd, variable, first, work):
     """Write what the columns from `first` on ask of joints and bodies."""
     joint_loads(chain.hinges, qd, variable, first, work.r)
+    if variable != VARIABLE.tau:
+        coupling_loads(chain.couplings, variable, first, work.r)
     body_loads(chain, variable, first // LANES, work)
     if variable == VARIABLE.q:
         for i in range(len(chain.bodies)):
@@ -156,6 +160,18 @@ def joint_loads(hinges, qd, variable, first, r):
             r[j, j - first] = -friction_derivative(hinges[j], qd[j])
         elif not hinges[j].prescribed:
             r[j, j - first] = 1.0
+
+
+@recursion
+def coupling_loads(couplings, variable, first, r):
+    """Add those of couplings, where angles or rates change."""
+    for c in range(len(couplings)):
+        pair = couplings[c]
+        slope = pair.stiffness if variable == VARIABLE.q else pair.damping
+        if first <= pair.inner < first + LANES:
+            r[pair.outer, pair.inner - first] -= slope
+        if first <= pair.outer < first + LANES:
+            r[pair.inner, pair.outer - first] -= slope
 
 
 @recursion

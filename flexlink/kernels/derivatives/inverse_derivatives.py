@@ -108,15 +108,16 @@ class Arrays(NamedTuple):
     bodies: Any
     hinges: Any
     gravity: Any
+    couplings: Any
 
 
 @kernel
-def all_inverse_derivatives(bodies, hinges, gravity, wrench, q, qd, qdd, found):
+def all_inverse_derivatives(bodies, hinges, gravity, couplings, wrench, q, qd, qdd, found):
     """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M into `found` (3, n, n); whether all is finite.
 
     The chain's arrays come one by one: to tell the type of them as one tuple takes half a microsecond of each call.
     """
-    chain = Arrays(bodies, hinges, gravity)
+    chain = Arrays(bodies, hinges, gravity, couplings)
     work = derivatives_workspace(chain)
     return inverse_derivatives(chain, wrench, q, qd, qdd, (found[0], found[1], found[2]), work)
 

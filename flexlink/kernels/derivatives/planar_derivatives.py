@@ -22,6 +22,7 @@ import numpy as np
 from flexlink.kernels.bodies.plane import BASE, LINK, in_plane, planar_workspace
 from flexlink.kernels.derivatives.forward_derivatives import (
     VARIABLE,
+    coupling_loads,
     friction_derivative,
     joint_loads,
     keep_prescribed,
@@ -56,18 +57,20 @@ class PlanarDerivativesWork(NamedTuple):
 
 
 @kernel
-def planar_derivatives(bodies, hinges, gravity, wrench, q, qd, tau, found):
+def planar_derivatives(bodies, hinges, gravity, couplings, wrench, q, qd, tau, found):
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n) as `forward_derivatives`; whether all is finite."""
-    n, planar = len(q), planar_workspace(bodies, hinges, gravity)
+    n, planar = len(q), planar_workspace(bodies, hinges, gravity, couplings)
     qdd, levers, lanes = np.zeros(n), np.empty((2, n, 2)), np.empty((6, n, LANES))
     forward_dynamics(wrench, q, qd, tau.copy(), qdd, planar)
-    posture = PlanePosture(planar.links, planar.prescribed, planar.trig, levers[0], levers[1])
+    posture = PlanePosture(planar.links, planar.prescribed, planar.trig, levers[0], levers[1], np.empty(0, np.int64))
     weights = np.zeros((2, LANES + 1, LANES))
     work = PlanarDerivativesWork(posture, np.empty((n, ROW.size)), weights[0], weights[1], lanes[:3], lanes[3:])
     differentiate(planar.base, wrench, qd, work)
     for first in range((n - 1) // LANES * LANES, -1, -LANES):
         for variable in range(3):
             joint_loads(hinges, qd, variable, first, work.r[variable])
+            if variable != VARIABLE.tau:
+                coupling_loads(couplings, variable, first, work.r[variable])
         weigh(hinges, first, work)
         solve(first, work)
         for variable in range(3):
@@ -239,7 +242,7 @@ def turn(k, variable, weight, work, before, ax, ay):
 
 
 @kernel
-def planar_derivatives_of_many(hinges, planar, wrench, q, qd, tau, found):
+def planar_derivatives_of_many(hinges, couplings, planar, wrench, q, qd, tau, found):
     """Derivatives of states (b, n), wrenches (b, 6), into `found` (3, b, n, n), eight states side by side.
 
     `planar`: scratch of eight of the chain. Returns whether all is finite.
@@ -247,7 +250,7 @@ def planar_derivatives_of_many(hinges, planar, wrench, q, qd, tau, found):
     n, finite = len(hinges), True
     state, acting, levers = np.empty((4, n, LANES)), np.empty((6, LANES)), np.empty((2, n, 2, LANES))
     lanes = np.zeros((6, n, LANES))
-    posture = PlanePosture(planar.links, planar.prescribed, planar.trig, levers[0], levers[1])
+    posture = PlanePosture(planar.links, planar.prescribed, planar.trig, levers[0], levers[1], np.empty(0, np.int64))
     work = PlanarDerivativesWork(posture, np.empty((n, ROW.size, LANES)), None, None, lanes[:3], lanes[3:])
     for start in range(0, len(q), LANES):
         put_lanes(wrench, start, acting)
@@ -259,8 +262,10 @@ def planar_derivatives_of_many(hinges, planar, wrench, q, qd, tau, found):
         differentiate(planar.base, acting, state[1], work)
         for j in range(n):
             put_joint_loads(hinges[j], j, state[1], work.r)
+            put_coupling_loads(couplings, j, 1.0, work.r)
             solve_column(j, work)
             work.r[:, j, :] = 0.0
+            put_coupling_loads(couplings, j, 0.0, work.r)
             for lane in range(min(LANES, len(q) - start)):
                 for variable in range(3):
                     for k in range(n):
@@ -278,6 +283,18 @@ def put_joint_loads(hinge, j, qd, r):
         r[VARIABLE.q, j, lane] = -hinge.stiffness
         r[VARIABLE.qd, j, lane] = -friction_derivative(hinge, qd[j, lane])
         r[VARIABLE.tau, j, lane] = 0.0 if hinge.prescribed else 1.0
+
+
+@recursion
+def put_coupling_loads(couplings, j, change, r):
+    """Torques of the joints that are coupled to joint j, of eight states, where its angle or its rate changes."""
+    for c in range(len(couplings)):
+        pair = couplings[c]
+        if j in (pair.inner, pair.outer):
+            other = pair.inner + pair.outer - j
+            for lane in range(LANES):
+                r[VARIABLE.q, other, lane] = -pair.stiffness * change
+                r[VARIABLE.qd, other, lane] = -pair.damping * change
 
 
 @recursion

@@ -44,20 +44,22 @@ class Parametric(NamedTuple):
     chain: Any
     bodies: Any  # (p, bodies) complex, c + i ε δc
     hinges: Any  # (p, n)
+    couplings: Any  # (p, couplings)
     drive: Any  # (3, n) u, v, w
     drive_derivatives: Any  # (p, 3, n)
 
 
 def acceleration_derivatives(work, chain, wrench, q, qd, tau, found):
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n), by the recursion that the scratch is for."""
-    return DERIVATIVES[type(work)](chain.bodies, chain.hinges, chain.gravity, wrench, q, qd, tau, found)
+    arrays = chain.bodies, chain.hinges, chain.gravity, chain.couplings
+    return DERIVATIVES[type(work)](*arrays, wrench, q, qd, tau, found)
 
 
 @overload(acceleration_derivatives, jit_options=ARITHMETIC)
 def _slopes_of(work, chain, wrench, q, qd, tau, found):
     slopes = DERIVATIVES[work.instance_class]
     return lambda work, chain, wrench, q, qd, tau, found: slopes(
-        chain.bodies, chain.hinges, chain.gravity, wrench, q, qd, tau, found
+        chain.bodies, chain.hinges, chain.gravity, chain.couplings, wrench, q, qd, tau, found
     )
 
 
@@ -102,7 +104,7 @@ def parameter_torques(varied, wrench, q, qd, qdd, δq, δqd, known):
     work = RneWork(np.empty((n, 2)), np.empty((m, 6), np.complex128))
     for j in range(len(varied.bodies)):
         hinges, slopes = varied.hinges[j], varied.drive_derivatives[j]
-        chain = Arrays(varied.bodies[j], hinges, varied.chain.gravity)
+        chain = Arrays(varied.bodies[j], hinges, varied.chain.gravity, varied.couplings[j])
         rne(chain, vector(chain.gravity), wrench, q, qd, qdd, torque, work)
         for k in range(n):
             if own[k].prescribed:  # its motion is given, and so is T_EX
@@ -112,6 +114,7 @@ def parameter_torques(varied, wrench, q, qd, qdd, δq, δqd, known):
                 fed_back = drive[AFFINE.v, k] * δq[k, j] + drive[AFFINE.w, k] * δqd[k, j]
                 taken = torque[k].imag / EPSILON + of_joint(own[k], hinges[k], q[k], qd[k])
                 known[k, j] = given + fed_back - taken
+        subtract_couplings(varied.chain, chain, q, qd, known[:, j])
 
 
 @kernel
@@ -122,6 +125,18 @@ def of_joint(own, varied, angle, rate):
     slope = own.coulomb * (1.0 - tanh * tanh) * rate / own.coulomb_width**2
     rubbed = varied.damping.imag * rate + varied.coulomb.imag * tanh - slope * varied.coulomb_width.imag
     return (stretched + rubbed) / EPSILON
+
+
+@kernel
+def subtract_couplings(own, varied, q, qd, known):
+    """Subtract δ(T_FL + T_FR) of couplings from the torques (n,) of joints whose motion is not prescribed."""
+    for c in range(len(own.couplings)):
+        pair, changed = own.couplings[c], varied.couplings[c]
+        for k, other in ((pair.inner, pair.outer), (pair.outer, pair.inner)):
+            if not own.hinges[k].prescribed:
+                stretched = changed.stiffness.imag * (q[other] - own.hinges[other].rest)
+                stretched -= pair.stiffness * varied.hinges[other].rest.imag
+                known[k] -= (stretched + changed.damping.imag * qd[other]) / EPSILON
 
 
 @kernel
@@ -154,7 +169,7 @@ def tip_derivatives(varied, q):
         np.empty((m, 3, 3), np.complex128), np.empty((m, 3), np.complex128), np.empty((n, 3), np.complex128)
     )
     for j in range(p):
-        kinematics(Arrays(varied.bodies[j], varied.hinges[j], varied.chain.gravity), q, work)
+        kinematics(Arrays(varied.bodies[j], varied.hinges[j], varied.chain.gravity, varied.couplings[j]), q, work)
         for k in range(3):
             found[k, j] = work.points[-1, k].imag / EPSILON
     return found

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.bodies.couplings import CONSTANT, coupled_joints
 from flexlink.kernels.bodies.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT, common_layout, layout_of
 from flexlink.kernels.tools.compiler import inlined, kernel
@@ -41,10 +42,12 @@ class ArticulatedWork(NamedTuple):
     dry: Any
     flat: Any  # angles, cosines and sines, for the loop over all of them
     trig: Any  # the same memory, for the hinges
+    pairs: Any  # coupled joints, and the couplings' constants
+    coupled: Any
 
 
 @kernel
-def articulated_workspace(bodies, hinges, gravity):
+def articulated_workspace(bodies, hinges, gravity, couplings):
     """Scratch of `articulated` with the chain's constants."""
     n = len(hinges)
     layout, axes = layout_of(bodies, hinges), np.empty(n, np.int64)
@@ -66,26 +69,32 @@ def articulated_workspace(bodies, hinges, gravity):
     for k in layout[layout[:, LAYOUT.group] == GROUP.triple, LAYOUT.first]:
         joints[k + 2, THIRD_HINGE.sense] = 1.0 if axes[k + 1] == (axes[k] + 1) % 3 else -1.0
     trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
-    dry = dry_joints(joints[:, JOINT.coulomb])
-    return ArticulatedWork(gravity.copy(), layout, axes, prescribed_joints(hinges), rows, joints, dry, trig, trig)
+    dry, prescribed, (pairs, coupled) = (
+        dry_joints(joints[:, JOINT.coulomb]),
+        prescribed_joints(hinges),
+        coupled_joints(couplings),
+    )
+    return ArticulatedWork(gravity.copy(), layout, axes, prescribed, rows, joints, dry, trig, trig, pairs, coupled)
 
 
 @kernel
-def articulated_lanes_workspace(bodies, hinges, gravity):
-    """The same for eight chains side by side, arrays of shape (8, bodies), (8, n), (8, 3), alike in their hinges."""
+def articulated_lanes_workspace(bodies, hinges, gravity, couplings):
+    """The same for eight chains side by side, arrays (8, bodies), (8, n), (8, 3), (8, couplings), alike in hinges."""
     m, n = bodies.shape[1], hinges.shape[1]
-    one = articulated_workspace(bodies[0], hinges[0], gravity[0])
+    one = articulated_workspace(bodies[0], hinges[0], gravity[0], couplings[0])
+    pairs, coupled = one.pairs, np.empty((couplings.shape[1], CONSTANT.size, LANES))
     axes, coulomb, layouts = one.axes, np.zeros(n), np.empty((LANES, m, LAYOUT.size), np.int64)
     base, rows, joints = np.empty((3, LANES)), np.empty((m, BODY_ROW.size, LANES)), np.empty((n, HINGE_ROW.size, LANES))
     trig = np.empty((3, n * LANES))
     for lane in range(LANES):
-        one = articulated_workspace(bodies[lane], hinges[lane], gravity[lane])
+        one = articulated_workspace(bodies[lane], hinges[lane], gravity[lane], couplings[lane])
+        coupled[:, :, lane] = one.coupled
         layouts[lane] = one.layout
         base[:, lane], rows[:, :, lane], joints[:, :, lane] = gravity[lane], one.bodies, one.hinges
         coulomb += one.hinges[:, JOINT.coulomb]
     prescribed, trig_lanes = prescribed_joints(hinges[0]), trig.reshape(3, n, LANES)
-    layout = common_layout(layouts)
-    return ArticulatedWork(base, layout, axes, prescribed, rows, joints, dry_joints(coulomb), trig, trig_lanes)
+    layout, dry = common_layout(layouts), dry_joints(coulomb)
+    return ArticulatedWork(base, layout, axes, prescribed, rows, joints, dry, trig, trig_lanes, pairs, coupled)
 
 
 @inlined

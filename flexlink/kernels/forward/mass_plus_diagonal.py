@@ -1,8 +1,11 @@
-"""(M + A) x = r for a diagonal A, and what small changes of the angles move, in a plane or in space.
+"""(M + A) x = r for an A that is diagonal, or full in cells of coupled springs; and what small changes of angles move.
 
-The type of the posture says which recursion it is for, as in `forward`. All numbers may be complex but the posture's.
+The type of the posture says whether the recursion is for a plane or for space, as in `forward`. All numbers may be
+complex but the posture's.
 """
 
+from flexlink.kernels.forward.mass_plus_cells_plane import factor_cells_in_plane, solve_cells_in_plane
+from flexlink.kernels.forward.mass_plus_cells_space import factor_cells_in_space, solve_cells_in_space
 from flexlink.kernels.forward.mass_plus_diagonal_plane import (
     PlanePosture,
     displacement_in_plane,
@@ -19,7 +22,7 @@ from flexlink.kernels.forward.mass_plus_diagonal_space import (
     solve_in_space,
     space_posture_of,
 )
-from flexlink.kernels.tools.compiler import by_type
+from flexlink.kernels.tools.compiler import by_type, recursion
 from flexlink.kernels.tools.numbered import numbered
 
 FACTORS = numbered("A inverse others:6")  # of a hinge: A, 1 / D, and what else each of the two keeps
@@ -35,12 +38,48 @@ def place_bodies(q, posture):
     """Take on the posture of angles q (n,)."""
 
 
-@by_type({PlanePosture: factor_in_plane, SpacePosture: factor_in_space})
+@recursion
+def factor_plane(factors, posture):
+    """In a plane."""
+    if len(posture.first) > 0:
+        factor_cells_in_plane(factors, posture)
+    else:
+        factor_in_plane(factors, posture)
+
+
+@recursion
+def factor_space(factors, posture):
+    """In space."""
+    if len(posture.first) > 0:
+        factor_cells_in_space(factors, posture)
+    else:
+        factor_in_space(factors, posture)
+
+
+@by_type({PlanePosture: factor_plane, SpacePosture: factor_space})
 def factor(factors, posture):
-    """Prepare `solve` for the diagonal A in the first column of `factors` (n, 8)."""
+    """Prepare `solve` for the diagonal of A in the first column of `factors` (n, 8), the rest from `COUPLED.L` on."""
 
 
-@by_type({PlanePosture: solve_in_plane, SpacePosture: solve_in_space})
+@recursion
+def solve_plane(factors, r, x, posture):
+    """In a plane."""
+    if len(posture.first) > 0:
+        solve_cells_in_plane(factors, r, x, posture)
+    else:
+        solve_in_plane(factors, r, x, posture)
+
+
+@recursion
+def solve_space(factors, r, x, posture):
+    """In space."""
+    if len(posture.first) > 0:
+        solve_cells_in_space(factors, r, x, posture)
+    else:
+        solve_in_space(factors, r, x, posture)
+
+
+@by_type({PlanePosture: solve_plane, SpacePosture: solve_space})
 def solve(factors, r, x, posture):
     """Write x (n,) with (M + A) x = r, 0 at prescribed joints, M without rotors; after `factor`."""
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.bodies.couplings import cells_of
 from flexlink.kernels.bodies.plane import LINK, cos_sin_less_turns, planar_workspace
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.lanes import at, put_at
@@ -31,13 +32,15 @@ class PlanePosture(NamedTuple):
     trig: Any  # absolute angles, cosines, sines
     d: Any  # (n, 2) r turned by 90°
     h: Any  # (n, 2) m c turned by 90°
+    first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings
 
 
 @kernel
-def plane_posture(bodies, hinges, gravity):
+def plane_posture(bodies, hinges, gravity, couplings):
     """Scratch of a planar chain."""
-    n, work = len(hinges), planar_workspace(bodies, hinges, gravity)
-    return PlanePosture(work.links, work.prescribed, work.trig, np.zeros((n, 2)), np.zeros((n, 2)))
+    n, work = len(hinges), planar_workspace(bodies, hinges, gravity, couplings)
+    levers = np.zeros((n, 2)), np.zeros((n, 2))
+    return PlanePosture(work.links, work.prescribed, work.trig, levers[0], levers[1], cells_of(n, couplings))
 
 
 @kernel
@@ -45,13 +48,14 @@ def plane_postures(s, posture):
     """Scratch of `s` postures of the same chain, whose arrays have a leading dimension (s,)."""
     n = len(posture.d)
     trig, d, h = np.zeros((s, 3, n)), np.zeros((s, n, 2)), np.zeros((s, n, 2))
-    return PlanePosture(posture.links, posture.prescribed, trig, d, h)
+    return PlanePosture(posture.links, posture.prescribed, trig, d, h, posture.first)
 
 
 @recursion
 def plane_posture_of(i, postures):
     """Posture `i` of several, whose arrays have a leading dimension."""
-    return PlanePosture(postures.links, postures.prescribed, postures.trig[i], postures.d[i], postures.h[i])
+    trig, d, h = postures.trig[i], postures.d[i], postures.h[i]
+    return PlanePosture(postures.links, postures.prescribed, trig, d, h, postures.first)
 
 
 @recursion

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.bodies.couplings import cells_of
 from flexlink.kernels.forward.articulated_layout import LAYOUT
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, articulated_workspace, axes_of, inertia_of
-from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
@@ -37,15 +38,16 @@ class SpacePosture(NamedTuple):
     r: Any  # (bodies, 3) to the next hinge point
     moments: Any  # (bodies, 3) m c
     inertias: Any  # (bodies, 6) about the hinge point
+    first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings
 
 
 @kernel
-def space_posture(bodies, hinges, gravity):
+def space_posture(bodies, hinges, gravity, couplings):
     """Scratch of a chain in space."""
-    n, m, work = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity)
+    n, m, work = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, couplings)
     return SpacePosture(
         work.layout, work.axes, work.bodies, work.prescribed, work.trig,
-        np.zeros((n, 3)), np.zeros((m, 3)), np.zeros((m, 3)), np.zeros((m, 6)),
+        np.zeros((n, 3)), np.zeros((m, 3)), np.zeros((m, 3)), np.zeros((m, 6)), cells_of(n, couplings),
     )  # fmt: skip
 
 
@@ -55,7 +57,7 @@ def space_postures(s, posture):
     n, m = len(posture.e), len(posture.r)
     return SpacePosture(
         posture.layout, posture.axes, posture.rows, posture.prescribed, np.zeros((s, 3, n)),
-        np.zeros((s, n, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 6)),
+        np.zeros((s, n, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 6)), posture.first,
     )  # fmt: skip
 
 
@@ -64,7 +66,7 @@ def space_posture_of(i, postures):
     """Posture `i` of several, whose arrays have a leading dimension."""
     return SpacePosture(
         postures.layout, postures.axes, postures.rows, postures.prescribed, postures.trig[i],
-        postures.e[i], postures.r[i], postures.moments[i], postures.inertias[i],
+        postures.e[i], postures.r[i], postures.moments[i], postures.inertias[i], postures.first,
     )  # fmt: skip
 
 
@@ -94,21 +96,11 @@ def place_in_space(q, posture):
 @recursion
 def factor_in_space(factors, posture):
     """From A in the first column of `factors` (n, 8) keep J e, Hᵀ e and 1 / D in the others."""
-    layout, rows, prescribed, es, rs = posture.layout, posture.rows, posture.prescribed, posture.e, posture.r
+    layout, prescribed, es = posture.layout, posture.prescribed, posture.e
     o = factors.dtype.type(0)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
     for i in range(len(layout) - 1, -1, -1):
-        r, mc, m = vec_of(rs, i, 0), vec_of(posture.moments, i, 0), rows[i, BODY_ROW.mass]
-        I = inertia_of(posture.inertias, i, 0)
-        d1, d2, d3 = (0.0, -r[2], r[1]), (r[2], 0.0, -r[0]), (-r[1], r[0], 0.0)  # unit vectors × r
-        K1, K2, K3 = add(H[0], sym_apply(M, d1)), add(H[1], sym_apply(M, d2)), add(H[2], sym_apply(M, d3))
-        J = (
-            J[0] + I[0] + dot(d1, H[0]) + dot(d1, K1), J[1] + I[1] + dot(d2, H[1]) + dot(d2, K2),
-            J[2] + I[2] + dot(d3, H[2]) + dot(d3, K3), J[3] + I[3] + dot(d3, H[1]) + dot(d2, K3),
-            J[4] + I[4] + dot(d3, H[0]) + dot(d1, K3), J[5] + I[5] + dot(d2, H[0]) + dot(d1, K2),
-        )  # fmt: skip
-        H = (add(K1, (0.0, -mc[2], mc[1])), add(K2, (mc[2], 0.0, -mc[0])), add(K3, (-mc[1], mc[0], 0.0)))
-        M = (M[0] + m, M[1] + m, M[2] + m, M[3], M[4], M[5])
+        J, H, M = add_body(posture, i, J, H, M)
         for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
             if not prescribed[k]:
                 e = vec_of(es, k, 0)
@@ -120,6 +112,22 @@ def factor_in_space(factors, posture):
                 u = scale(inverse, Je)
                 J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
                 H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
+
+
+@inlined
+def add_body(posture, i, J, H, M):
+    """J, H, M at the hinge point of body i, from those at the next one."""
+    r, mc, m = vec_of(posture.r, i, 0), vec_of(posture.moments, i, 0), posture.rows[i, BODY_ROW.mass]
+    I = inertia_of(posture.inertias, i, 0)
+    d1, d2, d3 = (0.0, -r[2], r[1]), (r[2], 0.0, -r[0]), (-r[1], r[0], 0.0)  # unit vectors × r
+    K1, K2, K3 = add(H[0], sym_apply(M, d1)), add(H[1], sym_apply(M, d2)), add(H[2], sym_apply(M, d3))
+    J = (
+        J[0] + I[0] + dot(d1, H[0]) + dot(d1, K1), J[1] + I[1] + dot(d2, H[1]) + dot(d2, K2),
+        J[2] + I[2] + dot(d3, H[2]) + dot(d3, K3), J[3] + I[3] + dot(d3, H[1]) + dot(d2, K3),
+        J[4] + I[4] + dot(d3, H[0]) + dot(d1, K3), J[5] + I[5] + dot(d2, H[0]) + dot(d1, K2),
+    )  # fmt: skip
+    H = (add(K1, (0.0, -mc[2], mc[1])), add(K2, (mc[2], 0.0, -mc[0])), add(K3, (-mc[1], mc[0], 0.0)))
+    return J, H, (M[0] + m, M[1] + m, M[2] + m, M[3], M[4], M[5])
 
 
 @recursion

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from flexlink.kernels.bodies.rne import rne, rne_workspace
+from flexlink.kernels.forward.mass_plus_cells import columns
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, factor, place_bodies, solve
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.vec3 import ZERO
@@ -26,7 +27,7 @@ def largest_eigenvalue(chain, q, weights, passes, close, posture):
     `weights` (n,) on W's diagonal; scratch `posture` of the chain. Not finite where M is singular.
     """
     n, last = len(q), 0.0
-    φ, r, factors = np.zeros(n), np.zeros(n), np.zeros((n, FACTORS.size))
+    φ, r, factors = np.zeros(n), np.zeros(n), np.zeros((n, columns(posture.first)))
     for k in range(n):
         φ[k], factors[k, FACTORS.A] = 2 * (k % 2) - 1, chain.hinges[k].armature
     place_bodies(q, posture)

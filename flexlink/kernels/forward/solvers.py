@@ -10,6 +10,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
+from flexlink.kernels.bodies.couplings import add_couplings
 from flexlink.kernels.bodies.joint_torques import elastic, friction
 from flexlink.kernels.bodies.mass import CompositeWork, composite, composite_workspace
 from flexlink.kernels.bodies.plane import PlanarWork, planar_lanes_workspace, planar_workspace
@@ -64,6 +65,7 @@ def dense(wrench, q, qd, tau, qdd, work):
     for k in range(len(qdd)):
         known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
     rne(chain, vector(chain.gravity), wrench, q, qd, known, bias, work.rne)
+    lost = add_couplings(chain, q, qd, bias)
     composite(chain, q, M, work.composite)
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
@@ -81,7 +83,7 @@ def dense(wrench, q, qd, tau, qdd, work):
     for k in range(len(qd)):
         ω = add_scaled(ω, qd[k], vector(work.composite.placed.axes[k]))
         power += qd[k] * (tau[k] - friction(chain.hinges[k], qd[k]))
-    return power + dot(ω, (wrench[3], wrench[4], wrench[5]))
+    return power - lost + dot(ω, (wrench[3], wrench[4], wrench[5]))
 
 
 @recursion
@@ -90,6 +92,7 @@ def take_torques(chain, wrench, q, qd, qdd, tau, torque, rne_work):
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
             rne(chain, vector(chain.gravity), wrench, q, qd, qdd, torque, rne_work)
+            add_couplings(chain, q, qd, torque)
             break
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
@@ -133,17 +136,17 @@ class Solver(NamedTuple):
 
     workspace: Callable[..., Any]  # (chain) -> scratch
     accelerations: Callable[..., Any]  # (chain, wrench, q, qd, tau) -> q̈ in a new array
-    lanes_workspace: Callable[..., Any] | None = None  # (bodies, hinges, gravity) of eight chains -> scratch
+    lanes_workspace: Callable[..., Any] | None = None  # (bodies, hinges, gravity, couplings) of eight chains -> scratch
 
 
 @kernel
 def _planar_work(chain):
-    return planar_workspace(chain.bodies, chain.hinges, chain.gravity)
+    return planar_workspace(chain.bodies, chain.hinges, chain.gravity, chain.couplings)
 
 
 @kernel
 def _articulated_work(chain):
-    return articulated_workspace(chain.bodies, chain.hinges, chain.gravity)
+    return articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.couplings)
 
 
 @kernel

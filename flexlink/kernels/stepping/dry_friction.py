@@ -13,7 +13,7 @@ which one or two iterations do, and narrowed by a factor of eight at a time. K i
 import math
 
 from flexlink.kernels.forward.mass_plus_diagonal import solve
-from flexlink.kernels.stepping.implicit_layout import COUPLING, STAGE, VECTOR
+from flexlink.kernels.stepping.implicit_layout import BUTCHER, STAGE, VECTOR
 from flexlink.kernels.stepping.newton import add_change, changes, inertia_beyond
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.numbered import numbered
@@ -107,7 +107,7 @@ def put_in_friction(h, qd, work):
             k = turning.joints[a]
             v[i * d + a], free[i * d + a] = stages[STAGE.qd, i, k], qd[k]
             for j in range(s):
-                free[i * d + a] += h * work.method.A[COUPLING.A, i, j] * stages[STAGE.qdd, j, k]
+                free[i * d + a] += h * work.method.A[BUTCHER.A, i, j] * stages[STAGE.qdd, j, k]
     if not (find_rates(1.0, s * d, work) or narrow(s * d, work)):
         return False
     subtract_answers(h, work)

@@ -18,6 +18,7 @@ that comes to nothing by itself becomes an impulse T k_d e_v, which throws bodie
 import math
 from typing import Any, NamedTuple
 
+from flexlink.kernels.forward.mass_plus_cells import add_products, put_couplings
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, solve
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion
@@ -82,6 +83,9 @@ def displace(τ, e_v, work):
     for k in range(len(e_v)):
         held = implicit_rotor(τ, k, work)
         factors[k, FACTORS.A], r[k] = work.chain.hinges[k].armature + held, -τ * held * e_v[k]
+    if len(work.posture.first) > 0:
+        put_couplings(τ, τ * τ, work.chain.couplings, factors, work.posture.first)
+        add_products(-τ * τ, -τ * τ * τ, work.chain.couplings, e_v, r)
     factor(factors, work.posture)
     solve(factors, r, δ, work.posture)
     for k in range(len(e_v)):
@@ -95,6 +99,8 @@ def impulse_norm(τ, e_v, work):
     for k in range(len(e_v)):
         factors[k, FACTORS.A] = work.chain.hinges[k].armature + implicit_rotor(τ, k, work)
         r[k] = τ * work.springs.impulse[k] * e_v[k]
+    if len(work.posture.first) > 0:
+        put_couplings(τ, τ * τ, work.chain.couplings, factors, work.posture.first)
     factor(factors, work.posture)
     solve(factors, r, δ, work.posture)
     return displacement(δ, work.posture)

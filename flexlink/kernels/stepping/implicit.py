@@ -21,8 +21,10 @@ Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀
 
 import math
 
+from flexlink.kernels.bodies.couplings import add_couplings
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
 from flexlink.kernels.bodies.joint_torques import elastic, friction
+from flexlink.kernels.forward.mass_plus_cells import add_products
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, place_bodies, solve
 from flexlink.kernels.inputs.drive_torque import follow, stage_torque
 from flexlink.kernels.inputs.tip_wrench import put_wrench
@@ -34,7 +36,7 @@ from flexlink.kernels.stepping.dry_friction import (
     put_in_friction,
 )
 from flexlink.kernels.stepping.error_norm import step_error_norm
-from flexlink.kernels.stepping.implicit_layout import COUPLING, STAGE, VECTOR, WEIGHT
+from flexlink.kernels.stepping.implicit_layout import BUTCHER, STAGE, VECTOR, WEIGHT
 from flexlink.kernels.stepping.newton import (
     begin_changes,
     divide_stages,
@@ -119,7 +121,7 @@ def prepare_systems(h, rates, by_stage, work):
             rates[k] = math.inf
     factor_all(h, rates, work)
     if by_stage:
-        factor_stages(work)
+        factor_stages(h, work)
 
 
 @recursion
@@ -182,7 +184,7 @@ def residuals(t, h, inputs, q, qd, work):
         for k in range(len(q)):
             Q[k], V[k] = q[k] + c[i] * h * qd[k], qd[k]
         for j in range(len(c)):
-            weight2, weight = h * h * A[COUPLING.A2, i, j], h * A[COUPLING.A, i, j]
+            weight2, weight = h * h * A[BUTCHER.A2, i, j], h * A[BUTCHER.A, i, j]
             for k in range(len(q)):
                 Q[k] += weight2 * qdd[j, k]
                 V[k] += weight * qdd[j, k]
@@ -199,6 +201,8 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
     stage_torque(inputs.drive, t, middle, q, qd, tau)
     power = put_wrench(inputs.table, t, middle, q, qd, inputs.wrench)
     power += inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)
+    if len(chain.couplings) > 0:
+        power -= add_couplings(chain, q, qd, R)
     for k in range(len(q)):
         hinge = chain.hinges[k]
         spring = elastic(hinge, q[k])
@@ -340,6 +344,9 @@ def damped_error(h, hγ, e_q, e_v, work):
     for k in range(len(r)):
         hinge = work.chain.hinges[k]
         r[k] = -(factors[k, FACTORS.A] - hinge.armature) * e_v[k] - hγ * (hinge.stiffness + work.springs.kp[k]) * e_q[k]
+    if len(work.chain.couplings) > 0:
+        add_products(-hγ, -hγ * hγ, work.chain.couplings, e_v, r)
+        add_products(0.0, -hγ, work.chain.couplings, e_q, r)
     solve(factors, r, y, work.posture)
     for k in range(len(r)):
         if work.chain.hinges[k].prescribed:

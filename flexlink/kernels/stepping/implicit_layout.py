@@ -6,7 +6,7 @@ from flexlink.kernels.tools.numbered import numbered
 
 STAGE = numbered("qdd last_qdd q qd residual divided")  # K of all stages, that of the last accepted step, Q, V, R, w
 VECTOR = numbered("tau q_middle qd_middle rhs solution")  # of all joints
-COUPLING = numbered("A A2")  # of stages: A and A²
+BUTCHER = numbered("A A2")  # of stages: A and A²
 WEIGHT = numbered("b bA c d")
 
 

@@ -21,6 +21,7 @@ so that x_γ = T⁻¹ w. Without dampers what is left of δM is (1 − λ²/γ²
 
 import math
 
+from flexlink.kernels.forward.mass_plus_cells import COUPLED, add_products, put_couplings
 from flexlink.kernels.forward.mass_plus_diagonal import (
     FACTORS,
     displacement,
@@ -63,6 +64,8 @@ def shift_rotors(z, rates, factors, work):
         hinge = work.chain.hinges[k]
         held = slope(work, k, rates[k]) + z * (hinge.stiffness + work.springs.kp[k])
         factors[k, FACTORS.A] = hinge.armature + z * held
+    if len(work.posture.first) > 0:
+        put_couplings(z, z * z, work.chain.couplings, factors, work.posture.first)
 
 
 @recursion
@@ -82,19 +85,26 @@ def slowest_rates(qd, rates, work):
 @inlined
 def inertia_beyond(k, work):
     """What a joint turns [kg m²], its rotor apart, while joints further out are as stiff as the first factors say."""
+    if len(work.posture.first) > 0:
+        return abs(
+            work.factors[0, k, COUPLED.inertia] if len(work.factors) > 0 else work.factors_pairs[0, k, COUPLED.inertia]
+        )
     if len(work.factors) > 0:
         return 1.0 / work.factors[0, k, FACTORS.inverse] - work.factors[0, k, FACTORS.A]
     return abs(1.0 / work.factors_pairs[0, k, FACTORS.inverse] - work.factors_pairs[0, k, FACTORS.A])
 
 
 @subroutine
-def factor_stages(work):
+def factor_stages(h, work):
     """Prepare M(Q_i) + A_γ of every stage, at the angles where the iteration begins."""
+    z = h * work.method.real[0]
     for i in range(work.stages.shape[1]):
         posture, factors = posture_of_stage(i, work.stage_postures), work.stage_factors[i]
         place_bodies(work.stages[STAGE.q, i], posture)
         for k in range(len(factors)):
             factors[k, FACTORS.A] = work.factors[0, k, FACTORS.A]
+        if len(posture.first) > 0:
+            put_couplings(z, z * z, work.chain.couplings, factors, posture.first)
         factor(factors, posture)
 
 
@@ -120,7 +130,7 @@ def improve(h, by_stage, work):
         for j in range(s):
             for k in range(n):
                 r[k] += method.Tinv_real[m, j] * R[j, k]
-        solve_one(work.factors[m], r, x, by_stage, work)
+        solve_one(h, method.real[m], work.factors[m], r, x, by_stage, work)
         for i in range(s):
             add_change(h, method, i, method.T_real[i, m], x, qdd[i], δq, δv)
     for m in range(len(method.pairs)):
@@ -129,19 +139,22 @@ def improve(h, by_stage, work):
         for j in range(s):
             for k in range(n):
                 z[0, k] += method.Tinv_pairs[m, j] * R[j, k]
-        solve_one(work.factors_pairs[m], z[0], z[1], by_stage, work)
+        solve_one(h, method.pairs[m], work.factors_pairs[m], z[0], z[1], by_stage, work)
         for i in range(s):
             add_change(h, method, i, 2.0 * method.T_pairs[i, m], z[1], qdd[i], δq, δv)
 
 
 @inlined
-def solve_one(factors, r, x, by_stage, work):
+def solve_one(h, λ, factors, r, x, by_stage, work):
     """x_λ of r = T⁻¹ R, or of r = T⁻¹ w."""
     if not by_stage:
         solve(factors, r, x, work.posture)
         return
     for k in range(len(r)):
         x[k] = (factors[k, FACTORS.A] - work.factors[0, k, FACTORS.A]) * r[k]
+    if len(work.posture.first) > 0:
+        γ = work.method.real[0]
+        add_products(h * (λ - γ), h * h * (λ * λ - γ * γ), work.chain.couplings, r, x)
     solve(factors, x, x, work.posture)
     for k in range(len(r)):
         x[k] = r[k] - x[k]

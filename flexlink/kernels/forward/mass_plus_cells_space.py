@@ -1,0 +1,103 @@
+"""(M + A) x = r in space, O(n), where springs of a cell are coupled: A is full within it.
+
+As in `mass_plus_diagonal_space`, hinge by hinge from the tip, with the open columns of `mass_plus_cells_plane`, here a
+moment c_j and a force g_j: what hinge j's equation asks of the motion at the place of the recursion, c_j·α + g_j·a.
+
+    body        c_j ← c_j + r × g_j
+    hinge       U = J e + c_k        G = Hᵀ e + g_k        S = e·J e + 2 e·c_k + A_kk        L_kj = A_kj + e·c_j
+                J ← J − U Uᵀ / S        H ← H − U Gᵀ / S        M ← M − G Gᵀ / S
+                c_j ← c_j − L_kj U / S          g_j ← g_j − L_kj G / S         A_ij ← A_ij − L_ki L_kj / S
+    load        T = (r − e·n) / S       n ← n + T U       f ← f + T G       r_j ← r_j − L_kj T
+    outward     x = T − (U·α + G·a + Σ_j L_kj x_j) / S
+"""
+
+from flexlink.kernels.forward.articulated_layout import LAYOUT
+from flexlink.kernels.forward.mass_plus_cells import COUPLED
+from flexlink.kernels.forward.mass_plus_diagonal_space import add_body
+from flexlink.kernels.tools.compiler import inlined, subroutine
+from flexlink.kernels.tools.lanes import put_vec_of, vec_of
+from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply
+from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, place, scale
+
+ROW = numbered("A inverse U:3 G:3")  # of a hinge that is out: A_kk, 1 / S, U and G
+OPEN = numbered("rotor c:3 g:3", start=ROW.inverse)  # of one that is not: A_kk so far, its open column
+
+
+@subroutine
+def factor_cells_in_space(factors, posture):
+    """Prepare `solve_cells_in_space`; A_kk in the first column of `factors`, A_kj from `COUPLED.L` on."""
+    layout, prescribed, es, rs, first = posture.layout, posture.prescribed, posture.e, posture.r, posture.first
+    o = factors.dtype.type(0)
+    for k in range(len(factors)):
+        factors[k, OPEN.rotor] = factors[k, ROW.A]
+        put_vec_of(factors, (o, o, o), k, OPEN.c)
+        put_vec_of(factors, (o, o, o), k, OPEN.g)
+    J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
+    begin = len(factors)  # hinges from here on that are not out yet have open columns
+    for i in range(len(layout) - 1, -1, -1):
+        J, H, M = add_body(posture, i, J, H, M)
+        for j in range(begin, layout[i, LAYOUT.stop]):
+            c, g = vec_of(factors, j, OPEN.c), vec_of(factors, j, OPEN.g)
+            put_vec_of(factors, add(c, cross(vec_of(rs, i, 0), g)), j, OPEN.c)
+        for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+            begin = first[k]
+            if not prescribed[k]:
+                e, c, g = vec_of(es, k, 0), vec_of(factors, k, OPEN.c), vec_of(factors, k, OPEN.g)
+                Je = sym_apply(J, e)
+                U, G, inertia = add(Je, c), add(place(e, H[0], H[1], H[2]), g), dot(e, Je)
+                inverse = 1.0 / (inertia + 2.0 * dot(e, c) + factors[k, OPEN.rotor])
+                factors[k, COUPLED.inertia], factors[k, ROW.inverse] = inertia, inverse
+                put_vec_of(factors, U, k, ROW.U)
+                put_vec_of(factors, G, k, ROW.G)
+                close_hinge(factors, k, begin, e, U, G)
+                u = scale(inverse, U)
+                J, M = sym_add_dyad(J, -inverse, U), sym_add_dyad(M, -inverse, G)
+                H = (add_scaled(H[0], -u[0], G), add_scaled(H[1], -u[1], G), add_scaled(H[2], -u[2], G))
+
+
+@inlined
+def close_hinge(factors, k, begin, e, U, G):
+    """What hinge k leaves to those before it in its cell, from `begin` on."""
+    inverse = factors[k, ROW.inverse]
+    for j in range(begin, k):
+        factors[k, COUPLED.L + j - begin] += dot(e, vec_of(factors, j, OPEN.c))
+    for j in range(begin, k):
+        L = factors[k, COUPLED.L + j - begin]
+        part = L * inverse
+        put_vec_of(factors, add_scaled(vec_of(factors, j, OPEN.c), -part, U), j, OPEN.c)
+        put_vec_of(factors, add_scaled(vec_of(factors, j, OPEN.g), -part, G), j, OPEN.g)
+        factors[j, OPEN.rotor] -= part * L
+        for l in range(begin, j):
+            factors[j, COUPLED.L + l - begin] -= part * factors[k, COUPLED.L + l - begin]
+
+
+@subroutine
+def solve_cells_in_space(factors, r, x, posture):
+    """Write x with (M + A) x = r, 0 at prescribed joints."""
+    layout, prescribed, es, rs, first = posture.layout, posture.prescribed, posture.e, posture.r, posture.first
+    o = factors.dtype.type(0)
+    for k in range(len(factors)):
+        x[k] = r[k]
+    n, f = (o, o, o), (o, o, o)
+    for i in range(len(layout) - 1, -1, -1):
+        n = add(n, cross(vec_of(rs, i, 0), f))
+        for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+            if not prescribed[k]:
+                T = (x[k] - dot(vec_of(es, k, 0), n)) * factors[k, ROW.inverse]
+                x[k] = T
+                for j in range(first[k], k):
+                    x[j] -= factors[k, COUPLED.L + j - first[k]] * T
+                n, f = add_scaled(n, T, vec_of(factors, k, ROW.U)), add_scaled(f, T, vec_of(factors, k, ROW.G))
+    α, a = (o, o, o), (o, o, o)
+    for i in range(len(layout)):
+        for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+            if prescribed[k]:
+                x[k] = o
+            else:
+                pull = dot(vec_of(factors, k, ROW.U), α) + dot(vec_of(factors, k, ROW.G), a)
+                for j in range(first[k], k):
+                    pull += factors[k, COUPLED.L + j - first[k]] * x[j]
+                x[k] -= factors[k, ROW.inverse] * pull
+                α = add_scaled(α, x[k], vec_of(es, k, 0))
+        a = add(a, cross(α, vec_of(rs, i, 0)))
