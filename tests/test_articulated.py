@@ -154,6 +154,11 @@ LANE_ARMS = {
     "planar": (flexible("a", "z", 4, mount=SKEW), flexible("b", "z", 3, joint=ROTOR)),
     "two planes": (flexible("a", "yz", 4, mount=SKEW, joint=ROTOR), flexible("b", "z", 3)),
     "with twist": (flexible("a", "xyz", 4, mount=SKEW), flexible("b", "xyz", 3, joint=ROTOR)),
+    "planar, cells": (
+        flexible("a", "z", 5, lumping="lobatto2"),
+        flexible("b", "z", 5, joint=ROTOR, lumping="lobatto4"),
+    ),
+    "with twist, cells": (flexible("a", "xyz", 5, lumping="lobatto4"), flexible("b", "yz", 3, lumping="lobatto2")),
 }
 
 
@@ -167,11 +172,8 @@ def test_eight_chains_side_by_side_give_the_very_numbers_of_single_runs(name: st
     n = chains[0].n
     q, qd, tau = rng.uniform(-3, 3, (3, n, LANES))
     wrench, qdd = rng.normal(size=6), np.empty((n, LANES))
-    bodies, hinges, gravity = (np.array([getattr(c, a) for c in chains]) for a in ("bodies", "hinges", "gravity"))
-    if chains[0].is_planar:
-        work = planar_lanes_workspace(bodies, hinges, gravity)
-    else:
-        work = articulated_lanes_workspace(bodies, hinges, gravity)
+    arrays = (np.array([getattr(c.arrays, name) for c in chains]) for name in chains[0].arrays._fields)
+    work = (planar_lanes_workspace if chains[0].is_planar else articulated_lanes_workspace)(*arrays)
     solve(wrench, q, qd, tau, qdd, work, np.empty((1, LANES)))
     for lane, chain in enumerate(chains):
         state = (np.ascontiguousarray(array[:, lane]) for array in (q, qd, tau))

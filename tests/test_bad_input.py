@@ -201,7 +201,8 @@ def test_a_wrong_tableau_is_refused_by_key_and_file(fields: dict, wanted: str, t
     [
         ({"element": {"nodes": [0.5], "weights": [2.0]}}, "element.weights = (2.0,): must sum to 1"),
         ({"jacobi": {"tip": 1e5}}, "jacobi.tip = 100000.0: expected float <= 100.0"),
-        ({}, "grid, element, jacobi: a rule has exactly one of the three"),
+        ({}, "grid, element, jacobi, cells: a rule has exactly one of the four"),
+        ({"cells": {"hinges": 7, "tip": 4.0}}, "cells.hinges = 7: expected int <= 6"),
     ],
 )
 def test_a_wrong_lumping_rule_is_refused_by_key_and_file(fields: dict, wanted: str, tmp_path: Path, capsys) -> None:

@@ -1,0 +1,340 @@
+"""Cells of coupled springs: the rule, the chain that it makes, and that every algorithm knows its couplings."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from beams import cantilever
+from conftest import ALUMINIUM, SQUARE, compiled, flexible, make_scene
+from scipy import integrate
+from test_sensitivity import check
+
+import flexlink as fl
+from flexlink.chain.variants import lump_many
+from flexlink.describe.data_files import names
+from flexlink.describe.schemes.cells import Cells, cell_of
+from flexlink.describe.schemes.lumping_rules import Element, LumpingRule, lumping_rule
+from flexlink.dynamics import rounding
+from flexlink.errors import SceneError
+from flexlink.kernels.bodies.couplings import cells_of
+from flexlink.kernels.forward.mass_plus_cells import COUPLED, columns
+from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, factor, place_bodies, solve
+from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
+from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.layout import COUPLING
+from flexlink.kernels.tools.compiler import kernel
+
+EPS = np.finfo(float).eps
+HINGES = range(2, 7)
+RULES = sorted(name for name in names("lumping") if lumping_rule(name).cells is not None)
+DAMPED = fl.Damping(ratio=0.02, at_hz=10.0)
+
+
+def rule_file(folder: Path, p: int, tip: float = 8.0) -> str:
+    path = folder / f"cells{p}.toml"
+    path.write_text(
+        f'about = "cells of {p}"\nsource = "here"\nalternate_axes = true\n[cells]\nhinges = {p}\ntip = {tip}\n',
+        encoding="utf-8",
+    )
+    return str(path)
+
+
+def arm(flex: str = "xyz", rule: str = "lobatto2", segments: int = 5, **fields: object) -> fl.Scene:
+    """A free and a driven link; every spring has a damper."""
+    links = (
+        flexible("upper", flex, segments, lumping=rule, damping=DAMPED),
+        flexible("fore", flex, 3, lumping="lobatto2"),
+    )
+    return make_scene(*links, gravity=(1.0, -9.0, 2.0), **fields)
+
+
+def state(chain: fl.Chain, seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=chain.n) * 0.3, rng.normal(size=chain.n), rng.normal(size=chain.n)
+
+
+# The rule.
+
+
+@pytest.mark.parametrize(
+    "p, hinges", [(2, [1 / 6, 5 / 6]), (3, [1 / 12, 1 / 2, 11 / 12]), (4, [1 / 20, 29 / 90, 61 / 90, 19 / 20])]
+)
+def test_hinges_lie_at_the_sums_of_lobatto_weights(p: int, hinges: list[float]) -> None:
+    nodes, weights = Cells(hinges=p, tip=1.0).place(2 * p)
+    assert nodes == pytest.approx([x / 2 + e / 2 for e in (0, 1) for x in hinges], abs=4 * EPS)
+    assert (weights > 0).all()
+
+
+def test_a_prism_of_two_hinges_has_twice_its_rigidity_on_each_and_a_third_on_their_difference() -> None:
+    assert cantilever("lobatto2", 2).matrix("stiffness") == pytest.approx(np.array([[7, -1], [-1, 7]]) / 3, rel=1e-14)
+
+
+@pytest.mark.parametrize("p", HINGES)
+def test_the_curvature_of_every_polynomial_that_a_cell_can_bend_to_is_exact(p: int) -> None:
+    """θ = x^d, d ≤ p, by the jumps of its values at the nodes; C has norms of up to 3 p²."""
+    cell = cell_of(p)
+    for d in range(1, p + 1):
+        jumps = np.diff(cell.nodes**d)
+        assert cell.curvature @ jumps == pytest.approx(d * cell.points ** (d - 1), abs=50 * p**2 * EPS)
+
+
+@pytest.mark.parametrize("p", HINGES)
+def test_quadratures_of_a_cell_are_exact_to_their_degrees(p: int) -> None:
+    cell = cell_of(p)
+    for d in range(2 * p):
+        assert cell.lengths @ cell.nodes**d == pytest.approx(1 / (d + 1), abs=8 * EPS)
+        assert cell.weights @ cell.points**d == pytest.approx(1 / (d + 1), abs=8 * EPS)
+
+
+@pytest.mark.parametrize("p", HINGES)
+def test_other_numbers_of_hinges_are_refused_with_the_two_nearest(p: int, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=rf"multiple of {p} hinges; the nearest are {p + 1} or {2 * p + 1} segments"):
+        cantilever(rule_file(tmp_path, p), p + 1)
+
+
+def test_matched_twist_and_a_second_kind_are_refused() -> None:
+    cells = Cells(hinges=2, tip=4.0)
+    with pytest.raises(SceneError, match="matched_twist = true: not with cells"):
+        LumpingRule(about="", source="", cells=cells, matched_twist=True)
+    with pytest.raises(SceneError, match="exactly one of the four"):
+        LumpingRule(about="", source="", cells=cells, element=Element(nodes=(0.5,), weights=(1.0,)))
+
+
+def test_a_tip_too_heavy_for_the_segment_before_it_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        SceneError, match=r"tip = 50: segment 1 would have a negative moment of inertia; take a smaller"
+    ):
+        cantilever(rule_file(tmp_path, 2, 50.0), 2)
+
+
+# The chain.
+
+
+@pytest.mark.parametrize("p", HINGES)
+@pytest.mark.parametrize("tip", ["square", "small"])
+def test_rows_of_the_mass_matrix_add_up_to_those_of_the_beam(p: int, tip: str, tmp_path: Path) -> None:
+    """Σ_j A_ij = l_i ∫ μ(max(s_i, x)) dx, μ the mass beyond x: where all segments turn alike, as the beam does."""
+    count, small = 2 * p, msgspec.structs.replace(SQUARE, height=0.5 * SQUARE.height, width=0.5 * SQUARE.width)
+    link = flexible("a", "z", count + 1, lumping=rule_file(tmp_path, p, 0.0), section_tip=tip, length=1.0)
+    sections = {"square": SQUARE, "small": small}
+    arm = fl.Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections=sections)
+    scene = fl.Scene(name="taper", arm=arm, initial=fl.InitialState(joint_deg=(0.0,)))
+    chain = fl.lump(scene)
+    material, shrink = scene.arm.materials["aluminium"], 0.5 if tip == "small" else 0.0
+
+    def beyond(x: float) -> float:
+        """∫ ρA from x to the end."""
+        return material.density * SQUARE.properties[0] * integrate.quad(lambda y: (1 - shrink * y) ** 2, x, 1)[0]
+
+    s, lengths = Cells(hinges=p, tip=0.0).segments(count)
+    J = chain.bodies["inertia"][:-1, 2, 2] - _rotary(scene, lengths, shrink)
+    m, c = chain.bodies["mass"][:-1], chain.bodies["center"][:-1, 0]
+    outer = np.append(np.cumsum(m[::-1])[::-1][1:], 0.0)
+    pull = m * c + lengths * outer
+    A = np.array([[lengths[min(i, j)] * pull[max(i, j)] for j in range(count + 1)] for i in range(count + 1)])
+    np.fill_diagonal(A, J + m * c**2 + lengths**2 * outer)
+    wanted = [l * (x * beyond(x) + integrate.quad(beyond, x, 1)[0]) for x, l in zip(s, lengths, strict=True)]
+    assert A.sum(axis=1) == pytest.approx(np.array(wanted), rel=1e-13)
+
+
+def _rotary(scene: fl.Scene, lengths: np.ndarray, shrink: float) -> np.ndarray:
+    """∫ ρ I_z over each segment."""
+    ends = np.append(0.0, np.cumsum(lengths))
+    density, i_z = scene.arm.materials["aluminium"].density, SQUARE.properties[2]
+    parts = [integrate.quad(lambda x: (1 - shrink * x) ** 4, a, b)[0] for a, b in itertools.pairwise(ends)]
+    return density * i_z * np.array(parts)
+
+
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+@pytest.mark.parametrize("p", [2, 3, 4])
+def test_every_axis_has_the_cells_stiffness_and_damping_in_its_ratio(flex: str, p: int, tmp_path: Path) -> None:
+    """K = Cᵀ diag(w EI) C / h about each axis, GJ in twist, also where axes come in reverse order; D = η K."""
+    scene = make_scene(flexible("a", flex, 2 * p + 1, lumping=rule_file(tmp_path, p), damping=DAMPED))
+    chain, cell = fl.lump(scene), cell_of(p)
+    material, (_, i_y, i_z, torsion) = scene.arm.materials["aluminium"], SQUARE.properties
+    rigidity = {1: material.shear * torsion, 2: material.young * i_y, 3: material.young * i_z}
+    K, h = chain.matrix("stiffness"), 1.25 / 2
+    for axis, value in rigidity.items():
+        if (axis == 1 and flex != "xyz") or (axis == 2 and flex == "z"):
+            continue
+        own = [chain.index("a", segment, axis) for segment in range(1, 2 * p + 1)]
+        one = value / h * cell.curvature.T @ np.diag(cell.weights) @ cell.curvature
+        assert K[np.ix_(own, own)] == pytest.approx(np.kron(np.eye(2), one), rel=1e-13, abs=1e-13 * one.max())
+        K[np.ix_(own, own)] = 0.0
+    assert not K.any()
+    loss = scene.arm.loss_time(scene.arm.links[0])
+    np.testing.assert_array_equal(chain.couplings["damping"], loss * chain.couplings["stiffness"])
+
+
+def test_variants_of_an_arm_have_the_couplings_that_they_have_alone() -> None:
+    scene = arm()
+    scenes = [scene.varied({"material.aluminium.young": young}) for young in (7e10, 8e10, 9.123e10)]
+    for chain, one in zip(lump_many(scenes), scenes, strict=True):
+        np.testing.assert_array_equal(chain.couplings, fl.lump(one).couplings)
+
+
+def test_products_with_the_springs_are_those_of_the_matrix() -> None:
+    chain = fl.lump(arm())
+    φ = np.random.default_rng(0).normal(size=(3, chain.n))
+    for field in ("stiffness", "damping"):
+        K = chain.matrix(field)
+        bound = 4 * EPS * np.abs(φ) @ np.abs(K)
+        assert (np.abs(chain.times(field, φ) - φ @ K) <= bound).all()
+        assert (np.abs(chain.times(field, φ, absolute=True) - np.abs(φ) @ np.abs(K)) <= bound).all()
+
+
+@pytest.mark.parametrize(
+    "pairs, wanted",
+    [
+        ([], []),
+        ([(0, 1), (2, 3)], [0, 0, 2, 2, 4]),
+        ([(0, 2), (1, 3)], [0, 0, 0, 0, 4]),
+        ([(0, 2), (2, 4)], [0, 0, 0, 0, 0]),
+        ([(1, 4), (2, 3)], [0, 1, 1, 1, 1]),
+    ],
+)
+def test_a_cell_is_a_run_of_hinges_that_couplings_overlap(pairs: list[tuple[int, int]], wanted: list[int]) -> None:
+    assert cells_of(5, np.array([(*pair, 1.0, 0.0) for pair in pairs], dtype=COUPLING)).tolist() == wanted
+
+
+# The algorithms.
+
+
+@kernel
+def solved(q, factors, r, posture):
+    x = np.empty_like(r)
+    place_bodies(q, posture)
+    factor(factors, posture)
+    solve(factors, r, x, posture)
+    return x
+
+
+def coupled_abroad(chain: fl.Chain) -> fl.Chain:
+    """The same with a coupling across two joints, which makes one cell of all between them."""
+    across = np.array([(0, chain.n - 1, 0.1 * chain.stiffness.max(), 0.2)], dtype=COUPLING)
+    chain = fl.Chain(**{name: getattr(chain, name) for name in ("name", "bodies", "hinges", "gravity", "coordinates")},
+                     link_names=chain.link_names, couplings=np.concatenate([chain.couplings, across]))  # fmt: skip
+    return chain
+
+
+TURNED = make_scene(
+    flexible("a", lumping="lobatto2"), flexible("b", lumping="lobatto4", mount=fl.Mount(rpy_deg=(180.0, 0.0, 0.0)))
+)
+CHAINS = {
+    "plane": lambda _: fl.lump(arm("z")),
+    "plane, across opposite axes": lambda _: coupled_abroad(fl.lump(TURNED)),
+    "T2": lambda _: fl.lump(arm("yz", "lobatto4")),
+    "T3": lambda _: fl.lump(arm("xyz")),
+    "T3, cells of 3": lambda folder: fl.lump(arm("xyz", rule_file(folder, 3), 7)),
+    "T3, cells of 4": lambda _: fl.lump(arm("xyz", "lobatto4")),
+    "T3, across joints": lambda _: coupled_abroad(fl.lump(arm("xyz"))),
+}
+
+
+@compiled
+@pytest.mark.parametrize("name", CHAINS)
+@pytest.mark.parametrize("z", [1e-4, 0.01 + 0.007j, 3.0])
+def test_the_solution_with_full_cells_is_that_of_the_dense_matrix(name: str, z: complex, tmp_path: Path) -> None:
+    """(M + z D + z² K) x = r up to 100 eps cond, as with a diagonal."""
+    chain = CHAINS[name](tmp_path)
+    q, r, _ = state(chain)
+    r = r.astype(type(z))
+    rotors = np.diag(chain.hinges["armature"])
+    A = rotors + z * chain.matrix("damping") + z * z * chain.matrix("stiffness")
+    dense = fl.mass_matrix(chain, q) - rotors + A
+    posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    factors = np.zeros((chain.n, columns(posture.first)), dtype=type(z))
+    factors[:, FACTORS.A] = np.diag(A)
+    for k, first in enumerate(posture.first):
+        factors[k, COUPLED.L : COUPLED.L + k - first] = A[k, first:k]
+    found, wanted = solved(q, factors, r, posture), np.linalg.solve(dense, r)
+    assert np.abs(found - wanted).max() <= 100 * EPS * np.linalg.cond(dense) * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("name", CHAINS)
+@pytest.mark.parametrize("solver", ["articulated", "lu", "cholesky"])
+def test_every_solver_satisfies_the_equation_of_motion(name: str, solver: str, tmp_path: Path) -> None:
+    chain = CHAINS[name](tmp_path)
+    q, qd, tau = state(chain)
+    qdd = fl.forward_dynamics(chain, q, qd, tau, solver=solver)
+    forces = fl.inverse_dynamics(chain, q, qd, qdd) + fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd)
+    assert np.abs(forces - tau).max() <= rounding.of_residual(chain, q, qd, qdd, tau)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_springs_pull_along_the_slope_of_their_energy_and_dampers_take_their_power(name: str, tmp_path: Path) -> None:
+    """V_e is quadratic: its symmetric difference is exact but for rounding."""
+    chain = CHAINS[name](tmp_path)
+    q, qd, _ = state(chain)
+    torque, D = fl.elastic_torque(chain, q), chain.matrix("damping")
+    ahead, behind = (fl.energy(chain, q + s * qd, qd).elastic for s in (0.5, -0.5))
+    assert ahead - behind == pytest.approx(torque @ qd, abs=20 * EPS * (ahead + behind))
+    assert fl.friction_torque(chain, qd) @ qd == pytest.approx(qd @ D @ qd, rel=1e-13)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_derivatives_are_those_of_differences(name: str, tmp_path: Path) -> None:
+    """Of fourth order, to 1e-8 of the largest and the roundings of q̈; of many states as of each."""
+    chain = CHAINS[name](tmp_path)
+    q, qd, tau = state(chain)
+    found = fl.forward_dynamics_derivatives(chain, q, qd, tau)
+    rounded = 100 * EPS * np.abs(fl.forward_dynamics(chain, q, qd, tau)).max()
+    h, weights = 1e-3, {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+    for by, slopes in ((0, found.dq), (1, found.dqd)):
+        for k in range(chain.n):
+            step = np.eye(chain.n)[k] * h
+            moved = {s: (q + s * step, qd) if by == 0 else (q, qd + s * step) for s in weights}
+            wanted = sum(w * fl.forward_dynamics(chain, *moved[s], tau) for s, w in weights.items()) / h
+            assert np.abs(slopes[:, k] - wanted).max() <= 1e-8 * np.abs(slopes).max() + rounded / h
+    many = fl.forward_dynamics_derivatives(chain, *(np.array([part, part]) for part in (q, qd, tau)))
+    for one, both in ((found.dq, many.dq), (found.dqd, many.dqd), (found.dtau, many.dtau)):
+        assert both[1] == pytest.approx(one, abs=1e-13 * np.abs(one).max())
+
+
+RUNS = {
+    "RK4": {"run.method": "RK4", "run.step": 5e-6, "run.duration": 1e-3, "run.sample": 2e-4},
+    "DOP853": {"run.method": "DOP853", "run.relative_tolerance": 1e-6, "run.duration": 0.01, "run.sample": 5e-3},
+    "Radau5": {"run.method": "Radau5", "run.relative_tolerance": 1e-6, "run.duration": 0.04, "run.sample": 0.01},
+    "Gauss4": {"run.method": "Gauss4", "run.step": 1e-4, "run.duration": 0.01, "run.sample": 5e-3},
+}
+
+
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+@pytest.mark.parametrize("method", RUNS)
+def test_energy_balances_and_a_continued_run_is_the_same(method: str, flex: str) -> None:
+    """What the coupled springs store and the coupled dampers take, to what the steps leave of 1 J or so."""
+    scene = arm(flex).varied({"run": {"duration": 1.0}}).varied(RUNS[method])
+    run = fl.simulate(scene)
+    moved = np.ptp(run.energy.gravity) + np.ptp(run.energy.kinetic)
+    assert np.abs(run.imbalance).max() <= 1e-5 * moved
+    assert run.energy.elastic[-1] > 1e-4 * moved
+    t, q, qd = run.state(1)
+    if "run.step" in RUNS[method]:
+        rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=float(run.t[-1] - t))
+        np.testing.assert_array_equal(rest.q, run.q[1:])
+        np.testing.assert_array_equal(rest.qd, run.qd[1:])
+
+
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+def test_runs_side_by_side_are_the_very_runs_alone(flex: str) -> None:
+    scene = arm(flex).varied(RUNS["RK4"])
+    scenes = [scene.varied({"material.aluminium.young": young}) for young in np.linspace(6e10, 8e10, 9).tolist()]
+    for many, one in zip(fl.simulate_many(scenes), scenes, strict=True):
+        np.testing.assert_array_equal(many.q, fl.simulate(one).q)
+
+
+@pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.damping.ratio", "link.upper.length"])
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+def test_sensitivities_are_those_that_runs_tell(flex: str, path: str) -> None:
+    check(arm(flex, segments=3).varied(RUNS["RK4"]), path)
+
+
+def test_a_saved_run_keeps_its_couplings(tmp_path: Path) -> None:
+    run = fl.simulate(arm().varied(RUNS["RK4"]))
+    again = fl.load_trajectory(run.save(tmp_path / "run.npz"))
+    np.testing.assert_array_equal(again.chain.couplings, run.chain.couplings)
+    np.testing.assert_array_equal(again.qdd, run.qdd)
