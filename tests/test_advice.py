@@ -17,14 +17,16 @@ from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
 from flexlink.advice.allocation import Allocation
 from flexlink.advice.axes import ALLOWED_SHARE, AxisScreening
+from flexlink.advice.families import FAMILIES, rule_of
 from flexlink.advice.goal import Goal, TipErrorNorm, goal_of
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Axes, Bend, Model, by_rule, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.advice.refinement import LIMIT_FALL, SAFE_LIMIT, SCATTER, Level, RefinementStudy
+from flexlink.advice.refinement import LIMIT_FALL, SCATTER, Level, RefinementStudy
 from flexlink.advice.release import release
 from flexlink.advice.search import Search
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.results.convergence import Limit
 
 Array = NDArray[np.float64]
@@ -52,6 +54,7 @@ class Beams:
 
     def __init__(self, *constants: float, axes: Axes | None = None, less: dict[tuple[int, str], float] | None = None):
         self.constants, self.less, self.bending = constants, less or {}, list(range(len(constants)))
+        self.order, self.family = FAMILIES["gauss"].order, "gauss"
         self.refinement = SimpleNamespace(
             axes=axes or ("z",) * len(constants), family="gauss", finest=SimpleNamespace(hinges=40), travel=1.0
         )
@@ -163,11 +166,11 @@ def test_errors_of_links_that_are_measured_add_up_to_those_of_models(measured: t
     runner, link_errors = measured
     axes, stepping = link_errors.refinement.axes, link_errors.refinement.stepping
     for counts in [(2, 4), (1, 4), (4, 1), (8, 4), (8, 8)]:
-        model = tuple(by_rule(flex, n) for flex, n in zip(axes, counts, strict=True))
+        model = tuple(by_rule(flex, n, link_errors.family) for flex, n in zip(axes, counts, strict=True))
         error = link_errors.from_limit(runner.run(model, stepping).tip)
         assert link_errors.error(model) == pytest.approx(error, rel=0.3, abs=0.2 * link_errors.refinement.tolerance)
-    coarse, fine = (link_errors.error(uniform(axes, n)) for n in (8, 16))
-    assert coarse == pytest.approx(4 * fine)
+    coarse, fine = (link_errors.error(uniform(axes, n, link_errors.family)) for n in (8, 16))
+    assert coarse == pytest.approx(2**link_errors.order * fine)
     for model, error in link_errors.known.items():
         assert error == link_errors.from_limit(runner.run(model, stepping).tip)
 
@@ -178,8 +181,9 @@ def test_fewer_axes_have_the_error_that_they_are_measured_with(measured: tuple[M
     for k in link_errors.bending:
         for flex in link_errors.axes(k)[1:]:
             fewer = (*axes[:k], flex, *axes[k + 1 :])
-            error = link_errors.from_limit(runner.run(uniform(fewer, link_errors.base), stepping).tip)
-            assert link_errors.error(uniform(fewer, link_errors.base)) == pytest.approx(error, rel=0.05)
+            model = uniform(fewer, link_errors.base, link_errors.family)
+            error = link_errors.from_limit(runner.run(model, stepping).tip)
+            assert link_errors.error(model) == pytest.approx(error, rel=0.05)
 
 
 # steps
@@ -262,14 +266,14 @@ def test_fixed_steps_are_taken_where_they_promise_to_be_cheaper(fixed: float, ta
 # limits
 
 
-def study_of_levels(**paths: Array) -> RefinementStudy:
+def study_of_levels(family: str = "gauss", **paths: Array) -> RefinementStudy:
     """A refinement whose levels, named n1, n2 …, have these paths of the tip."""
     refinement = RefinementStudy(cast("ModelRunner", None), NORM, Goal(1e-3, metres=True), ("z",), Stepping("Radau5"))
     refinement.tolerance = 1e-3
     for name, path in paths.items():
-        refinement.levels["gauss"].append(Level(int(name[1:]), outcome(path)))
-        if len(refinement.levels["gauss"]) > 1:
-            refinement.limit = refinement._estimate("gauss")
+        refinement.levels[family].append(Level(int(name[1:]), outcome(path)))
+        if len(refinement.levels[family]) > 1:
+            refinement.limit = refinement._estimate(family)
     return refinement
 
 
@@ -280,6 +284,34 @@ def test_levels_of_the_second_order_have_the_limit_that_they_have() -> None:
     assert limit.tip == pytest.approx(along_x(0.0, 0.1, 0.2), abs=1e-15)
 
 
+def test_levels_of_cells_have_the_limit_of_the_fourth_order() -> None:
+    paths = {f"n{n}": along_x(0.0, 0.1 + 1e-3 / n**4, 0.2 + 4e-3 / n**4) for n in (4, 8, 12)}
+    limit = study_of_levels("lobatto", **paths).limit
+    assert limit is not None
+    assert limit.tip == pytest.approx(along_x(0.0, 0.1, 0.2), abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("family", "hinges", "rules"),
+    [
+        ("gauss", (1, 2, 3, 6, 8), ("midpoint", "gauss", "legendre", "gauss", "gauss")),
+        ("legendre", (1, 2, 3, 6, 8), ("midpoint", "legendre", "legendre", "legendre", "legendre")),
+        ("lobatto", (1, 2, 4, 8, 12), ("midpoint", "lobatto2", "lobatto4", "lobatto4", "lobatto4")),
+    ],
+)
+def test_a_family_has_a_rule_for_each_of_its_numbers_of_hinges(
+    family: str, hinges: tuple[int, ...], rules: tuple[str, ...]
+) -> None:
+    assert [rule_of(family, count) for count in hinges] == list(rules)
+    for count in range(1, 40):
+        taken = FAMILIES[family].rounded_up(count)
+        assert taken >= count
+        assert lumping_rule(rule_of(family, taken)).takes(taken)
+        for fewer in FAMILIES[family].fewer(taken):
+            assert 0 <= fewer < taken
+            assert not fewer or lumping_rule(rule_of(family, fewer)).takes(fewer)
+
+
 def test_two_limits_that_agree_by_chance_are_believed_no_better_than_a_fast_order_allows() -> None:
     first = {"n1": along_x(0.0, 0.03, 0.03), "n2": along_x(0.0, 0.02, 0.02), "n4": along_x(0.0, 0.012, 0.01)}
     before = study_of_levels(**first).limit
@@ -288,7 +320,7 @@ def test_two_limits_that_agree_by_chance_are_believed_no_better_than_a_fast_orde
     limit = study_of_levels(**first, n6=chance).limit
     assert limit is not None
     assert limit.tip == pytest.approx(before.tip)
-    assert limit.errors == pytest.approx(before.errors * (4 / 6) ** LIMIT_FALL)
+    assert limit.errors == pytest.approx(before.errors * (4 / 6) ** (2 + LIMIT_FALL))
     assert limit.errors[1] < limit.errors[2]  # of each time by itself
 
 
@@ -297,7 +329,7 @@ def test_the_error_of_a_limit_is_told_by_its_change() -> None:
     limit = study_of_levels(**paths).limit
     assert limit is not None
     coarse, fine = (b + (b - a) / 3 for a, b in itertools.pairwise((0.03, 0.02, 0.012)))
-    assert limit.error == pytest.approx(abs(fine - coarse) / SAFE_LIMIT["gauss"])
+    assert limit.error == pytest.approx(abs(fine - coarse) / FAMILIES["gauss"].safe)
 
 
 def test_a_bend_that_is_let_go_goes_to_the_joint_and_the_rest_of_it_swings() -> None:

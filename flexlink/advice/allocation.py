@@ -1,8 +1,9 @@
 """Cheapest hinges for an allowed error.
 
-    N_k ∝ (C_k / c_k)^(1/3)        smallest Σ c_k N_k where Σ C_k / N_k² is allowed, c_k the cost of a hinge
+    N_k ∝ (C_k / c_k)^(1/(p+1))        smallest Σ c_k N_k where Σ C_k / N_k^p is allowed, c_k the cost of a hinge
 
-That is rounded up; then whatever saves most is left out, a hinge, an axis or all of a link, while the error is allowed.
+That is rounded up to what the rules have; then whatever saves most is left out, a hinge, an axis or all of a link,
+while the error is allowed.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
+from flexlink.advice.families import FAMILIES
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Bend, Model, by_rule
 
@@ -52,22 +54,24 @@ class Allocation:
         constants = {k: self._correction * self.link_errors.constant(k) for k in self.link_errors.bending}
         if not all(map(math.isfinite, constants.values())):  # a run that measures them failed
             return None
-        shape = {k: (constant / len(axes[k])) ** (1 / 3) for k, constant in constants.items()}
-        total = sum(constants[k] / shape[k] ** 2 for k in shape if shape[k])
-        hinges = {k: max(1, math.ceil(math.sqrt(total / allowed) * size)) for k, size in shape.items()}
+        p, family = self.link_errors.order, FAMILIES[self.link_errors.family]
+        shape = {k: (constant / len(axes[k])) ** (1 / (p + 1)) for k, constant in constants.items()}
+        total = sum(constants[k] / shape[k] ** p for k in shape if shape[k])
+        scale = (total / allowed) ** (1 / p)
+        hinges = {k: family.rounded_up(max(1, math.ceil(scale * size))) for k, size in shape.items()}
         while max(hinges.values()) <= most:
             model = tuple(self._bend(flex, hinges.get(k, 0)) for k, flex in enumerate(axes))
             if self._error(model) <= allowed:
                 return model
             # few hinges do not follow the order
-            hinges = {k: count + max(1, count // 4) for k, count in hinges.items()}
+            hinges = {k: family.rounded_up(count + max(1, count // 4)) for k, count in hinges.items()}
         return None
 
     def _smaller(self, model: Model) -> Iterator[Model]:
         for k, bend in enumerate(model):
             if bend:
-                counts = {bend.hinges - 1, bend.hinges - 2, 0}
-                options = [self._bend(bend.flex, count) for count in counts if count >= 0]
+                counts = FAMILIES[self.link_errors.family].fewer(bend.hinges)
+                options = [self._bend(bend.flex, count) for count in counts]
                 options += [bend._replace(flex=flex) for flex in self.link_errors.axes(k) if len(flex) < len(bend.flex)]
                 yield from ((*model[:k], option, *model[k + 1 :]) for option in options)
 

@@ -1,6 +1,6 @@
-"""Errors of the tip path caused by each link, measured with few hinges; more of them reduce it by the order 2.
+"""Errors of the tip path caused by each link, measured with few hinges; more of them reduce it by the rules' order p.
 
-    e_k(N) = C_k / N²          N hinges in link k
+    e_k(N) = C_k / N^p         N hinges in link k, p = 2, or 4 of cells of coupled springs
 
 The errors of all links are superposed, as paths with their signs.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexlink.advice.families import FAMILIES, GAUSS
 from flexlink.advice.goal import TipErrorNorm
 from flexlink.advice.model import Bend, Model, by_rule, fewer_axes, uniform
 from flexlink.advice.model_runner import ModelRunner
@@ -31,6 +32,9 @@ class LinkErrors:
 
     def __init__(self, runner: ModelRunner, norm: TipErrorNorm, refinement: RefinementStudy) -> None:
         self.runner, self.norm, self.refinement = runner, norm, refinement
+        # that of Gauss-Legendre points is also asked of gauss, which takes any number
+        self.family = refinement.family if FAMILIES[refinement.family].step > 1 else GAUSS
+        self.order = FAMILIES[self.family].order
         self.base = 4 if refinement.finest.hinges > 4 else 2
         self.bending = [k for k, flex in enumerate(refinement.axes) if flex != "rigid"]
         self.known = {model: self.from_limit(run.tip) for model, run in refinement.models().items()}
@@ -47,7 +51,7 @@ class LinkErrors:
 
     def constant(self, k: int) -> float:
         """C_k [m]."""
-        return self.norm(self._own[k]) * self.base**2
+        return float(self.norm(self._own[k]) * self.base**self.order)
 
     def error(self, model: Model) -> float:
         """Predicted error [m]."""
@@ -61,7 +65,7 @@ class LinkErrors:
         hinges = bend.hinges if bend else 0
         path = self._few.get((k, hinges))
         if path is None:
-            path = self._own[k] * (self.base / hinges) ** 2 if hinges else np.full_like(self._own[k], np.inf)
+            path = self._own[k] * (self.base / hinges) ** self.order if hinges else np.full_like(self._own[k], np.inf)
         return path + self._fewer_axes[k, bend.flex] if bend and bend.flex != self.refinement.axes[k] else path
 
     def _of_base(self) -> dict[int, Array]:
@@ -78,14 +82,14 @@ class LinkErrors:
         for hinges in counts:
             self._few[k, hinges] = self._changed(k, self._hinges(k, hinges)) + self._own[k]
         for flex in fewer_axes(self.refinement.axes[k]):
-            self._fewer_axes[k, flex] = self._changed(k, by_rule(flex, self.base))
+            self._fewer_axes[k, flex] = self._changed(k, by_rule(flex, self.base, self.family))
 
     def _hinges(self, k: int, hinges: int) -> Bend | None:
-        return by_rule(self.refinement.axes[k], hinges) if hinges else None
+        return by_rule(self.refinement.axes[k], hinges, self.family) if hinges else None
 
     @property
     def _base_model(self) -> Model:
-        return uniform(self.refinement.axes, self.base)
+        return uniform(self.refinement.axes, self.base, self.family)
 
     def _changed(self, k: int, bend: Bend | None) -> Array:
         """Change of the base model's tip path by a choice for a link."""

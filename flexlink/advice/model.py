@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
+from flexlink.advice.families import GAUSS, rule_of
 from flexlink.common.errors import SceneError
 from flexlink.describe.arm import Link
 from flexlink.describe.scene import Scene
@@ -34,14 +35,12 @@ Axes = tuple[str, ...]
 """One of `FLEX` for each link."""
 
 
-def by_rule(flex: str, hinges: int, family: str = "gauss") -> Bend | None:
-    """A link with hinges at Gauss points: `gauss` takes even numbers, a single hinge is in the middle."""
-    if flex == "rigid":
-        return None
-    return Bend(flex, "midpoint" if hinges == 1 else "legendre" if hinges % 2 else family, hinges)
+def by_rule(flex: str, hinges: int, family: str = GAUSS) -> Bend | None:
+    """A link with so many hinges of a family of rules."""
+    return None if flex == "rigid" else Bend(flex, rule_of(family, hinges), hinges)
 
 
-def uniform(axes: Axes, hinges: int, family: str = "gauss") -> Model:
+def uniform(axes: Axes, hinges: int, family: str = GAUSS) -> Model:
     """The same number of hinges in every link that bends."""
     return tuple(by_rule(flex, hinges, family) for flex in axes)
 

@@ -22,7 +22,7 @@ from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequenc
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.actuation import acting_at, input_arrays
 from flexlink.inputs.problem import problem_of
-from flexlink.motion.evaluation_cost import bodies_of, evaluation_cost, run_cost
+from flexlink.motion.evaluation_cost import evaluation_cost, run_cost
 from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
@@ -234,5 +234,4 @@ class ModelRunner:
 
     def evaluation_cost(self, model: Model, *, explicit: bool) -> float:
         """CPU time of one evaluation [s]."""
-        chain = self.chain(model)
-        return evaluation_cost(bodies_of(chain), planar=chain.is_planar, explicit=explicit)
+        return evaluation_cost(self.chain(model), explicit=explicit)

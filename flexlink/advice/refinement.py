@@ -1,4 +1,4 @@
-"""Refinement study: the limit of the tip's path with more and more hinges, extrapolated by order 2, and its error."""
+"""Refinement study: the limit of the tip's path with more and more hinges, extrapolated by its order, and its error."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlink.advice.families import FAMILIES, GAUSS
 from flexlink.advice.goal import Goal, TipErrorNorm
 from flexlink.advice.model import Axes, Model, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
+from flexlink.advice.straightness import may_pay
 from flexlink.common.types import Array
 from flexlink.results.convergence import Limit, change_of_limit, extrapolated
 from flexlink.results.deflection import deflections
@@ -16,9 +18,6 @@ from flexlink.results.tip_motion import tip_travel
 
 LEVELS = (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Hinges of each link that bends."""
-
-SAFE_LIMIT = {"gauss": 1.5, "legendre": 1.2}
-"""Change of the limit over its error, at least, measured on 22 scenes."""
 
 STRICT = 0.1
 """Tolerance of steps that measure the step errors of levels, over their tolerance."""
@@ -29,8 +28,9 @@ SCATTER = 5.0
 ASYMPTOTIC = 6
 """Hinges from which errors fall by the order of convergence."""
 
-LIMIT_FALL = 6.0
-"""Highest order by which errors of the limit are believed to fall: two limits can agree by chance."""
+LIMIT_FALL, LEVEL_FALL = 4.0, 2.0
+"""By how much the orders by which errors of the limit, and of a level, are believed to fall exceed that of the rule, at
+most: two limits can agree by chance."""
 
 
 class Level(NamedTuple):
@@ -57,17 +57,19 @@ class RefinementStudy:
 
     def __init__(self, runner: ModelRunner, norm: TipErrorNorm, goal: Goal, axes: Axes, stepping: Stepping) -> None:
         self.runner, self.norm, self.goal, self.axes, self.stepping = runner, norm, goal, axes, stepping
-        self.levels: dict[str, list[Level]] = {"gauss": [], "legendre": []}
-        self.family, self.reason = "gauss", ""
+        self.levels: dict[str, list[Level]] = {family: [] for family in FAMILIES}
+        self.family, self.reason = GAUSS, ""
         self.limit: Limit | None = None
         self.tolerance = self.travel = self.deflection = 0.0
-        self._limits: dict[str, list[Limit]] = {"gauss": [], "legendre": []}
+        self._limits: dict[str, list[Limit]] = {family: [] for family in FAMILIES}
         self._itself: dict[str, Array] = {}  # errors of the last level by its change (samples,)
         self._errors: list[float] = []
 
     def refine(self) -> None:
         """Run levels until the error of the limit is a tenth of the tolerance, or more hinges do not help."""
         for hinges in LEVELS:
+            if self._is_known(hinges):
+                continue
             if self._beyond_budget(hinges):
                 break
             if self._take(hinges, self.family).over_budget:
@@ -76,8 +78,9 @@ class RefinementStudy:
                 continue
             if self.limit.error <= 0.1 * self.tolerance:
                 return
-            if hinges == ASYMPTOTIC:
-                self._compare_rules()
+            self._compare_rules(hinges)
+            if self.limit.error <= 0.1 * self.tolerance:
+                return
             self._errors.append(self.limit.error)
             if hinges >= 32 and self.limit.error > max(self.tolerance, self._errors[-4] * 2 / 3):
                 self.reason = f"more than {hinges} hinges do not reduce the error"
@@ -130,6 +133,11 @@ class RefinementStudy:
                 return SCATTER * errors
         return np.full(len(self.finest.outcome.tip), np.inf)
 
+    def _is_known(self, hinges: int) -> bool:
+        """Whether a level has been taken, or is none of its family's."""
+        finest = self.levels[self.family][-1].hinges if self.levels[self.family] else 0
+        return hinges <= finest or FAMILIES[self.family].rounded_up(hinges) != hinges
+
     def _beyond_budget(self, hinges: int) -> bool:
         levels = self.levels[self.family]
         if len(levels) < 2:  # needed to estimate an error
@@ -160,16 +168,17 @@ class RefinementStudy:
         """The finest level or the extrapolated one, whichever is known better."""
         levels, limits = [(n, run.tip) for n, run in self.levels[family][-3:]], self._limits[family]
         (Na, a), (Nb, b) = levels[-2:]
-        limit = extrapolated(levels)
+        order, safe = FAMILIES[family].order, FAMILIES[family].safe
+        limit = extrapolated(levels, order)
         # measured on 22 scenes: the error of a level is at most 1.4 times its distance from the limit
         itself = 1.4 * self.norm.up_to(limit.tip - b) if Nb >= ASYMPTOTIC else self.norm.up_to(b - a)
         if limits:
-            errors = self.norm.up_to(change_of_limit(levels)) / SAFE_LIMIT[family]
+            errors = self.norm.up_to(change_of_limit(levels, order)) / safe
             if len(limits) > 1:
-                errors = np.maximum(errors, limits[-1].errors * (Na / Nb) ** LIMIT_FALL)
+                errors = np.maximum(errors, limits[-1].errors * (Na / Nb) ** (order + LIMIT_FALL))
             limit = limit._replace(errors=errors)
             if Na >= 4:
-                itself = np.maximum(itself, self._itself[family] * (Na / Nb) ** 4.0)
+                itself = np.maximum(itself, self._itself[family] * (Na / Nb) ** (order + LEVEL_FALL))
         limits.append(limit)
         self._itself[family] = itself
         return min(limit, Limit(b, itself), key=self._rank)
@@ -178,14 +187,32 @@ class RefinementStudy:
         """Number of samples beyond the tolerance, then the error at the end, which grows in sensitive motion."""
         return int((limit.errors > self.tolerance).sum()), limit.error
 
-    def _compare_rules(self) -> None:
-        """Continue with Gauss-Legendre points over the whole link if its error is half as large."""
+    def _compare_rules(self, hinges: int) -> None:
+        """Go on with another family where its error is half as large with about as many hinges.
+
+        Cells of coupled springs are tried where axial loads or large bends leave gauss an order of 2, and as soon as
+        they do; Gauss-Legendre points over the whole link once.
+        """
+        last = self.levels[self.family][-1].outcome.run
+        if hinges < ASYMPTOTIC or last is None:
+            return
+        if (
+            not self.levels["lobatto"]
+            and may_pay(self.runner.scene.arm, last, hinges)
+            and self._is_better("lobatto", (4, 8))
+        ):
+            return
+        if hinges == ASYMPTOTIC:
+            self._is_better("legendre", (4, ASYMPTOTIC))
+
+    def _is_better(self, family: str, counts: tuple[int, int]) -> bool:
+        """Whether two levels of another family know the limit twice as well; then the study goes on with it."""
         assert self.limit is not None
         before = self.limit
-        for hinges in (4, ASYMPTOTIC):
-            self._take(hinges, "legendre")
-        levels = self.levels["legendre"]
-        if len(levels) == 2 and self.limit.error < before.error / 2:
-            self.family = "legendre"
-        else:
-            self.limit, self.reason = before, ""
+        for hinges in counts:
+            self._take(hinges, family)
+        if len(self.levels[family]) == len(counts) and self.limit.error < before.error / 2:
+            self.family = family
+            return True
+        self.limit, self.reason = before, ""
+        return False

@@ -30,10 +30,11 @@ to 15 in space, measured on the trade's 16 scenes with 7 tolerances; most where 
 
 
 class Rate(Spec, frozen=True):
-    """Cost of one evaluation: `start`, and `body` for each body with 0, 1, … hinges [µs]."""
+    """Cost of one evaluation [µs]: `start`, `body` for each body with 0, 1, … hinges, `coupling` for each of those."""
 
     start: NonNegative
     body: tuple[NonNegative, ...]
+    coupling: NonNegative
 
 
 @functools.cache
@@ -48,16 +49,17 @@ def bodies_of(chain: Chain) -> Bodies:
     return np.bincount(np.minimum(hinges, 3), minlength=4)
 
 
-def evaluation_cost(bodies: Bodies, *, planar: bool, explicit: bool) -> float:
-    """CPU time of one evaluation [s] of a chain with these bodies."""
+def evaluation_cost(chain: Chain, *, explicit: bool) -> float:
+    """CPU time of one evaluation [s] of a chain."""
+    bodies, planar = bodies_of(chain), chain.is_planar
     rate = rates()["explicit" if explicit else "implicit"]["plane" if planar else "space"]
-    return 1e-6 * (rate.start + float(np.dot(rate.body, bodies[: len(rate.body)])))
+    of_bodies = float(np.dot(rate.body, bodies[: len(rate.body)]))
+    return 1e-6 * (rate.start + of_bodies + rate.coupling * len(chain.couplings))
 
 
 def run_cost(chain: Chain, name: str, evaluations: float) -> float:
     """CPU time [s] of so many evaluations by the method of this name."""
-    one = evaluation_cost(bodies_of(chain), planar=chain.is_planar, explicit=method(name).explicit)
-    return evaluations * one
+    return evaluations * evaluation_cost(chain, explicit=method(name).explicit)
 
 
 def step_cost(chain: Chain, name: str) -> float:
