@@ -27,7 +27,10 @@ from flexlink.dynamics.vibration.stability import (
     eigenvalues,
     fastest_eigenvalues,
 )
+from flexlink.pages.tables import Table
 from flexlink.results.resolved_modes import resolved
+from flexlink.scene_report.parts import model
+from flexlink.scene_report.study import Study
 
 EPS = np.finfo(float).eps
 ESTIMATE = 0.1  # of the fastest, as in `test_extremes`
@@ -377,6 +380,16 @@ def test_info_and_notebooks_tell_which_hinges_are_coupled() -> None:
     html = chain._repr_html_()
     assert "coupled with" in html
     assert "coupled with" not in cantilever("gauss", 2)._repr_html_()
+
+
+def test_a_report_tells_which_springs_are_coupled() -> None:
+    def springs(rule: str) -> Table:
+        return model.made(Study(arm("z", rule, 5))).tables[-1]
+
+    table, alone = springs("lobatto4"), model.made(Study(make_scene(flexible("a")))).tables[-1]
+    assert table.heads == (*alone.heads, "coupled with")
+    assert table.lines[1][-1] == "upper.1.z, upper.3.z, upper.4.z"
+    assert len(table.lines) == 6
 
 
 def test_without_structural_damping_no_damper_is_left() -> None:
