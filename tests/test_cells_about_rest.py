@@ -27,6 +27,9 @@ from flexlink.dynamics.vibration.stability import (
     eigenvalues,
     fastest_eigenvalues,
 )
+from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
+from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.forward.power_iteration import largest_eigenvalue
 from flexlink.pages.tables import Table
 from flexlink.results.resolved_modes import resolved
 from flexlink.scene_report.parts import model
@@ -333,6 +336,17 @@ def test_both_ends_of_the_spectrum_are_those_of_the_dense_problem(name: str, tmp
         assert slowest_frequency(one, q) == pytest.approx(ω[0], rel=CLOSE)
         assert fastest_frequency(one, q) == pytest.approx(ω[-1], rel=ESTIMATE)
         assert fastest_decay(one, q) == pytest.approx(linalg.eigh(D, M, eigvals_only=True)[-1], rel=2 * ESTIMATE)
+
+
+@pytest.mark.parametrize("name", SPRUNG)
+def test_the_fastest_swing_is_that_of_the_dense_problem_with_passes_enough(name: str, tmp_path: Path) -> None:
+    """It is an estimate since few passes do, not since a coupling is missing."""
+    chain = CHAINS[name](tmp_path)
+    q, coupled = 0.3 * state(chain)[0], np.ascontiguousarray(chain.couplings["stiffness"])
+    posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    found = largest_eigenvalue(chain.arrays, q, chain.stiffness, coupled, 100_000, 1e-13, posture)
+    wanted = linalg.eigh(chain.matrix("stiffness"), fl.mass_matrix(chain, q), eigvals_only=True)[-1]
+    assert found == pytest.approx(wanted, rel=1e-8)
 
 
 @pytest.mark.slow
