@@ -10,7 +10,8 @@ import pytest
 from beams import cantilever, thin_arm, thin_link
 from conftest import flexible, make_scene
 from scipy import linalg
-from test_cells import CHAINS, DAMPED, arm, state
+from test_cells import CHAINS, DAMPED, RUNS, arm, state
+from test_sensitivity import check
 
 import flexlink as fl
 from flexlink.cli import info
@@ -210,6 +211,13 @@ def test_postures_in_a_row_are_those_found_one_by_one(name: str, tmp_path: Path)
     for q in found:
         alone = fl.solve_static(chain, np.where(chain.stiffness > 0, 0.0, q), locked=chain.active.tolist())
         assert q == pytest.approx(alone.q, abs=1e-14)
+
+
+@pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.length"])
+def test_slopes_of_a_run_from_static_equilibrium_are_those_that_runs_tell(path: str) -> None:
+    """The start bends with what its springs are made of."""
+    still = {"initial.passive": "static", "initial.joint_deg": [20.0, -30.0]}
+    check(arm("z", "lobatto4").varied({**RUNS["RK4"], **still}), path)
 
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
