@@ -23,6 +23,7 @@ from flexlink.diagnosis.stable_steps import LARGEST
 from flexlink.diagnosis.states import State
 from flexlink.engines.actuators import mark_unspecified, not_compared, taken_from_scene, with_drive
 from flexlink.engines.base import Engine
+from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, ReadBack, of_chain, to_chain
 
 WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
@@ -156,12 +157,14 @@ def _missing(ours: ReadBack, read: ReadBack, match: Match) -> dict[str, Array]:
     fields = {
         field: getattr(ours, field) for field in FIELDS if field in read.unspecified and field not in ACTUATOR_FIELDS
     }
-    return {f: values if f == "gravity" else values[np.argsort(match.order)] for f, values in fields.items()}
+    inverse = np.argsort(match.order)
+    return {f: values if f == "gravity" else values[np.ix_(*[inverse] * values.ndim)] for f, values in fields.items()}
 
 
 def _notes(ours: ReadBack, match: Match, read: ReadBack) -> list[str]:
     notes = [] if match.by_name else ["joint names differ; joints are matched by their order"]
     fields = (read.unspecified - set(ACTUATOR_FIELDS)) | taken_from_scene(ours, read)
+    fields -= {field for field in COUPLED_FIELDS if not getattr(ours, field).any()}
     labels = [words.label for field, words in FIELDS.items() if field in fields]
     return notes + ([f"not in the file, taken from the scene: {', '.join(labels)}"] if labels else [])
 

@@ -1,0 +1,99 @@
+"""Fixed tendons over two hinges of a compiled MuJoCo model, as springs and dampers between joints.
+
+A tendon of length L = c·q, slack at L₀, with stiffness s and damping d has the torques
+
+    −s c (c·q − L₀) − d c (c·q̇)
+
+It adds s c cᵀ to K and d c cᵀ to D. Rest angles of all springs together, K θ₀ = Σ k_i θ_i + Σ s c L₀, are those of the
+joints, unless a tendon is slack elsewhere than the springs of its joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from flexlink.common.types import Array, Indices
+from flexlink.engines.couplings import COUPLED_FIELDS
+
+ROUNDING = 8 * float(np.finfo(np.float64).eps)
+"""Of the length of a tendon at the rest angles of its joints."""
+
+
+def add_tendons(model: Any, joints: dict[str, Array]) -> dict[str, Any]:
+    """Stiffness, damping and rest angles of joints with those of tendons over two of them, and `COUPLED_FIELDS`."""
+    matrices = {field: np.diag(joints[field]) for field in COUPLED_FIELDS.values()}
+    constants = {field: _coefficients(model, field)[0] for field in matrices}
+    torque, rest, apart = np.zeros(model.nv), joints["rest"], _apart(model)
+    for number in np.flatnonzero(_between_two(model)):
+        pair, c = _ends(model, number)
+        for field, matrix in matrices.items():
+            matrix[np.ix_(pair, pair)] += constants[field][number] * np.outer(c, c)
+        torque[pair] += constants["stiffness"][number] * apart[number] * c
+    if torque.any():
+        rest = rest + np.linalg.pinv(matrices["stiffness"], hermitian=True) @ torque
+    own = {field: np.diag(matrix).copy() for field, matrix in matrices.items()}
+    between = {name: matrices[field] - np.diag(own[field]) for name, field in COUPLED_FIELDS.items()}
+    return {**own, **between, "rest": rest}
+
+
+def slack_elsewhere(model: Any) -> bool:
+    """Whether a tendon over two joints is slack elsewhere than the springs of its joints."""
+    return bool(_apart(model).any())
+
+
+def _apart(model: Any) -> Array:
+    """L₀ less the length at the rest angles of the joints, of tendons over two of them, shape (tendons,) [rad]."""
+    apart = np.zeros(model.ntendon)
+    for number in np.flatnonzero(_between_two(model)):
+        pair, c = _ends(model, number)
+        rest = model.qpos_spring[pair]
+        apart[number] = model.tendon_lengthspring[number, 0] - c @ rest
+        if abs(apart[number]) <= ROUNDING * (np.abs(c) @ np.abs(rest)):
+            apart[number] = 0.0
+    return apart
+
+
+def others(model: Any) -> Iterator[int]:
+    """Tendons with springs or dampers that are not between two joints."""
+    yield from np.flatnonzero(_acting(model)[0] & ~_between_two(model)).tolist()
+
+
+def name_of(model: Any, number: int) -> str:
+    """The name of a tendon."""
+    return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TENDON, number) or f"tendon {number}"
+
+
+def _coefficients(model: Any, name: str) -> tuple[Array, Any]:
+    """Of all tendons the coefficient "stiffness" or "damping", and whether it depends on length or speed."""
+    some = [getattr(model, f"tendon_{name}"), getattr(model, f"tendon_{name}poly", np.zeros(model.ntendon))]
+    columns = np.hstack([values.reshape(len(values), -1) for values in some]) if model.ntendon else np.zeros((0, 2))
+    return columns[:, 0], columns[:, 1:].any(axis=1)
+
+
+def _acting(model: Any) -> tuple[Any, Any]:
+    """Which tendons have a spring or a damper, and which of them have linear ones."""
+    found = [_coefficients(model, name) for name in COUPLED_FIELDS.values()]
+    curved = np.logical_or.reduce([polynomial for _, polynomial in found])
+    return np.logical_or.reduce([values != 0 for values, _ in found]) | curved, ~curved
+
+
+def _between_two(model: Any) -> Any:
+    """Which tendons are linear springs and dampers between two joints."""
+    acts, linear = _acting(model)
+    found = acts & linear
+    for number in range(model.ntendon):
+        part = slice(model.tendon_adr[number], model.tendon_adr[number] + model.tendon_num[number])
+        fixed = bool((model.wrap_type[part] == mujoco.mjtWrap.mjWRAP_JOINT).all())
+        slack, taut = model.tendon_lengthspring[number]
+        found[number] &= fixed and len(set(model.wrap_objid[part])) == model.tendon_num[number] == 2 and slack == taut
+    return found
+
+
+def _ends(model: Any, number: np.intp) -> tuple[Indices, Array]:
+    """The two joints of a tendon, and its coefficients."""
+    part = slice(model.tendon_adr[number], model.tendon_adr[number] + model.tendon_num[number])
+    return model.wrap_objid[part], model.wrap_prm[part]
