@@ -82,18 +82,18 @@ def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | 
 
 
 def _numbers_of_tendons(ours: ReadBack, theirs: ReadBack) -> list[Finding]:
-    """`_numbers` as MJCF has them: joints keep what tendons, |K_ij| each, leave of K_ii."""
-    findings = _numbers(_beside_tendons(ours, -1), _beside_tendons(theirs, -1), "mjcf")
-    return [
-        finding if finding.faulty is None else dataclasses.replace(finding, faulty=_beside_tendons(finding.faulty, 1))
-        for finding in findings
-    ]
+    """`_numbers` as MJCF has them: of K_ii that differ, what tendons, |K_ij| each, leave to the joint."""
+    fields = COUPLED_FIELDS.values()
+    pairs = {field: (getattr(ours, field), getattr(theirs, field)) for field in fields}
+    other = {field: np.abs(b - a) > EXACT * np.maximum(np.abs(a), np.abs(b)) for field, (a, b) in pairs.items()}
 
+    def beside(read: ReadBack, sign: int) -> ReadBack:
+        """With what tendons hold of these joints taken away (−1), or given back (1)."""
+        parts = {field: getattr(read, field) + sign * other[field] * _shared(read, field) for field in fields}
+        return dataclasses.replace(read, **parts)
 
-def _beside_tendons(read: ReadBack, sign: int) -> ReadBack:
-    """K_ii with Σ |K_ij| taken away (−1), or given back (1); dampers likewise."""
-    parts = {own: getattr(read, own) + sign * _shared(read, own) for own in COUPLED_FIELDS.values()}
-    return dataclasses.replace(read, **parts)
+    findings = _numbers(beside(ours, -1), beside(theirs, -1), "mjcf")
+    return [f if f.faulty is None else dataclasses.replace(f, faulty=beside(f.faulty, 1)) for f in findings]
 
 
 def _shared(read: ReadBack, field: str) -> Array:

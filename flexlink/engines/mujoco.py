@@ -116,8 +116,7 @@ class MujocoEngine:
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.model.opt.density = self.model.opt.viscosity = 0
         self.model.body_gravcomp[:] = 0
-        for number in mujoco_tendons.others(self.model):
-            self.model.tendon_stiffness[number] = self.model.tendon_damping[number] = 0
+        mujoco_tendons.disable_others(self.model)
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by composite rigid bodies (`mj_makeM`, `mj_fullM`)."""

@@ -62,6 +62,13 @@ def others(model: Any) -> Iterator[int]:
     yield from np.flatnonzero(_acting(model)[0] & ~_between_two(model)).tolist()
 
 
+def disable_others(model: Any) -> None:
+    """Take the springs and dampers of these tendons out of the model."""
+    numbers = list(others(model))
+    for values in (values for name in COUPLED_FIELDS.values() for values in _constants(model, name)):
+        values[numbers] = 0
+
+
 def name_of(model: Any, number: int) -> str:
     """The name of a tendon."""
     return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TENDON, number) or f"tendon {number}"
@@ -69,9 +76,15 @@ def name_of(model: Any, number: int) -> str:
 
 def _coefficients(model: Any, name: str) -> tuple[Array, Any]:
     """Of all tendons the coefficient "stiffness" or "damping", and whether it depends on length or speed."""
-    some = [getattr(model, f"tendon_{name}"), getattr(model, f"tendon_{name}poly", np.zeros(model.ntendon))]
-    columns = np.hstack([values.reshape(len(values), -1) for values in some]) if model.ntendon else np.zeros((0, 2))
+    if not model.ntendon:
+        return np.zeros(0), np.zeros(0, dtype=bool)
+    columns = np.hstack([values.reshape(len(values), -1) for values in _constants(model, name)])
     return columns[:, 0], columns[:, 1:].any(axis=1)
+
+
+def _constants(model: Any, name: str) -> list[Array]:
+    """The model's own arrays of a coefficient, constant part first; an older MuJoCo has no other."""
+    return [getattr(model, key) for key in (f"tendon_{name}", f"tendon_{name}poly") if hasattr(model, key)]
 
 
 def _acting(model: Any) -> tuple[Any, Any]:
@@ -86,14 +99,18 @@ def _between_two(model: Any) -> Any:
     acts, linear = _acting(model)
     found = acts & linear
     for number in range(model.ntendon):
-        part = slice(model.tendon_adr[number], model.tendon_adr[number] + model.tendon_num[number])
+        part = _part(model, number)
         fixed = bool((model.wrap_type[part] == mujoco.mjtWrap.mjWRAP_JOINT).all())
         slack, taut = model.tendon_lengthspring[number]
         found[number] &= fixed and len(set(model.wrap_objid[part])) == model.tendon_num[number] == 2 and slack == taut
     return found
 
 
+def _part(model: Any, number: int | np.intp) -> slice:
+    """What a tendon runs along, in the model's list."""
+    return slice(model.tendon_adr[number], model.tendon_adr[number] + model.tendon_num[number])
+
+
 def _ends(model: Any, number: np.intp) -> tuple[Indices, Array]:
     """The two joints of a tendon, and its coefficients."""
-    part = slice(model.tendon_adr[number], model.tendon_adr[number] + model.tendon_num[number])
-    return model.wrap_objid[part], model.wrap_prm[part]
+    return model.wrap_objid[_part(model, number)], model.wrap_prm[_part(model, number)]
