@@ -148,7 +148,10 @@ class DrakeEngine:
 
     def elastic_torque(self, q: Array) -> Array:
         """T_FL: the forces of Drake's force elements on the joints at rest, negative, and springs between joints."""
-        return couplings.torque(self.couplings, "stiffness", q - self.rest) - self._joint_forces(q, np.zeros(self.n))
+        torque = -self._joint_forces(q, np.zeros(self.n))
+        if len(self.couplings):
+            torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
+        return torque
 
     def friction_torque(self, qd: Array) -> Array:
         """T_FR: what they are more at rates, negative, and what we add with the file's numbers."""

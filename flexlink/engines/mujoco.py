@@ -203,8 +203,9 @@ class MujocoEngine:
         torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
         return torque
 
-    def _between(self, field: str, φ: Array) -> Array:
-        return couplings.torque(self.couplings, field, φ)
+    def _between(self, field: str, φ: Array) -> Array | float:
+        """Torques of springs or dampers between joints that are not in the model."""
+        return couplings.torque(self.couplings, field, φ) if len(self.couplings) else 0.0
 
     def _coulomb_callback(self) -> Callback:
         if not self.coulomb.any():
