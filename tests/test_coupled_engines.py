@@ -139,6 +139,21 @@ def rope(count: int, **attributes: str) -> planted.Edit:
     return edit
 
 
+def each_rope(**attributes: str) -> planted.Edit:
+    """A rope between two joints that does more than a spring, where constraints act."""
+    return planted.both(rope(2, **attributes), planted.flag("constraint", "limit", "frictionloss"), without_friction)
+
+
+def without_friction(root: ET.Element) -> None:
+    for joint in root.iterfind(".//body/joint"):
+        joint.attrib.pop("frictionloss", None)
+
+
+def one_twice(root: ET.Element) -> None:
+    own = root.find("flexlink")
+    ET.SubElement(own, "coupling", dict(own[1].attrib) | {"damping": "0"})
+
+
 NOT_BETWEEN_TWO = "tendons that are not linear springs between two joints apply forces: 'rope'"
 NAMED = [
     ("mjcf", "one stiffness", scaled(TENDON, "stiffness", 1.5, only=1), f"spring stiffness {BETWEEN}: "),
@@ -153,6 +168,9 @@ NAMED = [
     ("mjcf", "over one joint", rope(1), NOT_BETWEEN_TWO),
     ("mjcf", "slack over a range", rope(2, springlength="-1 1"), NOT_BETWEEN_TWO),
     ("mjcf", "stiffer and stiffer", rope(2, stiffness="0 0 5"), NOT_BETWEEN_TWO),
+    ("mjcf", "with inertia", each_rope(armature="0.1"), NOT_BETWEEN_TWO),
+    ("mjcf", "with dry friction", each_rope(frictionloss="0.1"), NOT_BETWEEN_TWO),
+    ("mjcf", "with a limit", each_rope(limited="true", range="-0.1 0.1"), NOT_BETWEEN_TWO),
     ("mjcf", "springs disabled", each("option/flag", spring="disable"), "a flag disables springs"),
     ("mjcf", "dampers disabled", each("option/flag", damper="disable"), "a flag disables dampers"),
     ("mjcf", "a joint's own", scaled(".//joint", "stiffness", 2, only=1), "spring stiffness of joint 'upper.1.x': "),
@@ -162,6 +180,7 @@ NAMED = [
     ("urdf", "one stiffness", scaled(URDF, "stiffness", 1.5, only=1), f"correct <coupling stiffness> {BETWEEN}"),
     ("urdf", "one sign", scaled(URDF, "stiffness", -1, only=1), "the wrong sign"),
     ("urdf", "one damper", scaled(URDF, "damping", 0, only=1), f"damping {BETWEEN}: 0 instead of "),
+    ("urdf", "one twice", one_twice, "N m/rad, factor 2: another value"),
     ("urdf", "all left out", all_gone, "spring stiffness between 9 pairs of joints ("),
     ("sdf", "one stiffness", scaled(SDF, "stiffness", 1.5, only=1), f"<flexlink:coupling stiffness> {BETWEEN}"),
     ("sdf", "one damper", scaled(SDF, "damping", -1, only=1), f"damping {BETWEEN}: "),

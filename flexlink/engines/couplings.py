@@ -39,24 +39,25 @@ def of_matrices(fields: Mapping[str, Array]) -> NDArray[np.void]:
 
 
 def of_elements(elements: Iterable[ET.Element], joints: Sequence[str]) -> NDArray[np.void]:
-    """The list that our own elements in a file with these joints say.
+    """The list that our own elements in a file with these joints say; of the same two joints they add up.
 
     Raises
     ------
     ArgumentError
         An element names no two joints of the file, or a number of it is missing or not one.
     """
-    number, found = {name: k for k, name in enumerate(joints)}, list[tuple[float, ...]]()
+    number, found = {name: k for k, name in enumerate(joints)}, dict[tuple[int, int], Array]()
     for element in elements:
         ends = [element.get(key, "") for key in ("inner", "outer")]
         i, j = sorted(number.get(name, -1) for name in ends)
         if i < 0 or i == j:
             raise ArgumentError(f"coupling of {ends[0]!r} and {ends[1]!r}: expected two joints of the file")
         try:
-            found.append((i, j, *(float(element.get(key, "")) for key in COUPLED_FIELDS.values())))
+            constants = np.array([float(element.get(key, "")) for key in COUPLED_FIELDS.values()])
         except ValueError as error:
             raise ArgumentError(f"coupling of {ends[0]!r} and {ends[1]!r}: {error}") from None
-    return np.array(found, dtype=COUPLING)
+        found[i, j] = found.get((i, j), 0.0) + constants
+    return np.array([(*pair, *constants) for pair, constants in found.items()], dtype=COUPLING)
 
 
 def torque(couplings: NDArray[np.void], field: str, φ: Array) -> Array:

@@ -113,10 +113,10 @@ class MujocoEngine:
 
     def neutralize_settings(self) -> None:
         """Disable all that acts beside gravity, springs and dampers."""
+        mujoco_tendons.disable_others(self.model)  # while their limits and friction act
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.model.opt.density = self.model.opt.viscosity = 0
         self.model.body_gravcomp[:] = 0
-        mujoco_tendons.disable_others(self.model)
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by composite rigid bodies (`mj_makeM`, `mj_fullM`)."""

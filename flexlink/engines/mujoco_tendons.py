@@ -58,15 +58,16 @@ def _apart(model: Any) -> Array:
 
 
 def others(model: Any) -> Iterator[int]:
-    """Tendons with springs or dampers that are not between two joints."""
-    yield from np.flatnonzero(_acting(model)[0] & ~_between_two(model)).tolist()
+    """Tendons that act otherwise than by a linear spring and damper between two joints."""
+    yield from np.flatnonzero((_acting(model)[0] | _more(model)) & ~_between_two(model)).tolist()
 
 
 def disable_others(model: Any) -> None:
-    """Take the springs and dampers of these tendons out of the model."""
+    """Take springs, dampers and inertia of these tendons out of the model; limits and friction are constraints."""
     numbers = list(others(model))
-    for values in (values for name in COUPLED_FIELDS.values() for values in _constants(model, name)):
-        values[numbers] = 0
+    for name in (*COUPLED_FIELDS.values(), "armature"):
+        for values in _constants(model, name):
+            values[numbers] = 0
 
 
 def name_of(model: Any, number: int) -> str:
@@ -94,10 +95,20 @@ def _acting(model: Any) -> tuple[Any, Any]:
     return np.logical_or.reduce([values != 0 for values, _ in found]) | curved, ~curved
 
 
+def _more(model: Any) -> Any:
+    """Which tendons have inertia, or a limit or dry friction that acts."""
+    more, off = model.tendon_armature != 0, model.opt.disableflags
+    for bit, values in (("LIMIT", model.tendon_limited), ("FRICTIONLOSS", model.tendon_frictionloss)):
+        flags = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | getattr(mujoco.mjtDisableBit, f"mjDSBL_{bit}")
+        if not off & int(flags):
+            more |= values != 0
+    return more
+
+
 def _between_two(model: Any) -> Any:
-    """Which tendons are linear springs and dampers between two joints."""
+    """Which tendons are linear springs and dampers between two joints, and no more."""
     acts, linear = _acting(model)
-    found = acts & linear
+    found = acts & linear & ~_more(model)
     for number in range(model.ntendon):
         part = _part(model, number)
         fixed = bool((model.wrap_type[part] == mujoco.mjtWrap.mjWRAP_JOINT).all())

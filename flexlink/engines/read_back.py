@@ -128,9 +128,9 @@ class ReadBack:
             rows = getattr(self, field).reshape(self.n, -1)
             bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
             if len(bad):
-                raise ArgumentError(
-                    f"{field} of joint {self.names[bad[0]]!r}: the engine read {rows[bad[0]]}; must be finite"
-                )
+                values = rows[bad[0]]
+                shown = values[~np.isfinite(values)][0] if field in COUPLED_FIELDS else values
+                raise ArgumentError(f"{field} of joint {self.names[bad[0]]!r}: the engine read {shown}; must be finite")
         if np.isnan(self.effort).any():
             k = int(np.flatnonzero(np.isnan(self.effort).any(axis=1))[0])
             raise ArgumentError(
