@@ -27,6 +27,7 @@ from flexlink.kernels.bodies import mass
 from flexlink.kernels.bodies.energy import energies
 from flexlink.kernels.bodies.rne import inverse_dynamics as inverse_dynamics_kernel
 from flexlink.kernels.bodies.rne import inverse_dynamics_of_many
+from flexlink.kernels.bodies.rotation_springs import excess_torque
 from flexlink.kernels.tools.finite import is_finite
 
 MASS_ALGORITHMS = {
@@ -197,7 +198,9 @@ def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
 
 
 def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
-    """T_FL = k (θ − θ₀) on passive joints, 0 on active ones.
+    """T_FL = k (θ − θ₀) on passive joints, 0 on active ones; of coupled springs, K (θ − θ₀).
+
+    Springs of rotation vectors (a rule with `springs = "rotation"`) take the slope of ½ φ·K φ along the angles.
 
     Parameters
     ----------
@@ -226,6 +229,8 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
     q = vector("q", q, require_type("chain", chain, Chain).n, many=True)
     with np.errstate(over="ignore"):
         torque: Array = chain.times("stiffness", q - chain.rest)
+        if chain.has_rotation_springs:
+            torque = torque + excess_torque(chain.bodies, chain.hinges, chain.couplings, q)
     if not is_finite(torque):
         raise beyond_float64(_at("elastic torque", chain, torque), q=q)
     return torque

@@ -177,10 +177,10 @@ def chain_of(
     for stop in range(1, len(hinges) + 1):
         if stop == len(hinges) or not hinges[stop].follows(hinges[stop - 1]):
             place, body = hinges[first], hinges[stop - 1].body or NO_BODY
-            bodies.append((first, stop, _turned(place.rotation), place.rotation, place.translation, *body))
+            bodies.append((first, stop, _turned(place.rotation), 0, place.rotation, place.translation, *body))
             first = stop
     n = len(hinges)
-    bodies.append((n, n, _turned(tip[1]), tip[1], tip[0], *NO_BODY))
+    bodies.append((n, n, _turned(tip[1]), 0, tip[1], tip[0], *NO_BODY))
     for hinge in hinges:
         _require_sound(hinge)
     coordinates = tuple(hinge.coordinate for hinge in hinges)
