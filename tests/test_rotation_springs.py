@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 from conftest import ALUMINIUM, SQUARE, chain_of, flexible, make_scene
 from mpmath import mp
+from scipy import integrate, linalg, optimize
 from test_sensitivity import check
 
 import flexlink as fl
 from flexlink.chain.variants import lump_many
 from flexlink.dynamics import rounding
+from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
+from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.kernels.bodies.rotation_springs import SPRINGS
 from flexlink.kernels.derivatives.rotation_tangent import excess_stiffness
 from validation.physics.hinge_sweep import order
@@ -95,22 +100,26 @@ def potential(chain: fl.Chain, θ: list[mp.mpf]) -> mp.mpf:
     return V
 
 
-def cantilever(
-    rule: str, hinges: int, gj: float = 0.7, ei: tuple[float, float] = (1.0, 3.0), tip: float = 1.0
-) -> fl.Chain:
-    """A clamped beam of length 1, whose rigidities shrink to `tip` of these."""
+GJ, EI = 0.7, (1.0, 3.0)
+FORCE = np.array([-2.0, 3.0, 2.5])
+
+
+def beam(rule: str, hinges: int, tip: float = 1.0) -> fl.Arm:
+    """A clamped beam of length 1, whose rigidities shrink to `tip` of GJ and EI."""
     E = 1e9
     sections = {
-        name: fl.Section(shape="general", area=1e-3, i_y=s * ei[0] / E, i_z=s * ei[1] / E, torsion=s * gj / E)
+        name: fl.Section(shape="general", area=1e-3, i_y=s * EI[0] / E, i_z=s * EI[1] / E, torsion=s * GJ / E)
         for name, s in (("root", 1.0), ("tip", tip))
     }
     link = fl.Link(
         name="beam", length=1.0, flex="xyz", material="m", section="root", section_tip="tip", segments=hinges + 1,
         lumping=rule, joint=fl.Joint(locked=True),
     )  # fmt: skip
-    return chain_of(
-        fl.Arm(links=(link,), materials={"m": fl.Material(young=E, poisson=-0.5, density=1.0)}, sections=sections)
-    )
+    return fl.Arm(links=(link,), materials={"m": fl.Material(young=E, poisson=-0.5, density=1.0)}, sections=sections)
+
+
+def cantilever(rule: str, hinges: int, tip: float = 1.0) -> fl.Chain:
+    return chain_of(beam(rule, hinges, tip))
 
 
 @pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
@@ -344,3 +353,70 @@ def test_a_skew_fall_converges_with_order_four_and_gauss_with_a_tenth_of_its_err
     assert order(errors("lobatto2")) < 2.1
     angles, turned = errors("gauss"), errors("gauss_rotation")
     assert max(turned[n] / angles[n] for n in angles) <= 1 / 8
+
+
+@functools.cache
+def rod() -> Callable[[float], np.ndarray]:
+    """r, R and m along an elastic rod of length 1, clamped along x, under a dead force: m' = F × r', κ = B⁻¹ Rᵀ m."""
+
+    def along(_: float, y: np.ndarray, part: float) -> np.ndarray:
+        R, m = y[3:12].reshape(3, 3), y[12:]
+        κ = R.T @ m / [GJ, *EI]
+        return np.concatenate([R[:, 0], np.cross(R, κ).ravel(), np.cross(part * FORCE, R[:, 0])])
+
+    def solution(m: np.ndarray, part: float) -> Any:
+        start, within = np.concatenate([np.zeros(3), np.eye(3).ravel(), m]), {"rtol": 1e-12, "atol": 1e-13}
+        return integrate.solve_ivp(along, (0, 1), start, args=(part,), method="DOP853", dense_output=True, **within).sol
+
+    m = np.zeros(3)
+    for part in np.linspace(0.1, 1.0, 10):
+        m = optimize.root(lambda m, part=part: solution(m, part)(1.0)[12:], m, tol=1e-12).x
+    return solution(m, 1.0)
+
+
+def skew_scene(rule: str, hinges: int) -> fl.Scene:
+    return fl.Scene(name="skew", arm=beam(rule, hinges), initial=fl.InitialState(joint_deg=(0.0,)), gravity=(0, 0, 0))
+
+
+def test_a_cantilever_under_a_skew_dead_force_converges_to_the_rod() -> None:
+    """Order 4 with cells, gauss with less than an eighth of its error; curvature at the Gauss points converges, too."""
+    bends: dict[int, float] = {}
+
+    def errors(rule: str, *counts: int) -> dict[int, float]:
+        found = {}
+        for n in counts:
+            scene = skew_scene(rule, n)
+            chain = fl.lump(scene)
+            q = fl.solve_static(chain, tip_wrench=[*FORCE, 0.0, 0.0, 0.0]).q
+            found[n] = float(np.linalg.norm(fl.tip_position(chain, q) - rod()(1.0)[:3]))
+            strain = fl.beam_strain(scene, q, link="beam", fibre=(0.0, 0.0))
+            κ = [(y := rod()(x))[3:12].reshape(3, 3).T @ y[12:] / [GJ, *EI] for x in strain.x]
+            bends[n] = float(np.abs(strain.curvature - κ).max())
+        return found
+
+    angles, turned = errors("gauss", 4, 8, 16), errors("gauss_rotation", 4, 8, 16)
+    assert max(turned[n] / angles[n] for n in angles) <= 1 / 8
+    assert order(errors("lobatto2_rotation", 4, 8, 16, 32)) > 3.8
+    assert order({n: bends[n] for n in (8, 16, 32)}) > 1.9
+
+
+def test_small_motion_about_a_bent_posture_is_that_of_the_matrices() -> None:
+    """Of the tangent K, which O(n) eliminates with its blocks: the one that derivatives of q̈ tell."""
+    chain = fl.lump(skew_scene("lobatto2_rotation", 8))
+    wrench = np.array([*FORCE, 0.0, 0.0, 0.0])
+    q = fl.solve_static(chain, tip_wrench=wrench).q
+    still, M = np.zeros(chain.n), fl.mass_matrix(chain, q)
+    K = stiffness_matrix(chain, q, still, wrench)
+    slopes = fl.forward_dynamics_derivatives(chain, q, still, still, tip_wrench=wrench)
+    assert np.abs(M @ slopes.dq + K).max() <= 1e-9 * np.abs(K).max()
+    motion = SmallMotion(chain, 0.5 * q, still, wrench, False, np.zeros(chain.n, dtype=bool))
+    motion.place(q)
+    x = np.random.default_rng(0).normal(size=(2, chain.n))
+    assert motion.times(K_ALONE, x) == pytest.approx(x @ K, abs=1e-12 * np.abs(K).max())
+    ones = np.ones(chain.n)
+    assert motion.eliminate(K_ALONE, ones, ones) == 0
+    found = motion.solve(x)[0]
+    assert found @ K == pytest.approx(x, abs=1e-10 * np.abs(x).max())
+    squares = np.sort(linalg.eigvalsh((K + K.T) / 2, M))
+    found = fl.natural_frequencies(chain, q, tip_wrench=wrench)
+    assert found[:6] == pytest.approx(np.sqrt(squares[:6]), rel=1e-8)

@@ -29,7 +29,8 @@ from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.layout import COUPLING, ChainArrays
 
 _OF_LAYOUT = {
-    "active", "bending", "axes", "coupled_joints", "has_rotation_springs", "is_planar", "joint_names", "_sequential", "_layout",
+    "active", "bending", "axes", "coupled_joints", "has_rotation_springs", "is_planar", "joint_names", "_sequential",
+    "_layout",
 }  # fmt: skip
 """What is found of a chain without its masses, springs and gravity."""
 

@@ -22,12 +22,12 @@ from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
 from flexlink.dynamics.batches import each, is_batch, rows
 from flexlink.dynamics.result import Result
+from flexlink.dynamics.springs import spring_torque
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.bodies import mass
 from flexlink.kernels.bodies.energy import energies
 from flexlink.kernels.bodies.rne import inverse_dynamics as inverse_dynamics_kernel
 from flexlink.kernels.bodies.rne import inverse_dynamics_of_many
-from flexlink.kernels.bodies.rotation_springs import excess_torque
 from flexlink.kernels.tools.finite import is_finite
 
 MASS_ALGORITHMS = {
@@ -228,9 +228,7 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
         return each(elastic_torque, chain, {"q": q})
     q = vector("q", q, require_type("chain", chain, Chain).n, many=True)
     with np.errstate(over="ignore"):
-        torque: Array = chain.times("stiffness", q - chain.rest)
-        if chain.has_rotation_springs:
-            torque = torque + excess_torque(chain.bodies, chain.hinges, chain.couplings, q)
+        torque = spring_torque(chain, q)
     if not is_finite(torque):
         raise beyond_float64(_at("elastic torque", chain, torque), q=q)
     return torque

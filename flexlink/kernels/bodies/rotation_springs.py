@@ -216,6 +216,18 @@ def excess_torque(bodies, hinges, couplings, q):
 
 
 @kernel
+def rotation_vectors(bodies, hinges, couplings, q):
+    """Angles (n,), those of triples whose springs hold φ replaced by φ about their axes."""
+    springs, found = rotation_springs(bodies, hinges, couplings), q.copy()
+    find_quaternions(q, springs)
+    find_moments(springs)
+    for t in range(len(springs.hinges)):
+        for a in range(3):
+            found[springs.hinges[t, a]] = springs.numbers[ROW.φ + a, springs.slots[t]]
+    return found
+
+
+@kernel
 def stretches(bodies, hinges, couplings, q):
     """Hinges (t, 3) of the triples, and ½|φ| / sin ½|φ|, by which errors of R count in φ, (t,)."""
     springs = rotation_springs(bodies, hinges, couplings)

@@ -86,6 +86,20 @@ def excess_stiffness(bodies, hinges, couplings, q):
 
 
 @recursion
+def add_tangent(q, springs, tangent, K):
+    """Add all blocks to the matrix K (n, n)."""
+    find_tangent(q, springs, tangent)
+    for b in range(len(tangent.blocks)):
+        t, u = tangent.blocks[b, 0], tangent.blocks[b, 1]
+        for k in range(3):
+            for j in range(3):
+                i, column = springs.hinges[t, k], springs.hinges[u, j]
+                K[i, column] += tangent.values[b, k, j]
+                if t != u:
+                    K[column, i] += tangent.values[b, k, j]
+
+
+@recursion
 def find_tangent(q, springs, tangent):
     """Write the values of all blocks."""
     find_excess(q, springs)
