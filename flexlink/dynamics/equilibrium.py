@@ -206,9 +206,8 @@ def buckling_loads(
     block = np.ix_(*2 * (free[chain.stiffness[free] > 0],))
     K = about(chain, q).matrix("stiffness")[block]
     load = stiffness_matrix(chain, q, np.zeros(chain.n), wrench)[block] - K
-    inverse = linalg.eigvals(
-        -_per_stiffness(load, K, coupled=len(chain.couplings) > 0 or chain.has_rotation_springs)
-    )  # 1/s
+    coupled = len(chain.couplings) > 0 or chain.has_rotation_springs
+    inverse = linalg.eigvals(-_per_stiffness(load, K, coupled=coupled))  # 1/s
     rounding = len(K) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
     softening = inverse.real > rounding
     real = np.abs(inverse.imag) <= np.sqrt(np.finfo(float).eps) * np.abs(inverse)  # of a double eigenvalue, too
@@ -221,17 +220,12 @@ def _per_stiffness(load: Array, K: Array, *, coupled: bool) -> Array:
     K⁻¹ load itself where K is not positive definite, as rotation vectors' springs may be, bent far.
     """
     if not coupled:
-<<<<<<< HEAD
         k = K.diagonal()
         return np.asarray(load / np.sqrt(np.outer(k, k)))
-    L = linalg.cholesky(K, lower=True)
-=======
-        return np.asarray(load / np.sqrt(np.outer(np.diag(K), np.diag(K))))
     try:
         L = linalg.cholesky(K, lower=True)
     except linalg.LinAlgError:
         return np.asarray(linalg.solve(K, load))
->>>>>>> ebfb175 (Statics, modes, small motion and strain of chains whose springs hold rotation vectors)
     half = linalg.solve_triangular(L, load, lower=True)
     return np.asarray(linalg.solve_triangular(L, half.T, lower=True).T)
 
