@@ -20,6 +20,10 @@ from flexlink.chain.variants import lump_many
 from flexlink.dynamics import rounding
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.tangent import stiffness_matrix
+from flexlink.engines import load, load_here
+from flexlink.engines.base import ForeignFile
+from flexlink.errors import ArgumentError, DataFileError
+from flexlink.formats import read_mjcf, read_sdf, read_urdf, to_mjcf, to_sdf, to_urdf
 from flexlink.kernels.bodies.rotation_springs import SPRINGS
 from flexlink.kernels.derivatives.rotation_tangent import excess_stiffness
 from validation.physics.hinge_sweep import order
@@ -420,3 +424,73 @@ def test_small_motion_about_a_bent_posture_is_that_of_the_matrices() -> None:
     squares = np.sort(linalg.eigvalsh((K + K.T) / 2, M))
     found = fl.natural_frequencies(chain, q, tip_wrench=wrench)
     assert found[:6] == pytest.approx(np.sqrt(squares[:6]), rel=1e-8)
+
+
+# Files and engines.
+
+FILES = {"urdf": (to_urdf, read_urdf), "mjcf": (to_mjcf, read_mjcf), "sdf": (to_sdf, read_sdf)}
+
+
+@pytest.mark.parametrize("format", FILES)
+@pytest.mark.parametrize("rule", RULES)
+def test_a_file_says_which_springs_hold_rotation_vectors(format: str, rule: str, tmp_path: Path) -> None:
+    write, read = FILES[format]
+    chain = fl.lump(arm(rule, tmp_path))
+    again = read(write(chain))
+    np.testing.assert_array_equal(again.bodies["springs"], chain.bodies["springs"])
+    q = state(chain)[0]
+    np.testing.assert_array_equal(fl.elastic_torque(again, q), fl.elastic_torque(chain, q))
+    assert "rotation_springs" not in write(fl.lump(arm("gauss")))
+
+
+@pytest.mark.parametrize(
+    "said, message",
+    [
+        ("0:1", "expected the first of three joints"),
+        ("2:1", "expected the first of three joints"),
+        ("1:3", "expected the first of three joints"),
+        ("1:2", "after three joints with 2 must come three with 1"),
+        ("x", "expected the first of three joints"),
+    ],
+)
+def test_a_file_that_says_it_of_other_joints_is_refused(said: str, message: str) -> None:
+    chain = fl.lump(arm("lobatto2_rotation"))
+    text = to_urdf(chain)
+    whole = " ".join(f"{b['first']}:{b['springs']}" for b in chain.bodies if b["springs"])
+    with pytest.raises(DataFileError, match=message):
+        read_urdf(text.replace(f'rotation_springs="{whole}"', f'rotation_springs="{said}"'))
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco", "exudyn", "drake"])
+@pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
+def test_engines_take_what_we_compute_of_the_springs(engine: str, rule: str) -> None:
+    pytest.importorskip({"drake": "pydrake"}.get(engine, engine))
+    chain = fl.lump(arm(rule))
+    other = load(engine, chain)
+    for seed in range(3):
+        q, qd, tau = state(chain, seed=seed)
+        found = other.elastic_torque(q)
+        assert (np.abs(found - fl.elastic_torque(chain, q)) <= rounding.of_elastic_torque(chain, q)).all()
+        solutions = other.forward_dynamics(q, qd, tau), fl.forward_dynamics(chain, q, qd, tau)
+        start = 1e-6 if engine == "exudyn" else 0.0  # of the largest: its own accelerations are those of a first step
+        M, size = fl.mass_matrix(chain, q), np.abs(solutions[1]).max()
+        bound = rounding.of_residual(chain, q, qd, np.maximum(*map(np.abs, solutions)), tau)
+        assert np.abs(M @ (solutions[0] - solutions[1])).max() <= bound + start * np.abs(M).max() * size
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_runs_of_engines_are_ours(engine: str) -> None:
+    pytest.importorskip(engine)
+    scene = bent("lobatto2_rotation").varied(RUNS["RK4"])
+    _, q, _ = load(engine, fl.lump(scene)).integrate(scene)
+    run = fl.simulate(scene)
+    assert q == pytest.approx(run.q, abs=1e-9 * np.ptp(run.q))
+
+
+def test_a_file_of_such_springs_by_itself_is_refused_by_name(tmp_path: Path) -> None:
+    scene = arm("gauss_rotation")
+    path = tmp_path / "arm.urdf"
+    path.write_text(to_urdf(fl.lump(scene)), encoding="utf-8")
+    pytest.importorskip("pinocchio")
+    with pytest.raises(ArgumentError, match="which Pinocchio would take for springs of angles"):
+        load_here("pinocchio", ForeignFile(path, "urdf"))
