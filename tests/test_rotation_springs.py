@@ -24,6 +24,7 @@ from flexlink.engines import load, load_here
 from flexlink.engines.base import ForeignFile
 from flexlink.errors import ArgumentError, DataFileError
 from flexlink.formats import read_mjcf, read_sdf, read_urdf, to_mjcf, to_sdf, to_urdf
+from flexlink.formats.small_mass import with_small_mass
 from flexlink.kernels.bodies.rotation_springs import SPRINGS
 from flexlink.kernels.derivatives.rotation_tangent import excess_stiffness
 from validation.physics.hinge_sweep import order
@@ -494,3 +495,8 @@ def test_a_file_of_such_springs_by_itself_is_refused_by_name(tmp_path: Path) -> 
     pytest.importorskip("pinocchio")
     with pytest.raises(ArgumentError, match="which Pinocchio would take for springs of angles"):
         load_here("pinocchio", ForeignFile(path, "urdf"))
+
+
+def test_bodies_between_the_hinges_of_a_triple_are_refused() -> None:
+    with pytest.raises(ArgumentError, match="its springs hold rotation vectors, which bodies between the hinges"):
+        with_small_mass(fl.lump(arm("gauss_rotation")), mass=1e-6)

@@ -114,9 +114,7 @@ def _by_us(chain: Chain, engine: str) -> tuple[str, ...]:
     if len(chain.couplings) and not ENGINES[engine].between_joints:
         notes.append("springs and dampers between two joints are computed by us, with the numbers of the file")
     if chain.has_rotation_springs:
-        notes.append(
-            "what springs of rotation vectors take more than those of angles is computed by us, with the numbers of the file"
-        )
+        notes.append("what springs of rotation vectors take beyond those of angles is computed by us, from the file")
     return tuple(notes)
 
 
