@@ -10,13 +10,15 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from conftest import ALUMINIUM, SQUARE, chain_of, flexible, make_scene
+from conftest import ALUMINIUM, ROOT, SQUARE, chain_of, flexible, make_scene
 from mpmath import mp
+from numpy.lib import recfunctions
 from scipy import integrate, linalg, optimize
 from test_sensitivity import check
 
 import flexlink as fl
 from flexlink.chain.variants import lump_many
+from flexlink.cli.main import main
 from flexlink.dynamics import rounding
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.tangent import stiffness_matrix
@@ -326,6 +328,26 @@ def test_a_saved_run_keeps_its_springs(tmp_path: Path) -> None:
     again = fl.load_trajectory(run.save(tmp_path / "run.npz"))
     np.testing.assert_array_equal(again.chain.bodies, run.chain.bodies)
     np.testing.assert_array_equal(again.qdd, run.qdd)
+
+
+def test_a_run_saved_before_there_were_such_springs_has_springs_of_angles(tmp_path: Path) -> None:
+    path = fl.simulate(make_scene(flexible("a")), duration=1e-3).save(tmp_path / "run.npz")
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    arrays["chain_bodies"] = recfunctions.drop_fields(arrays["chain_bodies"], "springs")
+    np.savez(path, **arrays)
+    assert not fl.load_trajectory(path).chain.has_rotation_springs
+    arrays["chain_bodies"] = recfunctions.drop_fields(arrays["chain_bodies"], "mass")
+    np.savez(path, **arrays)
+    with pytest.raises(DataFileError, match="its chain has the fields"):
+        fl.load_trajectory(path)
+
+
+def test_info_says_which_springs_hold_a_rotation_vector(capsys: pytest.CaptureFixture[str]) -> None:
+    changes = ("--set", "link.*.lumping=gauss_rotation", "--set", "link.*.segments=3")
+    assert main(["info", str(ROOT / "models" / "t3_spatial.toml"), *changes]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert sum("N m/rad, of a rotation vector" in line for line in lines) == 12
 
 
 # Large bending in space.
