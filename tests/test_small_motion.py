@@ -11,7 +11,8 @@ from conftest import ROOT, random_state
 
 import flexlink as fl
 from flexlink.dynamics import equilibrium, small_motion
-from flexlink.dynamics.small_motion import K_ALONE, SmallMotion, damping_slope
+from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
+from flexlink.dynamics.springs import damping_slope
 from flexlink.dynamics.tangent import displacements, falls, gyroscopic_matrix, stiffness_matrix, tangent
 from flexlink.errors import ConvergenceError
 

@@ -1,6 +1,6 @@
 """Estimate of the error of rigid links without a flexible run: from the loads of the rigid run on the springs.
 
-    θ = −(M q̈ + T_GC) / k        angles of the hinges that the links would have, from q, q̇, q̈ of the rigid run
+    θ = −K⁻¹ (M q̈ + T_GC)        angles of the hinges that the links would have, from q, q̇, q̈ of the rigid run
     u = p(q, θ) − p(q, 0)        quasi-static deflection of the tip
     ÿ + ω² (y − u) = 0           its vibration, ω the lowest frequency of the springs
     d                            drift of the tip where springs that are bent at the start are let go (`release`)
@@ -23,6 +23,7 @@ from flexlink.advice.release import release
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import tip_position
+from flexlink.dynamics.springs import deflections
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.results.tip_motion import largest_distance, tip_travel
@@ -108,7 +109,7 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     loads = inverse_dynamics(chain, q, qd, qdd, tip_wrench=run.tip_wrench)
     bent = np.array([c.segment > 0 for c in chain.coordinates])
     θ = np.zeros_like(q)
-    θ[:, bent] = np.clip(-loads[:, bent] / chain.stiffness[bent], -1.0, 1.0)  # [rad]; beyond, just large
+    θ[:, bent] = np.clip(deflections(chain, -loads)[:, bent], -1.0, 1.0)  # [rad]; beyond, just large
     u = tip_position(chain, q + θ) - run.tip
     ω = slowest_frequency(chain, q[0])
     released = release(runner, strict, model, q[0])

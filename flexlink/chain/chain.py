@@ -97,11 +97,14 @@ class Chain:
 
     def _repr_html_(self) -> str:
         hinges = self.hinges
-        heads = ("k", "joint", "driven", "stiffness [N m/rad]", "damping [N m s/rad]", "rest [rad]")
-        columns = (hinges[name].tolist() for name in ("stiffness", "damping", "rest"))
+        heads = ["k", "joint", "driven", "stiffness [N m/rad]", "damping [N m s/rad]", "rest [rad]"]
+        columns: list[list[Any]] = [hinges[name].tolist() for name in ("stiffness", "damping", "rest")]
+        if len(self.couplings):
+            heads.append("coupled with")
+            columns.append([", ".join(map(str, coupled)) for coupled in self.coupled_joints])
         driven = ["yes" if c.axis == 0 else "" for c in self.coordinates]
         rows = list(zip(range(self.n), self.joint_names, driven, *columns, strict=True))
-        return html_table(repr(self), heads, rows)
+        return html_table(repr(self), tuple(heads), rows)
 
     def plot(self, q: ArrayLike | None = None) -> Any:
         """Draw the arm at angles q [rad], shape (n,), from the side and, if it is not in a plane, from above.
@@ -180,10 +183,20 @@ class Chain:
         """Angles θ₀ at which the springs are slack [rad], shape (n,)."""
         return self.hinges["rest"]
 
+    @functools.cached_property
+    def coupled_joints(self) -> tuple[tuple[int, ...], ...]:
+        """Of every joint the sequential indices of those that a spring or damper couples it with, ascending."""
+        found: list[list[int]] = [[] for _ in range(self.n)]
+        for i, j in zip(self.couplings["inner"].tolist(), self.couplings["outer"].tolist(), strict=True):
+            found[i].append(j)
+            found[j].append(i)
+        return tuple(tuple(sorted(each)) for each in found)
+
     def matrix(self, field: str) -> Array:
         """K of all springs, `field` "stiffness", or D of all dampers, "damping", shape (n, n), couplings included."""
         matrix, (i, j) = np.diag(self.hinges[field]), (self.couplings["inner"], self.couplings["outer"])
-        matrix[i, j] = matrix[j, i] = self.couplings[field]
+        if len(self.couplings):
+            matrix[i, j] = matrix[j, i] = self.couplings[field]
         return matrix
 
     def times(self, field: str, φ: Array, *, absolute: bool = False) -> Array:
@@ -195,6 +208,8 @@ class Chain:
         if absolute:
             φ, value = np.abs(φ), np.abs(value)
         product: Array = self.hinges[field] * φ
+        if not len(value):
+            return product
         np.add.at(product.T, inner, (value * φ[..., outer]).T)
         np.add.at(product.T, outer, (value * φ[..., inner]).T)
         return product

@@ -89,7 +89,8 @@ def _show_frequencies(scene: Scene, chain: Chain, q0: Array, λ: Complex, found:
 def _kind(chain: Chain, k: int) -> str:
     """What a joint is: a spring, or driven, and within which limits."""
     if chain.coordinate(k).axis:
-        return f"k = {chain.stiffness[k]:.6g} N m/rad"
+        coupled = ", ".join(map(str, chain.coupled_joints[k]))
+        return f"k = {chain.stiffness[k]:.6g} N m/rad{f', coupled with {coupled}' if coupled else ''}"
     lower, upper = np.degrees([chain.hinges["lower"][k], chain.hinges["upper"][k]])
     return f"driven, {lower:.6g}° … {upper:.6g}°" if np.isfinite(lower) else "driven"
 
@@ -111,9 +112,11 @@ def _show_steps(chain: Chain, factor: float, λ: Complex, free: Complex) -> None
 
 def _without_structural_damping(chain: Chain) -> Chain:
     """The chain with Kelvin-Voigt's law left out; the same chain where there is none."""
-    hinges = chain.hinges.copy()
+    hinges, couplings = chain.hinges.copy(), chain.couplings.copy()
     hinges["damping"][[k for k, c in enumerate(chain.coordinates) if c.axis]] = 0.0
-    return chain if np.array_equal(hinges, chain.hinges) else dataclasses.replace(chain, hinges=hinges)
+    couplings["damping"] = 0.0
+    same = np.array_equal(hinges, chain.hinges) and np.array_equal(couplings, chain.couplings)
+    return chain if same else dataclasses.replace(chain, hinges=hinges, couplings=couplings)
 
 
 def _step(h: float) -> str:

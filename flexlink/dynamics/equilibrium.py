@@ -202,18 +202,27 @@ def buckling_loads(
     q = chain.rest.copy() if q is None else vector("q", q, n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
-    sprung = free[chain.stiffness[free] > 0]
-    k = chain.stiffness[sprung]
-    load = stiffness_matrix(chain, q, np.zeros(chain.n), wrench)[np.ix_(sprung, sprung)] - np.diag(k)
-    inverse = linalg.eigvals(-load / np.sqrt(np.outer(k, k)))  # 1/s
-    rounding = len(k) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
+    block = np.ix_(*2 * (free[chain.stiffness[free] > 0],))
+    K = chain.matrix("stiffness")[block]
+    load = stiffness_matrix(chain, q, np.zeros(chain.n), wrench)[block] - K
+    inverse = linalg.eigvals(-_per_stiffness(load, K, coupled=len(chain.couplings) > 0))  # 1/s
+    rounding = len(K) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
     softening = inverse.real > rounding
     real = np.abs(inverse.imag) <= np.sqrt(np.finfo(float).eps) * np.abs(inverse)  # of a double eigenvalue, too
     return np.asarray(np.sort(1 / inverse.real[softening & real]))
 
 
+def _per_stiffness(load: Array, K: Array, *, coupled: bool) -> Array:
+    """L⁻¹ load L⁻ᵀ of K = L Lᵀ, which has the eigenvalues of K⁻¹ load; K is diagonal unless springs are `coupled`."""
+    if not coupled:
+        return np.asarray(load / np.sqrt(np.outer(np.diag(K), np.diag(K))))
+    L = linalg.cholesky(K, lower=True)
+    half = linalg.solve_triangular(L, load, lower=True)
+    return np.asarray(linalg.solve_triangular(L, half.T, lower=True).T)
+
+
 def _as_known(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wrench: Array) -> Array:
-    """q with the deflection of every spring to the decimals that its load is known to, that is to ΔL / k.
+    """q with the deflection of every spring to the decimals that its load is known to, that is to ΔL / Σ_j |K_ij|.
 
     No torque changes by more than rounding has left open, and what the solver's own roundings have put into digits
     that mean nothing, other ones on other CPUs, goes: an angle that is 0 by symmetry is 0.
@@ -228,7 +237,8 @@ def known_decimals(chain: Chain, free: NDArray[np.intp], qd: Array, wrench: Arra
     """Of every spring the decimals of its deflection that its load leaves known."""
     open_ = rounding.of_loads(chain, qd, wrench)
     sprung = free[(chain.stiffness[free] > 0) & (open_[free] > 0)]
-    return [(i, math.ceil(math.log10(chain.stiffness[i] / open_[i]))) for i in sprung.tolist()]
+    k = chain.times("stiffness", np.ones(chain.n), absolute=True)
+    return [(i, math.ceil(math.log10(k[i] / open_[i]))) for i in sprung.tolist()]
 
 
 class _LostError(Exception):
@@ -257,7 +267,7 @@ class _Equations:
         self.motion = SmallMotion(chain, start, rates, wrench, follower, self.locked)
         self.start = np.concatenate([[0.0], start])
         self.sizes = rounding.largest_loads(chain, acting.rates, acting.wrench)
-        self.held = np.where(self.sprung, chain.stiffness * (start - chain.rest), self.load(start))
+        self.held = np.where(self.sprung, chain.times("stiffness", start - chain.rest), self.load(start))
 
     def load(self, q: Array) -> Array:
         rates, wrench, follower, drive = self.acting
@@ -269,7 +279,7 @@ class _Equations:
     def _value(self, x: Array, load: Array) -> Array:
         s, q = x[0], x[1:]
         loaded = np.where(self.sprung, s, 1.0) * load
-        left = self.chain.stiffness * (q - self.chain.rest) + loaded - (1 - s) * self.held
+        left = self.chain.times("stiffness", q - self.chain.rest) + loaded - (1 - s) * self.held
         return np.where(self.locked, 0.0, left)
 
     def with_slopes(self, x: Array) -> tuple[Array, _Slopes]:

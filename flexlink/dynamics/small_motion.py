@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
+from flexlink.dynamics.springs import damping_slope
 from flexlink.kernels.derivatives.small_motion import HINGE, factor, mass_products, multiply, place, small_motion, solve
+from flexlink.kernels.derivatives.small_motion_cells import factor_in_cells, small_motion_in_cells, solve_in_cells
 
 K_ALONE, C_ALONE, M_ALONE = np.eye(3)
 """Weights of K, C and M in a sum of them."""
@@ -32,7 +34,9 @@ class SmallMotion:
         self, chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, locked: NDArray[np.bool_]
     ) -> None:
         self._diagonals = np.array([chain.stiffness, damping_slope(chain), chain.hinges["armature"]])
-        self._arrays, self._state, self._work = chain.arrays, (wrench, follower, qd), small_motion(chain.arrays)
+        self._arrays, self._state, self._couplings = chain.arrays, (wrench, follower, qd), chain.couplings
+        self._cells = small_motion_in_cells(chain.arrays) if len(chain.couplings) else None
+        self._work = small_motion(chain.arrays) if self._cells is None else self._cells.whole
         self.place(q)
         self.locked, self.rounding = locked, int((~locked).sum()) * rounding.of_load_stiffness(chain)
         self.spared, self.sizes = np.zeros(0, np.intp), np.zeros(chain.n)
@@ -47,8 +51,18 @@ class SmallMotion:
         """(weights · (K, C, M)) x for rows x (m, n), 0 at locked coordinates, shape (m, n)."""
         product = np.empty_like(x)
         multiply(self._work, weights, weights @ self._diagonals, x, product)
+        self._add_couplings(weights, x, product)
         product[:, self.locked] = 0.0
         return product
+
+    def _add_couplings(self, weights: Array, x: Array, product: Array) -> None:
+        """What springs and dampers between two hinges add to `product`."""
+        pairs = self._couplings
+        if not len(pairs):
+            return
+        held = weights[0] * pairs["stiffness"] + weights[1] * pairs["damping"]
+        np.add.at(product.T, pairs["inner"], (held * x[:, pairs["outer"]]).T)
+        np.add.at(product.T, pairs["outer"], (held * x[:, pairs["inner"]]).T)
 
     def times_mass(self, x: Array) -> Array:
         """M x for rows x (m, n), 0 at locked coordinates, shape (m, n): with more digits than `times`."""
@@ -64,7 +78,7 @@ class SmallMotion:
         """
         self.sizes, given = sizes, self._work.given
         given[:] = self.locked
-        negative = int(factor(self._work, weights, weights @ self._diagonals, w, sizes, smallest))
+        negative = self._factor(weights, weights @ self._diagonals, w, sizes, smallest)
         self.spared = np.flatnonzero(given & ~self.locked)
         return negative
 
@@ -73,7 +87,7 @@ class SmallMotion:
         found, ones = [], np.ones(len(self.locked))
         for given in (True, self.locked):
             self._work.given[:] = given
-            factor(self._work, M_ALONE, M_ALONE @ self._diagonals, ones, ones, -1.0)
+            self._factor(M_ALONE, M_ALONE @ self._diagonals, ones, ones, -1.0)
             found.append(self._work.hinges[:, HINGE.D].copy())
         return found[0], found[1]
 
@@ -86,16 +100,19 @@ class SmallMotion:
         right, x = (np.zeros((m + len(spared), r.shape[1])) for _ in range(2))
         right[:m], left = r, np.zeros_like(right)
         x[m + np.arange(len(spared)), spared] = 1.0
-        solve(self._work, right, x, left)
+        if self._cells is None:
+            solve(self._work, right, x, left)
+        else:
+            solve_in_cells(self._cells, right, x, left)
         return x, left[:, spared]
 
     def falling(self, weights: Array, more: Array) -> int:
         """Number of negative eigenvalues of weights · (K, C, M) + diag(more), if that is symmetric."""
         self._work.given[:] = self.locked
         ones = np.ones(len(more))
-        return int(factor(self._work, weights, weights @ self._diagonals + more, ones, ones, -1.0))
+        return self._factor(weights, weights @ self._diagonals + more, ones, ones, -1.0)
 
-
-def damping_slope(chain: Chain) -> Array:
-    """Slope of T_FR at rest, d + coulomb / coulomb_width, shape (n,)."""
-    return np.asarray(chain.damping + chain.hinges["coulomb"] / chain.hinges["coulomb_width"])
+    def _factor(self, weights: Array, diagonal: Array, w: Array, sizes: Array, smallest: float) -> int:
+        if self._cells is None:
+            return int(factor(self._work, weights, diagonal, w, sizes, smallest))
+        return int(factor_in_cells(self._cells, weights, diagonal, w, sizes, smallest))

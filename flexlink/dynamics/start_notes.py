@@ -12,6 +12,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import tip_position
+from flexlink.dynamics.springs import deflections
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.dynamics.terms import elastic_torque, gravity_torque
 
@@ -99,8 +100,7 @@ def _angles(scene: Scene, chain: Chain) -> Array:
 
 def _drop(chain: Chain, q: Array) -> float:
     """How far the springs let the tip down from where they are slack [m], to first order."""
-    k = chain.stiffness
-    bent = q - np.where(k > 0, gravity_torque(chain, q) / np.where(k > 0, k, 1.0), 0.0)
+    bent = q - deflections(chain, gravity_torque(chain, q))
     return float(np.linalg.norm(tip_position(chain, bent) - tip_position(chain, q)))
 
 

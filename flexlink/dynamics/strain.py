@@ -2,9 +2,10 @@
 
 A hinge of weight w stands for a length w L of the beam, k = EI/(w L): its angle is the curvature of this length,
 κ = θ/(w L), so that EI κ = k θ. At rest k θ is the bending moment at the hinge itself, whatever the lumping: there the
-curvature is that of the beam. Between hinges it is for the reader to interpolate.
+curvature is that of the beam. Between hinges it is for the reader to interpolate. Where the springs of a cell are
+coupled, its angles make the curvature at the cell's Gauss points, which take the place of the hinges:
 
-    ε = z κ_y − y κ_z
+    κ(x_q) = 1/h Σ_j C_qj θ_j        ε = z κ_y − y κ_z
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from flexlink.common.types import Array
 from flexlink.describe.arm import AXES
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.batches import is_batch, rows
 from flexlink.dynamics.result import Result
 from flexlink.kernels.tools.finite import is_finite
@@ -28,7 +30,7 @@ from flexlink.kernels.tools.finite import is_finite
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class BeamStrain(Result):
-    """How a link bends, at its hinges."""
+    """How a link bends, at its hinges, or at the Gauss points of cells of coupled springs, as many."""
 
     x: Array  # (hinges,), distance from the root of the beam [m]
     curvature: Array  # (…, hinges, 3), rate of twist φ', then κ about the section's y and z [rad/m]
@@ -40,11 +42,12 @@ class BeamStrain(Result):
 
 
 def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike) -> BeamStrain:
-    """Curvature of a link and bending strain of a fibre at its hinges.
+    """Curvature of a link and bending strain of a fibre at its hinges, or at the Gauss points of cells.
 
-    κ = θ/(w L), off by θ² where a hinge bends and twists at once. A chain does not stretch: to the strain of bending a
-    gauge adds that of the axial force N, N/(EA), N = `internal_loads(…).force[…, 0]`. At the root of the beam, where no
-    hinge is, κ = M/EI with the moment there.
+    κ = θ/(w L), or what all angles of a cell make of it where its springs are coupled (lumping "lobatto2", "lobatto4");
+    off by θ² where a hinge bends and twists at once. A chain does not stretch: to the strain of bending a gauge adds
+    that of the axial force N, N/(EA), N = `internal_loads(…).force[…, 0]`. At the root of the beam, where no hinge is,
+    κ = M/EI with the moment there.
 
     Parameters
     ----------
@@ -83,13 +86,18 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
         raise ArgumentError(f"link = {link!r}: is rigid; expected one that bends, with flex of z, yz or xyz")
     angles = rows(chain.n, {"q": q})[0] if is_batch(q) else vector("q", q, chain.n, many=True)
     nodes, weights = hinges_of(arm)[number - 1]
-    length = bent.beam.length
+    length, cells = bent.beam.length, lumping_rule(bent.lumping).cells
     curvature = np.zeros((*angles.shape[:-1], len(nodes), 3))
     with np.errstate(over="ignore", invalid="ignore"):
         for axis in AXES[bent.flex]:
             hinges = [chain.index(number, segment, axis) for segment in range(1, len(nodes) + 1)]
-            curvature[..., axis - 1] = angles[..., hinges] / (weights * length)
+            θ = angles[..., hinges]
+            if cells is None:
+                curvature[..., axis - 1] = θ / (weights * length)
+            else:
+                curvature[..., axis - 1] = cells.cell.curvatures(θ, length * cells.hinges / len(nodes))
         strain = z * curvature[..., 1] - y * curvature[..., 2]
     if not (is_finite(curvature.reshape(-1)) and is_finite(strain.reshape(-1))):
         raise beyond_float64("a strain", q=angles, fibre=[y, z])
-    return BeamStrain(nodes * length, curvature, strain)
+    places = nodes if cells is None else cells.gauss_points(len(nodes))
+    return BeamStrain(places * length, curvature, strain)

@@ -87,7 +87,7 @@ def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower:
 
     Elastic + gravity + load + centrifugal stiffness; not symmetric under a follower wrench or a spatial moment.
     """
-    K = np.diag(chain.stiffness)
+    K = chain.matrix("stiffness")
     add_load_stiffness(chain.arrays, wrench, follower, q, qd, K)
     return K
 

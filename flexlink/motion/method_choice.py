@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.common.types import Array
-from flexlink.dynamics.small_motion import damping_slope
+from flexlink.dynamics.springs import damping_slope
 from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequency
 from flexlink.inputs.drives import gains_of
 from flexlink.results.record import Record

@@ -34,10 +34,11 @@ def _in_phase(shape: NDArray[np.inexact]) -> Array:
 
 
 def _resolves(shape: Array, chain: Chain) -> bool:
-    energy = chain.stiffness * shape**2
+    moments = chain.times("stiffness", shape)  # of the sign of the curvature
+    energy = moments * shape
     for hinges in _lines(chain):
-        angles = shape[hinges] * chain.stiffness[hinges]  # moments, of the sign of the curvature
-        if energy[hinges].sum() > SHARE * energy.sum() and len(hinges) < HINGES_A_HALF_WAVE * _half_waves(angles):
+        waves = _half_waves(moments[hinges])
+        if energy[hinges].sum() > SHARE * energy.sum() and len(hinges) < HINGES_A_HALF_WAVE * waves:
             return False
     return True
 

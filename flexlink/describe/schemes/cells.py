@@ -41,6 +41,11 @@ class Cell(NamedTuple):
         """Hinges i < j of a cell that a coupling joins."""
         return tuple((i, j) for i in range(len(self.points)) for j in range(i + 1, len(self.points)))
 
+    def curvatures(self, angles: Array, length: float) -> Array:
+        """κ [rad/m] at the Gauss points of cells in a row, each of so much length [m], of angles (…, hinges) [rad]."""
+        each = angles.reshape(*angles.shape[:-1], -1, len(self.points))
+        return np.asarray((each @ self.curvature.T / length).reshape(angles.shape))
+
     def stiffness(self, i: int, j: int, held: Array) -> Array:
         """K_ij of cells whose rigidity EI w_q / h at the Gauss points is `held`, shape (…, p)."""
         return np.asarray(sum(row[i] * row[j] * held[..., q] for q, row in enumerate(self.curvature)))
@@ -59,6 +64,11 @@ class Cells(Spec, frozen=True):
     def cell(self) -> Cell:
         """What all cells have in common."""
         return cell_of(self.hinges)
+
+    def gauss_points(self, count: int) -> Array:
+        """Where the springs of `count` hinges hold the curvature, (count,), on a link of length 1."""
+        cells = count // self.hinges
+        return np.asarray((np.arange(cells)[:, None] + self.cell.points).ravel() / cells)
 
     def segments(self, count: int) -> tuple[Array, Array]:
         """Where the beam has the angle of each segment, and their lengths, (N + 1,) each, on a link of length 1."""

@@ -51,7 +51,9 @@ def _slowest_frequency(chain: Chain, q: Array) -> float:
 
 
 def fastest_frequency(chain: Chain, q: Array, stiffness: Array | None = None) -> float:
-    """Highest angular frequency of springs [rad/s], the chain's or others, as an estimate from below: K φ = ω² M φ.
+    """Highest angular frequency of springs [rad/s], as an estimate from below: K φ = ω² M φ.
+
+    `stiffness` is the diagonal of K, the chain's or others; couplings are the chain's.
 
     0 if there is none; inf where rounding leaves a joint nothing of its inertia.
     """
@@ -59,19 +61,19 @@ def fastest_frequency(chain: Chain, q: Array, stiffness: Array | None = None) ->
 
 
 def fastest_decay(chain: Chain, q: Array, damping: Array | None = None) -> float:
-    """Highest rate at which dampers, the chain's or others, take away a speed [1/s], from below: D φ = δ M φ."""
+    """Highest rate at which dampers take away a speed [1/s], from below: D φ = δ M φ, D likewise."""
     return _found(chain, "damping", q, chain.damping if damping is None else damping)
 
 
 def _found(chain: Chain, name: str, q: Array, weights: Array) -> float:
-    find = functools.partial(_largest_eigenvalue, chain, q, weights)
+    find = functools.partial(_largest_eigenvalue, chain, q, weights, chain.couplings[name])
     return FOUND(chain, (name, q.tobytes(), weights.tobytes()), find)
 
 
-def _largest_eigenvalue(chain: Chain, q: Array, weights: Array) -> float:
-    """Largest λ of W φ = λ M φ, W diagonal: the power iteration φ ← M⁻¹ W φ, at rest where motion is prescribed."""
+def _largest_eigenvalue(chain: Chain, q: Array, weights: Array, coupled: Array) -> float:
+    """Largest λ of W φ = λ M φ: the power iteration φ ← M⁻¹ W φ, at rest where motion is prescribed."""
     if not weights.any():
         return 0.0
     posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
-    found = largest_eigenvalue(chain.arrays, q, weights, PASSES, CLOSE, posture)
+    found = largest_eigenvalue(chain.arrays, q, weights, np.ascontiguousarray(coupled), PASSES, CLOSE, posture)
     return float(found) if np.isfinite(found) else np.inf

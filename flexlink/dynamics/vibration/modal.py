@@ -26,12 +26,13 @@ from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.rounding import EPS, largest_loads
-from flexlink.dynamics.small_motion import K_ALONE, SmallMotion, damping_slope
+from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
+from flexlink.dynamics.springs import damping_matrix, damping_slope
 from flexlink.dynamics.tangent import displacements, gyroscopic_matrix, tangent, unlocked
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration import eigenproblem
 from flexlink.dynamics.vibration.lowest import lowest
-from flexlink.dynamics.vibration.mode_kinds import Loads, mode_kinds
+from flexlink.dynamics.vibration.mode_kinds import Loads, Springs, mode_kinds
 from flexlink.dynamics.wrench import turns_with_tip
 
 
@@ -190,7 +191,8 @@ def modes(
     shapes[:, free] = (vectors / largest).T
     points = frames(chain, q).points
     friction = damping_slope(chain)[free]
-    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), chain.stiffness[free], friction)
+    own = Springs(chain.stiffness[free], friction, _coupled_energy(chain, λ, shapes))
+    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), own)
     return Modes(λ, shapes, displacements(chain, q, shapes), points, rounding, kinds, shares)
 
 
@@ -220,13 +222,13 @@ class _Small(NamedTuple):
 
 def _all(small: _Small) -> _Found:
     chain, q, qd, wrench, follower, free = small
-    friction = damping_slope(chain)
-    C = (gyroscopic_matrix(chain, q, qd) + np.diag(friction))[np.ix_(free, free)]
+    C = (gyroscopic_matrix(chain, q, qd) + damping_matrix(chain))[np.ix_(free, free)]
     M, L = factored_mass(chain, q, free)
     K = tangent(chain, q, qd, wrench, free, follower)
 
     def loads(shapes: NDArray[np.inexact]) -> Loads:
-        return Loads(shapes[:, free] @ (K.K - np.diag(chain.stiffness[free])).T, K.S**2, K.rounding)
+        springs = chain.matrix("stiffness")[np.ix_(free, free)]
+        return Loads(shapes[:, free] @ (K.K - springs).T, K.S**2, K.rounding)
 
     return _Found(*eigenproblem.solve(M, L, C, K), loads)
 
@@ -247,11 +249,18 @@ def _lowest(small: _Small, count: int) -> _Found | None:
 
     def loads(shapes: NDArray[np.inexact]) -> Loads:
         parts = np.vstack([shapes.real, shapes.imag])
-        real, imaginary = np.split((motion.times(K_ALONE, parts) - chain.stiffness * parts)[:, free], 2)
+        real, imaginary = np.split((motion.times(K_ALONE, parts) - chain.times("stiffness", parts))[:, free], 2)
         square = chain.stiffness[free] + sizes[free]
         return Loads(real + 1j * imaginary, np.where(square > 0, square, 1.0), motion.rounding)
 
     return _Found(found.eigenvalues, found.shapes[free], found.rounding, loads)
+
+
+def _coupled_energy(chain: Chain, λ: Complex, shapes: NDArray[np.inexact]) -> Array:
+    """Σ 2 (K_ij + |λ| D_ij) Re φ̄_i φ_j of all couplings, for shapes (modes, n)."""
+    pairs = chain.couplings
+    together = 2 * (shapes[:, pairs["inner"]].conj() * shapes[:, pairs["outer"]]).real
+    return np.asarray(together @ pairs["stiffness"] + np.abs(λ) * (together @ pairs["damping"]))
 
 
 def natural_frequencies(

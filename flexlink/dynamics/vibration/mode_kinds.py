@@ -1,6 +1,6 @@
 """Elastic, pendulum and rigid modes, told apart by where their energy is.
 
-    E = Σ (k + |λ| d) |φ|²        stored in springs, and dissipated by their dampers
+    E = φ* (k + |λ| d) φ          stored in springs, and dissipated by their dampers
     P = |φ* (K − k) φ|            stored in gravity, tip wrench and rotation
     F = |λ| Σ d |φ|²              dissipated in joints without springs
 
@@ -26,8 +26,16 @@ class Loads(NamedTuple):
     rounding: float
 
 
+class Springs(NamedTuple):
+    """Springs [N m/rad] and slopes of friction at rest [N m s/rad] of the free coordinates."""
+
+    stiffness: Array  # (n,)
+    damping: Array  # (n,)
+    coupled: Array  # (modes,), what springs and dampers between two coordinates add to E
+
+
 def mode_kinds(
-    λ: Complex, shapes: NDArray[np.inexact], loads: Loads, stiffness: Array, damping: Array
+    λ: Complex, shapes: NDArray[np.inexact], loads: Loads, springs: Springs
 ) -> tuple[tuple[str, ...], Array]:
     """The kind of every mode, and the share of its energy that is elastic, E / (E + P + F), shape (modes,).
 
@@ -37,12 +45,12 @@ def mode_kinds(
         Eigenvalues [1/s], shape (modes,), and shapes of the free coordinates, shape (modes, n).
     loads
         What loads hold of them.
-    stiffness, damping
-        Springs [N m/rad] and slopes of friction at rest [N m s/rad] of the free coordinates, shape (n,).
+    springs
+        What holds them.
     """
-    square, spring = np.abs(shapes) ** 2, stiffness > 0
-    losses = np.abs(λ)[:, None] * damping * square
-    E = square @ stiffness + losses @ spring
+    square, spring = np.abs(shapes) ** 2, springs.stiffness > 0
+    losses = np.abs(λ)[:, None] * springs.damping * square
+    E = square @ springs.stiffness + losses @ spring + springs.coupled
     F = losses @ ~spring
     P = np.abs(np.einsum("mi,mi->m", shapes.conj(), loads.products))
     moving, total = λ != 0, E + P + F  # what rounding leaves of E where nothing moves is no share

@@ -21,7 +21,7 @@ from flexlink.common.types import Array, Complex
 from flexlink.describe.conditions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
-from flexlink.dynamics.small_motion import damping_slope
+from flexlink.dynamics.springs import damping_along, damping_matrix
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.extremes import inertia_alone
@@ -125,8 +125,7 @@ def fastest_eigenvalues(
     if chain.n <= DENSE:
         return _all_eigenvalues(chain, state)
     square = max(0.0, _largest_ratio(chain, state, lambda φ: _stiffness_along(chain, state, φ)))
-    friction, brakes = damping_slope(chain), state.gains.kd
-    δ = _largest_ratio(chain, state, lambda φ: friction * φ + _along(brakes, φ))
+    δ = _largest_ratio(chain, state, lambda φ: damping_along(chain, φ) + _along(state.gains.kd, φ))
     return bounding_eigenvalues(np.sqrt(square), δ)
 
 
@@ -167,7 +166,7 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
     C, K, M = np.zeros((3, count, n, n))
     held, each = np.zeros((count, n), dtype=bool), np.arange(n)
     for k, ((chain, q, qd), acts) in enumerate(zip(abouts, acting, strict=True)):
-        K[k, each, each], C[k, each, each] = chain.stiffness, damping_slope(chain)
+        K[k], C[k] = chain.matrix("stiffness"), damping_matrix(chain)
         add_load_stiffness(chain.arrays, acts["tip_wrench"], turns_with_tip(acts["frame"]), q, qd, K[k])
         mass_upper(chain.arrays, q, M[k])
         gains: Gains = acts["gains"]
@@ -232,7 +231,7 @@ def _damping_and_stiffness(chain: Chain, state: _State) -> tuple[Array, Array]:
     """D + G and K of the joints that are not prescribed, those of the drive's gains counted."""
     block = (slice(None), slice(None)) if len(state.free) == chain.n else np.ix_(state.free, state.free)
     K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)[block]
-    C = (gyroscopic_matrix(chain, state.q, state.qd) + np.diag(damping_slope(chain)))[block]
+    C = (gyroscopic_matrix(chain, state.q, state.qd) + damping_matrix(chain))[block]
     if state.gains.kp.any() or state.gains.kd.any():
         kp, kd = state.gains.matrices()
         K, C = K + kp[block], C + kd[block]
@@ -246,7 +245,7 @@ def _stiffness_along(chain: Chain, state: _State, φ: Array) -> Array:
         return np.zeros_like(φ)
     step = NUDGE / size * φ
     ahead, behind = (load_torque(chain, state.q + s * step, state.qd, state.wrench, state.follower) for s in (1, -1))
-    held = chain.stiffness * φ + _along(state.gains.kp, φ)
+    held = chain.times("stiffness", φ) + _along(state.gains.kp, φ)
     return np.asarray(held + (ahead - behind) * (size / (2 * NUDGE)))
 
 

@@ -62,3 +62,50 @@ def cells_of(n, couplings):
             begin = end = k
         end, first[k] = max(end, furthest[k]), begin
     return first
+
+
+@kernel
+def factor_springs(chain, joints):
+    """L D Lᵀ = K of some joints with springs, in ascending order, O(n): D_i, then L_{i,i−1}, L_{i,i−2}, … in row i."""
+    place, width = np.full(len(chain.hinges), -1), 0
+    for i in range(len(joints)):
+        place[joints[i]] = i
+    for pair in chain.couplings:
+        if place[pair.inner] >= 0 and place[pair.outer] >= 0:
+            width = max(width, place[pair.outer] - place[pair.inner])
+    rows = np.zeros((len(joints), 1 + width))
+    for i in range(len(joints)):
+        rows[i, 0] = chain.hinges[joints[i]].stiffness
+    for pair in chain.couplings:
+        i, j = place[pair.outer], place[pair.inner]
+        if i >= 0 and j >= 0:
+            rows[i, i - j] = pair.stiffness
+    for i in range(len(rows)):
+        begin = max(0, i - width)
+        for j in range(begin, i):
+            for k in range(begin, j):
+                rows[i, i - j] -= rows[i, i - k] * rows[k, 0] * rows[j, j - k]
+            rows[i, i - j] /= rows[j, 0]
+        for j in range(begin, i):
+            rows[i, 0] -= rows[i, i - j] ** 2 * rows[j, 0]
+    return rows
+
+
+@recursion
+def solve_springs(rows, x):
+    """x ← K⁻¹ x, of the joints of `factor_springs`."""
+    for i in range(len(x)):
+        for j in range(max(0, i - rows.shape[1] + 1), i):
+            x[i] -= rows[i, i - j] * x[j]
+    for i in range(len(x) - 1, -1, -1):
+        x[i] /= rows[i, 0]
+        for j in range(i + 1, min(len(x), i + rows.shape[1])):
+            x[i] -= rows[j, j - i] * x[j]
+
+
+@kernel
+def give_way(chain, joints, torques):
+    """Torques (rows, joints) on springs become the angles by which they give way."""
+    rows = factor_springs(chain, joints)
+    for row in range(len(torques)):
+        solve_springs(rows, torques[row])

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from flexlink.kernels.bodies.couplings import add_couplings
 from flexlink.kernels.bodies.rne import rne, rne_workspace
 from flexlink.kernels.derivatives.load_derivatives import add_load_stiffness
 from flexlink.kernels.tools.compiler import kernel, recursion
@@ -35,11 +36,14 @@ def follow_equilibria(chain, held, free, angles, q, postures):
                 for i in range(n):
                     for j in range(n):
                         K[i, j] = chain.hinges[i].stiffness if i == j else 0.0
+                for pair in chain.couplings:
+                    K[pair.inner, pair.outer] = K[pair.outer, pair.inner] = pair.stiffness
                 add_load_stiffness(chain, none, False, q, zero, K)
                 known = factor_block(K, free, L)
                 last = math.inf
             if not known or correction == most:
                 return row
+            add_couplings(chain, q, zero, torque)
             for i in range(f):
                 hinge = chain.hinges[free[i]]
                 x[i] = torque[free[i]] + hinge.stiffness * (q[free[i]] - hinge.rest)

@@ -1,6 +1,6 @@
 """The ends of a chain's spectrum by power iterations, each a product in O(n): estimates of frequencies.
 
-    fastest     φ ← M⁻¹ W φ        W φ = λ M φ, W diagonal, prescribed joints at rest
+    fastest     φ ← M⁻¹ W φ        W φ = λ M φ, W diagonal but for couplings, prescribed joints at rest
     slowest     φ ← K⁻¹ S φ        K φ = ω² S φ on the joints with springs, S = M_pp − M_pa M_aa⁺ M_ap
 
 S is what is left of M with the free joints a, which follow the others without a torque: φ_a = −M_aa⁺ M_ap φ_p. M_aa is
@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from flexlink.kernels.bodies.couplings import factor_springs, solve_springs
 from flexlink.kernels.bodies.rne import rne, rne_workspace
 from flexlink.kernels.forward.mass_plus_cells import columns
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, factor, place_bodies, solve
@@ -21,10 +22,11 @@ EPS = 2.0**-52
 
 
 @kernel
-def largest_eigenvalue(chain, q, weights, passes, close, posture):
+def largest_eigenvalue(chain, q, weights, coupled, passes, close, posture):
     """Largest λ of W φ = λ M φ, from below, after so many passes or as soon as one changes it by a part `close`.
 
-    `weights` (n,) on W's diagonal; scratch `posture` of the chain. Not finite where M is singular.
+    `weights` (n,) on W's diagonal, `coupled` (couplings,) beside it; scratch `posture` of the chain. Not finite where M
+    is singular.
     """
     n, last = len(q), 0.0
     φ, r, factors = np.zeros(n), np.zeros(n), np.zeros((n, columns(posture.first)))
@@ -35,6 +37,10 @@ def largest_eigenvalue(chain, q, weights, passes, close, posture):
     for _ in range(passes):
         for k in range(n):
             r[k] = weights[k] * φ[k]
+        for c in range(len(coupled)):
+            pair = chain.couplings[c]
+            r[pair.inner] += coupled[c] * φ[pair.outer]
+            r[pair.outer] += coupled[c] * φ[pair.inner]
         solve(factors, r, φ, posture)
         size = largest(φ)
         if not size < math.inf or abs(size - last) <= close * size:
@@ -69,7 +75,7 @@ def smallest_square(chain, q, passes, close):
         φ[free[i]] = 0.0
         for j in range(a):
             M_aa[i, j] = M_a[i, free[j]]
-    rank = factor_semidefinite(M_aa, order)
+    rank, springs, bends = factor_semidefinite(M_aa, order), factor_springs(chain, bent), np.zeros(p)
     for i in range(p):
         φ[bent[i]] = 1.0
     for _ in range(passes):
@@ -83,18 +89,31 @@ def smallest_square(chain, q, passes, close):
         rne(chain, ZERO, none, q, zero, φ, torque, work)
         elastic, inertial, size = 0.0, 0.0, 0.0
         for i in range(p):
-            k, stiffness = bent[i], chain.hinges[bent[i]].stiffness
-            elastic += φ[k] * (stiffness * φ[k])
+            k = bent[i]
+            elastic += φ[k] * (chain.hinges[k].stiffness * φ[k])
             inertial += φ[k] * torque[k]
-            torque[k] /= stiffness
-            size = max(size, abs(torque[k]))
+            bends[i] = torque[k]
+        elastic += coupled_energy(chain, φ)
+        solve_springs(springs, bends)
+        for i in range(p):
+            size = max(size, abs(bends[i]))
         square = elastic / inertial
         if not abs(square - last) > close * square:
             return square
         last = square
         for i in range(p):
-            φ[bent[i]] = torque[bent[i]] / size
+            φ[bent[i]] = bends[i] / size
     return last
+
+
+@recursion
+def coupled_energy(chain, φ):
+    """2 K_ij φ_i φ_j of all couplings; those of joints whose motion is prescribed are at rest."""
+    energy = 0.0
+    for c in range(len(chain.couplings)):
+        pair = chain.couplings[c]
+        energy += 2.0 * pair.stiffness * φ[pair.inner] * φ[pair.outer]
+    return energy
 
 
 @kernel

@@ -90,7 +90,9 @@ def _joint(link: Link, start: float) -> tuple[Cell, ...]:
 
 
 def _springs(study: Study) -> Table:
-    heads = ("spring", "stiffness [N m/rad]", "damping [N m s/rad]", "rest angle [deg]", "start [deg]")
+    heads: tuple[str, ...] = ("spring", "stiffness [N m/rad]", "damping [N m s/rad]", "rest angle [deg]", "start [deg]")
+    if len(study.chain.couplings):
+        heads += ("coupled with",)
     return Table("springs", "Springs", heads, tuple(_each_spring(study)), to_look_up=True)
 
 
@@ -98,4 +100,5 @@ def _each_spring(study: Study) -> Iterator[tuple[Cell, ...]]:
     chain = study.chain
     for k in np.flatnonzero(chain.stiffness > 0):
         angles = math.degrees(chain.rest[k]), math.degrees(study.start[0][k])
-        yield (chain.joint_name(int(k)), float(chain.stiffness[k]), float(chain.damping[k]), *angles)
+        coupled = (", ".join(map(chain.joint_name, chain.coupled_joints[k])),) if len(chain.couplings) else ()
+        yield (chain.joint_name(int(k)), float(chain.stiffness[k]), float(chain.damping[k]), *angles, *coupled)
