@@ -32,9 +32,10 @@ def springs(engine: Engine) -> Array:
     return np.asarray([engine.elastic_torque(e) - zero for e in np.eye(engine.n)]).T
 
 
-def load_stiffness(engine: Engine, q: Array, wrench: Array | None = None) -> Array:
-    """Slope of the engine's T_G, less the torques of a dead tip wrench."""
-    return slope(lambda x: engine.bias_torque(x, np.zeros(engine.n), tip_wrench=wrench), q)
+def load_stiffness(engine: Engine, q: Array, wrench: Array | None = None, qd: Array | None = None) -> Array:
+    """Slope of the engine's T_GC at steady rates, less the torques of a dead tip wrench."""
+    rates = np.zeros(engine.n) if qd is None else qd
+    return slope(lambda x: engine.bias_torque(x, rates, tip_wrench=wrench), q)
 
 
 def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
