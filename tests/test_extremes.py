@@ -91,6 +91,9 @@ def test_of_joints_that_rounding_leaves_nothing_the_swing_is_faster_than_anythin
     with pytest.raises(fl.errors.SingularMassError):
         fl.forward_dynamics(chain, *np.zeros((3, chain.n)))
     assert fastest_frequency(chain, np.zeros(chain.n)) == np.inf
+    hinges = chain.hinges.copy()
+    hinges["armature"] = -1e-20  # as rounding may leave less than nothing
+    assert slowest_frequency(dataclasses.replace(chain, hinges=hinges), np.zeros(chain.n)) == np.inf
 
 
 def test_the_fastest_decay_is_that_of_the_dampers_alone(chain: fl.Chain, rng: np.random.Generator) -> None:

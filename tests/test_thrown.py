@@ -10,7 +10,8 @@ from conftest import compiled, flexible, make_scene
 from scipy.linalg import eigh
 
 import flexlink as fl
-from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, place_bodies
+from flexlink.kernels.forward.mass_plus_cells import columns
+from flexlink.kernels.forward.mass_plus_diagonal import displacement, place_bodies
 from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
 from flexlink.kernels.stepping.error_norm import CLOSER, Springs, step_error_norm
@@ -21,6 +22,8 @@ pytestmark = compiled
 SCENES = {
     "plane": make_scene(flexible("a"), flexible("b")),
     "space": make_scene(flexible("a", "yz"), flexible("b", "xyz")),
+    "plane, cells": make_scene(flexible("a", lumping="lobatto4"), flexible("b", lumping="lobatto2")),
+    "space, cells": make_scene(flexible("a", "yz", lumping="lobatto2"), flexible("b", "xyz", lumping="lobatto4")),
 }
 
 
@@ -48,11 +51,11 @@ def prepared(name: str) -> tuple[np.ndarray, Work, np.ndarray, np.ndarray]:
     """A bent posture, scratch, and the frequencies [rad/s] and shapes (as columns) there; two joints turn freely."""
     chain = fl.lump(SCENES[name])
     n, q = chain.n, np.random.default_rng(3).uniform(-0.5, 0.5, chain.n)
-    squares, shapes = eigh(np.diag(chain.stiffness), fl.mass_matrix(chain, q))
+    squares, shapes = eigh(chain.matrix("stiffness"), fl.mass_matrix(chain, q))
     ω, numbers = np.sqrt(np.maximum(squares, 0.0)), np.zeros(STEPPER.size)
     ω[:2], numbers[STEPPER.inverse_ω1] = 0.0, 1.0 / ω[2]
     posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
-    springs = Springs(*np.zeros((3, n)), np.zeros((n, FACTORS.size)), *np.zeros((2, n)))
+    springs = Springs(*np.zeros((3, n)), np.zeros((n, columns(posture.first))), *np.zeros((2, n)))
     return q, Work(chain.arrays, posture, numbers, springs), ω, shapes
 
 

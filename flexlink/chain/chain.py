@@ -28,7 +28,7 @@ from flexlink.describe.spec import truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.layout import COUPLING, ChainArrays
 
-_OF_LAYOUT = {"active", "bending", "axes", "is_planar", "joint_names", "_sequential", "_layout"}
+_OF_LAYOUT = {"active", "bending", "axes", "coupled_joints", "is_planar", "joint_names", "_sequential", "_layout"}
 """What is found of a chain without its masses, springs and gravity."""
 
 Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]

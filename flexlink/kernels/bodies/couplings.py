@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlink.kernels.bodies.joint_torques import JOINT
-from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.compiler import kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, zero_of
 from flexlink.kernels.tools.numbered import numbered
 
@@ -35,15 +35,15 @@ def subtract_couplings(rows, pairs, constants, q, qd, net):
     return power
 
 
-@recursion
-def add_couplings(chain, q, qd, torque):
+@subroutine
+def add_couplings(couplings, hinges, q, qd, torque):
     """Add T_FL and T_FR of the couplings to `torque` (n,); returns the power that their dampers take [W]."""
     power = 0.0
-    for c in range(len(chain.couplings)):
-        pair = chain.couplings[c]
+    for c in range(len(couplings)):
+        pair = couplings[c]
         i, j = pair.inner, pair.outer
-        torque[i] += pair.stiffness * (q[j] - chain.hinges[j].rest) + pair.damping * qd[j]
-        torque[j] += pair.stiffness * (q[i] - chain.hinges[i].rest) + pair.damping * qd[i]
+        torque[i] += pair.stiffness * (q[j] - hinges[j].rest) + pair.damping * qd[j]
+        torque[j] += pair.stiffness * (q[i] - hinges[i].rest) + pair.damping * qd[i]
         power += 2.0 * pair.damping * qd[i] * qd[j]
     return power
 

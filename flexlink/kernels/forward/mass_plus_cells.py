@@ -1,6 +1,6 @@
 """Where A of cells of coupled springs stands beside the factors of a hinge, for a plane and for space alike."""
 
-from flexlink.kernels.tools.compiler import inlined, kernel
+from flexlink.kernels.tools.compiler import kernel, subroutine
 from flexlink.kernels.tools.numbered import numbered
 
 COUPLED = numbered("inertia L", start=8)
@@ -19,7 +19,7 @@ def columns(first):
     return COUPLED.L + longest
 
 
-@inlined
+@subroutine
 def put_couplings(u, v, couplings, factors, first):
     """A_kj = u D_kj + v K_kj of every two hinges of a cell."""
     for k in range(len(first)):
@@ -31,7 +31,7 @@ def put_couplings(u, v, couplings, factors, first):
         factors[pair.outer, place] = u * pair.damping + v * pair.stiffness
 
 
-@inlined
+@subroutine
 def add_products(u, v, couplings, x, r):
     """r += (u D + v K) x, of couplings alone."""
     for c in range(len(couplings)):

@@ -65,7 +65,7 @@ def dense(wrench, q, qd, tau, qdd, work):
     for k in range(len(qdd)):
         known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
     rne(chain, vector(chain.gravity), wrench, q, qd, known, bias, work.rne)
-    lost = add_couplings(chain, q, qd, bias)
+    lost = add_couplings(chain.couplings, chain.hinges, q, qd, bias)
     composite(chain, q, M, work.composite)
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
@@ -92,7 +92,7 @@ def take_torques(chain, wrench, q, qd, qdd, tau, torque, rne_work):
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
             rne(chain, vector(chain.gravity), wrench, q, qd, qdd, torque, rne_work)
-            add_couplings(chain, q, qd, torque)
+            add_couplings(chain.couplings, chain.hinges, q, qd, torque)
             break
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:

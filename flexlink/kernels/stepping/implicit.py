@@ -124,7 +124,7 @@ def prepare_systems(h, rates, by_stage, work):
         factor_stages(h, work)
 
 
-@recursion
+@inlined
 def improve_stages(h, qd, by_stage, work):
     """One pass: K from R; returns how far it moves a body at the end of the step [m], nan if friction is not found."""
     begin_changes(work)
@@ -175,7 +175,7 @@ def predict(h, work):
                     qdd[i, k] += weight * before[j, k]
 
 
-@recursion
+@inlined
 def residuals(t, h, inputs, q, qd, work):
     """R_i of all stages, and the power P_i of all that has no potential."""
     A, c, qdd = work.method.A, work.method.weights[WEIGHT.c], work.stages[STAGE.qdd]
@@ -192,7 +192,7 @@ def residuals(t, h, inputs, q, qd, work):
         work.power[i] = residual(ti, t + 0.5 * h, inputs, Q, V, qdd[i], work.stages[STAGE.residual, i], work)
 
 
-@recursion
+@inlined
 def residual(t, middle, inputs, q, qd, qdd, R, work):
     """Write f(t, q, q̇) − M q̈, 0 at prescribed joints; returns the power of all that has no potential."""
     chain, tau = work.chain, work.vectors[VECTOR.tau]
@@ -202,7 +202,7 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
     power = put_wrench(inputs.table, t, middle, q, qd, inputs.wrench)
     power += inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)
     if len(chain.couplings) > 0:
-        power -= add_couplings(chain, q, qd, R)
+        power -= add_couplings(chain.couplings, chain.hinges, q, qd, R)
     for k in range(len(q)):
         hinge = chain.hinges[k]
         spring = elastic(hinge, q[k])

@@ -116,7 +116,7 @@ def divide_stages(work):
         solve(work.stage_factors[i], work.stages[STAGE.residual, i], work.stages[STAGE.divided, i], posture)
 
 
-@recursion
+@inlined
 def improve(h, by_stage, work):
     """K += T x for all eigenvalues; adds what it changes at the end of the step to the vectors of `changes`."""
     method, qdd = work.method, work.stages[STAGE.qdd]

@@ -1,0 +1,422 @@
+"""Small motion, statics, modes and strain of chains whose springs are coupled are those of full matrices."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from beams import cantilever, thin_arm, thin_link
+from conftest import flexible, make_scene
+from scipy import linalg
+from test_cells import CHAINS, DAMPED, RUNS, arm, state
+from test_sensitivity import check
+
+import flexlink as fl
+from flexlink.cli import info
+from flexlink.dynamics import equilibrium, rounding, small_motion
+from flexlink.dynamics.small_motion import SmallMotion
+from flexlink.dynamics.springs import damping_along, damping_matrix, deflections
+from flexlink.dynamics.static_postures import static_postures
+from flexlink.dynamics.tangent import falls, gyroscopic_matrix, load_torque, stiffness_matrix, tangent
+from flexlink.dynamics.vibration.extremes import CLOSE, fastest_decay, fastest_frequency, slowest_frequency
+from flexlink.dynamics.vibration.stability import (
+    Gains,
+    eigenvalue_bound,
+    eigenvalue_bounds,
+    eigenvalues,
+    fastest_eigenvalues,
+)
+from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
+from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.forward.power_iteration import largest_eigenvalue
+from flexlink.pages.tables import Table
+from flexlink.results.resolved_modes import resolved
+from flexlink.scene_report.parts import model
+from flexlink.scene_report.study import Study
+
+EPS = np.finfo(float).eps
+ESTIMATE = 0.1  # of the fastest, as in `test_extremes`
+WEIGHTS = (*np.eye(3), np.array([1.0, 0.7, 0.49]))
+SPRUNG = [name for name in CHAINS if "across" not in name]  # whose K is positive definite where there are springs
+
+
+def matrices(chain: fl.Chain, q, qd, wrench, follower=False) -> np.ndarray:
+    """K, C and M."""
+    K = stiffness_matrix(chain, q, qd, wrench, follower)
+    return np.array([K, gyroscopic_matrix(chain, q, qd) + damping_matrix(chain), fl.mass_matrix(chain, q)])
+
+
+def held_at(chain: fl.Chain, *joints: int) -> fl.Chain:
+    """The chain with some joints moving as prescribed."""
+    hinges = chain.hinges.copy()
+    hinges["prescribed"][list(joints)] = 1
+    return dataclasses.replace(chain, hinges=hinges)
+
+
+# Small motion: (λ² M + λ C + K) x = r.
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("follower", [False, True])
+@pytest.mark.parametrize("name", CHAINS)
+def test_products_and_solutions_are_those_of_the_matrices(
+    name: str, follower: bool, moving: bool, tmp_path: Path
+) -> None:
+    """With one joint locked within a cell."""
+    chain, rng = CHAINS[name](tmp_path), np.random.default_rng(3)
+    n, wrench, locked = chain.n, rng.normal(size=6) * 10, np.zeros(chain.n, bool)
+    q, qd, _ = state(chain)
+    qd *= moving
+    locked[n - 2] = True
+    motion, each = SmallMotion(chain, q, qd, wrench, follower, locked), matrices(chain, q, qd, wrench, follower)
+    x = np.where(locked, 0.0, rng.normal(size=(2, n)))
+    springs = [chain.matrix("stiffness"), damping_matrix(chain), np.diag(chain.hinges["armature"])]
+    for weights in WEIGHTS:
+        A, own, w = np.tensordot(weights, each, 1), np.tensordot(weights, springs, 1), rng.uniform(0.3, 1.0, n)
+        assert np.abs(motion.times(weights, x) - np.where(locked, 0.0, x @ A.T)).max() <= 1e-13 * n * np.abs(A).max()
+        scaled = own + w[:, None] * (A - own)
+        if not (weights[0] and weights[1]):
+            continue  # K and C alone may be singular, M is better judged by its own tests
+        motion.eliminate(weights, w, np.abs(scaled).max(axis=1), 0.0)
+        found = motion.solve(x @ scaled.T)[0]
+        assert np.abs(found - x).max() <= 1e-14 * np.linalg.cond(scaled) * np.abs(x).max()
+        assert np.abs(np.where(locked, 0.0, (found - x) @ scaled.T)).max() <= 1e-9 * np.abs(scaled).max()
+
+
+@pytest.mark.parametrize("smallest", [1e-8, 0.7, 1e9])
+@pytest.mark.parametrize("name", CHAINS)
+def test_whatever_is_spared_within_a_cell_a_step_of_newton_s_method_is_that_of_the_whole_matrix(
+    name: str, smallest: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(small_motion.SmallMotion.eliminate, "__defaults__", (smallest,))
+    chain, rng = CHAINS[name](tmp_path), np.random.default_rng(4)
+    n, q = chain.n, rng.uniform(-1, 1, chain.n)
+    acting = equilibrium._Load(np.zeros(n), rng.normal(size=6) * 10, True, np.zeros(n))
+    equations = equilibrium._Equations(chain, acting, np.arange(n), q)
+    x = np.append(0.6, q + rng.normal(size=n) * 0.1)
+    _, slopes = equations.with_slopes(x)
+    K, k = stiffness_matrix(chain, x[1:], acting.rates, acting.wrench, True), chain.matrix("stiffness")
+    w, row, wanted = np.where(chain.stiffness > 0, x[0], 1.0), rng.normal(size=n + 1), rng.normal(size=n + 1)
+    A = np.vstack([np.column_stack([slopes.by_s, k + w[:, None] * (K - k)]), row])
+    left = A @ wanted
+    found = slopes.solve(row, left[:-1], float(left[-1]))
+    sizes = np.append(slopes.motion.sizes, 1.0)[:, None]
+    assert np.abs(found - wanted).max() <= 1e3 * EPS * np.linalg.cond(A / sizes) * np.abs(wanted).max()
+    assert (len(slopes.motion.spared) == n) == (smallest > 1)
+
+
+@pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
+def test_pivots_tell_what_eigenvalues_tell(rule: str, rng: np.random.Generator) -> None:
+    """Of columns about their buckling load, π²/4, free at the root or clamped."""
+    found = []
+    for _ in range(40):
+        column = cantilever(rule, 8)
+        force = np.array([-rng.uniform(2.0, 3.0), 0, 0, 0, 0, rng.uniform(-1, 1)])
+        q, zero, free = rng.uniform(-0.1, 0.1, column.n), np.zeros(column.n), np.arange(rng.integers(2), column.n)
+        found.append(falls(column, q, zero, force, free))
+        assert found[-1] == tangent(column, q, zero, force, free).falls
+    assert 5 < sum(found) < len(found) - 5
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_of_a_symmetric_matrix_as_many_pivots_are_negative_as_eigenvalues(name: str, tmp_path: Path) -> None:
+    chain = CHAINS[name](tmp_path)
+    n, q = chain.n, state(chain)[0]
+    K, _, M = matrices(chain, q, np.zeros(n), np.zeros(6))
+    motion, μ = (
+        SmallMotion(chain, q, np.zeros(n), np.zeros(6), False, np.zeros(n, bool)),
+        linalg.eigvalsh((K + K.T) / 2, M),
+    )
+    for below in range(1, n):
+        between = (μ[below - 1] + μ[below]) / 2
+        if μ[below] - μ[below - 1] > 1e-6 * abs(between):
+            assert motion.falling(np.array([1.0, 0.0, -between]), np.zeros(n)) == below
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_inertias_are_those_of_the_mass_matrix(name: str, tmp_path: Path) -> None:
+    """Its diagonal, and 1 over that of the inverse of what lies beyond."""
+    chain = CHAINS[name](tmp_path)
+    q, none = state(chain)[0], np.zeros(chain.n)
+    whole, own = SmallMotion(chain, q, none, np.zeros(6), False, none > 0).inertias()
+    M = fl.mass_matrix(chain, q)
+    assert whole == pytest.approx(np.diag(M), rel=1e-13)
+    wanted = [1 / np.linalg.inv(M[k:, k:])[0, 0] for k in range(chain.n)]
+    assert own == pytest.approx(wanted, abs=1e-14 * np.linalg.cond(M) * whole.max())
+
+
+# Springs and their slopes.
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_the_tangent_is_the_slope_of_the_torques(name: str, tmp_path: Path) -> None:
+    """Of T_GC + T_FL by angles and of T_FR by rates, by differences of fourth order."""
+    chain, rng = CHAINS[name](tmp_path), np.random.default_rng(5)
+    (q, qd, _), wrench = state(chain), rng.normal(size=6) * 10
+    K = stiffness_matrix(chain, q, qd, wrench)
+    h, weights = 1e-3, {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+
+    def torque(q: np.ndarray) -> np.ndarray:
+        return load_torque(chain, q, qd, wrench) + fl.elastic_torque(chain, q)
+
+    for k in range(chain.n):
+        step = np.eye(chain.n)[k] * h
+        wanted = sum(w * torque(q + s * step) for s, w in weights.items()) / h
+        assert np.abs(K[:, k] - wanted).max() <= 1e-8 * np.abs(K).max()
+    D, slow = damping_matrix(chain), 1e-9 * qd
+    assert D @ slow == pytest.approx(fl.friction_torque(chain, slow), rel=1e-12, abs=0)
+    assert damping_along(chain, slow) == pytest.approx(D @ slow, rel=1e-12, abs=0)
+
+
+@pytest.mark.parametrize("name", SPRUNG)
+def test_springs_give_way_by_the_inverse_of_their_matrix(name: str, tmp_path: Path) -> None:
+    chain = CHAINS[name](tmp_path)
+    K, torques = chain.matrix("stiffness"), np.random.default_rng(6).normal(size=(3, chain.n))
+    block = np.ix_(chain.bending, chain.bending)
+    wanted = np.zeros_like(torques)
+    wanted[:, chain.bending] = np.linalg.solve(K[block], torques[:, chain.bending].T).T
+    bound = 10 * EPS * np.linalg.cond(K[block]) * np.abs(wanted).max()
+    assert np.abs(deflections(chain, torques) - wanted).max() <= bound
+    assert deflections(chain, torques[0]) == pytest.approx(deflections(chain, torques)[0], abs=0)
+
+
+# Statics.
+
+
+@pytest.mark.parametrize("name", SPRUNG)
+def test_an_arm_comes_to_rest_where_its_torques_balance(name: str, tmp_path: Path) -> None:
+    """Driven joints held, and one hinge within a cell, bent as it was."""
+    chain = CHAINS[name](tmp_path)
+    q, locked = 0.1 * state(chain)[0], [*chain.active.tolist(), chain.n - 2]
+    rest = fl.solve_static(chain, q, locked=locked)
+    assert rest.stable
+    np.testing.assert_array_equal(rest.q[locked], q[locked])
+    free = np.setdiff1d(np.arange(chain.n), locked)
+    left = fl.elastic_torque(chain, rest.q) + fl.gravity_torque(chain, rest.q)
+    known = rounding.of_elastic_torque(chain, rest.q) + rounding.of_loads(chain, np.zeros(chain.n), np.zeros(6))
+    assert np.abs(left[free]).max() <= known.max()
+    assert rest.residual <= known.max()
+
+
+@pytest.mark.parametrize("name", SPRUNG)
+def test_postures_in_a_row_are_those_found_one_by_one(name: str, tmp_path: Path) -> None:
+    chain = CHAINS[name](tmp_path)
+    hinges = chain.hinges.copy()
+    hinges["rest"][chain.bending] = np.linspace(-0.02, 0.03, len(chain.bending))
+    chain = dataclasses.replace(chain, hinges=hinges)
+    angles = np.linspace(np.zeros(len(chain.active)), 0.5, 8)
+    found = static_postures(chain, angles)
+    for q in found:
+        alone = fl.solve_static(chain, np.where(chain.stiffness > 0, 0.0, q), locked=chain.active.tolist())
+        assert q == pytest.approx(alone.q, abs=1e-14)
+
+
+@pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.length"])
+def test_slopes_of_a_run_from_static_equilibrium_are_those_that_runs_tell(path: str) -> None:
+    """The start bends with what its springs are made of."""
+    still = {"initial.passive": "static", "initial.joint_deg": [20.0, -30.0]}
+    check(arm("z", "lobatto4").varied({**RUNS["RK4"], **still}), path)
+
+
+@pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
+def test_a_column_is_stable_up_to_its_buckling_load_and_not_beyond(rule: str) -> None:
+    """Its factor is that of the dense problem, and where statics change sides."""
+    column, push = cantilever(rule, 8), np.array([-1.0, 0, 0, 0, 0, 0])
+    factor = fl.buckling_loads(column, tip_wrench=push)[0]
+    K = column.matrix("stiffness")
+    softening = K - stiffness_matrix(column, column.rest, np.zeros(column.n), push)
+    assert factor == pytest.approx(1 / linalg.eigh(softening, K, eigvals_only=True)[-1], rel=1e-13)
+    for part, stable in ((0.999999, True), (1.000001, False)):
+        rest = fl.solve_static(column, tip_wrench=part * factor * push)
+        assert not rest.q.any(), "a straight column under a load along it stays straight"
+        assert rest.stable == stable
+
+
+def test_joints_without_a_spring_are_held_while_a_column_buckles() -> None:
+    """A clamped column on a joint that moves and beside one that is locked buckles as it does alone."""
+    push = np.array([-1.0, 0, 0, 0, 0, 0])
+    alone = fl.buckling_loads(cantilever("lobatto4", 8), tip_wrench=push)
+    free = thin_arm(thin_link("lobatto4", 8, free=True, armature=1.0))
+    assert fl.buckling_loads(free, tip_wrench=push)[0] == pytest.approx(alone[0], rel=1e-12)
+    locked = fl.buckling_loads(cantilever("lobatto4", 8), tip_wrench=push, locked=[3])
+    assert locked[0] > alone[0]
+
+
+# Modes.
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("name", SPRUNG)
+def test_modes_are_those_of_the_dense_problem(name: str, moving: bool, tmp_path: Path) -> None:
+    """Damped and spinning, of the first-order matrix; the bound on all holds, of many states as of each."""
+    chain = CHAINS[name](tmp_path)
+    q, qd = state(chain)[0] * 0.1, moving * np.where(chain.stiffness > 0, 0.0, 2.0)
+    K, C, M = matrices(chain, q, qd, np.zeros(6))
+    inverse = np.linalg.inv(M)
+    A = np.block([[np.zeros_like(M), np.eye(chain.n)], [-inverse @ K, -inverse @ C]])
+    wanted = np.linalg.eigvals(A)
+    found = fl.modes(chain, q, qd).eigenvalues
+    unmatched = np.abs(found[:, None] - wanted).min(axis=1)
+    conditioned = 1e3 * EPS * np.linalg.norm(A, 2)
+    assert (unmatched <= np.sqrt(conditioned * np.abs(found)) + conditioned).all()
+    assert np.abs(eigenvalues(chain, q, qd)).max() == pytest.approx(np.abs(wanted).max(), rel=1e-9)
+    bound = eigenvalue_bound(chain, q, qd)
+    assert np.abs(wanted).max() < bound < 10 * np.abs(wanted).max()
+    none = np.zeros(chain.n)
+    acting = {"tip_wrench": np.zeros(6), "frame": "world", "gains": Gains(none, none)}
+    assert eigenvalue_bounds([(chain, q, qd)], [acting]) == pytest.approx([bound], rel=1e-12)
+
+
+@pytest.mark.parametrize("name", SPRUNG)
+def test_undamped_modes_swing_as_springs_and_inertia_say(name: str, tmp_path: Path) -> None:
+    """K φ = ω² M φ with driven joints locked; shapes obey it."""
+    chain = undamped(CHAINS[name](tmp_path))
+    weightless = dataclasses.replace(chain, gravity=np.zeros(3))
+    found = fl.modes(weightless, locked=chain.active.tolist())
+    block = np.ix_(chain.bending, chain.bending)
+    K, M = chain.matrix("stiffness")[block], fl.mass_matrix(chain, chain.rest)[block]
+    ω = np.sqrt(linalg.eigh(K, M, eigvals_only=True))
+    assert np.abs(found.frequencies - ω).max() <= 100 * EPS * ω[-1] ** 2 / ω[0]
+    φ = found.shapes[:, chain.bending]
+    left = φ @ K - found.frequencies[:, None] ** 2 * (φ @ M)
+    assert np.abs(left).max() <= 1e-9 * np.abs(K).max()
+    assert set(found.kinds) == {"elastic"}
+    assert found.elastic_shares == pytest.approx(1.0, abs=1e-9)
+
+
+def undamped(chain: fl.Chain) -> fl.Chain:
+    hinges, couplings = chain.hinges.copy(), chain.couplings.copy()
+    hinges["damping"] = couplings["damping"] = 0.0
+    return dataclasses.replace(chain, hinges=hinges, couplings=couplings)
+
+
+@pytest.mark.parametrize("name", SPRUNG)
+def test_elastic_shares_are_those_of_the_quadratic_forms(name: str, tmp_path: Path) -> None:
+    """E = φ* (K + |λ| D) φ of springs, P = |φ* K_load φ|, nothing else: joints have no friction."""
+    chain = CHAINS[name](tmp_path)
+    q = 0.1 * state(chain)[0]
+    found = fl.modes(chain, q)
+    k, D = chain.matrix("stiffness"), chain.matrix("damping")
+    load = stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6)) - k
+    for λ, φ, share in zip(found.eigenvalues, found.shapes, found.elastic_shares, strict=True):
+        E, P = (φ.conj() @ (k + abs(λ) * D) @ φ).real, abs(φ.conj() @ load @ φ)
+        assert share == pytest.approx(E / (E + P), rel=1e-9)
+    assert {"elastic", "pendulum"} <= set(found.kinds)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damped", [False, True])
+@pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
+def test_the_slowest_modes_of_a_long_chain_are_those_of_all(rule: str, damped: bool) -> None:
+    """In O(n), up to what both leave: all by matrices have eps ω_max/ω."""
+    links = [flexible(name, "yz", 29, lumping=rule, damping=DAMPED if damped else None) for name in ("a", "b")]
+    chain = fl.lump(make_scene(*links, gravity=(0.0, -9.81, 0.0)))
+    q = fl.solve_static(chain, locked=chain.active.tolist()).q
+    some, every = (fl.modes(chain, q, locked=chain.active.tolist(), count=count) for count in (6, None))
+    assert some.frequencies == pytest.approx(every.frequencies[:6], rel=1e-9 if damped else 1e-10)
+    assert some.damping_ratios == pytest.approx(every.damping_ratios[:6], abs=1e-9)
+    assert some.elastic_shares == pytest.approx(every.elastic_shares[:6], rel=1e-7)
+
+
+@pytest.mark.parametrize("rule, least", [("gauss", 6), ("lobatto2", 6), ("lobatto4", 6)])
+def test_modes_with_two_hinges_a_half_wave_are_resolved(rule: str, least: int) -> None:
+    """Half of them as with independent springs; those beyond are no modes of the arm."""
+    column = cantilever(rule, 12)
+    flags = resolved(fl.modes(column), column)
+    assert flags == (True,) * least + (False,) * (12 - least)
+
+
+# Ends of the spectrum.
+
+
+@pytest.mark.parametrize("name", SPRUNG)
+def test_both_ends_of_the_spectrum_are_those_of_the_dense_problem(name: str, tmp_path: Path) -> None:
+    """Also with a joint of a cell and the driven ones moving as prescribed."""
+    chain = CHAINS[name](tmp_path)
+    q = 0.3 * state(chain)[0]
+    for one in (chain, held_at(chain, *chain.active.tolist(), chain.n - 2)):
+        moving = one.hinges["prescribed"] == 0
+        block = np.ix_(moving, moving)
+        K, D, M = one.matrix("stiffness")[block], one.matrix("damping")[block], fl.mass_matrix(one, q)[block]
+        ω = np.sqrt(np.abs(linalg.eigh(K, M, eigvals_only=True)))[np.count_nonzero(np.diag(K) == 0) :]
+        assert slowest_frequency(one, q) == pytest.approx(ω[0], rel=CLOSE)
+        assert fastest_frequency(one, q) == pytest.approx(ω[-1], rel=ESTIMATE)
+        assert fastest_decay(one, q) == pytest.approx(linalg.eigh(D, M, eigvals_only=True)[-1], rel=2 * ESTIMATE)
+
+
+@pytest.mark.parametrize("name", SPRUNG)
+def test_the_fastest_swing_is_that_of_the_dense_problem_with_passes_enough(name: str, tmp_path: Path) -> None:
+    """It is an estimate since few passes do, not since a coupling is missing."""
+    chain = CHAINS[name](tmp_path)
+    q, coupled = 0.3 * state(chain)[0], np.ascontiguousarray(chain.couplings["stiffness"])
+    posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    found = largest_eigenvalue(chain.arrays, q, chain.stiffness, coupled, 100_000, 1e-13, posture)
+    wanted = linalg.eigh(chain.matrix("stiffness"), fl.mass_matrix(chain, q), eigvals_only=True)[-1]
+    assert found == pytest.approx(wanted, rel=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
+def test_the_stable_step_of_a_long_chain_is_that_of_the_dense_problem(rule: str) -> None:
+    """Beyond 100 joints by products alone: damped, within Lanczos' 1e-4."""
+    chain = fl.lump(make_scene(flexible("a", "z", 121, lumping=rule, damping=fl.Damping(ratio=0.3, at_hz=2e4))))
+    q, zero = np.zeros(chain.n), np.zeros(chain.n)
+    K, C, M = matrices(chain, q, zero, np.zeros(6))
+    square, δ = (linalg.eigh(A, M, eigvals_only=True)[-1] for A in (K, C))
+    λ = fastest_eigenvalues(chain, q)
+    assert np.abs(λ.imag).max() == pytest.approx(np.sqrt(square), rel=1e-4)
+    assert -λ.real.min() == pytest.approx(max(δ, -np.roots([1, δ, square]).real.min()), rel=1e-4)
+
+
+# What is told.
+
+
+@pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
+def test_gauges_at_gauss_points_read_the_moment_there(rule: str) -> None:
+    """κ = M/EI under a small force across the tip, to its square; a linear moment is exact for every cell."""
+    link = flexible("a", "xyz", 9, lumping=rule, joint=fl.Joint(locked=True))
+    scene = make_scene(link, gravity=(0.0, 0.0, 0.0))
+    chain, small = fl.lump(scene), 1e-3
+    q = fl.solve_static(chain, tip_wrench=[0, small, 2 * small, 3 * small, 0, 0]).q
+    gauge = fl.beam_strain(scene, np.array([q, 2 * q]), link="a", fibre=(0.01, 0.02))
+    assert len(gauge.x) == 8
+    assert (np.diff(gauge.x) > 0).all()
+    points = np.polynomial.legendre.leggauss(int(rule[-1]))[0]
+    assert gauge.x[: len(points)] == pytest.approx(1.25 * (1 + points) / 2 * len(points) / 8, rel=1e-14)
+    material, (_, i_y, i_z, torsion) = scene.arm.materials["aluminium"], scene.arm.sections["square"].properties
+    κ, arm_left = gauge.curvature[0], link.length - gauge.x
+    assert κ[:, 0] == pytest.approx(3 * small / (material.shear * torsion), rel=1e-5)
+    assert κ[:, 1] == pytest.approx(-2 * small * arm_left / (material.young * i_y), rel=1e-5)
+    assert κ[:, 2] == pytest.approx(small * arm_left / (material.young * i_z), rel=1e-5)
+    assert gauge.strain[0] == pytest.approx(0.02 * κ[:, 1] - 0.01 * κ[:, 2], rel=1e-12)
+    assert gauge.curvature[1] == pytest.approx(2 * κ, rel=1e-14)
+
+
+def test_info_and_notebooks_tell_which_hinges_are_coupled() -> None:
+    chain = fl.lump(arm("z"))
+    assert chain.coupled_joints == ((), (2,), (1,), (4,), (3,), (), (7,), (6,))
+    assert info._kind(chain, 2) == f"k = {chain.stiffness[2]:.6g} N m/rad, coupled with 1"
+    assert info._kind(chain, 0) == "driven"
+    html = chain._repr_html_()
+    assert "coupled with" in html
+    assert "coupled with" not in cantilever("gauss", 2)._repr_html_()
+
+
+def test_a_report_tells_which_springs_are_coupled() -> None:
+    def springs(rule: str) -> Table:
+        return model.made(Study(arm("z", rule, 5))).tables[-1]
+
+    table, alone = springs("lobatto4"), model.made(Study(make_scene(flexible("a")))).tables[-1]
+    assert table.heads == (*alone.heads, "coupled with")
+    assert table.lines[1][-1] == "upper.1.z, upper.3.z, upper.4.z"
+    assert len(table.lines) == 6
+
+
+def test_without_structural_damping_no_damper_is_left() -> None:
+    chain = fl.lump(arm("z"))
+    bare = info._without_structural_damping(chain)
+    assert not bare.matrix("damping").any()
+    np.testing.assert_array_equal(bare.matrix("stiffness"), chain.matrix("stiffness"))
+    assert info._without_structural_damping(bare) is bare
