@@ -12,7 +12,8 @@ symmetric, the same moment c_j and force g_j where ξ_j = 1: an open column, whi
     load        T = (τ − n) / S       n ← (U τ + (c_k + A_kk) n) / S       f ← f + G T       r_j ← r_j − L_kj T
     outward     ξ = T − (U α_before + G·a + Σ_j L_kj ξ_j) / S
 
-Nothing cancels where A is large. Column j stands in the places of row j's own factors until j is taken out.
+Nothing cancels where A is large. Column j stands in the places of row j's own factors until j is taken out. What is
+kept is σ_j L_kj, which acts on r_j and x_j themselves.
 """
 
 from flexlink.kernels.bodies.plane import LINK
@@ -29,21 +30,21 @@ def factor_cells_in_plane(factors, posture):
     """Prepare `solve_cells_in_plane`; A_kk in the first column of `factors`, A_kj from `COUPLED.L` on."""
     links, d, h, first = posture.links, posture.d, posture.h, posture.first
     o = factors.dtype.type(0)
-    for k in range(len(factors)):
-        factors[k, OPEN.rotor] = factors[k, ROW.A]
-        factors[k, OPEN.c] = factors[k, OPEN.gx] = factors[k, OPEN.gy] = o
-        for i in range(first[k], k):
-            factors[k, COUPLED.L + i - first[k]] *= links[k, LINK.sign] * links[i, LINK.sign]
     Mxx = Mxy = Myy = j = gx = gy = o
+    beyond = len(factors)  # the cell of the hinge beyond; its first hinge
     for k in range(len(factors) - 1, -1, -1):
-        dx, dy, m = d[k, 0], d[k, 1], links[k, LINK.mass]
+        dx, dy, m, begin = d[k, 0], d[k, 1], links[k, LINK.mass], first[k]
         D = links[k, LINK.inertia] + j + 2.0 * (dx * gx + dy * gy)
         D += dx * dx * Mxx + dy * dy * Myy + (2.0 * dx * dy) * Mxy
         Hx, Hy = h[k, 0] + gx + Mxx * dx + Mxy * dy, h[k, 1] + gy + Mxy * dx + Myy * dy
         Mxx, Myy = Mxx + m, Myy + m
-        if k + 1 < len(factors) and first[k + 1] == first[k]:
-            for i in range(first[k], k + 1):
+        for i in range(begin, k + 1):
+            if begin == beyond:
                 factors[i, OPEN.c] += dx * factors[i, OPEN.gx] + dy * factors[i, OPEN.gy]
+            else:
+                factors[i, OPEN.rotor] = factors[i, ROW.A]
+                factors[i, OPEN.c] = factors[i, OPEN.gx] = factors[i, OPEN.gy] = o
+        beyond = begin
         factors[k, COUPLED.inertia] = D
         if posture.prescribed[k]:
             j, gx, gy = D, Hx, Hy
@@ -56,24 +57,25 @@ def factor_cells_in_plane(factors, posture):
             j, gx, gy = (D * A - c * c) * inverse, β * Hx - γ * hx, β * Hy - γ * hy
             factors[k, ROW.inverse], factors[k, ROW.gx], factors[k, ROW.gy] = inverse, Gx, Gy
             factors[k, ROW.β], factors[k, ROW.γ] = β, γ
-            close_hinge(factors, k, first[k], U, Gx, Gy)
+            if begin < k:
+                close_hinge(factors, links, k, begin, U, Gx, Gy)
 
 
 @inlined
-def close_hinge(factors, k, begin, U, Gx, Gy):
-    """What hinge k leaves to those before it in its cell, from `begin` on."""
-    inverse = factors[k, ROW.inverse]
+def close_hinge(factors, links, k, begin, U, Gx, Gy):
+    """What hinge k leaves to those before it in its cell, from `begin` on; keeps σ_j L_kj."""
+    inverse, σ = factors[k, ROW.inverse], links[k, LINK.sign]
     for i in range(begin, k):
-        factors[k, COUPLED.L + i - begin] += factors[i, OPEN.c]
-    for i in range(begin, k):
-        L = factors[k, COUPLED.L + i - begin]
+        own = links[i, LINK.sign]
+        L = σ * own * factors[k, COUPLED.L + i - begin] + factors[i, OPEN.c]
         part = L * inverse
+        factors[k, COUPLED.L + i - begin] = own * L
         factors[i, OPEN.c] -= part * U
         factors[i, OPEN.gx] -= part * Gx
         factors[i, OPEN.gy] -= part * Gy
         factors[i, OPEN.rotor] -= part * L
         for l in range(begin, i):
-            factors[i, COUPLED.L + l - begin] -= part * factors[k, COUPLED.L + l - begin]
+            factors[i, COUPLED.L + l - begin] -= own * part * factors[k, COUPLED.L + l - begin]
 
 
 @subroutine
@@ -83,15 +85,15 @@ def solve_cells_in_plane(factors, r, x, posture):
     o = factors.dtype.type(0)
     fx = fy = n = o
     for k in range(len(factors)):
-        x[k] = links[k, LINK.sign] * r[k]
+        x[k] = r[k]
     for k in range(len(factors) - 1, -1, -1):
         n += d[k, 0] * fx + d[k, 1] * fy
         if not prescribed[k]:
-            τ = x[k]
+            τ, begin = links[k, LINK.sign] * x[k], first[k]
             T = (τ - n) * factors[k, ROW.inverse]
             x[k] = T
-            for i in range(first[k], k):
-                x[i] -= factors[k, COUPLED.L + i - first[k]] * T
+            for i in range(begin, k):
+                x[i] -= factors[k, COUPLED.L + i - begin] * T
             n = factors[k, ROW.γ] * τ + factors[k, ROW.β] * n
             fx, fy = fx + factors[k, ROW.gx] * T, fy + factors[k, ROW.gy] * T
     ax = ay = before = o
@@ -99,11 +101,10 @@ def solve_cells_in_plane(factors, r, x, posture):
         if prescribed[k]:
             x[k] = o
         else:
-            pull = factors[k, ROW.gx] * ax + factors[k, ROW.gy] * ay
-            for i in range(first[k], k):
-                pull += factors[k, COUPLED.L + i - first[k]] * x[i]
+            pull, begin = factors[k, ROW.gx] * ax + factors[k, ROW.gy] * ay, first[k]
+            for i in range(begin, k):
+                pull += factors[k, COUPLED.L + i - begin] * x[i]
             α = x[k] - factors[k, ROW.inverse] * pull
-            x[k], before = α - factors[k, ROW.γ] * before, α + factors[k, ROW.β] * before
+            x[k] = links[k, LINK.sign] * (α - factors[k, ROW.γ] * before)
+            before = α + factors[k, ROW.β] * before
         ax, ay = ax + before * d[k, 0], ay + before * d[k, 1]
-    for k in range(len(factors)):
-        x[k] *= links[k, LINK.sign]

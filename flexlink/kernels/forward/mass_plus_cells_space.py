@@ -29,10 +29,6 @@ def factor_cells_in_space(factors, posture):
     """Prepare `solve_cells_in_space`; A_kk in the first column of `factors`, A_kj from `COUPLED.L` on."""
     layout, prescribed, es, rs, first = posture.layout, posture.prescribed, posture.e, posture.r, posture.first
     o = factors.dtype.type(0)
-    for k in range(len(factors)):
-        factors[k, OPEN.rotor] = factors[k, ROW.A]
-        put_vec_of(factors, (o, o, o), k, OPEN.c)
-        put_vec_of(factors, (o, o, o), k, OPEN.g)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
     begin = len(factors)  # hinges from here on that are not out yet have open columns
     for i in range(len(layout) - 1, -1, -1):
@@ -41,7 +37,9 @@ def factor_cells_in_space(factors, posture):
             c, g = vec_of(factors, j, OPEN.c), vec_of(factors, j, OPEN.g)
             put_vec_of(factors, add(c, cross(vec_of(rs, i, 0), g)), j, OPEN.c)
         for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
-            begin = first[k]
+            if first[k] != begin:
+                begin = first[k]
+                open_columns(factors, begin, k + 1)
             if not prescribed[k]:
                 e, c, g = vec_of(es, k, 0), vec_of(factors, k, OPEN.c), vec_of(factors, k, OPEN.g)
                 Je = sym_apply(J, e)
@@ -50,10 +48,21 @@ def factor_cells_in_space(factors, posture):
                 factors[k, COUPLED.inertia], factors[k, ROW.inverse] = inertia, inverse
                 put_vec_of(factors, U, k, ROW.U)
                 put_vec_of(factors, G, k, ROW.G)
-                close_hinge(factors, k, begin, e, U, G)
+                if begin < k:
+                    close_hinge(factors, k, begin, e, U, G)
                 u = scale(inverse, U)
                 J, M = sym_add_dyad(J, -inverse, U), sym_add_dyad(M, -inverse, G)
                 H = (add_scaled(H[0], -u[0], G), add_scaled(H[1], -u[1], G), add_scaled(H[2], -u[2], G))
+
+
+@inlined
+def open_columns(factors, begin, stop):
+    """Nothing has been taken out of a cell of hinges begin … stop − 1."""
+    o = factors.dtype.type(0)
+    for j in range(begin, stop):
+        factors[j, OPEN.rotor] = factors[j, ROW.A]
+        put_vec_of(factors, (o, o, o), j, OPEN.c)
+        put_vec_of(factors, (o, o, o), j, OPEN.g)
 
 
 @inlined
@@ -61,11 +70,11 @@ def close_hinge(factors, k, begin, e, U, G):
     """What hinge k leaves to those before it in its cell, from `begin` on."""
     inverse = factors[k, ROW.inverse]
     for j in range(begin, k):
-        factors[k, COUPLED.L + j - begin] += dot(e, vec_of(factors, j, OPEN.c))
-    for j in range(begin, k):
-        L = factors[k, COUPLED.L + j - begin]
+        c = vec_of(factors, j, OPEN.c)
+        L = factors[k, COUPLED.L + j - begin] + dot(e, c)
         part = L * inverse
-        put_vec_of(factors, add_scaled(vec_of(factors, j, OPEN.c), -part, U), j, OPEN.c)
+        factors[k, COUPLED.L + j - begin] = L
+        put_vec_of(factors, add_scaled(c, -part, U), j, OPEN.c)
         put_vec_of(factors, add_scaled(vec_of(factors, j, OPEN.g), -part, G), j, OPEN.g)
         factors[j, OPEN.rotor] -= part * L
         for l in range(begin, j):
@@ -85,9 +94,9 @@ def solve_cells_in_space(factors, r, x, posture):
         for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
             if not prescribed[k]:
                 T = (x[k] - dot(vec_of(es, k, 0), n)) * factors[k, ROW.inverse]
-                x[k] = T
-                for j in range(first[k], k):
-                    x[j] -= factors[k, COUPLED.L + j - first[k]] * T
+                x[k], begin = T, first[k]
+                for j in range(begin, k):
+                    x[j] -= factors[k, COUPLED.L + j - begin] * T
                 n, f = add_scaled(n, T, vec_of(factors, k, ROW.U)), add_scaled(f, T, vec_of(factors, k, ROW.G))
     α, a = (o, o, o), (o, o, o)
     for i in range(len(layout)):
@@ -95,9 +104,9 @@ def solve_cells_in_space(factors, r, x, posture):
             if prescribed[k]:
                 x[k] = o
             else:
-                pull = dot(vec_of(factors, k, ROW.U), α) + dot(vec_of(factors, k, ROW.G), a)
-                for j in range(first[k], k):
-                    pull += factors[k, COUPLED.L + j - first[k]] * x[j]
+                pull, begin = dot(vec_of(factors, k, ROW.U), α) + dot(vec_of(factors, k, ROW.G), a), first[k]
+                for j in range(begin, k):
+                    pull += factors[k, COUPLED.L + j - begin] * x[j]
                 x[k] -= factors[k, ROW.inverse] * pull
                 α = add_scaled(α, x[k], vec_of(es, k, 0))
         a = add(a, cross(α, vec_of(rs, i, 0)))
