@@ -54,7 +54,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
         met = [each for each in grid if each.point.error <= asked.error]
         family = _family(settings, case, advice.scene)
         facts: Facts = {"family": family, "tip error": asked.error}
-        yield Measured("advised within the allowed error", float(advice.met), asked.name, varied=facts)
+        words = "; ".join(line for line in advice.lines if "hinge" in line)
+        yield Measured("advised within the allowed error", float(advice.met), asked.name, varied=facts, note=words)
         listed, note = _over_cheapest(settings, family, met, [each.listed for each in met])
         worst[asked.axial].append(listed)
         yield Measured("advised family / cheapest, listed costs", listed, asked.name, varied=facts, note=note)
