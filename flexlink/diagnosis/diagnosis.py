@@ -21,8 +21,10 @@ from flexlink.diagnosis.quantities import QUANTITIES, Difference, compare_engine
 from flexlink.diagnosis.reordered import Reordered
 from flexlink.diagnosis.stable_steps import LARGEST
 from flexlink.diagnosis.states import State
+from flexlink.engines import ENGINES
 from flexlink.engines.actuators import mark_unspecified, not_compared, taken_from_scene, with_drive
 from flexlink.engines.base import Engine
+from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, ReadBack, of_chain, to_chain
 
 WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
@@ -96,11 +98,19 @@ def _verb(names: Sequence[str], verb: str) -> str:
 
 def diagnose(chain: Chain, engine: Engine, rows: Sequence[Difference], states: Sequence[State]) -> Diagnosis:
     """Diagnose an engine with our own export, if it does not agree."""
+    notes = _by_us(chain, engine.name)
     if all(row.passed for row in rows):
-        return Diagnosis(engine.name, tuple(rows))
+        return Diagnosis(engine.name, tuple(rows), notes=notes)
     formats = {"pinocchio": "urdf", "exudyn": "urdf", "mujoco": "mjcf", "drake": "sdf"}
     match, findings = differences(of_chain(chain), engine.read_back(), formats.get(engine.name, engine.name))
-    return _explain(chain, engine, rows, findings, match, states)
+    return dataclasses.replace(_explain(chain, engine, rows, findings, match, states), notes=notes)
+
+
+def _by_us(chain: Chain, engine: str) -> tuple[str, ...]:
+    """A note on what of the arm the engine does not compute itself."""
+    if not len(chain.couplings) or engine not in ENGINES or ENGINES[engine].between_joints:
+        return ()
+    return ("springs and dampers between two joints are computed by us, with the numbers of the file",)
 
 
 def diagnose_file(
@@ -134,7 +144,7 @@ def diagnose_file(
     diagnosis = _explain(chain, matched, rows, findings, match, states)
     actuators = not_compared(ours, read, match.order)
     left_out = ("actuators",) if actuators or "other actuators" in read.settings else ()
-    notes = _notes(ours, match, read)
+    notes = [*_by_us(chain, engine.name), *_notes(ours, match, read)]
     notes += [f"not compared, because the scene has no drive: {actuators}"] if actuators else []
     return dataclasses.replace(diagnosis, notes=(*notes, *errors), left_out=left_out)
 
@@ -156,12 +166,14 @@ def _missing(ours: ReadBack, read: ReadBack, match: Match) -> dict[str, Array]:
     fields = {
         field: getattr(ours, field) for field in FIELDS if field in read.unspecified and field not in ACTUATOR_FIELDS
     }
-    return {f: values if f == "gravity" else values[np.argsort(match.order)] for f, values in fields.items()}
+    inverse = np.argsort(match.order)
+    return {f: values if f == "gravity" else values[np.ix_(*[inverse] * values.ndim)] for f, values in fields.items()}
 
 
 def _notes(ours: ReadBack, match: Match, read: ReadBack) -> list[str]:
     notes = [] if match.by_name else ["joint names differ; joints are matched by their order"]
     fields = (read.unspecified - set(ACTUATOR_FIELDS)) | taken_from_scene(ours, read)
+    fields -= {field for field in COUPLED_FIELDS if not getattr(ours, field).any()}
     labels = [words.label for field, words in FIELDS.items() if field in fields]
     return notes + ([f"not in the file, taken from the scene: {', '.join(labels)}"] if labels else [])
 

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
 from flexlink.diagnosis.joint_axes import Displacement, Realigned, deviations, reach, undo_displacements
 from flexlink.diagnosis.matching import Match, match_joints
 from flexlink.diagnosis.mistakes import FIELDS, LENGTH_UNITS, MISPLACED, MISTAKES, SETTINGS, Field, Mistake
 from flexlink.diagnosis.shapes import Discrepancy, fewer_digits, moments
 from flexlink.engines.actuators import limits
+from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
 
 EXACT, PLACED = 1e-12, 1e-11
@@ -67,7 +68,7 @@ def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | 
     match = match_joints(ours, theirs)
     if isinstance(match, str):
         return None, [Finding(match, "", "check the number of segments, locked joints and grippers")]
-    findings = _numbers(ours, match.record, format)
+    findings = _numbers_of_tendons(ours, match.record) if format == "mjcf" else _numbers(ours, match.record, format)
     if match.reordered:
         order = f"{_names(match.reordered)} in another order along the chain"
         likely = "rotations about one point do not commute"
@@ -78,6 +79,27 @@ def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | 
         if name in theirs.settings and name not in theirs.unspecified
     ]
     return match, [*findings, *settings]
+
+
+def _numbers_of_tendons(ours: ReadBack, theirs: ReadBack) -> list[Finding]:
+    """`_numbers` as MJCF has them: of K_ii that differ, what tendons, |K_ij| each, leave to the joint."""
+    fields = COUPLED_FIELDS.values()
+    pairs = {field: (getattr(ours, field), getattr(theirs, field)) for field in fields}
+    other = {field: np.abs(b - a) > EXACT * np.maximum(np.abs(a), np.abs(b)) for field, (a, b) in pairs.items()}
+
+    def beside(read: ReadBack, sign: int) -> ReadBack:
+        """With what tendons hold of these joints taken away (−1), or given back (1)."""
+        parts = {field: getattr(read, field) + sign * other[field] * _shared(read, field) for field in fields}
+        return dataclasses.replace(read, **parts)
+
+    findings = _numbers(beside(ours, -1), beside(theirs, -1), "mjcf")
+    return [f if f.faulty is None else dataclasses.replace(f, faulty=beside(f.faulty, 1)) for f in findings]
+
+
+def _shared(read: ReadBack, field: str) -> Array:
+    """Σ_j |K_ij|, or Σ_j |D_ij|, of the joints, shape (n,)."""
+    coupled = next(name for name, own in COUPLED_FIELDS.items() if own == field)
+    return np.asarray(np.abs(getattr(read, coupled)).sum(axis=1))
 
 
 def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:
@@ -148,14 +170,22 @@ def _displaced(displacement: Displacement, L: float) -> str:
 
 def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
     """Fields that differ, with the entries that do."""
-    pairs = {field: (_values(ours, field, ours), _values(theirs, field, ours)) for field in FIELDS}
+    between = _between(ours, theirs)
+    pairs = {
+        field: (_values(ours, field, ours), _values(theirs, field, ours))
+        for field in FIELDS
+        if field not in COUPLED_FIELDS
+    }
+    pairs |= {f: (getattr(ours, f)[*rows.T], getattr(theirs, f)[*rows.T]) for f, rows in between.items()}
     apart = {field: _norm(b - a) for field, (a, b) in pairs.items() if field != "effort"}
     L, (sin, off) = reach(ours), deviations(ours, theirs)
     m, lever = ours.masses, _norm(ours.centers - ours.points)
     other_mass = apart["masses"] > EXACT * np.maximum(m, theirs.masses)
     there = ~other_mass & (m > 0)  # where the mass differs, centre and inertia follow from it
-    copied = ("gravity", *JOINT_FIELDS, *ACTUATOR_FIELDS[:-1])
+    copied = ("gravity", *JOINT_FIELDS, *between, *ACTUATOR_FIELDS[:-1])
     bad = {field: apart[field] > EXACT * np.maximum(*map(_norm, pairs[field])) for field in copied}
+    for field in COUPLED_FIELDS.values():  # of which tendons may have taken a part
+        bad[field] &= apart[field] > EXACT * _shared(ours, field)
     bad |= {
         "axes": (sin <= PLACED) & (np.einsum("ij,ij->i", ours.axes, theirs.axes) < 0),
         "lines": (sin > PLACED) | (off > PLACED * L),
@@ -168,13 +198,20 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
     bad["effort"] = np.any(~np.isclose(one, other, rtol=EXACT, atol=0), axis=1)
     if theirs.gear[ours.gear != 0].all():
         bad["gear"] &= ours.gear != 0  # one more motor does nothing without a command
-    bad["rest"] &= (ours.stiffness != 0) & (theirs.stiffness != 0)
+    for read in (ours, theirs):
+        bad["rest"] &= (read.stiffness != 0) | (_shared(read, "stiffness") != 0)
     bad["coulomb_width"] &= (ours.coulomb != 0) & (theirs.coulomb != 0)
     return {
-        field: Discrepancy(a[mask], b[mask], np.flatnonzero(mask), ours, theirs)
-        for field, (a, b) in pairs.items()
+        field: Discrepancy(a[mask], b[mask], between.get(field, np.arange(len(mask)))[mask], ours, theirs)
+        for field, (a, b) in ((field, pairs[field]) for field in FIELDS if field in pairs)
         if (mask := bad[field]).any()
     }
+
+
+def _between(ours: ReadBack, theirs: ReadBack) -> dict[str, Indices]:
+    """The joints i < j, (m, 2), of springs and of dampers between two in any of the records, where there are any."""
+    found = {f: np.argwhere(np.triu((getattr(ours, f) != 0) | (getattr(theirs, f) != 0), 1)) for f in COUPLED_FIELDS}
+    return {field: rows for field, rows in found.items() if len(rows)}
 
 
 def _within_limits(ours: ReadBack, effort: Array) -> Array:
@@ -209,13 +246,12 @@ def _mistake(field: str, diff: Discrepancy, theirs: ReadBack) -> Mistake:
 def _explained(field: str, diff: Discrepancy, format: str) -> Finding:
     ours, theirs = diff.our_record, diff.their_record
     global_field = field in {"gravity", "tip"}
-    rows = slice(None) if global_field else diff.rows
-    faulty = {}
+    faulty: dict[str, Any] = {}
     for name in BODY_FIELDS if field == "masses" else (field,):
-        faulty[name] = getattr(ours, name).copy()
-        faulty[name][rows] = getattr(theirs, name)[rows]
-    where = "" if global_field else _names([ours.names[k] for k in diff.rows])
-    what = f"{FIELDS[field].label}{' of ' * bool(where)}{where}: {_instead(field, diff)}"
+        values = getattr(theirs, name)
+        faulty[name] = values.copy() if global_field else _with_rows(getattr(ours, name), values, diff.rows)
+    where = "" if global_field else _where(ours.names, diff.rows)
+    what = f"{_subject(field, where)}: {_instead(field, diff)}"
     mistake = _mistake(field, diff, theirs)
     words = FIELDS[field], mistake.likely, mistake.remedy
     return _worded(words, what, where, format, dataclasses.replace(ours, **faulty))
@@ -223,8 +259,37 @@ def _explained(field: str, diff: Discrepancy, format: str) -> Finding:
 
 def _worded(words: tuple[Field, str, str], what: str, where: str, format: str, faulty: ReadBack) -> Finding:
     field, likely, remedy = words
-    tag, joints = getattr(field, format, field.label), where if where.startswith("joint ") else "these joints"
+    few = where.startswith(("joint ", "joints "))
+    tag, joints = getattr(field, format, field.label), where if few else "these joints"
     return Finding(what, likely, remedy.format(tag=tag, unit=field.unit, where=joints), faulty)
+
+
+def _with_rows(ours: Array, theirs: Array, rows: Indices) -> Array:
+    """Our numbers with some of theirs; those between two joints, rows (m, 2), on both sides of the diagonal."""
+    mixed = ours.copy()
+    if rows.ndim == 1:
+        mixed[rows] = theirs[rows]
+    else:
+        i, j = rows.T
+        mixed[i, j] = mixed[j, i] = theirs[i, j]
+    return mixed
+
+
+def _subject(field: str, where: str) -> str:
+    """The field of these joints in words."""
+    label = FIELDS[field].label
+    if field in COUPLED_FIELDS:
+        return f"{label.removesuffix(' joints')} {where}"
+    return f"{label} of {where}" if where else label
+
+
+def _where(names: Sequence[str], rows: Indices) -> str:
+    """The joints of some rows of a field in words; of fields between two joints the pairs."""
+    if rows.ndim == 1:
+        return _names([names[k] for k in rows])
+    pairs = [f"{names[i]!r} and {names[j]!r}" for i, j in rows[:3]]
+    some = f"{'; '.join(pairs)}{' …' * (len(rows) > 3)}"
+    return f"joints {some}" if len(rows) == 1 else f"{len(rows)} pairs of joints ({some})"
 
 
 def _names(names: Sequence[str]) -> str:

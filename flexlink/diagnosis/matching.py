@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.common.types import Array, Indices
+from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
 
 
@@ -46,6 +47,7 @@ class Match(NamedTuple):
             return None
         joints = np.argsort(self.positions)
         fields: dict[str, Any] = {field: getattr(self.record, field)[joints] for field in (*AXIS_FIELDS, *JOINT_FIELDS)}
+        fields |= {field: getattr(self.record, field)[np.ix_(joints, joints)] for field in COUPLED_FIELDS}
         return dataclasses.replace(self.record, names=tuple(self.record.names[k] for k in joints), **fields), joints
 
 
@@ -65,6 +67,7 @@ def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | str:
     bodies = order if sequence is None else sequence
     of_joints = (*AXIS_FIELDS, "frames", *JOINT_FIELDS, *ACTUATOR_FIELDS)
     fields: dict[str, Any] = {field: getattr(theirs, field)[order] for field in of_joints}
+    fields |= {field: getattr(theirs, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
     fields |= {field: getattr(theirs, field)[bodies] for field in BODY_FIELDS}
     fields["parts"] = theirs.parts._replace(owner=np.argsort(bodies)[theirs.parts.owner])
     fields |= {field: getattr(ours, field) for field in theirs.unspecified | ours.unspecified if hasattr(ours, field)}

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from flexlink.diagnosis import shapes
 from flexlink.diagnosis.shapes import Shape, all_zero, any_difference, none_expected, permuted, proportional, scaled_by
+from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import JOINT_FIELDS
 
 
@@ -45,6 +46,14 @@ FIELDS = {
         "width of the Coulomb torque", "rad/s", "user", "<flexlink coulomb_width>", "<flexlink:coulomb_width>"
     ),
     "armature": Field("armature", "kg m²", "armature", "<flexlink armature>", "<drake:rotor_inertia>"),
+    "coupled_stiffness": Field(
+        "spring stiffness between joints", "N m/rad", "stiffness of the fixed tendon", "<coupling stiffness>",
+        "<flexlink:coupling stiffness>",
+    ),
+    "coupled_damping": Field(
+        "damping between joints", "N m s/rad", "damping of the fixed tendon", "<coupling damping>",
+        "<flexlink:coupling damping>",
+    ),
     "gear": Field("motor gear", "", "actuator gear", "<mechanicalReduction>", "<drake:gear_ratio>"),
     "servo_stiffness": Field("servo stiffness", "N m/rad", "actuator kp", "kp", "kp"),
     "servo_damping": Field("servo damping", "N m s/rad", "actuator kv", "kd", "kd"),
@@ -67,7 +76,10 @@ SETTINGS = {
     "equality": ("equality constraints are active: {value}", 'set flag equality="disable"', True),
     "gravcomp": ("gravcomp cancels gravity on {value}", "remove it", True),
     "fluid": ("fluid forces are active: {value}", "set option density and viscosity to 0", True),
-    "tendons": ("tendons apply forces: {value}", "remove their stiffness, damping and friction", True),
+    "tendons": (
+        "tendons that are not linear springs between two joints apply forces: {value}",
+        "remove their stiffness, damping and friction", True,
+    ),
     "step": ("the time step exceeds the stability limit: {value}", "set a smaller option timestep", True),
     "integrator": ("the integrator is {value}, not RK4", 'set option integrator="RK4" to compare simulations', False),
     "other actuators": (
@@ -161,8 +173,18 @@ def _mistakes() -> list[Mistake]:
             for field in ("stiffness", "damping")
         ),
         ("rest", scaled_by(degree), "radians in a file read in degrees", 'set compiler angle="radian"', "degree"),
-        ("damping", all_zero, "a flag disables dampers", 'remove flag damper="disable"', "no dampers"),
-        ("stiffness", all_zero, "a flag disables springs", 'remove flag spring="disable"', "no springs"),
+        (
+            "rest", any_difference, "tendons are slack elsewhere than the springs of their joints",
+            "remove springlength of the tendons, or correct {tag} of {where}", "springlength",
+        ),
+        *(
+            (field, all_zero, "a flag disables dampers", 'remove flag damper="disable"', "no dampers")
+            for field in ("damping", "coupled_damping")
+        ),
+        *(
+            (field, all_zero, "a flag disables springs", 'remove flag spring="disable"', "no springs")
+            for field in ("stiffness", "coupled_stiffness")
+        ),
         ("gear", permuted, "the motor is at another joint", "name the right joint in the actuator"),
         ("gear", all_zero, "the scene's drive has no motor here", "add a motor at {where}"),
         ("gear", scaled_by(-1), "it acts in the opposite direction", "change the sign of {tag}"),
@@ -185,7 +207,17 @@ def _mistakes() -> list[Mistake]:
         (proportional, "another unit or material", in_unit),
         (any_difference, "another value", correct),
     )
+    between_joints = (
+        (all_zero, "missing", "add it between {where}, in MJCF as a <fixed> tendon"),
+        (scaled_by(-1), "the wrong sign", "change its sign between {where}, of a tendon that of one coef"),
+        (none_expected, "added where there is none", "remove it between {where}"),
+        (scaled_by(degree, 1 / degree), "degrees taken for radians", "give {tag} between {where} in {unit}"),
+        (permuted, "between other joints", "check which joints {tag} belongs to"),
+        (proportional, "another unit or material", "give {tag} between {where} in {unit}"),
+        (any_difference, "another value", "correct {tag} between {where}"),
+    )
     rows += [(field, *row) for field in (*JOINT_FIELDS, *servo_fields) for row in any_joint]
+    rows += [(field, *row) for field in COUPLED_FIELDS for row in between_joints]
     return [Mistake(*row) for row in rows]
 
 

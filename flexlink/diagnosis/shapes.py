@@ -140,7 +140,10 @@ def fewer_digits(diff: Discrepancy) -> bool:
         return bool(np.abs(diff.theirs - diff.ours).max() <= 1e-3 * np.abs(diff.ours).max())
     pairs = list(zip(diff.ours.tolist(), diff.theirs.tolist(), strict=True))
     formats = itertools.product("gf", range(2, 13))
-    return any(all(float(f"{x:.{digits}{kind}}") == y for x, y in pairs) for kind, digits in formats)
+    last = 1e-14  # relative, of what the engine adds to a number and we take away; 12 digits are well above it
+    return any(
+        all(abs(float(f"{x:.{digits}{kind}}") - y) <= last * abs(y) for x, y in pairs) for kind, digits in formats
+    )
 
 
 def axes_rotated(diff: Discrepancy) -> bool:

@@ -26,7 +26,7 @@ def _modes(chain: Chain) -> tuple[Array, Array]:
     q = _bent(chain)
     M, K = regular_mass(chain, q, np.arange(chain.n)), stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
     square, φ = linalg.eigh((K + K.T) / 2, M)
-    return np.sqrt(np.abs(square)), np.einsum("im,i,im->m", φ, chain.damping, φ)
+    return np.sqrt(np.abs(square)), np.einsum("im,im->m", φ, chain.times("damping", φ.T).T)
 
 
 def _bent(chain: Chain) -> Array:

@@ -215,7 +215,8 @@ def buckling_loads(
 def _per_stiffness(load: Array, K: Array, *, coupled: bool) -> Array:
     """L⁻¹ load L⁻ᵀ of K = L Lᵀ, which has the eigenvalues of K⁻¹ load; K is diagonal unless springs are `coupled`."""
     if not coupled:
-        return np.asarray(load / np.sqrt(np.outer(np.diag(K), np.diag(K))))
+        k = K.diagonal()
+        return np.asarray(load / np.sqrt(np.outer(k, k)))
     L = linalg.cholesky(K, lower=True)
     half = linalg.solve_triangular(L, load, lower=True)
     return np.asarray(linalg.solve_triangular(L, half.T, lower=True).T)

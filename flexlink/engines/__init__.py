@@ -13,20 +13,24 @@ from flexlink.engines.child_process import IsolatedEngine
 
 
 class Adapter(NamedTuple):
-    """Module and class of an engine, the extra that installs it, and whether it runs in a child process."""
+    """Module and class of an engine, the extra that installs it, and whether it runs in a child process.
+
+    `between_joints`: whether springs and dampers between two joints are the engine's own; else they are computed by us.
+    """
 
     module: str
     class_name: str
     extra: str = ""
     isolated: bool = False
+    between_joints: bool = True
 
 
 ENGINES = {
     "native": Adapter("flexlink.diagnosis.native", "NativeEngine"),
-    "pinocchio": Adapter("flexlink.engines.pinocchio", "PinocchioEngine", "engines"),
+    "pinocchio": Adapter("flexlink.engines.pinocchio", "PinocchioEngine", "engines", between_joints=False),
     "mujoco": Adapter("flexlink.engines.mujoco", "MujocoEngine", "engines"),
     "exudyn": Adapter("flexlink.engines.exudyn", "ExudynEngine", "witness"),
-    "drake": Adapter("flexlink.engines.drake", "DrakeEngine", "witness", isolated=True),
+    "drake": Adapter("flexlink.engines.drake", "DrakeEngine", "witness", isolated=True, between_joints=False),
 }
 
 __all__ = ["ENGINES", "Adapter", "Engine", "load"]

@@ -49,10 +49,10 @@ class Engine(Protocol):
         """T_G, T_GC with q̇ = 0 and no wrench."""
 
     def elastic_torque(self, q: Array) -> Array:
-        """T_FL = k (θ − θ₀)."""
+        """T_FL = K (θ − θ₀), springs between joints included."""
 
     def friction_torque(self, qd: Array) -> Array:
-        """T_FR = d q̇ + c tanh(q̇ / w)."""
+        """T_FR = D q̇ + c tanh(q̇ / w), dampers between joints included."""
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ from the equation of motion."""

@@ -1,8 +1,9 @@
 """Drake, from the exported SDF; it runs in a child process, because some files abort it (`engines.child_process`).
 
-M, T_GC, springs, dampers, rotors and q̈ are Drake's own. Drake ignores the gravity and the dry friction of the file:
-gravity is set, and the smooth Coulomb law c tanh(q̇/w) and the drive are an output of a `LeafSystem`, which Drake's
-integrators evaluate at every stage. The tip wrench is an external force on the last link, another output of it.
+M, T_GC, springs, dampers, rotors and q̈ are Drake's own. Drake ignores the gravity and the dry friction of the file, and
+has no springs between joints. Gravity is set; the smooth Coulomb law c tanh(q̇/w), the torques of springs and dampers
+between joints, which are computed by us, and the drive are an output of a `LeafSystem`, which Drake's integrators
+evaluate at every stage. The tip wrench is an external force on the last link, another output of it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.engines import base, drake_reader
+from flexlink.engines import base, couplings, drake_reader
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats.sdf import sdf_names, to_sdf
 
@@ -44,6 +45,8 @@ class DrakeEngine:
         Drake's own.
     rest, coulomb, coulomb_width
         As read from the file, shape (n,).
+    couplings
+        Springs and dampers between joints, of dtype `COUPLING`, as read from our own elements.
     unspecified
         Fields of `ReadBack` that the file does not specify.
     """
@@ -89,9 +92,13 @@ class DrakeEngine:
         elements = [by_name[joint.name()] for joint in joints]
         self.coulomb = np.array([float(element.findtext("axis/dynamics/friction", "0")) for element in elements])
         self.coulomb_width = np.array([float(element.get(width, "1")) for element in elements])
-        specified = {"coulomb_width": width in elements[0].attrib, "gravity": gravity is not None}
+        own = width in elements[0].attrib
+        specified = {"coulomb_width": own, "gravity": gravity is not None} | dict.fromkeys(
+            couplings.COUPLED_FIELDS, own
+        )
         self.unspecified = frozenset(name for name, there in specified.items() if not there)
         self.n, self.context = len(joints), self.plant.CreateDefaultContext()
+        self.couplings = couplings.of_elements(root.iter("{urn:flexlink}coupling"), [joint.name() for joint in joints])
         self.rest = self.read_back().rest
         frames = root.findall(".//model/frame")
         self.tip = self.plant.GetFrameByName(frames[-1].attrib["name"]) if frames else joints[-1].frame_on_child()
@@ -100,11 +107,14 @@ class DrakeEngine:
     def read_back(self) -> ReadBack:
         """The arm as Drake has read it."""
         own = {"coulomb": self.coulomb, "coulomb_width": self.coulomb_width}
+        own |= couplings.to_matrices(self.couplings, self.n)
         return drake_reader.read(self.plant, self.context, own, self.unspecified)
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
         """Set fields of `ReadBack` that the file does not specify."""
         self.coulomb_width = fields.get("coulomb_width", self.coulomb_width)
+        if couplings.COUPLED_FIELDS.keys() <= fields.keys():
+            self.couplings = couplings.of_matrices(fields)
         if "gravity" in fields:
             self.gravity = fields["gravity"]
             self.plant = self._load(MultibodyPlant(time_step=0.0))
@@ -137,18 +147,21 @@ class DrakeEngine:
         return -np.array(self.plant.CalcGravityGeneralizedForces(self.context))
 
     def elastic_torque(self, q: Array) -> Array:
-        """T_FL: the forces of Drake's force elements on the joints at rest, negative."""
-        return -self._joint_forces(q, np.zeros(self.n))
+        """T_FL: the forces of Drake's force elements on the joints at rest, negative, and springs between joints."""
+        torque = -self._joint_forces(q, np.zeros(self.n))
+        if len(self.couplings):
+            torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
+        return torque
 
     def friction_torque(self, qd: Array) -> Array:
-        """T_FR: what they are more at rates, negative, and the Coulomb law with the file's numbers."""
-        return self.coulomb_torque(qd) - self._joint_forces(self.rest, qd)
+        """T_FR: what they are more at rates, negative, and what we add with the file's numbers."""
+        return self.added_torque(self.rest, qd) - self._joint_forces(self.rest, qd)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by the articulated-body algorithm (`get_generalized_acceleration_output_port`)."""
         self._place(q, qd)
         plant, context = self.plant, self.context
-        plant.get_applied_generalized_force_input_port().FixValue(context, tau - self.coulomb_torque(qd))
+        plant.get_applied_generalized_force_input_port().FixValue(context, tau - self.added_torque(q, qd))
         force = self.tip_force(np.zeros(6) if tip_wrench is None else tip_wrench)
         plant.get_applied_spatial_force_input_port().FixValue(context, [force])
         return np.array(plant.get_generalized_acceleration_output_port().Eval(context))
@@ -194,7 +207,7 @@ class DrakeEngine:
         drive, wrench = base.drive_function(problem), base.wrench_function(problem)
         inputs = builder.AddSystem(_Inputs(self, drive, wrench))
         builder.Connect(plant.get_state_output_port(), inputs.state)
-        if drive is not None or self.coulomb.any():
+        if drive is not None or self.coulomb.any() or len(self.couplings):
             builder.Connect(inputs.torque, plant.get_applied_generalized_force_input_port())
         if wrench is not None:
             builder.Connect(inputs.force, plant.get_applied_spatial_force_input_port())
@@ -224,14 +237,17 @@ class DrakeEngine:
         self._place(q, np.zeros(self.n))
         return np.array(self.tip.CalcPoseInWorld(self.context).rotation().matrix())
 
-    def coulomb_torque(self, qd: Array) -> Array:
-        """c tanh(q̇/w) with the numbers of the file."""
+    def added_torque(self, q: Array, qd: Array) -> Array:
+        """What Drake does not have, with the numbers of the file: c tanh(q̇/w), springs and dampers between joints."""
         torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
+        if len(self.couplings):
+            torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
+            torque += couplings.torque(self.couplings, "damping", qd)
         return torque
 
 
 class _Inputs(LeafSystem):  # type: ignore[misc]  # pydrake is not type-checked
-    """Drive less Coulomb friction, and the force on the tip."""
+    """Drive less what Drake does not have, and the force on the tip."""
 
     def __init__(self, engine: DrakeEngine, drive: base.DriveTorque | None, wrench: base.TipWrench | None) -> None:
         super().__init__()
@@ -243,7 +259,7 @@ class _Inputs(LeafSystem):  # type: ignore[misc]  # pydrake is not type-checked
 
     def _write_torque(self, context: Context, output: BasicVector) -> None:
         q, qd = np.split(self.state.Eval(context), 2)
-        torque = -self._engine.coulomb_torque(qd)
+        torque = -self._engine.added_torque(q, qd)
         if self._drive is not None:
             torque += self._drive(context.get_time(), q, qd)
         output.SetFromVector(torque)

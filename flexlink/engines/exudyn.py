@@ -1,7 +1,8 @@
 """Exudyn, as a KinematicTree. Exudyn reads no files: the tree is built from the exported URDF, read by our reader.
 
-M, T_GC, springs, dampers and q̈ are Exudyn's own: springs and dampers are the tree's P and D control, an armature is
-the mass of a second object on the same coordinates, the tip wrench two loads on a marker. The smooth Coulomb law
+M, T_GC, springs, dampers and q̈ are Exudyn's own: springs and dampers are the tree's P and D control; armatures are the
+mass matrix of a second object on the same coordinates, springs and dampers between joints its stiffness and damping
+matrices; the tip wrench is two loads on a marker. The smooth Coulomb law
 c tanh(q̇/w) and the drive come from a user function, which its Runge-Kutta methods call at every stage.
 
 Exudyn returns f = M q̈, the sum of all torques. The single terms come from two more trees: one without springs and
@@ -32,6 +33,7 @@ from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base
+from flexlink.engines.couplings import to_matrices
 from flexlink.engines.read_back import ReadBack, of_chain
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import places
@@ -132,14 +134,16 @@ class _System:
         self.n = n = chain.n
         self._box = exu.SystemContainer()  # owns the system
         self.mbs = mbs = self._box.AddSystem()
-        zero = np.zeros(n)
+        zero, self.slack = np.zeros(n), np.array(chain.rest)  # from where the coordinates of the node are counted
         node = mbs.AddNode(
             NodeGenericODE2(
-                referenceCoordinates=zero, initialCoordinates=zero, initialCoordinates_t=zero, numberOfODE2Coordinates=n
+                referenceCoordinates=self.slack, initialCoordinates=zero, initialCoordinates_t=zero,
+                numberOfODE2Coordinates=n,
             )
-        )
+        )  # fmt: skip
         self.tree = mbs.AddObject(_kinematic_tree(chain, node))
-        mbs.AddObject(ObjectGenericODE2(nodeNumbers=[node], massMatrix=np.diag(chain.hinges["armature"])))
+        rotors = np.diag(chain.hinges["armature"])
+        mbs.AddObject(ObjectGenericODE2(nodeNumbers=[node], massMatrix=rotors, **_between_joints(chain)))
         place, self.tip_rotation = chain.bodies[-1]["translation"], np.array(chain.bodies[-1]["rotation"])
         tip = MarkerKinematicTreeRigid(objectNumber=self.tree, linkNumber=n - 1, localPosition=place)
         marker = mbs.AddMarker(tip)
@@ -189,7 +193,7 @@ class _System:
         time.numberOfSteps = run.steps_per_sample
         self.mbs.SolveDynamic(settings, solverType=METHODS[run.method])
         data = self.mbs.systemData
-        return data.GetODE2Coordinates(), data.GetODE2Coordinates_t()
+        return data.GetODE2Coordinates() + self.slack, data.GetODE2Coordinates_t()
 
     @contextlib.contextmanager
     def driven(self, torques: TorqueFunction | None, wrench: base.TipWrench | None) -> Iterator[None]:
@@ -215,17 +219,26 @@ class _System:
         return lambda _mbs, t, _vector: base.rotate_wrench(rotation, wrench(t))[part]
 
     def _set_state(self, q: Array, qd: Array, configuration: Any) -> None:
-        self.mbs.systemData.SetODE2Coordinates(q, configuration)
+        self.mbs.systemData.SetODE2Coordinates(q - self.slack, configuration)
         self.mbs.systemData.SetODE2Coordinates_t(qd, configuration)
 
 
 def _without(chain: Chain, *, hinges: Sequence[str] = (), bodies: Sequence[str] = ()) -> Chain:
-    """The chain with some numbers of all its hinges and bodies set to 0."""
-    hinge, body = chain.hinges.copy(), chain.bodies.copy()
-    for array, fields in ((hinge, hinges), (body, bodies)):
+    """The chain with some numbers of all its hinges, of couplings of the same name, and of bodies set to 0."""
+    hinge, body, coupling = chain.hinges.copy(), chain.bodies.copy(), chain.couplings.copy()
+    shared = [field for field in hinges if field in (coupling.dtype.names or ())]
+    for array, fields in ((hinge, hinges), (coupling, shared), (body, bodies)):
         for field in fields:
             array[field] = 0.0
-    return dataclasses.replace(chain, hinges=hinge, bodies=body)
+    return dataclasses.replace(chain, hinges=hinge, bodies=body, couplings=coupling)
+
+
+def _between_joints(chain: Chain) -> dict[str, Array]:
+    """Matrices of springs and dampers between joints."""
+    if not len(chain.couplings):
+        return {}
+    K, D = to_matrices(chain.couplings, chain.n).values()
+    return {"stiffnessMatrix": K, "dampingMatrix": D}
 
 
 def _kinematic_tree(chain: Chain, node: Any) -> Any:

@@ -1,8 +1,9 @@
 """MuJoCo, from the exported MJCF.
 
-Springs and dampers are MuJoCo's own, in `qfrc_passive`. A callback adds the smooth Coulomb law c tanh(q̇/w), another
-the drive and a tip wrench that changes, so that every stage of MuJoCo's RK4 sees them. The tip wrench is an external
-force on the massless body `tip`, whose centre is its origin; MuJoCo, too, applies it at every stage.
+Springs and dampers are MuJoCo's own, those between joints fixed tendons, all in `qfrc_passive`. A callback adds the
+smooth Coulomb law c tanh(q̇/w), another the drive and a tip wrench that changes, so that every stage of MuJoCo's RK4
+sees them. The tip wrench is an external force on the massless body `tip`, whose centre is its origin; MuJoCo, too,
+applies it at every stage.
 """
 
 from __future__ import annotations
@@ -21,9 +22,10 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.engines import base, mujoco_reader
+from flexlink.engines import base, couplings, mujoco_reader, mujoco_tendons
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats import to_mjcf
+from flexlink.kernels.layout import COUPLING
 
 Callback = Callable[[Any, Any], None] | None
 _callback_lock = threading.Lock()  # MuJoCo has one set of callbacks per process
@@ -40,6 +42,8 @@ class MujocoEngine:
         Index of the tip's body.
     coulomb, coulomb_width
         As read from the file, shape (n,).
+    couplings
+        Springs and dampers between joints that the file, a URDF, does not specify, of dtype `COUPLING`.
     record
         The arm as MuJoCo has read it.
     """
@@ -74,7 +78,9 @@ class MujocoEngine:
         engine = cls.__new__(cls)
         record = mujoco_reader.read(model, spec)
         if file.format == "urdf":
-            unspecified = frozenset({"gravity", "stiffness", "rest", "armature", "coulomb_width", "autoreset"})
+            unspecified = frozenset(
+                {"gravity", "stiffness", "rest", "armature", "coulomb_width", "autoreset", *couplings.COUPLED_FIELDS}
+            )
             record = dataclasses.replace(record, unspecified=unspecified, integrator="", step=None)
         engine._use(model, record)
         # torques and accelerations at given states are compared; actuators and steps are compared in the record
@@ -86,6 +92,7 @@ class MujocoEngine:
         self.model, self.record, self.data, self.n = model, record, mujoco.MjData(model), model.nv
         self.tip = model.nbody - 1
         self.coulomb, self.coulomb_width = record.coulomb.copy(), record.coulomb_width.copy()
+        self.couplings = np.zeros(0, COUPLING)
 
     def read_back(self) -> ReadBack:
         """The arm as MuJoCo has read it."""
@@ -99,14 +106,17 @@ class MujocoEngine:
             "armature": model.dof_armature, "coulomb_width": self.coulomb_width,
         }  # fmt: skip
         for field, values in fields.items():
-            arrays[field][:] = values
+            if field in arrays:
+                arrays[field][:] = values
+        if couplings.COUPLED_FIELDS.keys() <= fields.keys():
+            self.couplings = couplings.of_matrices(fields)
 
     def neutralize_settings(self) -> None:
         """Disable all that acts beside gravity, springs and dampers."""
+        mujoco_tendons.disable_others(self.model)  # while their limits and friction act
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.model.opt.density = self.model.opt.viscosity = 0
-        for values in (self.model.body_gravcomp, self.model.tendon_stiffness, self.model.tendon_damping):
-            values[:] = 0
+        self.model.body_gravcomp[:] = 0
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by composite rigid bodies (`mj_makeM`, `mj_fullM`)."""
@@ -131,18 +141,19 @@ class MujocoEngine:
     def elastic_torque(self, q: Array) -> Array:
         """T_FL: `qfrc_spring`, which has the opposite sign."""
         self._place(q, np.zeros(self.n))
-        return np.array(-self.data.qfrc_spring)
+        return np.array(self._between("stiffness", q - self.model.qpos_spring) - self.data.qfrc_spring)
 
     def friction_torque(self, qd: Array) -> Array:
         """T_FR: `qfrc_damper`, which has the opposite sign, and the Coulomb law with the file's numbers."""
         self._place(np.zeros(self.n), qd)
-        return np.array(self._coulomb(qd) - self.data.qfrc_damper)
+        return np.array(self._coulomb(qd) + self._between("damping", qd) - self.data.qfrc_damper)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by `mj_forward`."""
         data = self.data
         data.qpos[:], data.qvel[:] = q, qd
-        data.qfrc_applied[:] = tau - self._coulomb(qd)
+        between = self._between("stiffness", q - self.model.qpos_spring) + self._between("damping", qd)
+        data.qfrc_applied[:] = tau - self._coulomb(qd) - between
         data.xfrc_applied[self.tip] = 0.0 if tip_wrench is None else tip_wrench
         with quiet():
             mujoco.mj_forward(self.model, data)
@@ -191,6 +202,10 @@ class MujocoEngine:
     def _coulomb(self, qd: Array) -> Array:
         torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
         return torque
+
+    def _between(self, field: str, φ: Array) -> Array | float:
+        """Torques of springs or dampers between joints that are not in the model."""
+        return couplings.torque(self.couplings, field, φ) if len(self.couplings) else 0.0
 
     def _coulomb_callback(self) -> Callback:
         if not self.coulomb.any():

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from flexlink.common.types import Array, Indices
-from flexlink.engines import mujoco_actuators
+from flexlink.engines import mujoco_actuators, mujoco_tendons
 from flexlink.engines.read_back import ReadBack, merge_bodies, require_hinges
 
 
@@ -27,13 +27,18 @@ def read(model: Any, spec: Any = None) -> ReadBack:
     on = {name: float(_on(model, bit)) for name, bit in (("spring", "SPRING"), ("damper", "DAMPER"))}
     frames = data.xmat.reshape(-1, 3, 3)[model.jnt_bodyid]
     damping, armature = (mujoco_actuators.added(model, name) for name in ("damping", "armature"))
+    own = {
+        "stiffness": _first(model.jnt_stiffness), "damping": _first(model.dof_damping) + damping,
+        "rest": model.qpos_spring.copy(),
+    }  # fmt: skip
+    springs = mujoco_tendons.add_tendons(model, own)
+    for flag, fields in (("spring", ("stiffness", "coupled_stiffness")), ("damper", ("damping", "coupled_damping"))):
+        springs |= {field: on[flag] * springs[field] for field in fields}
     widths = model.jnt_user[:, 0].copy() if model.nuser_jnt else np.ones(model.njnt)
     return ReadBack(
         tuple(_joint(model, k) for k in range(model.njnt)), _parents(model, behind),
         data.xaxis.copy(), data.xanchor.copy(), frames, **bodies, **mujoco_actuators.at_joints(model),
-        stiffness=on["spring"] * _first(model.jnt_stiffness), rest=model.qpos_spring.copy(),
-        damping=on["damper"] * (_first(model.dof_damping) + damping),
-        coulomb=model.dof_frictionloss.copy(), coulomb_width=widths, armature=model.dof_armature + armature,
+        **springs, coulomb=model.dof_frictionloss.copy(), coulomb_width=widths, armature=model.dof_armature + armature,
         gravity=float(_on(model, "GRAVITY")) * model.opt.gravity,
         tip=_tip(model, data), unspecified=frozenset() if model.nuser_jnt else frozenset({"coulomb_width"}),
         settings=dict(_active_settings(model)) | dict(_changing_settings(model, spec)),
@@ -90,8 +95,8 @@ def _active_settings(model: Any) -> Iterator[tuple[str, str]]:
         yield "fluid", f"density {opt.density:g}, viscosity {opt.viscosity:g}"
     if others := list(mujoco_actuators.others(model)):
         yield "other actuators", ", ".join(others)
-    if model.ntendon and (model.tendon_stiffness.any() or model.tendon_damping.any()):
-        yield "tendons", f"{model.ntendon}"
+    if tendons := [mujoco_tendons.name_of(model, number) for number in mujoco_tendons.others(model)]:
+        yield "tendons", ", ".join(map(repr, tendons[:3])) + " …" * (len(tendons) > 3)
     if _on(model, "AUTORESET"):
         yield "autoreset", ""
 
@@ -125,6 +130,8 @@ def _changing_settings(model: Any, spec: Any) -> Iterator[tuple[str, str]]:
         yield "no dampers", ""
     if model.qpos0.any():
         yield "ref", ""
+    if mujoco_tendons.slack_elsewhere(model):
+        yield "springlength", ""
     if spec is None:
         return
     if any(np.any(joint.springdamper) for joint in spec.joints):

@@ -1,7 +1,8 @@
 """Pinocchio, from the exported URDF.
 
-Pinocchio has no springs, and its `aba` ignores damping and dry friction: −T_FL − T_FR join the joint torques. The
-armature is in its M, its recursive Newton-Euler and its `aba` alike, but not in URDF, so it is read from our element.
+Pinocchio has no springs, and its `aba` ignores damping and dry friction: −T_FL − T_FR, computed by us, join the joint
+torques, those of springs and dampers between joints included. The armature is in its M, its recursive Newton-Euler and
+its `aba` alike, but not in URDF, so it is read from our element.
 
 Joints whose motion is prescribed, p, leave the rows of the others, f, to be solved (Featherstone 2008, section 9.2):
 
@@ -24,7 +25,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.engines import pinocchio_reader
+from flexlink.engines import couplings, pinocchio_reader
 from flexlink.engines.base import (
     ForeignFile,
     Samples,
@@ -54,6 +55,8 @@ class PinocchioEngine:
         Index of the tip's frame.
     stiffness, rest, damping, coulomb, coulomb_width, gear
         As read from the file, shape (n,).
+    couplings
+        Springs and dampers between joints, of dtype `COUPLING`, as read from our own elements.
     unspecified
         Fields of `ReadBack` that the file does not specify.
     prescribed
@@ -109,7 +112,9 @@ class PinocchioEngine:
         self.damping, self.coulomb = np.array(model.damping), np.array(model.friction)
         self.gear = pinocchio_reader.transmissions(robot, model.names[1:])
         gravity = robot.find("flexlink")
-        self.unspecified = frozenset() if any(e is not None for e in elements) else frozenset(NOT_IN_URDF)
+        self.couplings = couplings.of_elements(robot.findall("flexlink/coupling"), model.names[1:])
+        plain = all(element is None for element in elements)
+        self.unspecified = frozenset((*NOT_IN_URDF, *couplings.COUPLED_FIELDS) if plain else ())
         if gravity is None:
             self.unspecified |= {"gravity"}
         else:
@@ -120,7 +125,7 @@ class PinocchioEngine:
     def read_back(self) -> ReadBack:
         """The arm as Pinocchio has read it, with springs of our own elements and the transmissions of the file."""
         own = {name: getattr(self, name) for name in ("stiffness", "rest", "coulomb_width", "gear")}
-        return pinocchio_reader.read(self.model, own, self.unspecified)
+        return pinocchio_reader.read(self.model, own | couplings.to_matrices(self.couplings, self.n), self.unspecified)
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
         """Set fields of `ReadBack` that the file does not specify."""
@@ -129,8 +134,10 @@ class PinocchioEngine:
                 self.model.gravity.linear = values
             elif field == "armature":
                 self.model.armature = values
-            else:
+            elif field not in couplings.COUPLED_FIELDS:
                 setattr(self, field, np.array(values))
+        if couplings.COUPLED_FIELDS.keys() <= fields.keys():
+            self.couplings = couplings.of_matrices(fields)
 
     def neutralize_settings(self) -> None:
         """Nothing to do: Pinocchio has no such settings."""
@@ -149,11 +156,16 @@ class PinocchioEngine:
 
     def elastic_torque(self, q: Array) -> Array:
         """T_FL, from the springs in the file."""
-        return self.stiffness * (q - self.rest)
+        torque: Array = self.stiffness * (q - self.rest)
+        if len(self.couplings):
+            torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
+        return torque
 
     def friction_torque(self, qd: Array) -> Array:
         """T_FR, from the damping and dry friction in the file."""
         torque: Array = self.damping * qd
+        if len(self.couplings):
+            torque += couplings.torque(self.couplings, "damping", qd)
         if self.coulomb.any():
             torque += self.coulomb * np.tanh(qd / self.coulomb_width)
         return torque

@@ -17,6 +17,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import frames
+from flexlink.engines.couplings import COUPLED_FIELDS, of_matrices, to_matrices
 from flexlink.kernels.layout import BODY
 
 Indices = NDArray[np.intp]
@@ -54,6 +55,9 @@ class ReadBack:
         The inertias body by body.
     stiffness, rest, damping, coulomb, coulomb_width, armature
         As in `HINGE`, shape (n,); 0 where a setting disables springs or dampers.
+    coupled_stiffness, coupled_damping
+        K_ij [N m/rad] and D_ij [N m s/rad] of springs and dampers between two joints, symmetric, 0 on the diagonal,
+        shape (n, n).
     gear
         Torque of a motor for a command of 1 [N m], or angle of a servo for a command of 1 [rad]; 0: no actuator, (n,).
     servo_stiffness, servo_damping, constant_torque
@@ -89,6 +93,8 @@ class ReadBack:
     coulomb: Array
     coulomb_width: Array
     armature: Array
+    coupled_stiffness: Array
+    coupled_damping: Array
     gear: Array
     servo_stiffness: Array
     servo_damping: Array
@@ -118,13 +124,13 @@ class ReadBack:
         ArgumentError
             A number is not finite, or an axis is not a unit vector; the message names the joint.
         """
-        for field in (*AXIS_FIELDS, *BODY_FIELDS, *JOINT_FIELDS, *ACTUATOR_FIELDS[:-1]):
+        for field in (*AXIS_FIELDS, *BODY_FIELDS, *JOINT_FIELDS, *COUPLED_FIELDS, *ACTUATOR_FIELDS[:-1]):
             rows = getattr(self, field).reshape(self.n, -1)
             bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
             if len(bad):
-                raise ArgumentError(
-                    f"{field} of joint {self.names[bad[0]]!r}: the engine read {rows[bad[0]]}; must be finite"
-                )
+                values = rows[bad[0]]
+                shown = values[~np.isfinite(values)][0] if field in COUPLED_FIELDS else values
+                raise ArgumentError(f"{field} of joint {self.names[bad[0]]!r}: the engine read {shown}; must be finite")
         if np.isnan(self.effort).any():
             k = int(np.flatnonzero(np.isnan(self.effort).any(axis=1))[0])
             raise ArgumentError(
@@ -207,6 +213,7 @@ def of_chain(chain: Chain) -> ReadBack:
         owner, bodies["mass"], p + np.einsum("bij,bj->bi", R, bodies["center"]), R @ bodies["inertia"] @ R.mT, points
     )
     own: dict[str, Any] = {field: np.array(chain.hinges[field]) for field in JOINT_FIELDS}
+    own |= to_matrices(chain.couplings, chain.n)
     return ReadBack(
         chain.joint_names, np.arange(chain.n) - 1, np.array(chain.axes), points, np.repeat(R, counts, axis=0), **placed,
         **own, **no_actuators(chain.n), gravity=np.array(chain.gravity), tip=p[-1],
@@ -231,7 +238,8 @@ def to_chain(read: ReadBack, like: Chain) -> Chain:
     hinges["axis"] = 2
     for field in JOINT_FIELDS:
         hinges[field] = getattr(read, field)
-    return dataclasses.replace(like, bodies=bodies, hinges=hinges, gravity=read.gravity.copy())
+    couplings = of_matrices({field: getattr(read, field) for field in COUPLED_FIELDS})
+    return dataclasses.replace(like, bodies=bodies, hinges=hinges, gravity=read.gravity.copy(), couplings=couplings)
 
 
 def _frame(axis: Array) -> Array:

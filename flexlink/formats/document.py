@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
@@ -43,6 +43,12 @@ def own_values(chain: Chain, k: int, standard: Iterable[str]) -> dict[str, str]:
     hinge = chain.hinges[k]
     numbers = {name: decimals([hinge[name]]) for name in chain.hinges.dtype.names or () if name not in standard}
     return numbers | {"coordinate": " ".join(map(str, chain.coordinates[k]))}
+
+
+def couplings(chain: Chain, joints: Sequence[str]) -> Iterator[dict[str, str]]:
+    """Attributes of our own element of a spring between two hinges, by the names of their joints."""
+    for i, j, k, d in chain.couplings.tolist():
+        yield {"inner": joints[i], "outer": joints[j], "stiffness": decimals([k]), "damping": decimals([d])}
 
 
 def limits(hinge: np.void) -> dict[str, str]:

@@ -37,6 +37,7 @@ def _features() -> dict[str, Feature]:
     return {
         "gravity": feature(lambda scene, _: any(scene.gravity), urdf=ignored),
         "springs": feature(lambda _, chain: bool(chain.stiffness.any()), urdf=ignored),
+        "springs between hinges": feature(lambda _, chain: len(chain.couplings) > 0, urdf=ignored, sdf=ignored),
         "rotor inertia": feature(
             lambda _, chain: bool(chain.hinges["armature"].any()),
             urdf=ignored, sdf="in drake:rotor_inertia, which only Drake reads",

@@ -7,8 +7,10 @@ motion is the same.
 MuJoCo's dry friction is a constraint, which is disabled; `frictionloss` only stores the Coulomb torque c, and the first
 `user` number of a joint the width w of c tanh(q̇/w). A program that runs the file must add that torque.
 
+Springs and dampers between hinges are fixed tendons, see `tendons`.
+
 What MJCF rounds or cannot represent is in `user` numbers of the joints, named by the text `flexlink.user`, and in
-custom numbers: placements that are rotated or merged, inertias that are not diagonal.
+custom numbers: placements that are rotated or merged, inertias that are not diagonal, K_ii and D_ii of coupled springs.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import math
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_bool, require_type, sequence, vector
 from flexlink.chain.chain import Chain, Coordinate
@@ -42,6 +44,7 @@ from flexlink.formats.document import (
     xml_link_names,
 )
 from flexlink.formats.principal import principal_axes
+from flexlink.formats.tendons import SHARED, add_tendons, left_to_joints
 from flexlink.kernels.layout import HINGE
 
 JOINT_ATTRIBUTES = {
@@ -78,7 +81,8 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     ------
     ArgumentError
         The chain has more bodies than MuJoCo's parser can nest, its last joints move no mass, or MuJoCo refuses the
-        mass or inertia of a segment; `initial` has the wrong shape.
+        mass or inertia of a segment; springs of a joint to others of its cell are stiffer together than its own;
+        `initial` has the wrong shape.
     SingularMassError
         A coordinate moves no inertia of its own.
 
@@ -113,6 +117,7 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
             ET.SubElement(asset, "material", name=name, rgba=rgba)
     _bodies(ET.SubElement(root, "worldbody"), chain, own, shapes)
     joints = xml_joint_names(chain)
+    add_tendons(root, chain, joints)
     motors = ET.SubElement(root, "actuator")
     for k in chain.active:
         ET.SubElement(motors, "motor", name=joints[k], joint=joints[k])
@@ -125,6 +130,9 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
 def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
     """Bodies and tip, nested; `own` gets the exact values of what MJCF rounds."""
     joints, links, shown = xml_joint_names(chain), xml_link_names(chain), list(capsules(chain))
+    hinges = _beside_tendons(chain)
+    for k in sorted({*chain.couplings["inner"].tolist(), *chain.couplings["outer"].tolist()}):
+        _exact(own, f"springs.{joints[k]}", *(chain.hinges[k][field] for field in SHARED))
     frame, waiting = HERE, list[_Hinge]()
     for b, body in enumerate(chain.bodies[:-1]):
         place, name = Pose(body["rotation"], body["translation"]), links[body["stop"]]
@@ -143,7 +151,7 @@ def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> 
             if not np.array_equal(I := body["inertia"], np.diag(moments)):
                 _exact(own, f"inertia.{joints[body['stop'] - 1]}", *(I[place] for place in UPPER_TRIANGLE.values()))
             for hinge in waiting:
-                hinge.write(parent, joints[hinge.k], chain)
+                hinge.write(parent, joints[hinge.k], hinges[hinge.k], chain.coordinates[hinge.k])
             _shape(parent, shown[b] if shapes else None)
             frame, waiting = HERE, []
     if waiting:
@@ -201,13 +209,23 @@ class _Hinge:
         """The same hinge in the axes of the next body."""
         return _Hinge(self.k, product(frame.R.T, self.axis), product(frame.R.T, self.pos - frame.p))
 
-    def write(self, body: ET.Element, name: str, chain: Chain) -> None:
+    def write(self, body: ET.Element, name: str, hinge: np.void, coordinate: Coordinate) -> None:
         placed = {"axis": decimals(self.axis), "pos": decimals(self.pos)}
-        numbers = {key: decimals([chain.hinges[self.k][field]]) for key, field in JOINT_ATTRIBUTES.items()}
-        own = {"user": decimals([*(chain.hinges[self.k][field] for field in USER_FIELDS), *chain.coordinates[self.k]])}
-        if ends := limits(chain.hinges[self.k]):  # written, but not enforced
+        numbers = {key: decimals([hinge[field]]) for key, field in JOINT_ATTRIBUTES.items()}
+        own = {"user": decimals([*(hinge[field] for field in USER_FIELDS), *coordinate])}
+        if ends := limits(hinge):  # written, but not enforced
             own |= {"range": " ".join((WIDE | ends).values()), "limited": "false"}
         ET.SubElement(body, "joint", {"name": name, "type": "hinge"} | placed | numbers | own)
+
+
+def _beside_tendons(chain: Chain) -> NDArray[np.void]:
+    """The hinges with what tendons leave of their springs and dampers."""
+    if not len(chain.couplings):
+        return chain.hinges
+    hinges = chain.hinges.copy()
+    for field in SHARED:
+        hinges[field] = left_to_joints(chain, field)
+    return hinges
 
 
 def _body(parent: ET.Element, name: str, frame: Pose) -> ET.Element:

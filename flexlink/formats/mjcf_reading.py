@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree as ET
 
@@ -11,7 +12,18 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.rotation import matrix_from_quaternion
 from flexlink.common.types import Array
 from flexlink.formats.mjcf import JOINT_ATTRIBUTES, USER_FIELDS, to_mjcf
-from flexlink.formats.reading import ROUNDING, Hinge, Node, chain_of, coordinate, inertia_matrix, limits_of, read
+from flexlink.formats.reading import (
+    ROUNDING,
+    Coupled,
+    Hinge,
+    Node,
+    chain_of,
+    coordinate,
+    inertia_matrix,
+    limits_of,
+    read,
+)
+from flexlink.formats.tendons import SHARED
 
 
 def read_mjcf(text: str | bytes, *, what: str = "the MJCF") -> Chain:
@@ -38,8 +50,17 @@ def _chain(root: Node) -> Chain:
         hinges += [_read_hinge(joint, body, own, links) for joint in joints[:-1]]
         hinges.append(_read_hinge(joints[-1], body, own, links)._replace(body=_read_body(body, joints[-1], own)))
         body = body.one("body")
-    gravity = root.one("option").numbers(3, "gravity")
-    return chain_of(root, root.attribute("model"), gravity, links, hinges, _read_place(body, own.get("flexlink.tip")))
+    gravity, tip = root.one("option").numbers(3, "gravity"), _read_place(body, own.get("flexlink.tip"))
+    coupled = [_read_tendon(tendon) for tendon in root.all("tendon/fixed")]
+    return chain_of(root, root.attribute("model"), gravity, links, hinges, tip, coupled)
+
+
+def _read_tendon(tendon: Node) -> Coupled:
+    ends = tendon.all("joint")
+    if len(ends) != 2:
+        raise tendon.error(f"{len(ends)} joints: expected 2")
+    (inner, outer), product = (end.attribute("joint") for end in ends), math.prod(end.number("coef") for end in ends)
+    return Coupled(tendon, inner, outer, product * tendon.number("stiffness"), product * tendon.number("damping"))
 
 
 def _read_hinge(joint: Node, body: Node, own: Mapping[str, Node], links: Sequence[str]) -> Hinge:
@@ -47,6 +68,8 @@ def _read_hinge(joint: Node, body: Node, own: Mapping[str, Node], links: Sequenc
     numbers = dict(zip(USER_FIELDS, user, strict=True)) | {
         field: joint.number(key) for key, field in JOINT_ATTRIBUTES.items()
     }
+    if whole := own.get(f"flexlink.springs.{joint.attribute('name')}"):  # of which the joint has a part
+        numbers |= dict(zip(SHARED, whole.numbers(len(SHARED), "data"), strict=True))
     numbers |= limits_of(*(joint.numbers(2, "range") if "range" in joint.element.attrib else (-np.inf, np.inf)))
     if numbers["axis"] not in {0, 1, 2}:
         raise joint.error(f"axis {numbers['axis']} in user: must be 0, 1 or 2")

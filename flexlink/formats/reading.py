@@ -10,18 +10,20 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.safe_xml import numbers_of, parse
 from flexlink.common.types import Array
 from flexlink.formats.document import UPPER_TRIANGLE, WIDE
-from flexlink.kernels.layout import BODY, HINGE
+from flexlink.kernels.layout import BODY, COUPLING, HINGE
 
 ROUNDING = 1e-14  # of angles and quaternions, which depends on the machine's mathematical library
 NO_BODY = 0.0, np.zeros(3), np.zeros((3, 3))
@@ -119,6 +121,22 @@ class Hinge(NamedTuple):
         return before.body is None and before.coordinate[:2] == self.coordinate[:2]
 
 
+class Coupled(NamedTuple):
+    """A spring and a damper between two joints of a file: its names of them, K_ij and D_ij."""
+
+    node: Node
+    inner: str
+    outer: str
+    stiffness: float
+    damping: float
+
+
+def coupling_of(node: Node) -> Coupled:
+    """What an element of our own says, as `document.couplings` writes it."""
+    ends = node.attribute("inner"), node.attribute("outer")
+    return Coupled(node, *ends, node.number("stiffness"), node.number("damping"))
+
+
 def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Coordinate:
     """The three indices of a hinge."""
     link, segment, axis = (int(number) if number == int(number) else -1 for number in numbers)
@@ -143,14 +161,15 @@ def inertia_matrix(moments: Sequence[float]) -> Array:
 
 def chain_of(
     root: Node, name: str, gravity: Sequence[float], links: tuple[str, ...], hinges: Sequence[Hinge],
-    tip: tuple[Array, Array],
+    tip: tuple[Array, Array], coupled: Iterable[Coupled] = (),
 ) -> Chain:  # fmt: skip
-    """The chain of the hinges and of the placement of the tip.
+    """The chain of the hinges, of the placement of the tip, and of springs between hinges.
 
     Raises
     ------
     DataFileError
-        There is no hinge, two hinges have the same coordinate, or a mass, moment, spring or damper is negative.
+        There is no hinge, two hinges have the same coordinate, a mass, moment, spring or damper is negative, or springs
+        between hinges are stiffer than those of the hinges.
     """
     if not hinges:
         raise root.error("no movable joint")
@@ -174,7 +193,31 @@ def chain_of(
         gravity=np.array(gravity),
         coordinates=coordinates,
         link_names=links,
+        couplings=_couplings(coupled, hinges),
     )
+
+
+def _couplings(coupled: Iterable[Coupled], hinges: Sequence[Hinge]) -> NDArray[np.void]:
+    """Records of dtype `COUPLING`; what a file says of the same two joints at several places is added."""
+    number = {hinge.node.attribute("name"): k for k, hinge in enumerate(hinges)}
+    found: dict[tuple[int, int], tuple[float, float]] = {}
+    for one in coupled:
+        for name in (one.inner, one.outer):
+            if name not in number:
+                raise one.node.error(f"joint {name[:60]!r}: no such joint")
+        pair = i, j = number[one.inner], number[one.outer]
+        if i >= j:
+            raise one.node.error(f"joint {one.outer[:60]!r} must follow {one.inner[:60]!r}")
+        k, d = found.get(pair, (0.0, 0.0))
+        found[pair] = constants = k + one.stiffness, d + one.damping
+        for field, value in zip(("stiffness", "damping"), constants, strict=True):
+            most = math.sqrt(hinges[i].numbers[field]) * math.sqrt(hinges[j].numbers[field])
+            if abs(value) > most * (1 + ROUNDING):
+                raise one.node.error(
+                    f"{field} = {value!r} between joints {one.inner[:60]!r} and {one.outer[:60]!r}: must not exceed "
+                    f"{most!r}, the geometric mean of theirs"
+                )
+    return np.array([(*pair, *constants) for pair, constants in found.items()], dtype=COUPLING)
 
 
 def _turned(rotation: Array) -> int:

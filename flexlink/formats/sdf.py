@@ -5,7 +5,8 @@ with several axes (`universal`, `ball`) are not used: Drake drops their springs 
 
 Drake reads rotors as `drake:rotor_inertia`, and only if the joint has an actuator: driven joints and those with a rotor
 have one, all others an effort of 0. It ignores the world's gravity and dry friction. What SDFormat cannot represent is
-in attributes `flexlink:…`, which parsers ignore without a warning.
+in attributes `flexlink:…`, and springs and dampers between two joints in elements `<flexlink:coupling>` of the tip's
+frame, which parsers ignore without a warning, Drake nowhere else in a model.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from flexlink.common.types import Array
 from flexlink.formats.capsules import Capsule, capsule_behind
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
+    couplings,
     decimals,
     limits,
     links_text,
@@ -87,7 +89,10 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
         _joint(model, chain, k, joints[k], (parent, links[k]))
         parent = links[k]
     end = chain.bodies[-1]
-    _pose(ET.SubElement(model, "frame", name=tip, attached_to=parent), end["translation"], end["rotation"], {})
+    frame = ET.SubElement(model, "frame", name=tip, attached_to=parent)
+    _pose(frame, end["translation"], end["rotation"], {})
+    for coupling in couplings(chain, joints):
+        ET.SubElement(frame, "flexlink:coupling", coupling)
     return text(sdf)
 
 

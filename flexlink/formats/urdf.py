@@ -1,7 +1,8 @@
 """Chain → URDF: one link and one revolute joint per coordinate; all but the last link at a point are massless.
 
 URDF has no springs. What it cannot represent is in elements of our own, which parsers ignore: `<flexlink>` in the robot
-(gravity, names of the arm's links) and in each joint (stiffness, rest, coulomb_width, armature, …, and the coordinate).
+(gravity, names of the arm's links; in it `<coupling>` for each spring and damper between two joints) and in each joint
+(stiffness, rest, coulomb_width, armature, …, and the coordinate).
 Viscous damping and Coulomb torque are the standard `<dynamics damping friction>`.
 """
 
@@ -19,6 +20,7 @@ from flexlink.formats.capsules import Capsule, capsule_behind, colours
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
     WIDE,
+    couplings,
     decimals,
     limits,
     links_text,
@@ -69,7 +71,9 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     require_type("chain", chain, Chain)
     joints, links = xml_joint_names(chain), xml_link_names(chain)
     robot = ET.Element("robot", name=valid(chain.name))
-    ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=links_text(chain))
+    own = ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=links_text(chain))
+    for coupling in couplings(chain, joints):
+        ET.SubElement(own, "coupling", coupling)
     if require_bool("shapes", shapes):
         for name, rgba in colours(chain):
             ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=rgba)

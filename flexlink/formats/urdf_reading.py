@@ -9,7 +9,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.formats.document import UPPER_TRIANGLE
-from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, inertia_matrix, limits_of, read
+from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, coupling_of, inertia_matrix, limits_of, read
 from flexlink.formats.urdf import DYNAMICS, STANDARD_FIELDS, to_urdf
 from flexlink.kernels.layout import HINGE
 
@@ -43,7 +43,8 @@ def _chain(robot: Node) -> Chain:
     bodies = {link.attribute("name"): link for link in robot.all("link")}
     hinges = [_read_hinge(joint, bodies, links) for joint in robot.all("joint[@type='revolute']")]
     tip = _read_place(robot.one("joint[@type='fixed']"))
-    return chain_of(robot, robot.attribute("name"), own.numbers(3, "gravity"), links, hinges, tip)
+    coupled = [coupling_of(one) for one in own.all("coupling")]
+    return chain_of(robot, robot.attribute("name"), own.numbers(3, "gravity"), links, hinges, tip, coupled)
 
 
 def _read_place(joint: Node) -> tuple[Array, Array]:

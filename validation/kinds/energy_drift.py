@@ -54,8 +54,8 @@ def released_modes(scene: Scene) -> tuple[Array, Array]:
     """Frequencies ω [rad/s] of the elastic modes at the start, and the energy E [J] that the release gives each."""
     chain = lump(scene)
     q, _ = initial_state(scene, chain)
-    squares, Φ = linalg.eigh(np.diag(chain.stiffness), mass_matrix(chain, q))  # Φᵀ M Φ = 1
-    force = Φ.T @ (gravity_torque(chain, q) + chain.stiffness * (q - chain.rest))
+    squares, Φ = linalg.eigh(chain.matrix("stiffness"), mass_matrix(chain, q))  # Φᵀ M Φ = 1
+    force = Φ.T @ (gravity_torque(chain, q) + chain.times("stiffness", q - chain.rest))
     elastic = squares > 1e-9 * squares.max()  # the others are rigid: ω² is rounding
     ω: Array = np.sqrt(squares[elastic])
     return ω, 0.5 * force[elastic] ** 2 / ω**2

@@ -87,7 +87,7 @@ def _springs(case: Case, settings: Settings) -> Iterator[Measured]:
     for scene in case.load_scenes():
         chain = fl.lump(scene.varied({"gravity": [0.0, 0.0, 0.0]}))
         q, rest = _postures(chain, settings), np.zeros(chain.n)
-        springs = chain.stiffness * (q - chain.rest)
+        springs = chain.times("stiffness", q - chain.rest)
         bias = fl.bias_torque(chain, q, rest)
         whole = bias + fl.elastic_torque(chain, q) + fl.friction_torque(chain, rest)
         size = np.abs(springs).max()

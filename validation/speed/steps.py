@@ -63,8 +63,11 @@ def by_pinocchio(scene: Scene) -> Work:
     chain, h = lump(scene), scene.run.fixed_step
     engine = PinocchioEngine(chain)
     model, data, k, d = engine.model, engine.data, engine.stiffness, engine.damping
-    if scene.drive.kind != "none" or scene.motion or scene.tip_wrench.any() or engine.coulomb.any():
-        raise FlexlinkError(f"{scene.name}: only a fall without drive, wrench and dry friction is timed in Pinocchio")
+    more = engine.coulomb.any() or len(engine.couplings)
+    if scene.drive.kind != "none" or scene.motion or scene.tip_wrench.any() or more:
+        raise FlexlinkError(
+            f"{scene.name}: only a fall without drive, wrench, dry friction and cells is timed in Pinocchio"
+        )
     start, rest = initial_state(scene, chain), k * engine.rest
 
     def acceleration(q: Array, qd: Array) -> Array:

@@ -28,7 +28,7 @@ from flexlink.kernels.derivatives.forward_derivatives import (
     keep_prescribed,
 )
 from flexlink.kernels.derivatives.inverse_derivatives import keep_columns
-from flexlink.kernels.forward.mass_plus_diagonal_plane import PlanePosture, turn_levers
+from flexlink.kernels.forward.mass_plus_diagonal_plane import PlanePosture, levers_alone, turn_levers
 from flexlink.kernels.forward.solvers import forward_dynamics
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.finite import are_finite, is_finite
@@ -62,7 +62,7 @@ def planar_derivatives(bodies, hinges, gravity, couplings, wrench, q, qd, tau, f
     n, planar = len(q), planar_workspace(bodies, hinges, gravity, couplings)
     qdd, levers, lanes = np.zeros(n), np.empty((2, n, 2)), np.empty((6, n, LANES))
     forward_dynamics(wrench, q, qd, tau.copy(), qdd, planar)
-    posture = PlanePosture(planar.links, planar.prescribed, planar.trig, levers[0], levers[1], np.empty(0, np.int64))
+    posture = levers_alone(planar, levers)
     weights = np.zeros((2, LANES + 1, LANES))
     work = PlanarDerivativesWork(posture, np.empty((n, ROW.size)), weights[0], weights[1], lanes[:3], lanes[3:])
     differentiate(planar.base, wrench, qd, work)
@@ -250,7 +250,7 @@ def planar_derivatives_of_many(hinges, couplings, planar, wrench, q, qd, tau, fo
     n, finite = len(hinges), True
     state, acting, levers = np.empty((4, n, LANES)), np.empty((6, LANES)), np.empty((2, n, 2, LANES))
     lanes = np.zeros((6, n, LANES))
-    posture = PlanePosture(planar.links, planar.prescribed, planar.trig, levers[0], levers[1], np.empty(0, np.int64))
+    posture = levers_alone(planar, levers)
     work = PlanarDerivativesWork(posture, np.empty((n, ROW.size, LANES)), None, None, lanes[:3], lanes[3:])
     for start in range(0, len(q), LANES):
         put_lanes(wrench, start, acting)

@@ -43,7 +43,7 @@ def follow_equilibria(chain, held, free, angles, q, postures):
                 last = math.inf
             if not known or correction == most:
                 return row
-            add_couplings(chain, q, zero, torque)
+            add_couplings(chain.couplings, chain.hinges, q, zero, torque)
             for i in range(f):
                 hinge = chain.hinges[free[i]]
                 x[i] = torque[free[i]] + hinge.stiffness * (q[free[i]] - hinge.rest)

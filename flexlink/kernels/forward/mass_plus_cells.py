@@ -1,5 +1,7 @@
 """Where A of cells of coupled springs stands beside the factors of a hinge, for a plane and for space alike."""
 
+import numpy as np
+
 from flexlink.kernels.tools.compiler import kernel, subroutine
 from flexlink.kernels.tools.numbered import numbered
 
@@ -19,16 +21,23 @@ def columns(first):
     return COUPLED.L + longest
 
 
-@subroutine
-def put_couplings(u, v, couplings, factors, first):
-    """A_kj = u D_kj + v K_kj of every two hinges of a cell."""
-    for k in range(len(first)):
-        for j in range(COUPLED.L, factors.shape[1]):
-            factors[k, j] = 0.0
+@kernel
+def rows_beside(first, couplings):
+    """K_kj and D_kj of every hinge k and those before it in its cell, (n, w, 2), for `put_couplings`."""
+    rows = np.zeros((len(first), columns(first) - COUPLED.L, 2)) if len(first) > 0 else np.zeros((0, 0, 2))
     for c in range(len(couplings)):
         pair = couplings[c]
-        place = COUPLED.L + pair.inner - first[pair.outer]
-        factors[pair.outer, place] = u * pair.damping + v * pair.stiffness
+        row = rows[pair.outer, pair.inner - first[pair.outer]]
+        row[0], row[1] = row[0] + pair.stiffness, row[1] + pair.damping
+    return rows
+
+
+@subroutine
+def put_couplings(u, v, beside, factors):
+    """A_kj = u D_kj + v K_kj of every two hinges of a cell, from `rows_beside`."""
+    for k in range(beside.shape[0]):
+        for j in range(beside.shape[1]):
+            factors[k, COUPLED.L + j] = u * beside[k, j, 1] + v * beside[k, j, 0]
 
 
 @subroutine

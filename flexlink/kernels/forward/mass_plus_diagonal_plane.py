@@ -16,6 +16,7 @@ import numpy as np
 
 from flexlink.kernels.bodies.couplings import cells_of
 from flexlink.kernels.bodies.plane import LINK, cos_sin_less_turns, planar_workspace
+from flexlink.kernels.forward.mass_plus_cells import rows_beside
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.lanes import at, put_at
 from flexlink.kernels.tools.numbered import numbered
@@ -33,14 +34,15 @@ class PlanePosture(NamedTuple):
     d: Any  # (n, 2) r turned by 90°
     h: Any  # (n, 2) m c turned by 90°
     first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings
+    beside: Any  # (n, w, 2) K and D of those before it in its cell
 
 
 @kernel
 def plane_posture(bodies, hinges, gravity, couplings):
     """Scratch of a planar chain."""
     n, work = len(hinges), planar_workspace(bodies, hinges, gravity, couplings)
-    levers = np.zeros((n, 2)), np.zeros((n, 2))
-    return PlanePosture(work.links, work.prescribed, work.trig, levers[0], levers[1], cells_of(n, couplings))
+    d, h, first = np.zeros((n, 2)), np.zeros((n, 2)), cells_of(n, couplings)
+    return PlanePosture(work.links, work.prescribed, work.trig, d, h, first, rows_beside(first, couplings))
 
 
 @kernel
@@ -48,14 +50,21 @@ def plane_postures(s, posture):
     """Scratch of `s` postures of the same chain, whose arrays have a leading dimension (s,)."""
     n = len(posture.d)
     trig, d, h = np.zeros((s, 3, n)), np.zeros((s, n, 2)), np.zeros((s, n, 2))
-    return PlanePosture(posture.links, posture.prescribed, trig, d, h, posture.first)
+    return PlanePosture(posture.links, posture.prescribed, trig, d, h, posture.first, posture.beside)
+
+
+@kernel
+def levers_alone(planar, levers):
+    """A posture on scratch of `planar`, of one state or of eight, for those who take d and h alone."""
+    links, prescribed, trig = planar.links, planar.prescribed, planar.trig
+    return PlanePosture(links, prescribed, trig, levers[0], levers[1], np.empty(0, np.int64), np.empty((0, 0, 2)))
 
 
 @recursion
 def plane_posture_of(i, postures):
     """Posture `i` of several, whose arrays have a leading dimension."""
     trig, d, h = postures.trig[i], postures.d[i], postures.h[i]
-    return PlanePosture(postures.links, postures.prescribed, trig, d, h, postures.first)
+    return PlanePosture(postures.links, postures.prescribed, trig, d, h, postures.first, postures.beside)
 
 
 @recursion

@@ -16,6 +16,7 @@ import numpy as np
 from flexlink.kernels.bodies.couplings import cells_of
 from flexlink.kernels.forward.articulated_layout import LAYOUT
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, articulated_workspace, axes_of, inertia_of
+from flexlink.kernels.forward.mass_plus_cells import rows_beside
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
@@ -39,15 +40,18 @@ class SpacePosture(NamedTuple):
     moments: Any  # (bodies, 3) m c
     inertias: Any  # (bodies, 6) about the hinge point
     first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings
+    beside: Any  # (n, w, 2) K and D of those before it in its cell
 
 
 @kernel
 def space_posture(bodies, hinges, gravity, couplings):
     """Scratch of a chain in space."""
     n, m, work = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, couplings)
+    first = cells_of(n, couplings)
     return SpacePosture(
         work.layout, work.axes, work.bodies, work.prescribed, work.trig,
-        np.zeros((n, 3)), np.zeros((m, 3)), np.zeros((m, 3)), np.zeros((m, 6)), cells_of(n, couplings),
+        np.zeros((n, 3)), np.zeros((m, 3)), np.zeros((m, 3)), np.zeros((m, 6)),
+        first, rows_beside(first, couplings),
     )  # fmt: skip
 
 
@@ -57,7 +61,8 @@ def space_postures(s, posture):
     n, m = len(posture.e), len(posture.r)
     return SpacePosture(
         posture.layout, posture.axes, posture.rows, posture.prescribed, np.zeros((s, 3, n)),
-        np.zeros((s, n, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 6)), posture.first,
+        np.zeros((s, n, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 6)),
+        posture.first, posture.beside,
     )  # fmt: skip
 
 
@@ -66,7 +71,8 @@ def space_posture_of(i, postures):
     """Posture `i` of several, whose arrays have a leading dimension."""
     return SpacePosture(
         postures.layout, postures.axes, postures.rows, postures.prescribed, postures.trig[i],
-        postures.e[i], postures.r[i], postures.moments[i], postures.inertias[i], postures.first,
+        postures.e[i], postures.r[i], postures.moments[i], postures.inertias[i],
+        postures.first, postures.beside,
     )  # fmt: skip
 
 

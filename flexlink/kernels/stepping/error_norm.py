@@ -84,7 +84,7 @@ def displace(τ, e_v, work):
         held = implicit_rotor(τ, k, work)
         factors[k, FACTORS.A], r[k] = work.chain.hinges[k].armature + held, -τ * held * e_v[k]
     if len(work.posture.first) > 0:
-        put_couplings(τ, τ * τ, work.chain.couplings, factors, work.posture.first)
+        put_couplings(τ, τ * τ, work.posture.beside, factors)
         add_products(-τ * τ, -τ * τ * τ, work.chain.couplings, e_v, r)
     factor(factors, work.posture)
     solve(factors, r, δ, work.posture)
@@ -100,7 +100,7 @@ def impulse_norm(τ, e_v, work):
         factors[k, FACTORS.A] = work.chain.hinges[k].armature + implicit_rotor(τ, k, work)
         r[k] = τ * work.springs.impulse[k] * e_v[k]
     if len(work.posture.first) > 0:
-        put_couplings(τ, τ * τ, work.chain.couplings, factors, work.posture.first)
+        put_couplings(τ, τ * τ, work.posture.beside, factors)
     factor(factors, work.posture)
     solve(factors, r, δ, work.posture)
     return displacement(δ, work.posture)

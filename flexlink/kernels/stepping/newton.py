@@ -65,7 +65,7 @@ def shift_rotors(z, rates, factors, work):
         held = slope(work, k, rates[k]) + z * (hinge.stiffness + work.springs.kp[k])
         factors[k, FACTORS.A] = hinge.armature + z * held
     if len(work.posture.first) > 0:
-        put_couplings(z, z * z, work.chain.couplings, factors, work.posture.first)
+        put_couplings(z, z * z, work.posture.beside, factors)
 
 
 @recursion
@@ -104,7 +104,7 @@ def factor_stages(h, work):
         for k in range(len(factors)):
             factors[k, FACTORS.A] = work.factors[0, k, FACTORS.A]
         if len(posture.first) > 0:
-            put_couplings(z, z * z, work.chain.couplings, factors, posture.first)
+            put_couplings(z, z * z, posture.beside, factors)
         factor(factors, posture)
 
 

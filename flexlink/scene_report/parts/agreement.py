@@ -29,6 +29,7 @@ def made(study: Study) -> Part:
         "of them random; the largest difference is divided by the rounding bound, so up to 1 means equal.",
         "Terms: mass matrix M; torques of gravity T_G, of gravity with centrifugal and Coriolis forces T_GC, of "
         "springs T_FL, of friction T_FR; accelerations q̈.",
+        _between_joints(study, diagnoses),
         of_runs,
         *(str(each) for each in diagnoses if not each.passed),
         *why,
@@ -40,6 +41,17 @@ def made(study: Study) -> Part:
     if runs:
         tables.append(_of_runs(runs))
     return Part(tuple(filter(None, sentences)), (_verdict(diagnoses, runs),), tables=tuple(tables))
+
+
+def _between_joints(study: Study, diagnoses: Iterable[Diagnosis]) -> str:
+    """Who computes springs and dampers between two joints, if the arm has any."""
+    if not len(study.chain.couplings):
+        return ""
+    names = [(ENGINES[each.engine].between_joints, engine_name(each.engine)) for each in diagnoses]
+    own, ours = (", ".join(name for has, name in names if has is which) for which in (True, False))
+    words = {"their own in": own, "computed by us in": ours}
+    parts = " and ".join(f"{verb} {engines}" for verb, engines in words.items() if engines)
+    return f"Springs and dampers between two joints are {parts}." if parts else ""
 
 
 def _diagnoses(study: Study) -> tuple[list[Diagnosis], list[str]]:

@@ -1,0 +1,68 @@
+"""Springs and dampers between two joints as an engine has read them: as matrices of a record, and as a list.
+
+The list is an array of dtype `COUPLING`, whose numbers of joints are the engine's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
+from flexlink.kernels.layout import COUPLING
+
+COUPLED_FIELDS = {"coupled_stiffness": "stiffness", "coupled_damping": "damping"}
+"""Fields of `ReadBack`: fields of the coupling, and of the hinge."""
+
+
+def to_matrices(couplings: NDArray[np.void], n: int) -> dict[str, Array]:
+    """`COUPLED_FIELDS` of n joints: K_ij and D_ij, symmetric, 0 on the diagonal, shape (n, n)."""
+    fields = {field: np.zeros((n, n)) for field in COUPLED_FIELDS}
+    for field, matrix in fields.items():
+        i, j = couplings["inner"], couplings["outer"]
+        matrix[i, j] = matrix[j, i] = couplings[COUPLED_FIELDS[field]]
+    return fields
+
+
+def of_matrices(fields: Mapping[str, Array]) -> NDArray[np.void]:
+    """The list of `COUPLED_FIELDS`."""
+    K, D = (fields[field] for field in COUPLED_FIELDS)
+    inner, outer = np.nonzero(np.triu((K != 0) | (D != 0), 1))
+    couplings = np.zeros(len(inner), COUPLING)
+    couplings["inner"], couplings["outer"] = inner, outer
+    couplings["stiffness"], couplings["damping"] = K[inner, outer], D[inner, outer]
+    return couplings
+
+
+def of_elements(elements: Iterable[ET.Element], joints: Sequence[str]) -> NDArray[np.void]:
+    """The list that our own elements in a file with these joints say; of the same two joints they add up.
+
+    Raises
+    ------
+    ArgumentError
+        An element names no two joints of the file, or a number of it is missing or not one.
+    """
+    number, found = {name: k for k, name in enumerate(joints)}, dict[tuple[int, int], Array]()
+    for element in elements:
+        ends = [element.get(key, "") for key in ("inner", "outer")]
+        i, j = sorted(number.get(name, -1) for name in ends)
+        if i < 0 or i == j:
+            raise ArgumentError(f"coupling of {ends[0]!r} and {ends[1]!r}: expected two joints of the file")
+        try:
+            constants = np.array([float(element.get(key, "")) for key in COUPLED_FIELDS.values()])
+        except ValueError as error:
+            raise ArgumentError(f"coupling of {ends[0]!r} and {ends[1]!r}: {error}") from None
+        found[i, j] = found.get((i, j), 0.0) + constants
+    return np.array([(*pair, *constants) for pair, constants in found.items()], dtype=COUPLING)
+
+
+def torque(couplings: NDArray[np.void], field: str, φ: Array) -> Array:
+    """Σ_j K_ij φ_j, `field` "stiffness", or Σ_j D_ij φ_j, "damping", of couplings alone, shape (n,)."""
+    total, (i, j) = np.zeros(len(φ)), (couplings["inner"], couplings["outer"])
+    np.add.at(total, i, couplings[field] * φ[j])
+    np.add.at(total, j, couplings[field] * φ[i])
+    return total

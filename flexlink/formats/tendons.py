@@ -1,0 +1,82 @@
+"""Couplings of springs as fixed tendons of MJCF.
+
+A tendon of length θ_i ± θ_j with stiffness |K_ij| holds both joints by |K_ij| and couples them by ±|K_ij|, with the
+sign of K_ij; dampers likewise. The joints have what is left,
+
+    K_ii − Σ_j |K_ij|        D_ii − Σ_j |D_ij|
+
+which must not be negative. Without `springlength` a tendon is slack where the springs of its joints are, at their
+`springref`. If K_ij and D_ij have different signs, the damper gets a tendon of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from flexlink.chain.chain import Chain, unique
+from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
+from flexlink.formats.document import decimals
+
+SHARED = {"stiffness": ("springs", "N m/rad"), "damping": ("dampers", "N m s/rad")}
+"""Fields of the hinge that tendons take a part of: what they are called, and the unit."""
+
+
+def add_tendons(root: ET.Element, chain: Chain, joints: Sequence[str]) -> None:
+    """Add the tendons of a chain, named "inner:outer" after their joints, in the order of its couplings."""
+    if not len(chain.couplings):
+        return
+    parent, found = ET.SubElement(root, "tendon"), list(_tendons(chain))
+    names = unique(f"{joints[one.inner]}:{joints[one.outer]}" for one in found)
+    for name, (inner, outer, sign, stiffness, damping) in zip(names, found, strict=True):
+        numbers = {"stiffness": decimals([stiffness]), "damping": decimals([damping])}
+        tendon = ET.SubElement(parent, "fixed", {"name": name} | numbers)
+        ET.SubElement(tendon, "joint", joint=joints[inner], coef="1")
+        ET.SubElement(tendon, "joint", joint=joints[outer], coef=str(sign))
+
+
+def left_to_joints(chain: Chain, field: str) -> Array:
+    """K_ii − Σ_j |K_ij|, `field` "stiffness", or D_ii − Σ_j |D_ij|, "damping", shape (n,).
+
+    Raises
+    ------
+    ArgumentError
+        It is negative; the message names the joint and its link.
+    """
+    own, taken, value = chain.hinges[field], np.zeros(chain.n), np.abs(chain.couplings[field])
+    for end in ("inner", "outer"):
+        np.add.at(taken, chain.couplings[end], value)
+    left = own - taken
+    if (left < 0).any():
+        k, (name, unit) = int(np.argmin(left)), SHARED[field]
+        raise ArgumentError(
+            f"joint {chain.joint_name(k)!r}: {name} to other joints of its cell are {taken[k]:.6g} {unit} together, "
+            f"its own {own[k]:.6g} {unit}: MuJoCo's tendons cannot hold that; use more segments in link "
+            f"{chain.link_names[chain.coordinate(k).link - 1]!r}, along which section or material change too fast, "
+            "or URDF or SDF"
+        )
+    return left
+
+
+class _Tendon(NamedTuple):
+    """A fixed tendon over two joints, with coefficients 1 and ±1."""
+
+    inner: int
+    outer: int
+    sign: int
+    stiffness: float
+    damping: float
+
+
+def _tendons(chain: Chain) -> Iterator[_Tendon]:
+    for coupling in chain.couplings:
+        i, j, k, d = coupling.item()
+        if k * d < 0:
+            yield _Tendon(i, j, -1 if k < 0 else 1, abs(k), 0.0)
+            yield _Tendon(i, j, -1 if d < 0 else 1, 0.0, abs(d))
+        else:
+            yield _Tendon(i, j, -1 if k < 0 or d < 0 else 1, abs(k), abs(d))

@@ -1,0 +1,184 @@
+"""Springs between hinges in files: every format says them to the bit, and MuJoCo moves by them as we do."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import mujoco
+import numpy as np
+import planted
+import pytest
+from conftest import ALUMINIUM, SQUARE, flexible, make_scene
+from test_cells import arm, rule_file
+from test_reading import EVERY, said_by
+
+import flexlink as fl
+from flexlink.cli.info import _without_structural_damping
+from flexlink.engines import load
+from flexlink.errors import ArgumentError, DataFileError
+from flexlink.formats import FORMATS
+from flexlink.formats.features import not_held
+from flexlink.formats.small_mass import with_small_mass
+from flexlink.formats.tendons import left_to_joints
+
+EPS = np.finfo(float).eps
+
+
+def odd(chain: fl.Chain, seed: int = 3) -> fl.Chain:
+    """With rest angles, dampers of any sign beside the springs between hinges, one without its spring."""
+    rng, hinges, couplings = np.random.default_rng(seed), chain.hinges.copy(), chain.couplings.copy()
+    hinges["rest"] = rng.normal(size=chain.n)
+    couplings["damping"] *= rng.uniform(-1, 1, len(couplings))
+    couplings["stiffness"][3] = 0.0
+    return dataclasses.replace(chain, hinges=hinges, couplings=couplings)
+
+
+def said(chain: fl.Chain) -> list[object]:
+    return [*said_by(chain), chain.couplings.tolist()]
+
+
+@EVERY
+@pytest.mark.parametrize("p", [2, 3, 4])
+@pytest.mark.parametrize("change", [lambda chain: chain, odd], ids=["as made", "odd"])
+def test_springs_between_hinges_read_back_to_the_bit(
+    format, p: int, change: Callable[[fl.Chain], fl.Chain], tmp_path: Path
+) -> None:
+    chain = change(fl.lump(arm("xyz", rule_file(tmp_path, p), 2 * p + 1)))
+    assert len(chain.couplings) >= 3 * p * (p - 1)
+    assert said(format.read(format.write(chain))) == said(chain)
+    assert said(format.read(format.write(with_small_mass(chain, mass=1e-3))))[-1] == said(chain)[-1]
+
+
+@pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
+@pytest.mark.parametrize("change", [lambda chain: chain, odd], ids=["as made", "odd"])
+def test_mujoco_has_every_number_of_the_tendons_and_their_torques_to_4_eps(
+    rule: str, change: Callable[[fl.Chain], fl.Chain], rng: np.random.Generator
+) -> None:
+    """|K| |θ − θ₀| is what a torque is known by; a tendon is slack by the difference of two lengths of |θ| + |θ₀|."""
+    chain = change(fl.lump(arm("xyz", rule, 9)))
+    model = load("mujoco", chain).model
+    data = mujoco.MjData(model)
+    for name, kind in (("stiffness", chain.couplings["stiffness"]), ("damping", chain.couplings["damping"])):
+        held = np.sort(getattr(model, f"tendon_{name}"))
+        assert held[held > 0].tolist() == np.sort(np.abs(kind[kind != 0])).tolist()
+    for _ in range(20):
+        q, qd = rng.normal(size=chain.n), rng.normal(size=chain.n)
+        data.qpos[:], data.qvel[:] = q, qd
+        mujoco.mj_forward(model, data)
+        sizes = np.abs(q) + np.abs(chain.rest), np.abs(qd)
+        torques = (-data.qfrc_spring, fl.elastic_torque(chain, q)), (-data.qfrc_damper, chain.times("damping", qd))
+        for field, size, (theirs, ours) in zip(("stiffness", "damping"), sizes, torques, strict=True):
+            assert (np.abs(theirs - ours) <= 4 * EPS * chain.times(field, size, absolute=True)).all()
+
+
+def test_mujoco_steps_400_times_as_we_do() -> None:
+    scene = arm("xyz", "lobatto2", 5, run=fl.RunSettings(method="RK4", step=1e-5, sample=1e-3, duration=4e-3))
+    scene = scene.varied({"initial.joint_deg": (20.0, -30.0), "initial.rate_deg": (50.0, 10.0)})
+    (_, q, _), (_, other, _) = (load(name, fl.lump(scene)).integrate(scene) for name in ("native", "mujoco"))
+    assert np.abs(q - q[0]).max() > 1e-3  # it bends
+    assert np.abs(other - q).max() <= 1e-12
+
+
+def test_without_couplings_a_file_has_no_trace_of_them() -> None:
+    chain = fl.lump(make_scene(flexible("a", "xyz")))
+    for format in FORMATS.values():
+        text = format.write(chain)
+        assert "tendon" not in text and "coupling" not in text and "flexlink.springs" not in text
+
+
+def tapered(segments: int) -> fl.Chain:
+    """A square of 40 mm at the joint and of 8 mm at the tip: at the Gauss points of a single cell EI is 25 to 1.
+
+    C of two hinges has a² + b² = 14/3 and a b = −1/3 in its rows, so that K_22 ≥ |K_12| up to 13.9 to 1.
+    """
+    small = fl.Section(shape="rectangle", height=0.008, width=0.008)
+    link = flexible("a", "z", segments, section_tip="small", lumping="lobatto2")
+    parts = fl.Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE, "small": small})
+    return fl.lump(fl.Scene(name="tapered", arm=parts))
+
+
+def test_a_cell_that_tendons_cannot_hold_is_refused_by_name_and_more_segments_help() -> None:
+    chain = tapered(3)
+    with pytest.raises(
+        ArgumentError, match=r"joint 'a\.2\.z': springs to other joints of its cell are .* N m/rad"
+    ) as told:
+        fl.to_mjcf(chain)
+    assert "use more segments in link 'a'" in str(told.value) and "\n" not in str(told.value)
+    for format in ("urdf", "sdf"):
+        assert said(FORMATS[format].read(FORMATS[format].write(chain))) == said(chain)
+    fine = tapered(5)
+    assert (left_to_joints(fine, "stiffness")[fine.bending] > 0).all()
+    assert said(FORMATS["mjcf"].read(fl.to_mjcf(fine))) == said(fine)
+
+
+def test_so_are_dampers_and_what_is_just_held_is_held() -> None:
+    chain = fl.lump(arm())
+    for times, held in ((1.0, True), (1.0 + EPS, False)):
+        couplings, hinges = chain.couplings.copy(), chain.hinges.copy()
+        i, j = (int(couplings[end][0]) for end in ("inner", "outer"))
+        couplings["damping"][0] = -times * chain.damping[i]
+        hinges["damping"][j] *= 2
+        changed = dataclasses.replace(chain, couplings=couplings, hinges=hinges)
+        if held:
+            assert left_to_joints(changed, "damping")[i] == 0.0
+            assert said(FORMATS["mjcf"].read(fl.to_mjcf(changed))) == said(changed)
+        else:
+            with pytest.raises(ArgumentError, match=rf"'{chain.joint_name(i)}': dampers to other joints .* N m s/rad"):
+                fl.to_mjcf(changed)
+
+
+def edited(form: str, edit: planted.Edit, chain: fl.Chain) -> str:
+    root = ET.fromstring(FORMATS[form].write(chain))
+    edit(root)
+    return ET.tostring(root, encoding="unicode")
+
+
+URDF, SDF, TENDON = "flexlink/coupling", ".//{urn:flexlink}coupling", "tendon/fixed"
+
+
+def one_joint_more(root: ET.Element) -> None:
+    ET.SubElement(root.find(TENDON), "joint", joint="upper", coef="1")
+
+
+@pytest.mark.parametrize(
+    ("form", "edit", "told"),
+    [
+        ("urdf", planted.each(URDF, outer="elbow"), "joint 'elbow': no such joint"),
+        ("sdf", planted.each(SDF, inner="tip"), "joint 'tip': no such joint"),
+        ("urdf", planted.each(URDF, outer="upper"), "joint 'upper' must follow 'upper.1.x'"),
+        ("urdf", planted.each(URDF, stiffness="-1e9"), "stiffness = -1e9|stiffness = -1000000000.0 between joints"),
+        ("sdf", planted.each(SDF, damping="1e9"), "damping = 1000000000.0 between joints 'upper.1.x' and 'upper.2.x'"),
+        ("urdf", planted.each(URDF, stiffness="stiff"), "expected 1 finite number"),
+        ("urdf", planted.each(URDF, damping=None), "attribute damping is missing"),
+        ("mjcf", one_joint_more, "3 joints: expected 2"),
+        ("mjcf", planted.scaled(TENDON, "stiffness", 0.5), "where flexlink writes"),
+        ("mjcf", planted.each(TENDON, springlength="0"), "where flexlink writes nothing"),
+    ],
+)
+def test_what_contradicts_itself_is_refused_by_name(form: str, edit: planted.Edit, told: str) -> None:
+    with pytest.raises(DataFileError, match=told):
+        FORMATS[form].read(edited(form, edit, fl.lump(arm())))
+
+
+@pytest.mark.parametrize(("form", "path"), [("urdf", URDF), ("sdf", SDF)])
+def test_a_number_that_is_edited_is_in_the_chain(form: str, path: str) -> None:
+    chain = fl.lump(arm())
+    read = FORMATS[form].read(edited(form, planted.scaled(path, "stiffness", 0.5), chain))
+    assert read.couplings["stiffness"].tolist() == (chain.couplings["stiffness"] / 2).tolist()
+    assert read.hinges.tolist() == chain.hinges.tolist()
+
+
+def test_urdf_and_sdf_have_them_in_our_own_part_and_mjcf_itself() -> None:
+    scene = arm()
+    missing = {name: "springs between hinges" in not_held(scene, fl.lump(scene), format=name) for name in FORMATS}
+    assert missing == {"urdf": True, "mjcf": False, "sdf": True}
+
+
+def test_without_structural_damping_hinges_have_none_between_them() -> None:
+    chain = fl.lump(arm())
+    bare = _without_structural_damping(chain)
+    assert chain.couplings["damping"].any() and not bare.couplings["damping"].any()
+    assert bare.couplings["stiffness"].tolist() == chain.couplings["stiffness"].tolist()
