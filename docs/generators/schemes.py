@@ -71,8 +71,8 @@ def rules_page(folder: Path) -> str:
         heading("Lumping rules"),
         "Where the hinges of a flexible link sit, and what stretch w of the beam each stands for, k = EI / (w L); by\n"
         "``link.NAME.lumping``. Keys of a file of your own: :doc:`data_files`.\n",
-        "Rules of cells have springs between the hinges of a cell, too; w is then what the diagonal of K stands for, and\n"
-        "does not sum to 1. Fewest hinges, of how many they are a multiple, and how many share springs:\n",
+        "Rules of cells have springs between the hinges of a cell, too; w is then what the diagonal of K stands for,\n"
+        "and does not sum to 1. Fewest hinges, of how many they are a multiple, and how many share springs:\n",
         table(
             ("rule", "fewest", "multiple of", "hinges a cell"), [_numbers(name, rule) for name, rule in known.items()]
         ),

@@ -92,8 +92,8 @@ def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
         if kind is None:
             raise ArgumentError(f"{case.path}: settings.coupled: {rule} has no cells")
         exact = coupled_cells.frequencies(kind.hinges, hinges, kind.tip)
-        found = fl.natural_frequencies(fl.lump(Variant().build(case, at)))
-        yield Measured("all bending modes, 40 digits", _relative(found, exact), "", "native", at.facts)
+        for engine, found in _both(fl.lump(Variant().build(case, at))):
+            yield Measured("all bending modes, 40 digits", _relative(found, exact), "", engine, at.facts)
 
 
 def _arm(case: Case) -> Iterator[Measured]:

@@ -50,13 +50,14 @@ def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
 
 
 def chain_frequencies(engine: Engine) -> Array:
-    """All ω of a straight chain in which every joint has a spring, from K^−½ M K^−½, whose eigenvalues are 1/ω².
+    """All ω of a straight chain in which every joint has a spring, from L⁻¹ M L⁻ᵀ, K = L Lᵀ, whose eigenvalues are 1/ω².
 
     This form keeps the slow modes exact to rounding, however fast the others are.
     """
-    compliance = 1 / np.sqrt(np.diag(springs(engine)))
-    S = engine.mass_matrix(np.zeros(engine.n)) * np.outer(compliance, compliance)
-    return np.asarray(1 / np.sqrt(linalg.eigvalsh(S)[::-1]))
+    L = linalg.cholesky(springs(engine), lower=True)
+    half = linalg.solve_triangular(L, engine.mass_matrix(np.zeros(engine.n)), lower=True)
+    S = linalg.solve_triangular(L, half.T, lower=True)
+    return np.asarray(1 / np.sqrt(linalg.eigvalsh((S + S.T) / 2)[::-1]))
 
 
 def squares(engine: Engine, q: Array, K: Array, free: Indices) -> NDArray[np.complex128]:
