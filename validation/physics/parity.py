@@ -50,7 +50,7 @@ def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
 
 
 def chain_frequencies(engine: Engine) -> Array:
-    """All ω of a straight chain in which every joint has a spring, from L⁻¹ M L⁻ᵀ, K = L Lᵀ, whose eigenvalues are 1/ω².
+    """All ω of a straight chain with a spring in every joint, from L⁻¹ M L⁻ᵀ, K = L Lᵀ, whose eigenvalues are 1/ω².
 
     This form keeps the slow modes exact to rounding, however fast the others are.
     """
