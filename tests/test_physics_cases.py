@@ -26,7 +26,7 @@ from validation.facts import in_words
 from validation.kinds import KINDS
 from validation.oracles import bending_chain, hencky
 from validation.physics import formulas, parity
-from validation.physics.hinge_sweep import Need, Point, Sweep, order, report
+from validation.physics.hinge_sweep import Named, Need, Point, Sweep, order, report
 from validation.physics.tip_loads import TIP_LOADS
 from validation.physics.variant import Rule, Variant, existing
 from validation.store import Environment, Row, Series, Store
@@ -64,6 +64,23 @@ def test_an_order_that_theory_does_not_expect_is_seen():
     found = rows(Sweep(rules={}, orders={"tip": {"gauss": 4.0}}), errors)
     assert found["fitted order", "gauss, tip"] == pytest.approx(2)
     assert found["|order − theory|", "gauss, tip"] == pytest.approx(2)
+
+
+def test_an_order_is_judged_by_its_lower_bound_without_errors_of_rounding_and_lucky_ones():
+    lucky = {4: 4**-4.0, 8: 1e-9, 16: 16**-4.0, 32: 32**-4.0, 64: 1e-13, 128: 3e-13}  # 8: a change of sign
+    sweep = Sweep(rules={}, least={"tip": {"lobatto4": 3.8}}, rounding={"tip": 1e-12}, fitted=4)
+    found = rows(sweep, {"lobatto4": lucky})
+    assert found["fitted order", "lobatto4, tip"] == pytest.approx(4)
+    assert found["order − lower bound", "lobatto4, tip"] == pytest.approx(0.2)
+    with_all = rows(Sweep(rules={}, fitted=6), {"lobatto4": lucky})
+    assert abs(with_all["fitted order", "lobatto4, tip"] - 4) > 1
+    with pytest.raises(DataFileError, match=r"settings\.least\.tip\.lobatto4: fewer than two errors"):
+        rows(sweep, {"lobatto4": {64: 1e-13, 128: 3e-13}})
+
+
+def test_an_error_of_one_chain_can_be_a_quantity_by_itself():
+    sweep = Sweep(rules={}, named=(Named(quantity="gauss, 8", measure="tip", rule="gauss", hinges=8),))
+    assert rows(sweep, {"gauss": {4: 0.1, 8: -0.02}})["gauss, 8", "gauss, 8 hinges, tip"] == 0.02
 
 
 def test_modes_that_a_short_chain_does_not_have_are_left_out_of_the_order():

@@ -32,6 +32,8 @@ WORDS: dict[str, tuple[str, str]] = {
     "axis": ("axis", "{}"),
     "step": ("step [s]", "h = {:.4g} s"),
     "tolerance": ("tolerance [m]", "tolerance {:g} m"),
+    "tip error": ("tip error [m]", "tip error {:g} m"),
+    "family": ("family of rules", "{}"),
     "relative_tolerance": ("tolerance, of the reach", "tolerance {:g} of the reach"),
     "error": ("error, of the motion", "error {:g}"),
     "deflection error": ("error, of the deflection", "deflection error {:g}"),

@@ -71,6 +71,11 @@ def rules_page(folder: Path) -> str:
         heading("Lumping rules"),
         "Where the hinges of a flexible link sit, and what stretch w of the beam each stands for, k = EI / (w L); by\n"
         "``link.NAME.lumping``. Keys of a file of your own: :doc:`data_files`.\n",
+        "Rules of cells have springs between the hinges of a cell, too; w is then what the diagonal of K stands for,\n"
+        "and does not sum to 1. Fewest hinges, of how many they are a multiple, and how many share springs:\n",
+        table(
+            ("rule", "fewest", "multiple of", "hinges a cell"), [_numbers(name, rule) for name, rule in known.items()]
+        ),
     ]
     for name, rule in known.items():
         counts = [count for count in (2, 4, 8) if _exists(rule, count)]
@@ -78,6 +83,12 @@ def rules_page(folder: Path) -> str:
         caption = f"Hinges of {name} from root (0) to tip (1) of a link, and their weights"
         parts += [_section(name, rule), _figure(f"hinges_{name}.svg", caption)]
     return "\n".join(parts)
+
+
+def _numbers(name: str, rule: LumpingRule) -> tuple[str, ...]:
+    taken = [count for count in range(1, 25) if _exists(rule, count)]
+    shared = str(rule.cells.hinges) if rule.cells else "1"
+    return literal(name), str(taken[0]), str(math.gcd(*taken)), shared
 
 
 def _exists(rule: LumpingRule, count: int) -> bool:

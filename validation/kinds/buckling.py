@@ -11,6 +11,7 @@ from scipy import linalg
 import flexlink as fl
 from flexlink.common.types import Array
 from flexlink.describe.spec import Spec, Vector3
+from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.engines.mujoco import MujocoEngine
 from validation.case import Case, Measured
 from validation.facts import Facts
@@ -24,7 +25,7 @@ from validation.store import Series
 class Load(Spec, frozen=True):
     """A load and its critical value: a unit tip force, gravity as the variant's change has it, or a follower force.
 
-    `bracket` holds loads below and above the onset of flutter.
+    `bracket` holds loads below and above the onset of flutter. A `guided` tip stays on the line of the force.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Load(Spec, frozen=True):
     force: Vector3 = (0.0, 0.0, 0.0)
     instability: Literal["buckling", "flutter"] = "buckling"
     bracket: tuple[float, float] = (0.0, 0.0)
+    guided: bool = False
 
 
 class Settings(Sweep, frozen=True, kw_only=True):
@@ -71,9 +73,25 @@ def _wrench(load: Load, size: float) -> Array:
 
 
 def _critical(chain: fl.Chain, load: Load) -> float:
+    if load.guided:
+        at_rest = np.zeros(chain.n), np.zeros(chain.n)
+        K = stiffness_matrix(chain, *at_rest, np.zeros(6))
+        pushed = stiffness_matrix(chain, *at_rest, _wrench(load, 1.0)) - K
+        return _guided(K, pushed, lambda wrench: fl.bias_torque(chain, *at_rest, tip_wrench=wrench))
     if load.instability == "buckling":
         return float(fl.buckling_loads(chain, tip_wrench=_wrench(load, 1.0))[0])
     return bisect(lambda size: fl.modes(chain, tip_wrench=_wrench(load, size), frame="tip").stable, load.bracket)
+
+
+def _guided(K: Array, pushed: Array, torque: Callable[[Array], Array]) -> float:
+    """The least load P at which K + P `pushed` is singular on the motions that leave the tip where it is across y.
+
+    `torque` are those of a tip wrench, by which Jᵀ is known: T_G falls by Jᵀ w.
+    """
+    across = torque(np.zeros(6)) - torque(np.eye(6)[1])
+    Z = linalg.null_space(across[None, :])
+    inverse = linalg.eigvalsh(-Z.T @ (pushed + pushed.T) / 2 @ Z, Z.T @ K @ Z)
+    return float(1 / inverse.max())
 
 
 def bisect(stable: Callable[[float], bool], bracket: tuple[float, float]) -> float:
@@ -88,6 +106,9 @@ def bisect(stable: Callable[[float], bool], bracket: tuple[float, float]) -> flo
 def _critical_in_mujoco(chain: fl.Chain, load: Load) -> float:
     engine, q = MujocoEngine(chain), np.zeros(chain.n)
     elastic = springs(engine)
+    if load.guided:
+        pushed = load_stiffness(engine, q, _wrench(load, 1.0))
+        return _guided(elastic, pushed, lambda wrench: engine.bias_torque(q, np.zeros(chain.n), tip_wrench=wrench))
     if load.instability == "buckling":
         inverse = linalg.eigvals(-load_stiffness(engine, q, _wrench(load, 1.0)), elastic)
         real = inverse.real[(np.abs(inverse.imag) <= 1e-9 * np.abs(inverse).max()) & (inverse.real > 0)]

@@ -7,18 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
 import flexlink as fl
 from flexlink import engines
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.oracles import bending_chain, hencky
+from validation.oracles import bending_chain, coupled_cells, hencky
 from validation.physics.parity import chain_frequencies, load_stiffness, springs
 from validation.physics.variant import Rule, Variant
 from validation.reference_values import look_up, reference_array
@@ -29,7 +31,10 @@ ELASTICA_RULES = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal2k"}
 
 
 class Settings(Spec, frozen=True):
-    """Numbers of cells n of the chains; loads of the elastica α = PL²/EI; number of hinges compared in 40 digits."""
+    """Numbers of cells n of the chains; loads of the elastica α = PL²/EI; number of hinges compared in 40 digits.
+
+    `coupled` are rules whose springs are coupled, with a number of hinges each.
+    """
 
     cells: tuple[int, ...]
     elastica_cells: tuple[int, ...]
@@ -37,6 +42,7 @@ class Settings(Spec, frozen=True):
     turns: tuple[str, ...]
     rules: tuple[str, ...]
     hinges: int
+    coupled: dict[str, int] = msgspec.field(default_factory=dict)
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
@@ -79,6 +85,13 @@ def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
     for rule in settings.rules:
         at = Rule(rule=rule, hinges=settings.hinges)
         exact = bending_chain.frequencies(*lumping_rule(rule).hinges(at.hinges))
+        for engine, found in _both(fl.lump(Variant().build(case, at))):
+            yield Measured("all bending modes, 40 digits", _relative(found, exact), "", engine, at.facts)
+    for rule, hinges in settings.coupled.items():
+        at, kind = Rule(rule=rule, hinges=hinges), lumping_rule(rule).cells
+        if kind is None:
+            raise ArgumentError(f"{case.path}: settings.coupled: {rule} has no cells")
+        exact = coupled_cells.frequencies(kind.hinges, hinges, kind.tip)
         for engine, found in _both(fl.lump(Variant().build(case, at))):
             yield Measured("all bending modes, 40 digits", _relative(found, exact), "", engine, at.facts)
 

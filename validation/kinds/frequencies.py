@@ -1,12 +1,13 @@
 """Natural frequencies against the continuous beam: error by rule and hinges, published numbers, MuJoCo's frequencies.
 
-Rigid modes, one for each joint that is free, are left out.
+Rigid modes, one for each joint that is free, are left out, or all modes but those of some kinds. An arm may turn
+steadily: its modes are those about that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import of_mass_matrix
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.dynamics.vibration.modal import natural_frequencies
+from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.initial_state import initial_state
 from validation.case import Case, Measured
@@ -32,9 +33,10 @@ from validation.store import Series, table
 class Settings(Sweep, frozen=True, kw_only=True):
     """What to compare.
 
-    The error of a mode in the sweep is the worst of the variants. `best` is the chain whose numbers stand beside the
-    published ones. Values of the reference file are ω if `power` is 1 and √ω if it is 2, in rad/s or Hz. `axes` are
-    the hinge axes that move, 1 twist, 2 and 3 bending. `price` adds stable steps.
+    The error of a mode in the sweep is the worst of the variants, unless each has measures of its own, `apart`. `best`
+    is the chain whose numbers stand beside the published ones. Values of the reference file are ω if `power` is 1 and
+    √ω if it is 2, in rad/s or Hz. `axes` are the hinge axes that move, 1 twist, 2 and 3 bending. Where `kinds` are
+    named, modes of these kinds count, as `fl.modes` tells them. `price` adds stable steps.
     """
 
     reference: str
@@ -44,6 +46,8 @@ class Settings(Sweep, frozen=True, kw_only=True):
     power: Literal[1, 2] = 1
     unit: Literal["rad/s", "Hz"] = "rad/s"
     axes: tuple[int, ...] = (1, 2, 3)
+    kinds: tuple[str, ...] = ()
+    apart: bool = False
     price: bool = False
 
 
@@ -52,15 +56,15 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     points = []
     for at, scenes in existing(case, settings.rules, settings.variant):
         errors = [
-            _frequencies(scene, variant, settings) / _exact(variant, settings) - 1
+            np.abs(_frequencies(scene, variant, settings) / _exact(variant, settings) - 1)
             for scene, variant in zip(scenes, settings.variant, strict=True)
         ]
-        worst = np.abs(errors).max(axis=0)
-        points.append(Point(at, {f"mode {k + 1}": float(e) for k, e in enumerate(worst)}))
+        points.append(Point(at, _measures(errors, settings)))
     yield from report(settings, points, case.about)
-    first = settings.last(by_rule(points, "mode 1").get(settings.best.rule, {}))
-    if len(first) > 1:
-        yield Measured("order of the best rule in mode 1", order(first), varied={"rule": settings.best.rule})
+    if not settings.apart:
+        first = settings.last("mode 1", by_rule(points, "mode 1").get(settings.best.rule, {}))
+        if len(first) > 1:
+            yield Measured("order of the best rule in mode 1", order(first), varied={"rule": settings.best.rule})
     if settings.price:
         yield from _price(case, settings, points)
     pairs = []
@@ -76,6 +80,14 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield published(pairs, f"{case.title} ({settings.best})")
 
 
+def _measures(errors: Sequence[Array], settings: Settings) -> dict[str, float]:
+    """Errors by measure, of those of each variant's modes."""
+    if not settings.apart:
+        return {f"mode {k + 1}": float(e) for k, e in enumerate(np.max(errors, axis=0))}
+    named = zip(settings.variant, errors, strict=True)
+    return {f"{variant.name}, mode {k + 1}": float(e) for variant, found in named for k, e in enumerate(found)}
+
+
 def _facts(variant: Variant, settings: Settings) -> Facts:
     return ({"situation": variant.name} if variant.name else {}) | {**settings.best.facts}
 
@@ -84,28 +96,45 @@ def _exact(variant: Variant, settings: Settings) -> Array:
     return reference_array(settings.reference, *variant.keys)[: settings.modes] ** settings.power
 
 
-def _state(scene: Scene, variant: Variant, settings: Settings) -> tuple[Chain, Array, list[int], int]:
-    """Chain, posture, what does not move, and the number of rigid modes."""
+class _State(NamedTuple):
+    """A chain where its modes are looked at."""
+
+    chain: Chain
+    q: Array
+    qd: Array
+    still: list[int]  # what does not move, or turns steadily
+    rigid: int  # number of rigid modes
+
+    @property
+    def modes(self) -> Modes:
+        """All of them."""
+        return modes(self.chain, self.q, self.qd, locked=self.still)
+
+
+def _state(scene: Scene, variant: Variant, settings: Settings) -> _State:
     chain = lump(scene)
     held = [chain.index(scene.arm.number(link), 0, 0) for link in variant.hold]
     still = [k for k, c in enumerate(chain.coordinates) if c.axis and c.axis not in settings.axes]
-    return chain, initial_state(scene, chain)[0], held + still, len(chain.active) - len(held)
+    return _State(chain, *initial_state(scene, chain), held + still, len(chain.active) - len(held))
 
 
 def _frequencies(scene: Scene, variant: Variant, settings: Settings) -> Array:
-    chain, q, locked, rigid = _state(scene, variant, settings)
-    ω = natural_frequencies(chain, q, locked=locked)[rigid : rigid + settings.modes]
+    state = _state(scene, variant, settings)
+    found = state.modes
+    counts = np.isin(found.kinds, settings.kinds) if settings.kinds else np.arange(len(found.kinds)) >= state.rigid
+    ω = found.frequencies[counts][: settings.modes]
     ω = np.append(ω, np.full(settings.modes - len(ω), np.inf))  # modes that so short a chain does not have
     return ω / (2 * np.pi) if settings.unit == "Hz" else ω
 
 
 def _parity(scene: Scene, variant: Variant, settings: Settings) -> Measured:
     """Largest difference of ω² in units of ‖M⁻¹‖₂ ΔM ω_max², ΔM the error of M that rounding explains."""
-    chain, q, locked, rigid = _state(scene, variant, settings)
+    state = _state(scene, variant, settings)
+    chain, q, qd, locked, rigid = state
     free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
     engine = engines.load("mujoco", chain)
-    theirs = symmetric_squares(engine, q, springs(engine) + load_stiffness(engine, q), free)
-    ours = natural_frequencies(chain, q, locked=locked) ** 2
+    theirs = symmetric_squares(engine, q, springs(engine) + load_stiffness(engine, q, qd=qd), free)
+    ours = state.modes.frequencies**2
     inverse = 1 / np.linalg.norm(mass_matrix(chain, q)[np.ix_(free, free)], -2)  # −2: the smallest singular value
     unit = inverse * of_mass_matrix(chain, q) * ours.max()
     first = np.abs(np.sqrt(theirs[rigid : rigid + settings.modes] / ours[rigid : rigid + settings.modes]) - 1).max()

@@ -58,7 +58,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def _equilibrium(chain: fl.Chain, load: TipLoad) -> Array:
-    return fl.solve_static(chain, tip_wrench=load.wrench).q
+    return fl.solve_static(chain, tip_wrench=load.wrench, frame=load.frame).q
 
 
 def _error(settings: Settings, chain: fl.Chain, load: TipLoad, q: Array) -> float:
@@ -69,7 +69,9 @@ def _error(settings: Settings, chain: fl.Chain, load: TipLoad, q: Array) -> floa
 
 def _residual(engine: Engine, chain: fl.Chain, load: TipLoad, q: Array) -> float:
     """Largest torque left over at our equilibrium in the engine, over the largest spring torque."""
-    left = engine.bias_torque(q, np.zeros(chain.n), tip_wrench=load.wrench) + engine.elastic_torque(q)
+    turn = fl.frames(chain, q).rotations[-1] if load.frame == "tip" else np.eye(3)
+    wrench = np.concatenate([turn @ load.wrench[:3], turn @ load.wrench[3:]])
+    left = engine.bias_torque(q, np.zeros(chain.n), tip_wrench=wrench) + engine.elastic_torque(q)
     return float(np.abs(left).max() / np.abs(engine.elastic_torque(q)).max())
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from flexlink.common.errors import DataFileError
 from flexlink.describe.spec import Positive, Spec
 from validation.case import Measured
 from validation.facts import Facts
@@ -27,20 +28,38 @@ class Need(Spec, frozen=True):
     within: Positive
 
 
+class Named(Spec, frozen=True):
+    """An error of one chain that is a quantity by itself, with a limit of its own."""
+
+    quantity: str
+    measure: str
+    rule: str
+    hinges: int
+
+
 class Sweep(Spec, frozen=True, kw_only=True):
     """Numbers of hinges by rule; needs; and by measure and rule the order that theory expects.
 
-    The order is fitted to the last `fitted` numbers of hinges.
+    The order is fitted to the last `fitted` numbers of hinges whose error is above the measure's `rounding`. `least`
+    are lower bounds of orders, for rules that come to theirs from above, or whose error changes its sign on the way:
+    there an error that a finer chain exceeds is luck, and is not fitted. `named` are errors of single chains.
     """
 
     rules: dict[str, tuple[int, ...]]
     needs: tuple[Need, ...] = ()
     orders: dict[str, dict[str, float]] = msgspec.field(default_factory=dict)
+    least: dict[str, dict[str, float]] = msgspec.field(default_factory=dict)
+    rounding: dict[str, Positive] = msgspec.field(default_factory=dict)
     fitted: int = 3
+    named: tuple[Named, ...] = ()
 
-    def last(self, errors: Errors) -> Errors:
-        """The errors that an order is fitted to."""
-        return dict([(n, e) for n, e in sorted(errors.items()) if np.isfinite(e)][-self.fitted :])
+    def last(self, measure: str, errors: Errors, *, lucky: bool = True) -> Errors:
+        """The errors of a measure that its order is fitted to; `lucky`: those that a finer chain exceeds, too."""
+        least = self.rounding.get(measure, 0.0)
+        told = {n: e for n, e in sorted(errors.items()) if np.isfinite(e) and e >= least}
+        if not lucky:
+            told = {n: e for n, e in told.items() if all(e > told[m] for m in told if m > n)}
+        return dict(list(told.items())[-self.fitted :])
 
 
 class Point(NamedTuple):
@@ -61,7 +80,7 @@ def by_rule(points: Sequence[Point], measure: str) -> dict[str, Errors]:
 def report(
     sweep: Sweep, points: Sequence[Point], about: str, units: Mapping[str, str] = MappingProxyType({})
 ) -> Iterator[Measured | Series]:
-    """A series a measure, entitled `about`, a row for each fitted order, and rows for the needs.
+    """A series a measure, entitled `about`, a row for each fitted order, and rows for the needs and the named errors.
 
     `hinges needed` is the smallest number tried from which on the error stays within; a rule that never gets there has
     a row of `hinges not enough` instead. `fewest hinges: NAME` is the smallest number of all rules.
@@ -77,6 +96,9 @@ def report(
             yield from _order(sweep, measure, rule, found)
     for need in sweep.needs:
         yield from _need(need, points)
+    for named in sweep.named:
+        facts: Facts = {"rule": named.rule, "hinges": named.hinges, "measure": named.measure}
+        yield Measured(named.quantity, by_rule(points, named.measure)[named.rule][named.hinges], varied=facts)
 
 
 def order(errors: Errors) -> float:
@@ -86,8 +108,11 @@ def order(errors: Errors) -> float:
 
 
 def _order(sweep: Sweep, measure: str, rule: str, errors: Errors) -> Iterator[Measured]:
-    last = sweep.last(errors)
+    least = sweep.least.get(measure, {}).get(rule)
+    last = sweep.last(measure, errors, lucky=least is None)
     if len(last) < 2:
+        if least is not None:
+            raise DataFileError(f"settings.least.{measure}.{rule}: fewer than two errors are above rounding")
         return
     fitted = order(last)
     facts: Facts = {"rule": rule, "measure": measure}
@@ -97,6 +122,9 @@ def _order(sweep: Sweep, measure: str, rule: str, errors: Errors) -> Iterator[Me
     if expected is not None:
         note = f"Fitted {fitted:.2f} at {counts} hinges, theory {expected:g}."
         yield Measured("|order − theory|", abs(fitted - expected), varied=facts, note=note)
+    if least is not None:
+        note = f"Fitted {fitted:.2f} at {counts} hinges, at least {least:g}."
+        yield Measured("order − lower bound", fitted - least, varied=facts, note=note)
 
 
 def _need(need: Need, points: Sequence[Point]) -> Iterator[Measured]:

@@ -32,9 +32,10 @@ def springs(engine: Engine) -> Array:
     return np.asarray([engine.elastic_torque(e) - zero for e in np.eye(engine.n)]).T
 
 
-def load_stiffness(engine: Engine, q: Array, wrench: Array | None = None) -> Array:
-    """Slope of the engine's T_G, less the torques of a dead tip wrench."""
-    return slope(lambda x: engine.bias_torque(x, np.zeros(engine.n), tip_wrench=wrench), q)
+def load_stiffness(engine: Engine, q: Array, wrench: Array | None = None, qd: Array | None = None) -> Array:
+    """Slope of the engine's T_GC at steady rates, less the torques of a dead tip wrench."""
+    rates = np.zeros(engine.n) if qd is None else qd
+    return slope(lambda x: engine.bias_torque(x, rates, tip_wrench=wrench), q)
 
 
 def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
@@ -49,13 +50,14 @@ def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
 
 
 def chain_frequencies(engine: Engine) -> Array:
-    """All ω of a straight chain in which every joint has a spring, from K^−½ M K^−½, whose eigenvalues are 1/ω².
+    """All ω of a straight chain with a spring in every joint, from L⁻¹ M L⁻ᵀ, K = L Lᵀ, whose eigenvalues are 1/ω².
 
     This form keeps the slow modes exact to rounding, however fast the others are.
     """
-    compliance = 1 / np.sqrt(np.diag(springs(engine)))
-    S = engine.mass_matrix(np.zeros(engine.n)) * np.outer(compliance, compliance)
-    return np.asarray(1 / np.sqrt(linalg.eigvalsh(S)[::-1]))
+    L = linalg.cholesky(springs(engine), lower=True)
+    half = linalg.solve_triangular(L, engine.mass_matrix(np.zeros(engine.n)), lower=True)
+    S = linalg.solve_triangular(L, half.T, lower=True)
+    return np.asarray(1 / np.sqrt(linalg.eigvalsh((S + S.T) / 2)[::-1]))
 
 
 def squares(engine: Engine, q: Array, K: Array, free: Indices) -> NDArray[np.complex128]:

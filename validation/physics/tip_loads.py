@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.common.types import Array
+from flexlink.describe.conditions import Frame
 from validation.facts import Fact, Facts
 from validation.reference_values import look_up
 
@@ -15,12 +16,13 @@ PRINCETON_ANGLES = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]  # deg
 
 
 class TipLoad(NamedTuple):
-    """A dead load on the tip, and where the tip goes."""
+    """A load on the tip, and where the tip goes."""
 
     facts: Facts  # how large, and where to
-    wrench: Array  # (6,) [N, N m], axes of frame 0
+    wrench: Array  # (6,) [N, N m]
     displacement: Array  # (3,) [m]
     note: str = ""  # what others published
+    frame: Frame = "world"  # of the wrench's axes: a dead load, or one that turns with the tip
 
     @property
     def size(self) -> Fact:
@@ -57,8 +59,28 @@ def princeton() -> Iterator[TipLoad]:
         yield TipLoad({"force": force, "angle": angle}, wrench, displacement, note)
 
 
+def follower() -> Iterator[TipLoad]:
+    """Force PL²/EI across the tip of a beam with EI = L = 1, which turns with the tip."""
+    for size, exact in look_up("bent_rods", "follower").items():
+        x, y, angle = map(float, exact)
+        note = f"The tip turns by {angle:.4g} rad."
+        wrench = np.array([0, float(size), 0, 0, 0, 0])
+        yield TipLoad({"PL²/EI": float(size)}, wrench, np.array([x - 1, y, 0]), note, "tip")
+
+
+def skew() -> Iterator[TipLoad]:
+    """A dead force aslant to a beam with GJ, EI_y, EI_z = 0.7, 1, 3 and L = 1: it bends about two axes, and twists."""
+    exact = look_up("bent_rods", "space")
+    force = np.array(exact["force"])
+    displacement = np.array(exact["tip"]) - [1.0, 0.0, 0.0]
+    facts: Facts = {"force": float(np.linalg.norm(force))}
+    yield TipLoad(facts, np.concatenate([force, np.zeros(3)]), displacement)
+
+
 TIP_LOADS: dict[str, Callable[[], Iterator[TipLoad]]] = {
     "elastica": elastica,
     "roll_up": roll_up,
     "princeton": princeton,
+    "follower": follower,
+    "skew": skew,
 }

@@ -93,6 +93,20 @@ def _point(name: str, scene: Scene, setting: float, longest: float = math.inf, c
     TooDearError
         A run takes more than `longest` [s].
     """
+    best = fastest(scene, longest, clock)
+    if best is None:
+        return Point(setting, math.inf, 0.0)
+    return point(name, best.seen, setting, best.seconds, best.evaluations)
+
+
+def fastest(scene: Scene, longest: float = math.inf, clock: Clock = timed_run) -> Timed | None:
+    """The fastest of some runs, more of them if they are short, one if it is long; None if it fails.
+
+    Raises
+    ------
+    TooDearError
+        A run takes more than `longest` [s].
+    """
     try:
         runs = [clock(scene, longest)]
         more = 4 if runs[0].seconds < 0.01 else 1 if runs[0].seconds < 0.2 else 0
@@ -100,8 +114,8 @@ def _point(name: str, scene: Scene, setting: float, longest: float = math.inf, c
     except TooDearError:
         raise
     except FlexlinkError:
-        return Point(setting, math.inf, 0.0)
-    return point(name, runs[0].seen, setting, min(run.seconds for run in runs), runs[0].evaluations)
+        return None
+    return min(runs, key=lambda run: run.seconds)
 
 
 def by_step(name: str, method: str, budget: float, smallest: float) -> list[Point]:

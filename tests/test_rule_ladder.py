@@ -1,0 +1,114 @@
+"""Ladders of lumping rules: the grid is whole, the cheapest run counts, and the family of an advice is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+import flexlink as fl
+from flexlink.common.errors import DataFileError
+from flexlink.describe.spec import decode
+from validation.case import CASES, STUDY_SCENES, load_case
+from validation.kinds import advice_families, speed_rules
+from validation.physics.variant import Rule
+from validation.trade.rule_ladder import Reference, Tried, cut, exact, ladder
+from validation.trade.work_precision import Point
+
+REFERENCE = Reference(rule="lobatto4", hinges=8, checked=4, method="Radau5", tolerance=1e-6)
+RUN = {
+    "gravity": [0.0, -8.0, 0.0], "material.unit.loss_time": 1e-2, "run.method": "Radau5", "run.step": None,
+    "run.tolerance": 1e-4, "run.duration": 0.2, "run.sample": 0.05,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def falling() -> fl.Scene:
+    """A cantilever that falls for a short while."""
+    return fl.load_scene(STUDY_SCENES / "unit_beam.toml").varied(RUN)
+
+
+def tried(rule: str, hinges: int, error: float, seconds: float) -> Tried:
+    return Tried(Rule(rule=rule, hinges=hinges), "Radau5", Point(1e-3, error, seconds), 2 * seconds)
+
+
+def test_only_links_that_bend_are_cut():
+    arm = cut(fl.load_scene(STUDY_SCENES / "spinning_beam.toml"), Rule(rule="lobatto2", hinges=6)).arm
+    assert [(link.flex, link.lumping, link.segments) for link in arm.links][1] == ("z", "lobatto2", 7)
+    assert arm.links[0].flex == "rigid"
+
+
+def test_a_reference_tells_its_own_error(falling):
+    found = exact(falling, REFERENCE)
+    coarser = fl.simulate(cut(falling, Rule(rule="lobatto4", hinges=4)).varied({"run.tolerance": 1e-6}))
+    assert found.own == pytest.approx(np.linalg.norm(coarser.tip - found.tip, axis=1).max(), rel=1e-12)
+    assert 0 < found.own < 1e-3
+
+
+def test_a_ladder_has_all_numbers_that_a_rule_takes_and_ends_where_the_chain_s_own_error_is_left(falling):
+    true = exact(falling, REFERENCE).tip
+    tolerances = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8]
+    runs = list(ladder(falling, {"lobatto2": (2, 3, 4)}, ("Radau5",), tolerances, true, 10.0))
+    assert {run.at.hinges for run in runs} == {2, 4}
+    of_two = [run.point.error for run in runs if run.at.hinges == 2]
+    assert 3 <= len(of_two) < len(tolerances)
+    assert max(of_two[-3:]) < 1.1 * min(of_two[-3:])
+    assert all(run.listed > 0 and run.point.seconds > 0 for run in runs)
+
+
+def test_runs_that_are_too_dear_are_left_out(falling):
+    true = exact(falling, REFERENCE).tip
+    assert list(ladder(falling, {"gauss": (4,)}, ("Radau5",), [1e-3], true, 0.0)) == []
+
+
+def test_the_gain_is_that_of_the_cheapest_runs_that_meet_the_error():
+    settings = decode(load_case(CASES / "speed_axial.toml").settings, speed_rules.Settings)
+    race = settings.race[0]
+    runs = [
+        tried("gauss", 4, 2e-3, 1e-3), tried("gauss", 32, 5e-4, 8e-3), tried("gauss", 64, 1e-4, 9e-3),
+        tried("lobatto2", 4, 9e-4, 3e-3), tried("lobatto4", 8, 1e-5, 2e-3),
+    ]  # fmt: skip
+    rows = list(speed_rules._rows(settings, race, "Radau5", 1e-3, runs))
+    gains = {row.quantity: row.value for row in rows if "/" in row.quantity}
+    assert gains == pytest.approx(dict.fromkeys(gains, 4.0))
+    assert f"{race.name}: gauss / lobatto, Radau5, tip error 0.001 m" in gains
+    assert all(row.timed for row in rows)
+    assert not any("/" in row.quantity for row in speed_rules._rows(settings, race, "Radau5", 1e-4, runs[3:]))
+
+
+def test_an_advised_family_is_judged_by_its_own_cheapest_chain():
+    case = load_case(CASES / "advice_axial.toml")
+    settings = decode(case.settings, advice_families.Settings)
+    met = [tried("gauss", 8, 1e-5, 3.0), tried("lobatto2", 4, 1e-5, 2.0), tried("lobatto4", 8, 1e-5, 1.5)]
+    costs = [run.point.seconds for run in met]
+    assert advice_families._over_cheapest(settings, "gauss", met, costs)[0] == 2.0
+    assert advice_families._over_cheapest(settings, "lobatto", met, costs)[0] == 1.0
+
+
+def test_the_family_of_an_advice_is_told_by_the_rules_of_its_links(falling):
+    case = load_case(CASES / "advice_axial.toml")
+    settings = decode(case.settings, advice_families.Settings)
+    assert advice_families._family(settings, case, falling) == "gauss"  # midpoint
+    assert advice_families._family(settings, case, cut(falling, Rule(rule="lobatto4", hinges=4))) == "lobatto"
+    stiff = fl.load_scene(STUDY_SCENES / "triple_pendulum_rods.toml")
+    assert all(link.flex == "rigid" for link in stiff.arm.links)
+    with pytest.raises(DataFileError, match="of no single family"):
+        advice_families._family(settings, case, stiff)
+
+
+@pytest.mark.slow
+def test_the_kinds_run_whole_on_a_small_grid():
+    case, finer = load_case(CASES / "speed_axial.toml"), replace(REFERENCE, hinges=16, checked=12)
+    settings = decode(case.settings, speed_rules.Settings)
+    race = replace(settings.race[3], errors=(1e-2,), hinges={"Radau5": {"gauss": (8, 12), "lobatto2": (8,)}})
+    small = replace(settings, reference=finer, tolerances=(1e-3, 1e-4), race=(race,))
+    quantities = {row.quantity for row in speed_rules.run(case, small) if hasattr(row, "quantity")}
+    assert "falling cantilever: gauss / lobatto, Radau5, tip error 0.01 m" in quantities
+    case = load_case(CASES / "advice_axial.toml")
+    asked = decode(case.settings, advice_families.Settings)
+    one = replace(asked.asked[3], error=1e-2)
+    hinges = {"gauss": (8, 12), "lobatto2": (8,)}
+    small = replace(asked, reference=finer, hinges=hinges, of_error=(1.0, 0.1), methods=("Radau5",), asked=(one,))
+    rows = {row.quantity: row.value for row in advice_families.run(case, small)}
+    assert rows["advised within the allowed error"] == 1.0
+    assert rows["advised family / cheapest, listed costs"] >= 1.0

@@ -1,0 +1,81 @@
+"""The family of lumping rules that advice takes, against a grid of all families: is it the cheapest one?
+
+Every scene has an error of its tip that is allowed. The grid is that of `rule_ladder`: rules, hinges, methods and
+tolerances; costs are counted by the list that advice chooses by, and by the clock. The family of the advice may cost
+more than the cheapest one only by what neither can tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import flexlink as fl
+from flexlink.common.errors import DataFileError
+from flexlink.describe.spec import Positive, Spec
+from validation.case import Case, Measured
+from validation.facts import Facts
+from validation.trade.rule_ladder import Reference, Tried, exact, ladder
+from validation.trade.scenes import Varied, varied_scene
+
+TIMED = True
+
+
+class Asked(Spec, frozen=True):
+    """A scene, and the error of its tip that is allowed [m]; whether cells are meant to pay."""
+
+    name: str
+    scene: Varied
+    error: Positive
+    axial: bool = False
+
+
+class Settings(Spec, frozen=True):
+    """Scenes; rules by family, their hinges and tolerances over the allowed error, and methods; the longest run [s]."""
+
+    families: dict[str, tuple[str, ...]]
+    hinges: dict[str, tuple[int, ...]]
+    of_error: tuple[Positive, ...]
+    methods: tuple[str, ...]
+    reference: Reference
+    longest: Positive
+    asked: tuple[Asked, ...]
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Of each scene: what the family of the advice costs, over the cheapest; then of both kinds of scenes."""
+    worst: dict[bool, list[float]] = {True: [], False: []}
+    for asked in settings.asked:
+        scene = varied_scene(asked.scene, asked.name)
+        advice = fl.advise(scene, tip=f"{asked.error:.3g} m")
+        true = exact(scene, settings.reference)
+        yield Measured("reference, its own error / allowed error", true.own / asked.error, asked.name)
+        tolerances = [part * asked.error for part in settings.of_error]
+        grid = ladder(scene, settings.hinges, settings.methods, tolerances, true.tip, settings.longest)
+        met = [each for each in grid if each.point.error <= asked.error]
+        family = _family(settings, case, advice.scene)
+        facts: Facts = {"family": family, "tip error": asked.error}
+        words = "; ".join(line for line in advice.lines if "hinge" in line)
+        yield Measured("advised within the allowed error", float(advice.met), asked.name, varied=facts, note=words)
+        listed, note = _over_cheapest(settings, family, met, [each.listed for each in met])
+        worst[asked.axial].append(listed)
+        yield Measured("advised family / cheapest, listed costs", listed, asked.name, varied=facts, note=note)
+        clocked, note = _over_cheapest(settings, family, met, [each.point.seconds for each in met])
+        yield Measured("advised family / cheapest, CPU time", clocked, asked.name, varied=facts, note=note, timed=True)
+    for axial, word in ((True, "under axial load or bent far"), (False, "others")):
+        if worst[axial]:
+            yield Measured(f"advised family / cheapest, listed costs, {word}", max(worst[axial]))
+
+
+def _family(settings: Settings, case: Case, scene: fl.Scene) -> str:
+    rules = {link.lumping for link in scene.arm.links if link.flex != "rigid"}
+    found = {family for family, members in settings.families.items() if rules & set(members)}
+    if len(found) != 1:
+        raise DataFileError(f"{case.path}: {scene.name}: advice with the rules {sorted(rules)} is of no single family")
+    return found.pop()
+
+
+def _over_cheapest(settings: Settings, family: str, met: Sequence[Tried], costs: Sequence[float]) -> tuple[float, str]:
+    """The least cost of a family over the least of all; what they are in words."""
+    order = sorted(range(len(met)), key=lambda k: costs[k])
+    own = next(k for k in order if met[k].at.rule in settings.families[family])
+    return costs[own] / costs[order[0]], f"{met[own]}; cheapest {met[order[0]]}."

@@ -1,0 +1,92 @@
+"""Bending frequencies of a clamped chain of cells of coupled springs in 40 digits, from p and the tip's inertia alone.
+
+EI = ρA = L = 1. A cell of length h has the angle θ(t_k) of the beam at its p + 1 Gauss-Lobatto nodes, on segments as
+long as their weights, h b_k; two at a boundary are one. Springs hold the slope of the polynomial through the nodes at
+the p Gauss points, of the weights w_q:
+
+    K = Cᵀ diag(w) C / h        C_qj = Σ_k≥j L_k'(x_q)
+
+A segment has the mass of its own length, whose centre is S_i − s_i beyond its hinge: S_i its end, s_i the place of its
+node. Its inertia is such that a beam that turns as a whole has its kinetic energy, in angles of the segments
+Σ_j A_ij = l_i ∫ min(1 − s_i, 1 − x) dx. The last one takes `tip` m l²/3 off the one before it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+from mpmath import mp, mpf
+
+from flexlink.common.types import Array
+
+DIGITS = 40
+
+
+def frequencies(p: int, hinges: int, tip: float) -> Array:
+    """All natural angular frequencies, slowest first."""
+    with mp.workdps(DIGITS):
+        lower = mp.matrix(hinges + 1, hinges)
+        for i, j in itertools.product(range(hinges + 1), range(hinges)):
+            lower[i, j] = mpf(i > j)  # angles of segments from those of hinges
+        M = lower.T * _mass(p, hinges, tip) * lower
+        inverse = mp.inverse(mp.cholesky(_stiffness(p, hinges)))
+        S = inverse * M * inverse.T
+        return np.array(sorted(float(1 / mp.sqrt(value)) for value in mp.eigsy((S + S.T) / 2, eigvals_only=True)))
+
+
+def _stiffness(p: int, hinges: int) -> Any:
+    cells, nodes = hinges // p, _lobatto(p)
+    points = [(1 + x) / 2 for x in _roots(mp.taylor(lambda x: mp.legendre(p, x), 0, p))]
+    C = mp.matrix(p)
+    for (q, x), j in itertools.product(enumerate(points), range(p)):
+        C[q, j] = mp.fsum(mp.diff(lambda t, k=k: _lagrange(nodes, k, t), x) for k in range(j + 1, p + 1))
+    K = mp.zeros(hinges)
+    block = C.T * mp.diag([_weight(points, k) for k in range(p)]) * C * cells
+    for e, i, j in itertools.product(range(cells), range(p), range(p)):
+        K[e * p + i, e * p + j] = block[i, j]
+    return K
+
+
+def _mass(p: int, hinges: int, tip: float) -> Any:
+    """A of the angles of all segments, the one at the root included."""
+    cells, nodes = hinges // p, _lobatto(p)
+    s, l = [mpf(0)] * (hinges + 1), [mpf(0)] * (hinges + 1)
+    for e, k in itertools.product(range(cells), range(p + 1)):
+        s[e * p + k] = (e + nodes[k]) / cells
+        l[e * p + k] += _weight(nodes, k) / cells
+    ends = list(itertools.accumulate(l))
+    beyond = [1 - end for end in ends]  # mass
+    centre = [end - place for end, place in zip(ends, s, strict=True)]
+    A = mp.zeros(hinges + 1)
+    for i in range(hinges + 1):
+        A[i, i] = l[i] * centre[i] ** 2 + l[i] ** 2 * beyond[i]
+        for j in range(i + 1, hinges + 1):
+            A[i, j] = A[j, i] = l[i] * (l[j] * centre[j] + l[j] * beyond[j])
+    own = [l[i] * (1 - s[i] ** 2) / 2 - mp.fsum(A[i, j] for j in range(hinges + 1)) for i in range(hinges + 1)]
+    given = mpf(tip) * l[-1] ** 3 / 3
+    own[-1], own[-2] = own[-1] + given, own[-2] - given
+    return A + mp.diag(own)
+
+
+def _lobatto(p: int) -> list[Any]:
+    """Nodes on [0, 1]."""
+    P = mp.taylor(lambda x: mp.legendre(p, x), 0, p)
+    inner = _roots([k * P[k] for k in range(1, p + 1)])
+    return [mpf(0), *((1 + x) / 2 for x in inner), mpf(1)]
+
+
+def _roots(coefficients: list[Any]) -> list[Any]:
+    """Of a polynomial whose roots are real, lowest power first."""
+    first = np.sort(np.polynomial.Polynomial([float(c) for c in coefficients]).roots().real)
+    return [mp.findroot(lambda x: mp.fsum(c * x**k for k, c in enumerate(coefficients)), mpf(x)) for x in first]
+
+
+def _lagrange(nodes: list[Any], k: int, t: Any) -> Any:
+    return mp.fprod((t - x) / (nodes[k] - x) for j, x in enumerate(nodes) if j != k)
+
+
+def _weight(nodes: list[Any], k: int) -> Any:
+    """Of a quadrature on [0, 1] that is exact for Lagrange's polynomials."""
+    return mp.quad(lambda t: _lagrange(nodes, k, t), [0, 1])

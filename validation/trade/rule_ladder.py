@@ -1,0 +1,118 @@
+"""Time for a given error of the beam by lumping rule: every number of hinges of a grid, with every tolerance.
+
+The reference is a finer chain of its own, with a method and a tolerance of its own; what a coarser one of the same rule
+is away from it bounds its error. The error of a run is the largest distance of its tip from it at the samples [m], what
+the steps leave out included.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.lumping_rules import lumping_rule
+from flexlink.describe.spec import Positive, Spec
+from flexlink.motion.evaluation_cost import run_cost
+from flexlink.motion.simulate import simulate
+from flexlink.results.tip_motion import largest_distance
+from validation.physics.variant import Rule
+from validation.trade import native_ladder
+from validation.trade.native_ladder import TooDearError
+from validation.trade.work_precision import Point
+
+
+class Reference(Spec, frozen=True):
+    """How the exact tip is computed; `checked` hinges tell its own error."""
+
+    rule: str
+    hinges: int
+    checked: int
+    method: str
+    tolerance: Positive
+
+
+class Exact(NamedTuple):
+    """Tip at the samples, shape (samples, 3), and how far a coarser reference is away [m]."""
+
+    tip: Array
+    own: float
+
+
+class Tried(NamedTuple):
+    """A run: chain, method and tolerance; what it cost by the clock and by the list [s], and its error [m]."""
+
+    at: Rule
+    method: str
+    point: Point  # setting: the tolerance
+    listed: float
+
+    def __str__(self) -> str:
+        return f"{self.at}, {self.method} {self.point.setting:g}"
+
+
+def cut(scene: Scene, at: Rule) -> Scene:
+    """The scene whose flexible links have so many hinges by a rule."""
+    bent = [link.name for link in scene.arm.links if link.flex != "rigid"]
+    changes = {f"link.{name}.lumping": at.rule for name in bent} | {
+        f"link.{name}.segments": at.hinges + 1 for name in bent
+    }
+    return scene.varied(changes)
+
+
+def exact(scene: Scene, how: Reference) -> Exact:
+    """The reference of a scene."""
+    tips = []
+    for hinges in (how.hinges, how.checked):
+        finer = cut(scene, Rule(rule=how.rule, hinges=hinges))
+        tips.append(simulate(finer.varied({"run.method": how.method, "run.tolerance": how.tolerance})).tip)
+    return Exact(tips[0], largest_distance(*tips))
+
+
+def ladder(
+    scene: Scene,
+    rules: Mapping[str, Sequence[int]],
+    methods: Sequence[str],
+    tolerances: Sequence[float],
+    true: Array,
+    longest: float,
+) -> Iterator[Tried]:
+    """Every run of the grid that takes at most `longest` [s]; numbers that a rule does not take are left out.
+
+    Tolerances become finer until the chain's own error is left: two in a row change it by less than a tenth.
+    """
+    for name, method in itertools.product(rules, methods):
+        rule, warm = lumping_rule(name), False
+        for hinges in rules[name]:
+            try:
+                rule.hinges(hinges)
+            except ArgumentError:
+                continue
+            at = Rule(rule=name, hinges=hinges)
+            chained = cut(scene, at)
+            if not warm:  # kernels are compiled
+                warm = bool(native_ladder.fastest(chained.varied({"run.method": method, "run.tolerance": 1e-3})))
+            yield from _of_chain(chained, at, method, tolerances, true, longest)
+
+
+def _of_chain(
+    scene: Scene, at: Rule, method: str, tolerances: Sequence[float], true: Array, longest: float
+) -> Iterator[Tried]:
+    chain, errors = lump(scene), list[float]()
+    for tolerance in sorted(tolerances, reverse=True):
+        try:
+            run = native_ladder.fastest(scene.varied({"run.method": method, "run.tolerance": tolerance}), longest)
+        except TooDearError:
+            return
+        if run is None:
+            continue
+        error = largest_distance(run.seen.tip, true)
+        listed = run_cost(chain, method, run.evaluations)
+        yield Tried(at, method, Point(tolerance, error, run.seconds, evaluations=run.evaluations), listed)
+        errors.append(error)
+        if len(errors) > 2 and max(errors[-3:]) < 1.1 * min(errors[-3:]):
+            return
