@@ -21,6 +21,9 @@ EXAMPLES = {
     "gravity": BARE.varied({"gravity": (0.0, 0.0, 9.81)}),
     "springs": make_scene(flexible("a"), gravity=(0.0, 0.0, 0.0)),
     "springs between hinges": make_scene(flexible("a", segments=3, lumping="lobatto2"), gravity=(0.0, 0.0, 0.0)),
+    "springs of rotation vectors": make_scene(
+        flexible("a", "xyz", 3, lumping="gauss_rotation"), gravity=(0.0, 0.0, 0.0)
+    ),
     "rotor inertia": BARE.varied({"link.rod.joint.armature": 0.1}),
     "dry friction": BARE.varied({"link.rod.joint.coulomb": 0.1}),
     "elastic gear": BARE.varied({"link.rod.joint.gear_stiffness": 10.0, "link.rod.joint.armature": 0.1}),
@@ -42,9 +45,8 @@ def test_each_feature_is_noticed_and_no_other(feature: str) -> None:
     scene = EXAMPLES[feature]
     for format in FORMATS:
         missing = not_held(scene, fl.lump(scene), format=format)
-        implied = {"elastic gear": {"springs", "rotor inertia"}, "springs between hinges": {"springs"}}.get(
-            feature, set()
-        )
+        springs = {name: {"springs"} for name in ("springs between hinges", "springs of rotation vectors")}
+        implied = {"elastic gear": {"springs", "rotor inertia"}, **springs}.get(feature, set())
         assert set(missing) == {name for name in {feature, *implied} if format in FEATURES[name].instead}
 
 

@@ -22,7 +22,7 @@ TIP_FREE = {"clamped", "hencky"}
 
 EXACT_DEGREE = {
     "paper": -1, "hencky": 1, "clamped": 2, "midpoint": 1, "open": 1, "gregory": 3, "gauss": 3, "legendre": 23,
-    "gauss_matched": 3,
+    "gauss_matched": 3, "gauss_rotation": 3,
 }  # fmt: skip
 """Highest d up to which 12 hinges integrate the moments (1 − x)^d exactly; from d = 2 for those of `TIP_FREE`.
 

@@ -42,11 +42,12 @@ class Body:
     first: int
     stop: int
     rigid: SpatialInertia = NOTHING
+    springs: int = 0  # as in `BODY`
 
     def record(self) -> tuple[object, ...]:
         """One row of dtype `BODY`, whose inertia is still to be recorded."""
         R, p = self.place
-        return self.first, self.stop, 1, R, p, 0.0, (0.0, 0.0, 0.0), NOTHING.inertia
+        return self.first, self.stop, 1, self.springs, R, p, 0.0, (0.0, 0.0, 0.0), NOTHING.inertia
 
 
 def recorded(bodies: list[Body]) -> NDArray[np.void]:

@@ -28,7 +28,10 @@ from flexlink.describe.spec import truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.layout import COUPLING, ChainArrays
 
-_OF_LAYOUT = {"active", "bending", "axes", "coupled_joints", "is_planar", "joint_names", "_sequential", "_layout"}
+_OF_LAYOUT = {
+    "active", "bending", "axes", "coupled_joints", "has_rotation_springs", "is_planar", "joint_names", "_sequential",
+    "_layout",
+}  # fmt: skip
 """What is found of a chain without its masses, springs and gravity."""
 
 Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
@@ -215,6 +218,11 @@ class Chain:
         return product
 
     @functools.cached_property
+    def has_rotation_springs(self) -> bool:
+        """Whether springs hold rotation vectors of hinges about three axes, not their angles (`BODY`)."""
+        return bool(self.bodies["springs"].any())
+
+    @functools.cached_property
     def active(self) -> NDArray[np.intp]:
         """Sequential indices of the driven joints."""
         active = np.array([k for k, c in enumerate(self.coordinates) if c.axis == 0], dtype=np.intp)
@@ -276,7 +284,8 @@ class Chain:
         sizes = self.bodies["stop"] - self.bodies["first"]
         rotors = np.repeat(sizes > 1, sizes) & (self.hinges["armature"] != 0)
         whole = (
-            self.bodies["first"], self.bodies["stop"], self.hinges["axis"], self.hinges["prescribed"], rotors,
+            self.bodies["first"], self.bodies["stop"], self.bodies["springs"], self.hinges["axis"],
+            self.hinges["prescribed"], rotors,
             self.couplings["inner"], self.couplings["outer"],
         )  # fmt: skip
         return self.is_planar, *(part.tobytes() for part in whole)

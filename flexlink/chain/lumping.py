@@ -25,9 +25,12 @@ from flexlink.describe.hinges import hinges_of
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
+from flexlink.kernels.bodies.rotation_springs import SPRINGS
 from flexlink.kernels.layout import COUPLING, HINGE
 
 TWIST = 1  # axis of a coordinate
+SPACE = "xyz"  # axes of a hinge that turns any way
+PAIR = 2  # hinges of the cells whose springs hold the curvature of the rotation between them
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
@@ -275,6 +278,8 @@ def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes:
                 rotor = rotors[segment - 1] if axis == TWIST else 0.0
                 coordinate = Coordinate(number, segment, axis)
                 builder.add_hinge(coordinate, axis - 1, 0.0, 0.0, *friction, armature=rotor)
+            if rule.springs == "rotation" and len(AXES[link.flex]) == len(SPACE):
+                builder.bodies[-1].springs = _springs_of(rule, segment - 1)
         if body is not None:
             builder.add(body)
         builder.advance(number, part, end)
@@ -287,6 +292,12 @@ def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes:
     points = (np.arange(count)[:, None] + cell.points).ravel() / count
     lengths = beam.length / count / np.tile(cell.weights, count)
     return Springs(link, beam.sections(points), lengths, rows, among, rule.cells, *_couple(builder, rule.cells, places))
+
+
+def _springs_of(rule: LumpingRule, hinge: int) -> int:
+    """What the springs of a hinge of three axes hold, counted from 0 along its beam."""
+    leads = rule.cells is not None and rule.cells.hinges == PAIR and hinge % PAIR == 0
+    return SPRINGS.cell if leads else SPRINGS.rotation
 
 
 def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) -> tuple[slice, NDArray[np.intp]]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import EngineError, SingularMassError
+from flexlink.common.errors import ArgumentError, EngineError, SingularMassError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.diagnosis.differences import Finding, differences
@@ -108,9 +108,14 @@ def diagnose(chain: Chain, engine: Engine, rows: Sequence[Difference], states: S
 
 def _by_us(chain: Chain, engine: str) -> tuple[str, ...]:
     """A note on what of the arm the engine does not compute itself."""
-    if not len(chain.couplings) or engine not in ENGINES or ENGINES[engine].between_joints:
+    if engine not in ENGINES or engine == "native":
         return ()
-    return ("springs and dampers between two joints are computed by us, with the numbers of the file",)
+    notes = []
+    if len(chain.couplings) and not ENGINES[engine].between_joints:
+        notes.append("springs and dampers between two joints are computed by us, with the numbers of the file")
+    if chain.has_rotation_springs:
+        notes.append("what springs of rotation vectors take beyond those of angles is computed by us, from the file")
+    return tuple(notes)
 
 
 def diagnose_file(
@@ -124,7 +129,17 @@ def diagnose_file(
     """Diagnose an engine with a foreign file: compare its quantities and what it has read.
 
     The file's actuators are compared with the drive of the `scene`, if there is one.
+
+    Raises
+    ------
+    ArgumentError
+        Springs of the chain hold rotation vectors, which no file of others has.
     """
+    if chain.has_rotation_springs:
+        raise ArgumentError(
+            f"{chain.name!r}: its springs hold rotation vectors, which no other program has; compare the file with a "
+            "scene whose lumping rule has springs = 'angles'"
+        )
     format, engine, stderr_errors = loaded
     ours, read = with_drive(of_chain(chain), scene, chain), mark_unspecified(_with_step(chain, engine.read_back()))
     errors = [f"{engine.name} reports an error: {text}" for text in stderr_errors]

@@ -29,6 +29,7 @@ from flexlink.describe.conditions import Frame
 from flexlink.dynamics import rounding
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
+from flexlink.dynamics.springs import about, spring_torque
 from flexlink.dynamics.tangent import falls, load_torque, stiffness_matrix, unlocked
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.wrench import turns_with_tip
@@ -203,9 +204,10 @@ def buckling_loads(
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
     block = np.ix_(*2 * (free[chain.stiffness[free] > 0],))
-    K = chain.matrix("stiffness")[block]
+    K = about(chain, q).matrix("stiffness")[block]
     load = stiffness_matrix(chain, q, np.zeros(chain.n), wrench)[block] - K
-    inverse = linalg.eigvals(-_per_stiffness(load, K, coupled=len(chain.couplings) > 0))  # 1/s
+    coupled = len(chain.couplings) > 0 or chain.has_rotation_springs
+    inverse = linalg.eigvals(-_per_stiffness(load, K, coupled=coupled))  # 1/s
     rounding = len(K) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
     softening = inverse.real > rounding
     real = np.abs(inverse.imag) <= np.sqrt(np.finfo(float).eps) * np.abs(inverse)  # of a double eigenvalue, too
@@ -213,11 +215,17 @@ def buckling_loads(
 
 
 def _per_stiffness(load: Array, K: Array, *, coupled: bool) -> Array:
-    """L⁻¹ load L⁻ᵀ of K = L Lᵀ, which has the eigenvalues of K⁻¹ load; K is diagonal unless springs are `coupled`."""
+    """L⁻¹ load L⁻ᵀ of K = L Lᵀ, which has the eigenvalues of K⁻¹ load; K is diagonal unless springs are `coupled`.
+
+    K⁻¹ load itself where K is not positive definite, as rotation vectors' springs may be, bent far.
+    """
     if not coupled:
         k = K.diagonal()
         return np.asarray(load / np.sqrt(np.outer(k, k)))
-    L = linalg.cholesky(K, lower=True)
+    try:
+        L = linalg.cholesky(K, lower=True)
+    except linalg.LinAlgError:
+        return np.asarray(linalg.solve(K, load))
     half = linalg.solve_triangular(L, load, lower=True)
     return np.asarray(linalg.solve_triangular(L, half.T, lower=True).T)
 
@@ -268,7 +276,7 @@ class _Equations:
         self.motion = SmallMotion(chain, start, rates, wrench, follower, self.locked)
         self.start = np.concatenate([[0.0], start])
         self.sizes = rounding.largest_loads(chain, acting.rates, acting.wrench)
-        self.held = np.where(self.sprung, chain.times("stiffness", start - chain.rest), self.load(start))
+        self.held = np.where(self.sprung, spring_torque(chain, start), self.load(start))
 
     def load(self, q: Array) -> Array:
         rates, wrench, follower, drive = self.acting
@@ -280,7 +288,7 @@ class _Equations:
     def _value(self, x: Array, load: Array) -> Array:
         s, q = x[0], x[1:]
         loaded = np.where(self.sprung, s, 1.0) * load
-        left = self.chain.times("stiffness", q - self.chain.rest) + loaded - (1 - s) * self.held
+        left = spring_torque(self.chain, q) + loaded - (1 - s) * self.held
         return np.where(self.locked, 0.0, left)
 
     def with_slopes(self, x: Array) -> tuple[Array, _Slopes]:

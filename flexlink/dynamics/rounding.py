@@ -17,11 +17,15 @@ can cancel, with r_ik = |c_i − p_k| from hinge point to centre of mass, over t
     |M Δq̈|      ≤ ε (M* (Σ_k |q̈_k| + ω²) + T_G* + T_W* + max |T_EX, T_FL, T_FR|)
     |Δq̈|        ≤ ‖M⁻¹‖₂ times that
     |ΔT_FL|_k   ≤ 10 eps (|K| |θ − θ₀|)_k
+    |ΔT_FL|_k   ≤ 10 eps (|K| |θ − θ₀| + s² (1 + Θ*)² Σ |K| Θ)_k          springs of rotation vectors
     |ΔT_FR|_k   ≤ 10 eps (|D| |q̇| + c |tanh(q̇ / w)|)_k
 
 ε = 10 √n eps: every hinge turns axes and adds a lever, about ten roundings; along a chain they add like a random walk.
 A backward stable solver of M q̈ = b changes M and b by no more than the same, hence M Δq̈ (Higham 2002, theorem 7.2).
 T_FL and T_FR are products at one joint, or sums of p of them in a cell: two roundings each, and a tanh good to four.
+Springs of a rotation vector φ know it to about ten eps of Θ, the sum of the three |θ − θ₀|, times s = ½|φ| / sin ½|φ|,
+and so their torques, which the three axes mix: Σ is over them, and s once more what the slope of φ does. Of a cell,
+whose terms go up to the cube of φ, Θ* is the largest Θ.
 With ‖M‖ for M* the bound of q̈ reads 10 √n eps κ₂(M) (|q̈| + |T| / ‖M‖ + ω²); but of a mast that turns about its own
 axis M, too, is what cancelling leaves of M*.
 
@@ -41,6 +45,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.bodies.kinematics import forward_kinematics
+from flexlink.kernels.bodies.rotation_springs import stretches
 
 EPS = float(np.finfo(np.float64).eps)
 ROUNDINGS = 10
@@ -67,7 +72,7 @@ def of_bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: Arr
 
 
 def of_elastic_torque(chain: Chain, q: ArrayLike) -> Array:
-    """Of T_FL, joint by joint, 10 eps |K| |θ − θ₀|, shape (n,) [N m]."""
+    """Of T_FL, joint by joint, 10 eps |K| |θ − θ₀|, shape (n,) [N m]; of rotation vectors what stands above."""
     return ROUNDINGS * EPS * _elastic_size(chain, q)
 
 
@@ -140,8 +145,16 @@ def in_units(error: Array, explained: Array | float) -> Array:
 
 
 def _elastic_size(chain: Chain, q: ArrayLike) -> Array:
-    """|K| |θ − θ₀|, which the sum of coupled springs' torques at a hinge may be less than."""
-    return chain.times("stiffness", vector("q", q, chain.n, many=True) - chain.rest, absolute=True)
+    """|K| |θ − θ₀|, of which the torques of coupled springs may be less, and what rotation vectors add."""
+    q = vector("q", q, chain.n, many=True)
+    size = chain.times("stiffness", q - chain.rest, absolute=True)
+    if chain.has_rotation_springs:
+        hinges, stretch = stretches(chain.bodies, chain.hinges, chain.couplings, q)
+        Θ = np.abs(q - chain.rest)
+        Θ[hinges] = Θ[hinges].sum(axis=1, keepdims=True)
+        whole = chain.times("stiffness", Θ, absolute=True)[hinges].sum(axis=1)
+        size[hinges] += ((stretch * (1 + Θ[hinges].max())) ** 2 * whole)[:, None]
+    return size
 
 
 def _friction_size(chain: Chain, qd: ArrayLike) -> Array:

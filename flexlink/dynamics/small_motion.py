@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
-from flexlink.dynamics.springs import damping_slope
+from flexlink.dynamics.springs import about, damping_slope
 from flexlink.kernels.derivatives.small_motion import HINGE, factor, mass_products, multiply, place, small_motion, solve
 from flexlink.kernels.derivatives.small_motion_cells import factor_in_cells, small_motion_in_cells, solve_in_cells
 
@@ -33,9 +33,15 @@ class SmallMotion:
     def __init__(
         self, chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, locked: NDArray[np.bool_]
     ) -> None:
-        self._diagonals = np.array([chain.stiffness, damping_slope(chain), chain.hinges["armature"]])
-        self._arrays, self._state, self._couplings = chain.arrays, (wrench, follower, qd), chain.couplings
-        self._cells = small_motion_in_cells(chain.arrays) if len(chain.couplings) else None
+        sprung = about(chain, q)
+        self._diagonals = np.array([sprung.stiffness, damping_slope(chain), chain.hinges["armature"]])
+        self._chain, self._arrays, self._state, self._couplings = (
+            chain,
+            chain.arrays,
+            (wrench, follower, qd),
+            sprung.couplings,
+        )
+        self._cells = small_motion_in_cells(sprung.arrays) if len(sprung.couplings) else None
         self._work = small_motion(chain.arrays) if self._cells is None else self._cells.whole
         self.place(q)
         self.locked, self.rounding = locked, int((~locked).sum()) * rounding.of_load_stiffness(chain)
@@ -43,9 +49,18 @@ class SmallMotion:
 
     def place(self, q: Array) -> None:
         """Take on another posture."""
+        if self._chain.has_rotation_springs:
+            self._bend(about(self._chain, q))
         wrench, follower, qd = self._state
         place(self._work, wrench, follower, q, qd)
         self._q = q
+
+    def _bend(self, sprung: Chain) -> None:
+        """Take on the stiffness of the chain about a posture."""
+        assert self._cells is not None  # the hinges of a triple are coupled
+        self._diagonals[0], self._couplings = sprung.stiffness, sprung.couplings
+        self._work = self._cells.whole._replace(chain=sprung.arrays)
+        self._cells = self._cells._replace(whole=self._work)
 
     def times(self, weights: Array, x: Array) -> Array:
         """(weights · (K, C, M)) x for rows x (m, n), 0 at locked coordinates, shape (m, n)."""

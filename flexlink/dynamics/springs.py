@@ -1,12 +1,62 @@
-"""Springs and dampers of a chain as matrices and their inverse, couplings included."""
+"""Springs and dampers of a chain as matrices and their inverse, couplings included; springs about a bent posture."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.kernels.bodies.couplings import give_way
+from flexlink.kernels.bodies.rotation_springs import excess_torque, rotation_vectors
+from flexlink.kernels.derivatives.rotation_tangent import excess_stiffness
+from flexlink.kernels.layout import COUPLING
+
+
+def spring_torque(chain: Chain, q: Array) -> Array:
+    """T_FL at angles q (n,), shape (n,) [N m]."""
+    torque = chain.times("stiffness", q - chain.rest)
+    if chain.has_rotation_springs:
+        torque += excess_torque(chain.bodies, chain.hinges, chain.couplings, q)
+    return torque
+
+
+def held_angles(chain: Chain, q: Array) -> Array:
+    """What springs hold at angles q (n,) or (b, n): these, or the rotation vectors of triples about their axes."""
+    if not chain.has_rotation_springs:
+        return q
+    held = [rotation_vectors(chain.bodies, chain.hinges, chain.couplings, row) for row in np.atleast_2d(q)]
+    return np.reshape(held, q.shape)
+
+
+def about(chain: Chain, q: Array) -> Chain:
+    """The chain with ∂T_FL/∂q at angles q (n,) for its K: itself, unless springs hold rotation vectors.
+
+    Their slopes join all hinges of a triple, and of the triples of a cell, as couplings do.
+    """
+    if not chain.has_rotation_springs:
+        return chain
+    blocks, triples, values = excess_stiffness(chain.bodies, chain.hinges, chain.couplings, q)
+    rows, columns = (triples[blocks[:, side]] for side in (0, 1))
+    i, j = np.broadcast_to(rows[:, :, None], values.shape), np.broadcast_to(columns[:, None, :], values.shape)
+    bodies, hinges = chain.bodies.copy(), chain.hinges.copy()
+    bodies["springs"] = 0
+    hinges["stiffness"][i[i == j]] += values[i == j]
+    apart = (blocks[:, 0] != blocks[:, 1])[:, None, None] | (i < j)
+    couplings = np.zeros(int(apart.sum()), COUPLING)
+    couplings["inner"], couplings["outer"], couplings["stiffness"] = i[apart], j[apart], values[apart]
+    joined = _joined(np.concatenate([chain.couplings, couplings]))
+    return Chain(chain.name, bodies, hinges, chain.gravity, chain.coordinates, chain.link_names, joined)
+
+
+def _joined(couplings: NDArray[np.void]) -> NDArray[np.void]:
+    """Each pair of hinges once."""
+    pairs, place = np.unique(couplings[["inner", "outer"]], return_inverse=True)
+    joined = np.zeros(len(pairs), COUPLING)
+    joined["inner"], joined["outer"] = pairs["inner"], pairs["outer"]
+    for field in ("stiffness", "damping"):
+        np.add.at(joined[field], place, couplings[field])
+    return joined
 
 
 def damping_slope(chain: Chain) -> Array:

@@ -6,6 +6,8 @@ curvature is that of the beam. Between hinges it is for the reader to interpolat
 coupled, its angles make the curvature at the cell's Gauss points, which take the place of the hinges:
 
     κ(x_q) = 1/h Σ_j C_qj θ_j        ε = z κ_y − y κ_z
+
+Where springs hold rotation vectors φ, these stand for θ, and in cells of two −φ₁ × φ₂ / (6 h) adds to κ.
 """
 
 from __future__ import annotations
@@ -25,6 +27,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.batches import is_batch, rows
 from flexlink.dynamics.result import Result
+from flexlink.dynamics.springs import held_angles
+from flexlink.kernels.bodies.rotation_springs import SPRINGS
 from flexlink.kernels.tools.finite import is_finite
 
 
@@ -45,9 +49,9 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     """Curvature of a link and bending strain of a fibre at its hinges, or at the Gauss points of cells.
 
     κ = θ/(w L), or what all angles of a cell make of it where its springs are coupled (lumping "lobatto2", "lobatto4");
-    off by θ² where a hinge bends and twists at once. A chain does not stretch: to the strain of bending a gauge adds
-    that of the axial force N, N/(EA), N = `internal_loads(…).force[…, 0]`. At the root of the beam, where no hinge is,
-    κ = M/EI with the moment there.
+    off by θ² where a hinge bends and twists at once, unless its springs hold rotation vectors. A chain does not
+    stretch: to the strain of bending a gauge adds that of the axial force N, N/(EA), N being
+    `internal_loads(…).force[…, 0]`. At the root of the beam, where no hinge is, κ = M/EI with the moment there.
 
     Parameters
     ----------
@@ -87,15 +91,18 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     angles = rows(chain.n, {"q": q})[0] if is_batch(q) else vector("q", q, chain.n, many=True)
     nodes, weights = hinges_of(arm)[number - 1]
     length, cells = bent.beam.length, lumping_rule(bent.lumping).cells
-    curvature = np.zeros((*angles.shape[:-1], len(nodes), 3))
+    curvature, held = np.zeros((2, *angles.shape[:-1], len(nodes), 3))
+    h = length * (cells.hinges if cells is not None else 1) / len(nodes)
     with np.errstate(over="ignore", invalid="ignore"):
         for axis in AXES[bent.flex]:
             hinges = [chain.index(number, segment, axis) for segment in range(1, len(nodes) + 1)]
-            θ = angles[..., hinges]
+            θ = held[..., axis - 1] = held_angles(chain, angles)[..., hinges]
             if cells is None:
                 curvature[..., axis - 1] = θ / (weights * length)
             else:
-                curvature[..., axis - 1] = cells.cell.curvatures(θ, length * cells.hinges / len(nodes))
+                curvature[..., axis - 1] = cells.cell.curvatures(θ, h)
+        if chain.bodies["springs"][chain.body(hinges[0])] == SPRINGS.cell:
+            curvature -= np.repeat(np.cross(held[..., ::2, :], held[..., 1::2, :]) / (6 * h), 2, axis=-2)
         strain = z * curvature[..., 1] - y * curvature[..., 2]
     if not (is_finite(curvature.reshape(-1)) and is_finite(strain.reshape(-1))):
         raise beyond_float64("a strain", q=angles, fibre=[y, z])

@@ -13,6 +13,7 @@ from flexlink.common.types import Array
 from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
+from flexlink.dynamics.springs import about
 from flexlink.dynamics.terms import bias_torque
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.derivatives.load_derivatives import add_gyroscopic, add_load_stiffness, turned_with_tip
@@ -87,7 +88,7 @@ def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower:
 
     Elastic + gravity + load + centrifugal stiffness; not symmetric under a follower wrench or a spatial moment.
     """
-    K = chain.matrix("stiffness")
+    K = about(chain, q).matrix("stiffness")
     add_load_stiffness(chain.arrays, wrench, follower, q, qd, K)
     return K
 

@@ -22,6 +22,7 @@ from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
 from flexlink.dynamics.batches import each, is_batch, rows
 from flexlink.dynamics.result import Result
+from flexlink.dynamics.springs import spring_torque
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.bodies import mass
 from flexlink.kernels.bodies.energy import energies
@@ -197,7 +198,9 @@ def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
 
 
 def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
-    """T_FL = k (θ − θ₀) on passive joints, 0 on active ones.
+    """T_FL = k (θ − θ₀) on passive joints, 0 on active ones; of coupled springs, K (θ − θ₀).
+
+    Springs of rotation vectors (a rule with `springs = "rotation"`) take the slope of ½ φ·K φ along the angles.
 
     Parameters
     ----------
@@ -225,7 +228,7 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
         return each(elastic_torque, chain, {"q": q})
     q = vector("q", q, require_type("chain", chain, Chain).n, many=True)
     with np.errstate(over="ignore"):
-        torque: Array = chain.times("stiffness", q - chain.rest)
+        torque = spring_torque(chain, q)
     if not is_finite(torque):
         raise beyond_float64(_at("elastic torque", chain, torque), q=q)
     return torque

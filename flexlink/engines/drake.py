@@ -2,8 +2,9 @@
 
 M, T_GC, springs, dampers, rotors and q̈ are Drake's own. Drake ignores the gravity and the dry friction of the file, and
 has no springs between joints. Gravity is set; the smooth Coulomb law c tanh(q̇/w), the torques of springs and dampers
-between joints, which are computed by us, and the drive are an output of a `LeafSystem`, which Drake's integrators
-evaluate at every stage. The tip wrench is an external force on the last link, another output of it.
+between joints, and of springs of rotation vectors, which are computed by us, and the drive are an output of a
+`LeafSystem`, which Drake's integrators evaluate at every stage. The tip wrench is an external force on the last link,
+another output of it.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base, couplings, drake_reader
 from flexlink.engines.read_back import ReadBack
+from flexlink.engines.rotation_springs import Excess, excess_of, refuse_in_files
 from flexlink.formats.sdf import sdf_names, to_sdf
+from flexlink.formats.sdf_reading import read_sdf
 
 
 class DrakeEngine:
@@ -53,16 +56,19 @@ class DrakeEngine:
 
     name = "drake"
     version: str = importlib.metadata.version("drake")
+    _excess: Excess | None = None
 
     def __init__(self, chain: Chain) -> None:
         base.refuse_prescribed_motion("Drake", chain)
         try:
-            names = self._parse(to_sdf(chain, shapes=False))
+            exported = to_sdf(chain, shapes=False)
+            names = self._parse(exported)
         except RuntimeError as error:
             reason = " ".join(str(error).split())  # in one line
             raise ArgumentError(f"Drake cannot load {chain.name!r}: {reason}; use another engine") from error
         if names != sdf_names(chain)[1 : chain.n + 1]:
             raise ArgumentError(f"Drake orders the joints of {chain.name!r} as {names}; expected the order of the file")
+        self._excess = excess_of(chain, exported, read_sdf)
 
     @classmethod
     def from_file(cls, file: base.ForeignFile) -> Self:
@@ -73,9 +79,10 @@ class DrakeEngine:
         ArgumentError
             Drake refuses the file, or it has other joints than hinges.
         """
-        engine = cls.__new__(cls)
+        engine, text = cls.__new__(cls), file.path.read_text(encoding="utf-8")
+        refuse_in_files("Drake", file.path)
         try:
-            engine._parse(file.path.read_text(encoding="utf-8"))
+            engine._parse(text)
         except (RuntimeError, ValueError) as error:
             raise ArgumentError(f"Drake cannot load the file: {error}") from error
         return engine
@@ -151,6 +158,8 @@ class DrakeEngine:
         torque = -self._joint_forces(q, np.zeros(self.n))
         if len(self.couplings):
             torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
+        if self._excess is not None:
+            torque += self._excess(q)
         return torque
 
     def friction_torque(self, qd: Array) -> Array:
@@ -207,7 +216,7 @@ class DrakeEngine:
         drive, wrench = base.drive_function(problem), base.wrench_function(problem)
         inputs = builder.AddSystem(_Inputs(self, drive, wrench))
         builder.Connect(plant.get_state_output_port(), inputs.state)
-        if drive is not None or self.coulomb.any() or len(self.couplings):
+        if drive is not None or self.coulomb.any() or len(self.couplings) or self._excess is not None:
             builder.Connect(inputs.torque, plant.get_applied_generalized_force_input_port())
         if wrench is not None:
             builder.Connect(inputs.force, plant.get_applied_spatial_force_input_port())
@@ -243,6 +252,8 @@ class DrakeEngine:
         if len(self.couplings):
             torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
             torque += couplings.torque(self.couplings, "damping", qd)
+        if self._excess is not None:
+            torque += self._excess(q)
         return torque
 
 

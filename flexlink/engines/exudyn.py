@@ -2,8 +2,9 @@
 
 M, T_GC, springs, dampers and q̈ are Exudyn's own: springs and dampers are the tree's P and D control; armatures are the
 mass matrix of a second object on the same coordinates, springs and dampers between joints its stiffness and damping
-matrices; the tip wrench is two loads on a marker. The smooth Coulomb law
-c tanh(q̇/w) and the drive come from a user function, which its Runge-Kutta methods call at every stage.
+matrices; the tip wrench is two loads on a marker. The smooth Coulomb law c tanh(q̇/w), what springs of rotation vectors
+take beyond those of angles, both computed by us, and the drive come from a user function, which its Runge-Kutta methods
+call at every stage.
 
 Exudyn returns f = M q̈, the sum of all torques. The single terms come from two more trees: one without springs and
 dampers (f = −T_GC), one without masses (f = −T_FL − d q̇).
@@ -35,6 +36,7 @@ from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base
 from flexlink.engines.couplings import to_matrices
 from flexlink.engines.read_back import ReadBack, of_chain
+from flexlink.engines.rotation_springs import excess_of
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import places
 
@@ -57,7 +59,8 @@ class ExudynEngine:
 
     def __init__(self, chain: Chain) -> None:
         base.refuse_prescribed_motion("Exudyn", chain)
-        self.read = read_urdf(to_urdf(chain, shapes=False))
+        exported = to_urdf(chain, shapes=False)
+        self.read, self._excess = read_urdf(exported), excess_of(chain, exported, read_urdf)
         self.n = self.read.n
         self._whole = _System(self.read)
         self._bodies = _System(_without(self.read, hinges=("stiffness", "damping")))
@@ -81,7 +84,7 @@ class ExudynEngine:
 
     def elastic_torque(self, q: Array) -> Array:
         """T_FL: the torques of the tree without masses at rest, negative."""
-        return -self._springs.torques(q, np.zeros(self.n))
+        return self._beyond(q) - self._springs.torques(q, np.zeros(self.n))
 
     def friction_torque(self, qd: Array) -> Array:
         """T_FR: those with slack springs, negative, and the Coulomb law with the file's numbers."""
@@ -89,7 +92,7 @@ class ExudynEngine:
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by Exudyn's solver, as at the start of a run."""
-        return self._whole.accelerations(q, qd, tau - self._coulomb(qd), tip_wrench)
+        return self._whole.accelerations(q, qd, tau - self._coulomb(qd) - self._beyond(q), tip_wrench)
 
     def integrate(self, scene: Scene) -> base.Samples:
         """Exudyn's own Runge-Kutta method, sample by sample."""
@@ -114,15 +117,20 @@ class ExudynEngine:
         torque: Array = hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
         return torque
 
+    def _beyond(self, q: Array) -> Array:
+        """What springs of rotation vectors take beyond those of angles."""
+        return np.zeros(self.n) if self._excess is None else self._excess(q)
+
     def _torque_function(self, problem: InitialValueProblem) -> TorqueFunction | None:
         """Drive less Coulomb friction with Exudyn's signature, or None if there is neither."""
         drive = base.drive_function(problem)
-        if drive is None and not self.read.hinges["coulomb"].any():
+        if drive is None and not self.read.hinges["coulomb"].any() and self._excess is None:
             return None
 
         def torques(_mbs: object, t: float, _number: object, q: Sequence[float], qd: Sequence[float]) -> Array:
-            rates = np.array(qd)
-            return -self._coulomb(rates) if drive is None else drive(t, np.array(q), rates) - self._coulomb(rates)
+            angles, rates = np.array(q), np.array(qd)
+            lost = self._coulomb(rates) + self._beyond(angles)
+            return -lost if drive is None else drive(t, angles, rates) - lost
 
         return torques
 

@@ -1,9 +1,9 @@
 """MuJoCo, from the exported MJCF.
 
 Springs and dampers are MuJoCo's own, those between joints fixed tendons, all in `qfrc_passive`. A callback adds the
-smooth Coulomb law c tanh(q̇/w), another the drive and a tip wrench that changes, so that every stage of MuJoCo's RK4
-sees them. The tip wrench is an external force on the massless body `tip`, whose centre is its origin; MuJoCo, too,
-applies it at every stage.
+smooth Coulomb law c tanh(q̇/w) and what springs of rotation vectors take more, computed by us, another the drive and a
+tip wrench that changes, so that every stage of MuJoCo's RK4 sees them. The tip wrench is an external force on the
+massless body `tip`, whose centre is its origin; MuJoCo, too, applies it at every stage.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines import base, couplings, mujoco_reader, mujoco_tendons
 from flexlink.engines.read_back import ReadBack
-from flexlink.formats import to_mjcf
+from flexlink.engines.rotation_springs import Excess, excess_of, refuse_in_files
+from flexlink.formats import read_mjcf, to_mjcf
 from flexlink.kernels.layout import COUPLING
 
 Callback = Callable[[Any, Any], None] | None
@@ -50,15 +51,18 @@ class MujocoEngine:
 
     name = "mujoco"
     version: str = mujoco.__version__
+    _excess: Excess | None = None
 
     def __init__(self, chain: Chain) -> None:
         base.refuse_prescribed_motion("MuJoCo", chain)
         try:
             with quiet():
-                model = mujoco.MjModel.from_xml_string(to_mjcf(chain, shapes=False))
+                exported = to_mjcf(chain, shapes=False)
+                model = mujoco.MjModel.from_xml_string(exported)
         except ValueError as error:
             raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}; use another engine") from error
         self._use(model, mujoco_reader.read(model))
+        self._excess = excess_of(chain, exported, read_mjcf)
 
     @classmethod
     def from_file(cls, file: base.ForeignFile) -> Self:
@@ -69,6 +73,7 @@ class MujocoEngine:
         ArgumentError
             MuJoCo refuses the file, or it has other joints than hinges.
         """
+        refuse_in_files("MuJoCo", file.path)
         try:
             with quiet(), warnings.catch_warnings(action="ignore"):  # about deprecated attributes
                 spec = mujoco.MjSpec.from_file(str(file.path))
@@ -139,9 +144,10 @@ class MujocoEngine:
         return self.bias_torque(q, np.zeros(self.n))
 
     def elastic_torque(self, q: Array) -> Array:
-        """T_FL: `qfrc_spring`, which has the opposite sign."""
+        """T_FL: `qfrc_spring`, which has the opposite sign, and what springs of rotation vectors take more."""
         self._place(q, np.zeros(self.n))
-        return np.array(self._between("stiffness", q - self.model.qpos_spring) - self.data.qfrc_spring)
+        between = self._between("stiffness", q - self.model.qpos_spring) + self._beyond(q)
+        return np.array(between - self.data.qfrc_spring)
 
     def friction_torque(self, qd: Array) -> Array:
         """T_FR: `qfrc_damper`, which has the opposite sign, and the Coulomb law with the file's numbers."""
@@ -153,7 +159,7 @@ class MujocoEngine:
         data = self.data
         data.qpos[:], data.qvel[:] = q, qd
         between = self._between("stiffness", q - self.model.qpos_spring) + self._between("damping", qd)
-        data.qfrc_applied[:] = tau - self._coulomb(qd) - between
+        data.qfrc_applied[:] = tau - self._coulomb(qd) - between - self._beyond(q)
         data.xfrc_applied[self.tip] = 0.0 if tip_wrench is None else tip_wrench
         with quiet():
             mujoco.mj_forward(self.model, data)
@@ -174,7 +180,7 @@ class MujocoEngine:
         first_step = round(scene.initial.time / run.fixed_step)
         if wrench is not None and wrench.constant and not wrench.follows:
             data.xfrc_applied[self.tip], wrench = wrench(0.0), None
-        callbacks = {"mjcb_passive": self._coulomb_callback(), "mjcb_control": self._control_callback(drive, wrench)}
+        callbacks = {"mjcb_passive": self._passive_callback(), "mjcb_control": self._control_callback(drive, wrench)}
         inputs = [function for function in (drive, wrench) if function is not None]
         with _installed(callbacks | {"mju_user_warning": _ignore}):
             for row in range(1, len(t)):
@@ -207,12 +213,16 @@ class MujocoEngine:
         """Torques of springs or dampers between joints that are not in the model."""
         return couplings.torque(self.couplings, field, φ) if len(self.couplings) else 0.0
 
-    def _coulomb_callback(self) -> Callback:
-        if not self.coulomb.any():
+    def _beyond(self, q: Array) -> Array | float:
+        """What springs of rotation vectors take beyond those of angles."""
+        return 0.0 if self._excess is None else self._excess(q)
+
+    def _passive_callback(self) -> Callback:
+        if not self.coulomb.any() and self._excess is None:
             return None
 
         def passive(_: Any, data: Any) -> None:
-            data.qfrc_passive -= self._coulomb(data.qvel)
+            data.qfrc_passive -= self._coulomb(data.qvel) + self._beyond(data.qpos)
 
         return passive
 

@@ -1,8 +1,8 @@
 """Pinocchio, from the exported URDF.
 
 Pinocchio has no springs, and its `aba` ignores damping and dry friction: −T_FL − T_FR, computed by us, join the joint
-torques, those of springs and dampers between joints included. The armature is in its M, its recursive Newton-Euler and
-its `aba` alike, but not in URDF, so it is read from our element.
+torques, those of springs and dampers between joints, and of springs of rotation vectors, included. The armature is in
+its M, its recursive Newton-Euler and its `aba` alike, but not in URDF, so it is read from our element.
 
 Joints whose motion is prescribed, p, leave the rows of the others, f, to be solved (Featherstone 2008, section 9.2):
 
@@ -37,8 +37,10 @@ from flexlink.engines.base import (
     wrench_function,
 )
 from flexlink.engines.read_back import ReadBack
+from flexlink.engines.rotation_springs import Excess, excess_of, refuse_in_files
 from flexlink.formats.document import xml_joint_names
 from flexlink.formats.urdf import LIMIT, to_urdf
+from flexlink.formats.urdf_reading import read_urdf
 from flexlink.kernels.inputs.drive_torque import follow
 
 NOT_IN_URDF = ("stiffness", "rest", "coulomb_width", "armature")  # attributes of our own elements
@@ -65,9 +67,12 @@ class PinocchioEngine:
 
     name = "pinocchio"
     version: str = pin.__version__
+    _excess: Excess | None = None
 
     def __init__(self, chain: Chain) -> None:
-        self._parse(to_urdf(chain, shapes=False))
+        exported = to_urdf(chain, shapes=False)
+        self._parse(exported)
+        self._excess = excess_of(chain, exported, read_urdf)
         if list(self.model.names[1:]) != xml_joint_names(chain):
             order = ", ".join(self.model.names[1:])
             raise ArgumentError(
@@ -84,6 +89,7 @@ class PinocchioEngine:
         ArgumentError
             Pinocchio refuses the file, or it has other joints than hinges.
         """
+        refuse_in_files("Pinocchio", file.path)
         robot = ET.parse(file.path).getroot()
         for joint in robot.findall("joint[@type='continuous']"):
             joint.set("type", "revolute")
@@ -159,6 +165,8 @@ class PinocchioEngine:
         torque: Array = self.stiffness * (q - self.rest)
         if len(self.couplings):
             torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
+        if self._excess is not None:
+            torque += self._excess(q)
         return torque
 
     def friction_torque(self, qd: Array) -> Array:

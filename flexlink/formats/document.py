@@ -15,6 +15,8 @@ from flexlink.chain.chain import Chain, unique
 from flexlink.common.types import Array
 
 UPPER_TRIANGLE = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+ROTATION_SPRINGS = "rotation_springs"
+"""Attribute of our own of a file with such springs."""
 WIDE = {"lower": "-1e9", "upper": "1e9"}
 """Limits [rad] of a joint without limits, in formats that require some."""
 
@@ -49,6 +51,13 @@ def couplings(chain: Chain, joints: Sequence[str]) -> Iterator[dict[str, str]]:
     """Attributes of our own element of a spring between two hinges, by the names of their joints."""
     for i, j, k, d in chain.couplings.tolist():
         yield {"inner": joints[i], "outer": joints[j], "stiffness": decimals([k]), "damping": decimals([d])}
+
+
+def rotation_springs(chain: Chain) -> dict[str, str]:
+    """Which hinges' springs hold rotation vectors, by the number of the first of three and the kind, as in `BODY`."""
+    triples = chain.bodies[chain.bodies["springs"] != 0]
+    said = " ".join(f"{first}:{kind}" for first, kind in zip(triples["first"], triples["springs"], strict=True))
+    return {ROTATION_SPRINGS: said} if said else {}
 
 
 def limits(hinge: np.void) -> dict[str, str]:

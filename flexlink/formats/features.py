@@ -38,6 +38,10 @@ def _features() -> dict[str, Feature]:
         "gravity": feature(lambda scene, _: any(scene.gravity), urdf=ignored),
         "springs": feature(lambda _, chain: bool(chain.stiffness.any()), urdf=ignored),
         "springs between hinges": feature(lambda _, chain: len(chain.couplings) > 0, urdf=ignored, sdf=ignored),
+        "springs of rotation vectors": feature(
+            lambda _, chain: chain.has_rotation_springs,
+            f"springs of the angles; which of them hold rotation vectors is {ignored}",
+        ),
         "rotor inertia": feature(
             lambda _, chain: bool(chain.hinges["armature"].any()),
             urdf=ignored, sdf="in drake:rotor_inertia, which only Drake reads",

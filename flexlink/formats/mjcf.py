@@ -38,6 +38,7 @@ from flexlink.formats.document import (
     decimals,
     limits,
     links_text,
+    rotation_springs,
     text,
     valid,
     xml_joint_names,
@@ -111,6 +112,8 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     own = ET.SubElement(root, "custom")
     ET.SubElement(own, "text", name="flexlink.links", data=links_text(chain))
     ET.SubElement(own, "text", name="flexlink.user", data=" ".join([*USER_FIELDS, "coordinate"]))
+    for key, said in rotation_springs(chain).items():
+        ET.SubElement(own, "text", name=f"flexlink.{key}", data=said)
     if require_bool("shapes", shapes):
         asset = ET.SubElement(root, "asset")
         for name, rgba in colours(chain):

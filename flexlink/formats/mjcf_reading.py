@@ -11,6 +11,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.rotation import matrix_from_quaternion
 from flexlink.common.types import Array
+from flexlink.formats.document import ROTATION_SPRINGS
 from flexlink.formats.mjcf import JOINT_ATTRIBUTES, USER_FIELDS, to_mjcf
 from flexlink.formats.reading import (
     ROUNDING,
@@ -52,7 +53,9 @@ def _chain(root: Node) -> Chain:
         body = body.one("body")
     gravity, tip = root.one("option").numbers(3, "gravity"), _read_place(body, own.get("flexlink.tip"))
     coupled = [_read_tendon(tendon) for tendon in root.all("tendon/fixed")]
-    return chain_of(root, root.attribute("model"), gravity, links, hinges, tip, coupled)
+    texts = {one.attribute("name"): one for one in root.all("custom/text")}
+    said = texts.get(f"flexlink.{ROTATION_SPRINGS}")
+    return chain_of(root, root.attribute("model"), gravity, links, hinges, tip, coupled, said, key="data")
 
 
 def _read_tendon(tendon: Node) -> Coupled:

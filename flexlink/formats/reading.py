@@ -22,7 +22,8 @@ from flexlink.chain.chain import Chain, Coordinate
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.safe_xml import numbers_of, parse
 from flexlink.common.types import Array
-from flexlink.formats.document import UPPER_TRIANGLE, WIDE
+from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE, WIDE
+from flexlink.kernels.bodies.rotation_springs import SPRINGS
 from flexlink.kernels.layout import BODY, COUPLING, HINGE
 
 ROUNDING = 1e-14  # of angles and quaternions, which depends on the machine's mathematical library
@@ -161,9 +162,11 @@ def inertia_matrix(moments: Sequence[float]) -> Array:
 
 def chain_of(
     root: Node, name: str, gravity: Sequence[float], links: tuple[str, ...], hinges: Sequence[Hinge],
-    tip: tuple[Array, Array], coupled: Iterable[Coupled] = (),
+    tip: tuple[Array, Array], coupled: Iterable[Coupled] = (), own: Node | None = None, key: str = ROTATION_SPRINGS,
 ) -> Chain:  # fmt: skip
     """The chain of the hinges, of the placement of the tip, and of springs between hinges.
+
+    Attribute `key` of `own`, if it is there, says whose springs hold rotation vectors (`document.rotation_springs`).
 
     Raises
     ------
@@ -177,19 +180,23 @@ def chain_of(
     for stop in range(1, len(hinges) + 1):
         if stop == len(hinges) or not hinges[stop].follows(hinges[stop - 1]):
             place, body = hinges[first], hinges[stop - 1].body or NO_BODY
-            bodies.append((first, stop, _turned(place.rotation), place.rotation, place.translation, *body))
+            bodies.append((first, stop, _turned(place.rotation), 0, place.rotation, place.translation, *body))
             first = stop
     n = len(hinges)
-    bodies.append((n, n, _turned(tip[1]), tip[1], tip[0], *NO_BODY))
+    bodies.append((n, n, _turned(tip[1]), 0, tip[1], tip[0], *NO_BODY))
     for hinge in hinges:
         _require_sound(hinge)
     coordinates = tuple(hinge.coordinate for hinge in hinges)
     if len(set(coordinates)) < n:
         raise root.error("two joints have the same coordinate")
+    records = np.array(bodies, dtype=BODY)
+    numbers = [tuple(hinge.numbers[field] for field in HINGE.names or ()) for hinge in hinges]
+    if own is not None and own.element.get(key):
+        _put_rotation_springs(own, key, records, [int(hinge.numbers["axis"]) for hinge in hinges])
     return Chain(
         name=name,
-        bodies=np.array(bodies, dtype=BODY),
-        hinges=np.array([tuple(hinge.numbers[key] for key in HINGE.names or ()) for hinge in hinges], dtype=HINGE),
+        bodies=records,
+        hinges=np.array(numbers, dtype=HINGE),
         gravity=np.array(gravity),
         coordinates=coordinates,
         link_names=links,
@@ -218,6 +225,21 @@ def _couplings(coupled: Iterable[Coupled], hinges: Sequence[Hinge]) -> NDArray[n
                     f"{most!r}, the geometric mean of theirs"
                 )
     return np.array([(*pair, *constants) for pair, constants in found.items()], dtype=COUPLING)
+
+
+def _put_rotation_springs(own: Node, key: str, bodies: NDArray[np.void], axes: Sequence[int]) -> None:
+    """Write what springs hold into the bodies, whose hinges turn about `axes`."""
+    first = {int(body["first"]): k for k, body in enumerate(bodies[:-1])}
+    for pair in own.attribute(key).split():
+        begin, _, kind = pair.partition(":")
+        k = first.get(int(begin) if begin.isdecimal() else -1, -1)
+        turns = axes[bodies["first"][k] : bodies["stop"][k]] if k >= 0 else []
+        if turns not in ([0, 1, 2], [2, 1, 0]) or kind not in {"1", "2"}:
+            raise own.error(f"{pair[:60]!r}: expected the first of three joints about X, Y, Z or Z, Y, X, and 1 or 2")
+        bodies["springs"][k] = int(kind)
+    leads = np.flatnonzero(bodies["springs"] == SPRINGS.cell)
+    if (bodies["springs"][leads + 1] != SPRINGS.rotation).any():
+        raise own.error(f"{own.attribute(key)[:60]!r}: after three joints with 2 must come three with 1")
 
 
 def _turned(rotation: Array) -> int:

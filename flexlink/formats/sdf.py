@@ -30,6 +30,7 @@ from flexlink.formats.document import (
     own_rotation,
     own_values,
     places,
+    rotation_springs,
     text,
     valid,
 )
@@ -78,6 +79,7 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     model = ET.SubElement(
         world, "model", {"name": name, "flexlink:name": valid(chain.name), "flexlink:links": links_text(chain)}
     )
+    model.attrib.update({f"flexlink:{key}": said for key, said in rotation_springs(chain).items()})
     parent = "world"
     shown = capsule_behind(chain) if require_bool("shapes", shapes) else {}
     for k, translation, rotation, body in places(chain):

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.formats.document import UPPER_TRIANGLE
+from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE
 from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, coupling_of, inertia_matrix, read
 from flexlink.formats.sdf import DYNAMICS, NAMESPACES, STANDARD_FIELDS, to_sdf
 from flexlink.kernels.layout import HINGE
@@ -29,7 +29,9 @@ def _chain(sdf: Node) -> Chain:
     hinges = [_read_hinge(joint, body, links) for joint, body in zip(joints, bodies, strict=True)]
     gravity, tip = sdf.one("world").one("gravity").numbers(3), _read_place(model.one("frame"))
     coupled = [coupling_of(one) for one in model.all(f"frame/{OWN}coupling")]
-    return chain_of(model, model.attribute(f"{OWN}name"), gravity, links, hinges, tip, coupled)
+    return chain_of(
+        model, model.attribute(f"{OWN}name"), gravity, links, hinges, tip, coupled, model, f"{OWN}{ROTATION_SPRINGS}"
+    )
 
 
 def _read_place(element: Node) -> tuple[Array, Array]:

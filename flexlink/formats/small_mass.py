@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import positive, require_type
 from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.formats.document import places
@@ -37,9 +38,15 @@ def with_small_mass(chain: Chain, *, mass: float) -> Chain:
     Raises
     ------
     ArgumentError
-        `mass` is not a finite number > 0.
+        `mass` is not a finite number > 0; springs hold rotation vectors of hinges at one point, between which there
+        would be bodies.
     """
-    return _filled(require_type("chain", chain, Chain), positive("mass", mass), keep=True)
+    if require_type("chain", chain, Chain).has_rotation_springs:
+        raise ArgumentError(
+            f"{chain.name!r}: its springs hold rotation vectors, which bodies between the hinges would leave without "
+            "meaning; take a lumping rule with springs = 'angles', such as gauss, or no small mass"
+        )
+    return _filled(chain, positive("mass", mass), keep=True)
 
 
 def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
@@ -82,7 +89,7 @@ def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
             weight: tuple[float, Array, Array] = (mass, np.zeros(3), mass * radius**2 * np.eye(3))
         else:
             weight = (body["mass"], body["center"], body["inertia"]) if keep else (0.0, np.zeros(3), np.zeros((3, 3)))
-        bodies[k] = (k, k + 1, int(not np.array_equal(rotation, np.eye(3))), rotation, translation, *weight)
+        bodies[k] = (k, k + 1, int(not np.array_equal(rotation, np.eye(3))), 0, rotation, translation, *weight)
     bodies[-1] = chain.bodies[-1]
     hinges = chain.hinges.copy()
     if not keep:

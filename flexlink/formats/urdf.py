@@ -1,8 +1,8 @@
 """Chain → URDF: one link and one revolute joint per coordinate; all but the last link at a point are massless.
 
 URDF has no springs. What it cannot represent is in elements of our own, which parsers ignore: `<flexlink>` in the robot
-(gravity, names of the arm's links; in it `<coupling>` for each spring and damper between two joints) and in each joint
-(stiffness, rest, coulomb_width, armature, …, and the coordinate).
+(gravity, names of the arm's links, which springs hold rotation vectors; in it `<coupling>` for each spring and damper
+between two joints) and in each joint (stiffness, rest, coulomb_width, armature, …, and the coordinate).
 Viscous damping and Coulomb torque are the standard `<dynamics damping friction>`.
 """
 
@@ -27,6 +27,7 @@ from flexlink.formats.document import (
     own_rotation,
     own_values,
     places,
+    rotation_springs,
     text,
     valid,
     xml_joint_names,
@@ -72,6 +73,7 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     joints, links = xml_joint_names(chain), xml_link_names(chain)
     robot = ET.Element("robot", name=valid(chain.name))
     own = ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=links_text(chain))
+    own.attrib.update(rotation_springs(chain))
     for coupling in couplings(chain, joints):
         ET.SubElement(own, "coupling", coupling)
     if require_bool("shapes", shapes):

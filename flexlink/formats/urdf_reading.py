@@ -44,7 +44,7 @@ def _chain(robot: Node) -> Chain:
     hinges = [_read_hinge(joint, bodies, links) for joint in robot.all("joint[@type='revolute']")]
     tip = _read_place(robot.one("joint[@type='fixed']"))
     coupled = [coupling_of(one) for one in own.all("coupling")]
-    return chain_of(robot, robot.attribute("name"), own.numbers(3, "gravity"), links, hinges, tip, coupled)
+    return chain_of(robot, robot.attribute("name"), own.numbers(3, "gravity"), links, hinges, tip, coupled, own)
 
 
 def _read_place(joint: Node) -> tuple[Array, Array]:

@@ -16,6 +16,8 @@ BODY = record(
         ("first", np.int64),  # its hinges are first … stop − 1
         ("stop", np.int64),
         ("turned", np.int64),  # 1 if `rotation` is not the identity
+        ("springs", np.int64),  # what those of its hinges hold: 0 angles, 1 their rotation vector (X, Y, Z or Z, Y, X),
+        # 2 that and the curvature of a cell, with the next body outward
         ("rotation", np.float64, (3, 3)),  # R: v_parent = R v_body at zero joint angles
         ("translation", np.float64, (3,)),  # r: hinge point in the frame of the body before it [m]
         ("mass", np.float64),  # [kg]

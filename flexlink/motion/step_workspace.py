@@ -14,6 +14,7 @@ from flexlink.dynamics import rounding
 from flexlink.inputs.drives import gains_of
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
+from flexlink.kernels.bodies.rotation_springs import rotation_springs
 from flexlink.kernels.forward.mass_plus_cells import columns
 from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture, plane_postures
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture, space_postures
@@ -55,7 +56,8 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     postures = (plane_postures if chain.is_planar else space_postures)(s, posture)
     return ImplicitWork(
         coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
-        posture, numbers, new, np.zeros((6, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs,
+        rotation_springs(arrays.bodies, arrays.hinges, arrays.couplings), posture, numbers, new,
+        np.zeros((6, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs,
         np.zeros((r, n, width)), np.zeros((2, n), complex), np.zeros((p, n, width), complex),
         postures, np.zeros((s, n, width)), turning,
     )  # fmt: skip

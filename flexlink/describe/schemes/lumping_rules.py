@@ -9,7 +9,7 @@ and for small angles; with them only rules of `cells` are of higher order than 2
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -82,7 +82,12 @@ class LumpingRule(Spec, frozen=True):
 
     `alternate_axes` lets every second hinge turn about its axes in the order Z, Y, X. With θ = φ + O(φ²) the angles of
     Rx Ry Rz, the springs' energy differs from that of the rotation vector φ by ½ (k_x − k_y + k_z) θ_x θ_y θ_z, which
-    adds up to an error of order 1 in bend-bend-twist coupling; the reversed order has the opposite sign.
+    adds up to an error of order 1 in bend-bend-twist coupling; the reversed order has the opposite sign. An error of
+    order 2 is left wherever a link bends far out of a plane.
+
+    `springs` = "rotation" lets the springs of a hinge hold φ itself, and those of a cell of two hinges the curvature of
+    the rotation between them, which is of order 4 then, too. It acts on links with flex = "xyz": with fewer axes no
+    rotation is free of twist, and in a plane angles are exact. See `flexlink.kernels.bodies.rotation_springs`.
     """
 
     about: str
@@ -101,6 +106,9 @@ class LumpingRule(Spec, frozen=True):
     """Whether twist hinges get the rotor inertia that makes twist of order 4, too."""
     alternate_axes: bool = False
     """Whether every second hinge turns about its axes in the order Z, Y, X."""
+    springs: Literal["angles", "rotation"] = "angles"
+    """What springs of hinges about three axes hold: their angles, or the rotation vector of all three, with which
+    bending far out of a plane is more accurate; other simulators do not have the latter."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -27,7 +27,7 @@ from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.rounding import EPS, largest_loads
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
-from flexlink.dynamics.springs import damping_matrix, damping_slope
+from flexlink.dynamics.springs import about, damping_matrix, damping_slope
 from flexlink.dynamics.tangent import displacements, gyroscopic_matrix, tangent, unlocked
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration import eigenproblem
@@ -227,7 +227,7 @@ def _all(small: _Small) -> _Found:
     K = tangent(chain, q, qd, wrench, free, follower)
 
     def loads(shapes: NDArray[np.inexact]) -> Loads:
-        springs = chain.matrix("stiffness")[np.ix_(free, free)]
+        springs = about(chain, q).matrix("stiffness")[np.ix_(free, free)]
         return Loads(shapes[:, free] @ (K.K - springs).T, K.S**2, K.rounding)
 
     return _Found(*eigenproblem.solve(M, L, C, K), loads)
@@ -246,10 +246,11 @@ def _lowest(small: _Small, count: int) -> _Found | None:
     found = lowest(chain, motion, sizes, count, bool(qd.any() or damping_slope(chain)[free].any()))
     if found is None:
         return None
+    sprung = about(chain, q)
 
     def loads(shapes: NDArray[np.inexact]) -> Loads:
         parts = np.vstack([shapes.real, shapes.imag])
-        real, imaginary = np.split((motion.times(K_ALONE, parts) - chain.times("stiffness", parts))[:, free], 2)
+        real, imaginary = np.split((motion.times(K_ALONE, parts) - sprung.times("stiffness", parts))[:, free], 2)
         square = chain.stiffness[free] + sizes[free]
         return Loads(real + 1j * imaginary, np.where(square > 0, square, 1.0), motion.rounding)
 

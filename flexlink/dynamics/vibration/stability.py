@@ -21,7 +21,7 @@ from flexlink.common.types import Array, Complex
 from flexlink.describe.conditions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
-from flexlink.dynamics.springs import damping_along, damping_matrix
+from flexlink.dynamics.springs import about, damping_along, damping_matrix
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.extremes import inertia_alone
@@ -166,7 +166,7 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
     C, K, M = np.zeros((3, count, n, n))
     held, each = np.zeros((count, n), dtype=bool), np.arange(n)
     for k, ((chain, q, qd), acts) in enumerate(zip(abouts, acting, strict=True)):
-        K[k], C[k] = chain.matrix("stiffness"), damping_matrix(chain)
+        K[k], C[k] = about(chain, q).matrix("stiffness"), damping_matrix(chain)
         add_load_stiffness(chain.arrays, acts["tip_wrench"], turns_with_tip(acts["frame"]), q, qd, K[k])
         mass_upper(chain.arrays, q, M[k])
         gains: Gains = acts["gains"]
@@ -245,7 +245,7 @@ def _stiffness_along(chain: Chain, state: _State, φ: Array) -> Array:
         return np.zeros_like(φ)
     step = NUDGE / size * φ
     ahead, behind = (load_torque(chain, state.q + s * step, state.qd, state.wrench, state.follower) for s in (1, -1))
-    held = chain.times("stiffness", φ) + _along(state.gains.kp, φ)
+    held = about(chain, state.q).times("stiffness", φ) + _along(state.gains.kp, φ)
     return np.asarray(held + (ahead - behind) * (size / (2 * NUDGE)))
 
 

@@ -28,6 +28,7 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
     outward,
     own_spin,
 )
+from flexlink.kernels.derivatives.rotation_tangent import find_tangent, rotation_tangent
 from flexlink.kernels.forward.articulated_layout import LAYOUT
 from flexlink.kernels.forward.articulated_rows import (
     BODY_ROW,
@@ -53,6 +54,7 @@ class ForwardDerivativesWork(NamedTuple):
 
     factors: ArticulatedWork
     solution: Any  # (2, n) T_EX and q̈
+    tangent: Any  # of springs of rotation vectors
     motion: Any  # of `outward`
     axes: Any  # (bodies, 9) working axes in frame 0
     accelerations: Any  # (bodies, 6) α of the body, and a − g of its hinge point, frame 0
@@ -65,9 +67,9 @@ class ForwardDerivativesWork(NamedTuple):
 @kernel
 def forward_derivatives_workspace(bodies, hinges, gravity, couplings):
     """Scratch of `derivatives_in_space` for a chain."""
-    n, m = len(hinges), len(bodies)
+    n, m, factors = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, couplings)
     return ForwardDerivativesWork(
-        articulated_workspace(bodies, hinges, gravity, couplings), np.empty((2, n)),
+        factors, np.empty((2, n)), rotation_tangent(factors.rotation),
         motion_workspace(Arrays(bodies, hinges, gravity, couplings)),
         np.empty((m, 9)), np.empty((m, 6)), np.empty((m, 6)), np.empty((m, 6, LANES)),
         np.empty((n, LANES)), np.empty((n, LANES)),
@@ -91,6 +93,8 @@ def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
     keep_solution(factors, work.axes, work.accelerations)
     force, moment = outward(chain, wrench, False, q, qd, qdd, work.accelerations, work.motion)
     transmit(chain, force, moment, work)
+    if len(factors.rotation.hinges) > 0:
+        find_tangent(q, factors.rotation, work.tangent)
     for variable in range(3):
         for first in range((n - 1) // LANES * LANES, -1, -LANES):
             write_loads(chain, qd, variable, first, work)
@@ -142,6 +146,7 @@ def write_loads(chain, qd, variable, first, work):
         coupling_loads(chain.couplings, variable, first, work.r)
     body_loads(chain, variable, first // LANES, work)
     if variable == VARIABLE.q:
+        rotation_loads(work.factors.rotation.hinges, work.tangent, first, work.r)
         for i in range(len(chain.bodies)):
             for j in range(max(first, chain.bodies[i].first), min(first + LANES, chain.bodies[i].stop)):
                 turn_transmitted(chain, i, j, j - first, work.r, work.loads, work)
@@ -172,6 +177,20 @@ def coupling_loads(couplings, variable, first, r):
             r[pair.outer, pair.inner - first] -= slope
         if first <= pair.outer < first + LANES:
             r[pair.inner, pair.outer - first] -= slope
+
+
+@recursion
+def rotation_loads(hinges, tangent, first, r):
+    """Add those of springs of rotation vectors, where angles change: what they take more than K."""
+    for b in range(len(tangent.blocks)):
+        t, u = tangent.blocks[b, 0], tangent.blocks[b, 1]
+        for k in range(3):
+            for j in range(3):
+                i, column = hinges[t, k], hinges[u, j]
+                if first <= column < first + LANES:
+                    r[i, column - first] -= tangent.values[b, k, j]
+                if t != u and first <= i < first + LANES:
+                    r[column, i - first] -= tangent.values[b, k, j]
 
 
 @recursion

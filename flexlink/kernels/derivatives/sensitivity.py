@@ -20,6 +20,7 @@ from numba.extending import overload
 from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics
 from flexlink.kernels.bodies.plane import PlanarWork
 from flexlink.kernels.bodies.rne import RneWork, rne
+from flexlink.kernels.bodies.rotation_springs import add_excess, put_constants, rotation_springs
 from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
 from flexlink.kernels.derivatives.inverse_derivatives import Arrays
 from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
@@ -100,7 +101,7 @@ def integrate_derivatives(work, tableau, inputs, varied, h, first, last, state, 
 def parameter_torques(varied, wrench, q, qd, qdd, δq, δqd, known):
     """δT_EX − δ(M q̈ + T_GC + T_FL + T_FR) of every joint and parameter, (n, p), the drive's feedback with it."""
     own, drive, n, m = varied.chain.hinges, varied.drive, len(q), len(varied.chain.bodies)
-    torque = np.empty(n, np.complex128)
+    torque, springs = np.empty(n, np.complex128), rotation_springs(varied.chain.bodies, own, varied.chain.couplings)
     work = RneWork(np.empty((n, 2)), np.empty((m, 6), np.complex128))
     for j in range(len(varied.bodies)):
         hinges, slopes = varied.hinges[j], varied.drive_derivatives[j]
@@ -115,6 +116,8 @@ def parameter_torques(varied, wrench, q, qd, qdd, δq, δqd, known):
                 taken = torque[k].imag / EPSILON + of_joint(own[k], hinges[k], q[k], qd[k])
                 known[k, j] = given + fed_back - taken
         subtract_couplings(varied.chain, chain, q, qd, known[:, j])
+        if len(springs.hinges) > 0:
+            subtract_rotation(chain, q, springs, known[:, j])
 
 
 @kernel
@@ -137,6 +140,20 @@ def subtract_couplings(own, varied, q, qd, known):
                 stretched = changed.stiffness.imag * (q[other] - own.hinges[other].rest)
                 stretched -= pair.stiffness * varied.hinges[other].rest.imag
                 known[k] -= (stretched + changed.damping.imag * qd[other]) / EPSILON
+
+
+@kernel
+def subtract_rotation(varied, q, springs, known):
+    """Subtract δ of what springs of rotation vectors take more, linear in K; they are slack at angles that stay."""
+    own, both, excess = np.empty(len(q)), np.empty(len(varied.couplings)), np.zeros(len(q))
+    for k in range(len(own)):
+        own[k] = varied.hinges[k].stiffness.imag / EPSILON
+    for c in range(len(both)):
+        both[c] = varied.couplings[c].stiffness.imag / EPSILON
+    put_constants(springs, own, both)
+    add_excess(q, springs, excess)
+    for k in range(len(q)):
+        known[k] -= excess[k]
 
 
 @kernel

@@ -10,7 +10,9 @@ import numpy as np
 
 from flexlink.kernels.bodies.couplings import add_couplings
 from flexlink.kernels.bodies.rne import rne, rne_workspace
+from flexlink.kernels.bodies.rotation_springs import add_excess, rotation_springs
 from flexlink.kernels.derivatives.load_derivatives import add_load_stiffness
+from flexlink.kernels.derivatives.rotation_tangent import add_tangent, rotation_tangent
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.vec3 import vector
 
@@ -25,6 +27,8 @@ def follow_equilibria(chain, held, free, angles, q, postures):
     most, far, shrinks, small = 30, 0.1, 0.1, 1e-11  # corrections; rad; of the last one; rad
     n, f = len(q), len(free)
     zero, none, torque, x, work = np.zeros(n), np.zeros(6), np.zeros(n), np.zeros(f), rne_workspace(chain)
+    springs = rotation_springs(chain.bodies, chain.hinges, chain.couplings)
+    tangent = rotation_tangent(springs)
     K, L, known = np.zeros((n, n)), np.zeros((f, f)), False
     for row in range(len(angles)):
         for j in range(len(held)):
@@ -38,12 +42,16 @@ def follow_equilibria(chain, held, free, angles, q, postures):
                         K[i, j] = chain.hinges[i].stiffness if i == j else 0.0
                 for pair in chain.couplings:
                     K[pair.inner, pair.outer] = K[pair.outer, pair.inner] = pair.stiffness
+                if len(springs.hinges) > 0:
+                    add_tangent(q, springs, tangent, K)
                 add_load_stiffness(chain, none, False, q, zero, K)
                 known = factor_block(K, free, L)
                 last = math.inf
             if not known or correction == most:
                 return row
             add_couplings(chain.couplings, chain.hinges, q, zero, torque)
+            if len(springs.hinges) > 0:
+                add_excess(q, springs, torque)
             for i in range(f):
                 hinge = chain.hinges[free[i]]
                 x[i] = torque[free[i]] + hinge.stiffness * (q[free[i]] - hinge.rest)

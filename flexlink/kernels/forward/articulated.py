@@ -26,6 +26,7 @@ hinge's axis z; all vectors are in the working axes of their body. One source se
 
 from flexlink.kernels.bodies.couplings import subtract_couplings
 from flexlink.kernels.bodies.joint_torques import smooth_torques, subtract_dry_friction
+from flexlink.kernels.bodies.rotation_springs import subtract_excess
 from flexlink.kernels.forward.articulated_groups import (
     add_pair,
     eliminate_along,
@@ -63,6 +64,8 @@ def articulated(wrench, q, qd, tau, qdd, work):
     lost = subtract_dry_friction(hinges, work.dry, qd, HINGE_ROW.torque)
     if len(work.pairs) > 0:
         lost += subtract_couplings(hinges, work.pairs, work.coupled, q, qd, HINGE_ROW.torque)
+    if len(work.rotation.hinges) > 0:
+        subtract_excess(hinges, q, work.rotation, HINGE_ROW.torque)
     cos_sin_all(work.flat[0], work.flat[1], work.flat[2])
     f, n, turning = outward(layout, work.axes, bodies, hinges, wrench, qd, trig[1], trig[2])
     inward(layout, work.axes, prescribed, bodies, hinges, n, f, qdd, trig[1])

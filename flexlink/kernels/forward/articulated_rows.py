@@ -6,6 +6,7 @@ import numpy as np
 
 from flexlink.kernels.bodies.couplings import CONSTANT, coupled_joints
 from flexlink.kernels.bodies.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
+from flexlink.kernels.bodies.rotation_springs import rotation_springs, rotation_springs_side_by_side
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT, common_layout, layout_of
 from flexlink.kernels.tools.compiler import inlined, kernel
 from flexlink.kernels.tools.lanes import LANES, put_vec_of, vec_of
@@ -44,6 +45,7 @@ class ArticulatedWork(NamedTuple):
     trig: Any  # the same memory, for the hinges
     pairs: Any  # coupled joints, and the couplings' constants
     coupled: Any
+    rotation: Any  # springs of rotation vectors
 
 
 @kernel
@@ -74,7 +76,10 @@ def articulated_workspace(bodies, hinges, gravity, couplings):
         prescribed_joints(hinges),
         coupled_joints(couplings),
     )
-    return ArticulatedWork(gravity.copy(), layout, axes, prescribed, rows, joints, dry, trig, trig, pairs, coupled)
+    rotation = rotation_springs(bodies, hinges, couplings)
+    return ArticulatedWork(
+        gravity.copy(), layout, axes, prescribed, rows, joints, dry, trig, trig, pairs, coupled, rotation
+    )
 
 
 @kernel
@@ -94,7 +99,10 @@ def articulated_lanes_workspace(bodies, hinges, gravity, couplings):
         coulomb += one.hinges[:, JOINT.coulomb]
     prescribed, trig_lanes = prescribed_joints(hinges[0]), trig.reshape(3, n, LANES)
     layout, dry = common_layout(layouts), dry_joints(coulomb)
-    return ArticulatedWork(base, layout, axes, prescribed, rows, joints, dry, trig, trig_lanes, pairs, coupled)
+    rotation = rotation_springs_side_by_side(bodies, hinges, couplings)
+    return ArticulatedWork(
+        base, layout, axes, prescribed, rows, joints, dry, trig, trig_lanes, pairs, coupled, rotation
+    )
 
 
 @inlined

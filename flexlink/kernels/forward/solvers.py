@@ -15,6 +15,7 @@ from flexlink.kernels.bodies.joint_torques import elastic, friction
 from flexlink.kernels.bodies.mass import CompositeWork, composite, composite_workspace
 from flexlink.kernels.bodies.plane import PlanarWork, planar_lanes_workspace, planar_workspace
 from flexlink.kernels.bodies.rne import RneWork, rne, rne_workspace
+from flexlink.kernels.bodies.rotation_springs import RotationSprings, add_excess, rotation_springs
 from flexlink.kernels.forward.articulated import articulated
 from flexlink.kernels.forward.articulated_rows import (
     ArticulatedWork,
@@ -35,6 +36,7 @@ class DenseWork(NamedTuple):
     chain: Any
     by_lu: Any
     rne: RneWork
+    rotation: RotationSprings
     composite: CompositeWork
     M: Any
     known: Any
@@ -50,6 +52,7 @@ def dense_workspace(chain, by_lu):
         chain,
         by_lu,
         rne_workspace(chain),
+        rotation_springs(chain.bodies, chain.hinges, chain.couplings),
         composite_workspace(chain),
         np.empty((n, n)),
         np.empty(n),
@@ -66,6 +69,8 @@ def dense(wrench, q, qd, tau, qdd, work):
         known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
     rne(chain, vector(chain.gravity), wrench, q, qd, known, bias, work.rne)
     lost = add_couplings(chain.couplings, chain.hinges, q, qd, bias)
+    if len(work.rotation.hinges) > 0:
+        add_excess(q, work.rotation, bias)
     composite(chain, q, M, work.composite)
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
@@ -78,7 +83,7 @@ def dense(wrench, q, qd, tau, qdd, work):
         solve_lu(M, qdd, work.probe)
     else:
         solve_cholesky(M, qdd, work.probe)
-    take_torques(chain, wrench, q, qd, qdd, tau, bias, work.rne)
+    take_torques(chain, wrench, q, qd, qdd, tau, bias, work)
     ω, power = ZERO, 0.0
     for k in range(len(qd)):
         ω = add_scaled(ω, qd[k], vector(work.composite.placed.axes[k]))
@@ -87,12 +92,14 @@ def dense(wrench, q, qd, tau, qdd, work):
 
 
 @recursion
-def take_torques(chain, wrench, q, qd, qdd, tau, torque, rne_work):
+def take_torques(chain, wrench, q, qd, qdd, tau, torque, work):
     """Write the torques that the prescribed motions take, if there are any."""
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
-            rne(chain, vector(chain.gravity), wrench, q, qd, qdd, torque, rne_work)
+            rne(chain, vector(chain.gravity), wrench, q, qd, qdd, torque, work.rne)
             add_couplings(chain.couplings, chain.hinges, q, qd, torque)
+            if len(work.rotation.hinges) > 0:
+                add_excess(q, work.rotation, torque)
             break
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:

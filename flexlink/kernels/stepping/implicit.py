@@ -24,6 +24,7 @@ import math
 from flexlink.kernels.bodies.couplings import add_couplings
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
 from flexlink.kernels.bodies.joint_torques import elastic, friction
+from flexlink.kernels.bodies.rotation_springs import add_excess
 from flexlink.kernels.forward.mass_plus_cells import add_products
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, place_bodies, solve
 from flexlink.kernels.inputs.drive_torque import follow, stage_torque
@@ -203,6 +204,8 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
     power += inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)
     if len(chain.couplings) > 0:
         power -= add_couplings(chain.couplings, chain.hinges, q, qd, R)
+    if len(work.rotation.hinges) > 0:
+        add_excess(q, work.rotation, R)
     for k in range(len(q)):
         hinge = chain.hinges[k]
         spring = elastic(hinge, q[k])

@@ -1,0 +1,428 @@
+"""Springs of the rotation vector φ = log R of three hinges at one point, in place of springs of their angles θ.
+
+R is the product of the hinges' rotations, in their order X, Y, Z or Z, Y, X. Angles of Euler are φ + O(φ²), which holds
+any rule at order 2 where a link bends far out of a plane. Of a chain's K, coupled springs included,
+
+    V = ½ φ·K φ        m = ∂V/∂φ        n = m − ½ φ × m + g φ × (φ × m)        τ_k = e_k·n
+    g = (1 − ½ |φ| cot ½|φ|) / |φ|²
+
+with vectors in axes of the body behind the hinges. Of two triples that are a cell, the springs hold the curvature
+Θ' − ½ Θ × Θ' of the rotation vector Θ that is quadratic through −φ₁, 0, φ₂, at both Gauss points, which adds
+
+    V += (β₁∘φ₁ + β₂∘φ₂)·w + ½ w·(γ∘w)        w = −φ₁ × φ₂ / 6        β_i = (K_ii + K_12) / 2        γ = (β₁ + β₂) / 2
+
+axis by axis, exact up to the fourth power of the cell's length, of tapered links, too.
+
+R is known by its quaternion, from the half angles: φ is smooth up to a whole turn, and turns over beyond it. In the
+order Z, Y, X it is −φ(−θ) of X, Y, Z, so that a factor σ = ±1 serves both. Kernels take the torques K (θ − θ₀) of all
+hinges first; what is found here is the rest, the excess of the law over them.
+
+Eight triples go side by side (`lanes`), of one chain as of eight: each has a slot in rows of numbers, first the inner
+ones of cells, then the outer ones in the same order, then all others.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.lanes import LANES, at, eight_of, put_at, put_eight
+from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.sincos import cos_sin_all
+from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, scale, sub
+
+ROW = numbered(
+    "half:3 cosine:3 sine:3",  # ½ (θ − θ₀) of the hinges about X, Y, Z
+    "sense stiffness:3 rest:3 coupled:3",  # σ, K_ii, θ₀; of the inner triple of a cell K_12
+    "v:3 w square factor g",  # quaternion of σ (θ − θ₀), v·v, |φ| / |v|, g
+    "φ:3 moment:3 linear:3 excess:3",  # φ, m, K (θ − θ₀) and what the law takes more
+)
+"""Rows of numbers, each with one of every triple."""
+SPRINGS = numbered("angles rotation cell")  # of a body's hinges; the last with those of the next body outward, too
+NEAR = 1 / 16  # v·v, |φ| < 0.505 rad: up to it both series are exact to rounding
+ARCSINE = tuple(2 * math.comb(2 * k, k) / 4**k / (2 * k + 1) for k in range(13))
+"""2 arcsin(s) / s in powers of s²; the next term is below 1e-17."""
+COTANGENT = (
+    1 / 12, 1 / 720, 1 / 30240, 1 / 1209600, 1 / 47900160, 691 / 1307674368000, 1 / 74724249600,
+    3617 / 10670622842880000,
+)  # fmt: skip
+"""(1 − ½ x cot ½ x) / x² in powers of x², |B_2k| / (2k)! (Abramowitz & Stegun 4.3.70)."""
+
+
+class RotationSprings(NamedTuple):
+    """Scratch of the springs of rotation vectors, with their constants; empty of a chain that has none."""
+
+    hinges: Any  # (t, 3) numbers of the hinges about X, Y, Z of every triple
+    slots: Any  # (t,) where it stands in each row
+    cells: Any  # (c, 2) triples
+    outer: Any  # (1,) how far, in numbers, the outer triple of a cell stands behind the inner one
+    within: Any  # (w, 3) couplings of a cell's hinges about one axis: axis, slot of the inner one, number
+    pairs: Any  # (m, 5) other couplings: axis and slot of the inner hinge, of the outer one, number
+    coupled: Any  # (m, 1) K_ij of the latter
+    numbers: Any  # (ROW, slots in eights)
+    side: Any  # the same memory, by slots
+    flat: Any  # (3, …) the same memory: half angles, cosines, sines
+
+
+@kernel
+def rotation_springs(bodies, hinges, couplings):
+    """Scratch of a chain."""
+    triples, cells = triples_of(bodies, hinges)
+    slots, outer = slots_of(cells, len(triples), LANES)
+    within, pairs = joined(triples, slots, cells, couplings, len(hinges))
+    size = eights(slots.max() + 1) if len(slots) > 0 else 0
+    numbers, coupled = np.zeros((ROW.size, size)), np.zeros((len(pairs), 1))
+    springs = RotationSprings(
+        triples, slots, cells, np.full(1, outer), within, pairs, coupled, numbers, numbers, turns_of(numbers)
+    )
+    if len(triples) > 0:
+        own, both = np.empty(len(hinges)), np.empty(len(couplings))
+        for k in range(len(hinges)):
+            own[k] = hinges[k].stiffness
+        for j in range(len(couplings)):
+            both[j] = couplings[j].stiffness
+        put_constants(springs, own, both)
+        for t in range(len(triples)):
+            numbers[ROW.sense, slots[t]] = 1.0 if triples[t, 0] < triples[t, 2] else -1.0
+            for a in range(3):
+                numbers[ROW.rest + a, slots[t]] = hinges[triples[t, a]].rest
+    return springs
+
+
+@kernel
+def triples_of(bodies, hinges):
+    """Hinges about X, Y, Z of every triple (t, 3), and the triples of every cell (c, 2)."""
+    triples, cells, t, c = np.empty((len(bodies), 3), np.int64), np.empty((len(bodies), 2), np.int64), 0, 0
+    for i in range(len(bodies)):
+        if bodies[i].springs != SPRINGS.angles:
+            for k in range(bodies[i].first, bodies[i].stop):
+                triples[t, hinges[k].axis] = k
+            if bodies[i].springs == SPRINGS.cell:
+                cells[c, 0], cells[c, 1] = t, t + 1
+                c += 1
+            t += 1
+    return triples[:t].copy(), cells[:c].copy()
+
+
+@kernel
+def eights(count):
+    """The next multiple of eight."""
+    return -(-count // LANES) * LANES
+
+
+@kernel
+def turns_of(numbers):
+    """All half angles, cosines and sines in a row each: the first nine rows."""
+    size = 3 * numbers.shape[1]
+    return numbers.reshape(-1)[: 3 * size].reshape(3, size)
+
+
+@kernel
+def slots_of(cells, count, room):
+    """Slots (t,), the outer triples of cells in a multiple of `room`, and how far in numbers these are behind."""
+    slots, behind = np.full(count, -1), -(-len(cells) // room) * room
+    for c in range(len(cells)):
+        slots[cells[c, 0]], slots[cells[c, 1]] = c, behind + c
+    free = 2 * behind
+    for t in range(count):
+        if slots[t] < 0:
+            slots[t] = free
+            free += 1
+    return slots, behind * (LANES // room)
+
+
+@kernel
+def joined(triples, slots, cells, couplings, n):
+    """Couplings of hinges of triples, within cells and others; see `RotationSprings`."""
+    place, partner = np.full((n, 2), -1), np.full(len(triples), -1)
+    for t in range(len(triples)):
+        for a in range(3):
+            place[triples[t, a], 0], place[triples[t, a], 1] = a, t
+    for c in range(len(cells)):
+        partner[cells[c, 0]] = cells[c, 1]
+    within, pairs, w, m = np.empty((len(couplings), 3), np.int64), np.empty((len(couplings), 5), np.int64), 0, 0
+    for j in range(len(couplings)):
+        i, o = couplings[j].inner, couplings[j].outer
+        a, t, b, u = place[i, 0], place[i, 1], place[o, 0], place[o, 1]
+        if t >= 0 and u >= 0:
+            if a == b and partner[t] == u:
+                within[w, 0], within[w, 1], within[w, 2] = a, slots[t], j
+                w += 1
+            else:
+                pairs[m, 0], pairs[m, 1], pairs[m, 2], pairs[m, 3], pairs[m, 4] = a, slots[t], b, slots[u], j
+                m += 1
+    return within[:w].copy(), pairs[:m].copy()
+
+
+@kernel
+def put_constants(springs, own, both):
+    """Let K have the diagonal `own` (n,) and the couplings `both` (couplings,); the law is linear in them."""
+    for t in range(len(springs.hinges)):
+        for a in range(3):
+            springs.numbers[ROW.stiffness + a, springs.slots[t]] = own[springs.hinges[t, a]]
+    for w in range(len(springs.within)):
+        springs.numbers[ROW.coupled + springs.within[w, 0], springs.within[w, 1]] = both[springs.within[w, 2]]
+    for m in range(len(springs.pairs)):
+        springs.coupled[m, 0] = both[springs.pairs[m, 4]]
+
+
+@kernel
+def rotation_springs_side_by_side(bodies, hinges, couplings):
+    """Scratch of eight chains, arrays (8, bodies), (8, n), (8, couplings), alike in hinges."""
+    triples, cells = triples_of(bodies[0], hinges[0])
+    slots, outer = slots_of(cells, len(triples), 1)
+    within, pairs = joined(triples, slots, cells, couplings[0], hinges.shape[1])
+    count = slots.max() + 1 if len(slots) > 0 else 0
+    numbers, coupled = np.zeros((ROW.size, count * LANES)), np.empty((len(pairs), 1, LANES))
+    side = numbers.reshape(ROW.size, count, LANES)
+    if count > 0:
+        for lane in range(LANES):
+            one = rotation_springs(bodies[lane], hinges[lane], couplings[lane])
+            coupled[:, :, lane] = one.coupled
+            for t in range(len(slots)):
+                for row in range(ROW.size):
+                    side[row, slots[t], lane] = one.numbers[row, one.slots[t]]
+    return RotationSprings(
+        triples, slots, cells, np.full(1, outer), within, pairs, coupled, numbers, side, turns_of(numbers)
+    )
+
+
+@recursion
+def subtract_excess(rows, q, springs, net):
+    """Subtract what the law takes more from column `net` of the rows of its hinges."""
+    find_excess(q, springs)
+    for t in range(len(springs.hinges)):
+        for a in range(3):
+            k = springs.hinges[t, a]
+            put_at(rows, at(rows, k, net) - at(springs.side, ROW.excess + a, springs.slots[t]), k, net)
+
+
+@recursion
+def add_excess(q, springs, torque):
+    """Add what the law takes more to `torque` (n,)."""
+    find_excess(q, springs)
+    for t in range(len(springs.hinges)):
+        for a in range(3):
+            torque[springs.hinges[t, a]] += springs.side[ROW.excess + a, springs.slots[t]]
+
+
+@kernel
+def excess_torque(bodies, hinges, couplings, q):
+    """What the law takes more than K (θ − θ₀), in a new array (n,)."""
+    torque = np.zeros(len(q))
+    add_excess(q, rotation_springs(bodies, hinges, couplings), torque)
+    return torque
+
+
+@kernel
+def rotation_vectors(bodies, hinges, couplings, q):
+    """Angles (n,), those of triples whose springs hold φ replaced by φ about their axes."""
+    springs, found = rotation_springs(bodies, hinges, couplings), q.copy()
+    find_quaternions(q, springs)
+    find_moments(springs)
+    for t in range(len(springs.hinges)):
+        for a in range(3):
+            found[springs.hinges[t, a]] = springs.numbers[ROW.φ + a, springs.slots[t]]
+    return found
+
+
+@kernel
+def stretches(bodies, hinges, couplings, q):
+    """Hinges (t, 3) of the triples, and ½|φ| / sin ½|φ|, by which errors of R count in φ, (t,)."""
+    springs = rotation_springs(bodies, hinges, couplings)
+    find_quaternions(q, springs)
+    return springs.hinges, 0.5 * springs.numbers[ROW.factor][springs.slots]
+
+
+@recursion
+def excess_energy(q, springs):
+    """V of the law less ½ (θ − θ₀)·K (θ − θ₀) of a chain [J]."""
+    find_quaternions(q, springs)
+    find_moments(springs)
+    numbers, found = springs.numbers, 0.0
+    for k in springs.slots:
+        for a in range(3):
+            φ, θ = numbers[ROW.φ + a, k], 2.0 * numbers[ROW.half + a, k]
+            found += 0.5 * numbers[ROW.stiffness + a, k] * (φ - θ) * (φ + θ)
+    for m in range(len(springs.pairs)):
+        a, t, b, u = springs.pairs[m, 0], springs.pairs[m, 1], springs.pairs[m, 2], springs.pairs[m, 3]
+        bent = numbers[ROW.φ + a, t] * numbers[ROW.φ + b, u]
+        found += springs.coupled[m, 0] * (bent - 4.0 * numbers[ROW.half + a, t] * numbers[ROW.half + b, u])
+    for c in range(len(springs.cells)):
+        found += energy_of_cell(numbers, springs.slots[springs.cells[c, 0]], springs.slots[springs.cells[c, 1]])
+    return found
+
+
+@inlined
+def energy_of_cell(numbers, t, u):
+    """What K_12 and w add for the cell with slots `t` and `u`."""
+    θ1, θ2 = three(numbers, ROW.half, t), three(numbers, ROW.half, u)
+    φ1, φ2, both = three(numbers, ROW.φ, t), three(numbers, ROW.φ, u), three(numbers, ROW.coupled, t)
+    β1, β2, γ = bending_of_cell(three(numbers, ROW.stiffness, t), three(numbers, ROW.stiffness, u), both)
+    w = scale(-1.0 / 6.0, cross(φ1, φ2))
+    M = add_scaled(add(by_axis(β1, φ1), by_axis(β2, φ2)), 0.5, by_axis(γ, w))
+    return dot(both, sub(by_axis(φ1, φ2), scale(4.0, by_axis(θ1, θ2)))) + dot(w, M)
+
+
+@inlined
+def three(numbers, row, k):
+    """Numbers of triple `k` in three rows."""
+    return numbers[row, k], numbers[row + 1, k], numbers[row + 2, k]
+
+
+@inlined
+def eight(numbers, row, first):
+    """Numbers of the triples `first` … `first` + 7 in three rows."""
+    return eight_of(numbers[row], first), eight_of(numbers[row + 1], first), eight_of(numbers[row + 2], first)
+
+
+@inlined
+def put_eight_of(numbers, a, row, first):
+    """Write what `eight` reads."""
+    put_eight(numbers[row], a[0], first)
+    put_eight(numbers[row + 1], a[1], first)
+    put_eight(numbers[row + 2], a[2], first)
+
+
+@inlined
+def by_axis(a, b):
+    """a∘b."""
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
+
+
+@inlined
+def bending_of_cell(inner, outer, both):
+    """β₁, β₂ and γ of K₁₁, K₂₂ and K₁₂ of the axes."""
+    β1, β2 = scale(0.5, add(inner, both)), scale(0.5, add(outer, both))
+    return β1, β2, scale(0.5, add(β1, β2))
+
+
+@recursion
+def find_excess(q, springs):
+    """Torque of the law less K (θ − θ₀), of every triple."""
+    find_quaternions(q, springs)
+    find_moments(springs)
+    numbers = springs.numbers
+    for k in range(0, numbers.shape[1], LANES):
+        σ, φ, m = eight_of(numbers[ROW.sense], k), eight(numbers, ROW.φ, k), eight(numbers, ROW.moment, k)
+        c, s = eight(numbers, ROW.cosine, k), eight(numbers, ROW.sine, k)
+        n = turned_back(σ, eight_of(numbers[ROW.g], k), φ, m)
+        Cy, Cz, Sy, Sz = c[1] * c[1] - s[1] * s[1], c[2] * c[2] - s[2] * s[2], 2.0 * c[1] * s[1], 2.0 * c[2] * s[2]
+        x, y = Cy * (Cz * n[0] - σ * Sz * n[1]) + σ * Sy * n[2], σ * Sz * n[0] + Cz * n[1]
+        put_eight_of(numbers, sub((x, y, n[2]), eight(numbers, ROW.linear, k)), ROW.excess, k)
+
+
+@inlined
+def turned_back(σ, g, φ, m):
+    """n from m."""
+    once = cross(φ, m)
+    return add_scaled(add_scaled(m, -0.5 * σ, once), g, cross(φ, once))
+
+
+@recursion
+def find_quaternions(q, springs):
+    """Write the half angles, their cosines and sines, v, v·v, |φ| / |v| and g of every triple."""
+    numbers, side = springs.numbers, springs.side
+    for t in range(len(springs.hinges)):
+        slot = springs.slots[t]
+        for a in range(3):
+            θ = at(q, springs.hinges[t, a]) - at(side, ROW.rest + a, slot)
+            put_at(side, 0.5 * θ, ROW.half + a, slot)
+    cos_sin_all(springs.flat[0], springs.flat[1], springs.flat[2])
+    for k in range(0, numbers.shape[1], LANES):
+        σ, (cx, cy, cz) = eight_of(numbers[ROW.sense], k), eight(numbers, ROW.cosine, k)
+        sx, sy, sz = scale(σ, eight(numbers, ROW.sine, k))
+        yz, cc, sc, cs = sy * sz, cy * cz, sy * cz, cy * sz
+        v = sx * cc + cx * yz, cx * sc - sx * cs, cx * cs + sx * sc
+        square = dot(v, v)
+        put_eight_of(numbers, v, ROW.v, k)
+        put_eight(numbers[ROW.w], cx * cc - sx * yz, k)
+        put_eight(numbers[ROW.square], square, k)
+        factor, g = near(square)
+        put_eight(numbers[ROW.factor], factor, k)
+        put_eight(numbers[ROW.g], g, k)
+    some = False
+    for k in range(numbers.shape[1]):
+        some |= numbers[ROW.square, k] >= NEAR or numbers[ROW.w, k] < 0.0
+    if some:
+        find_far(numbers)
+
+
+@inlined
+def near(square):
+    """|φ| / |v| and g of a small v·v."""
+    factor = polynomial(ARCSINE, square)
+    return factor, polynomial(COTANGENT, factor * factor * square)
+
+
+@inlined
+def polynomial(coefficients, x):
+    """Σ c_k x^k by Horner's rule."""
+    total = coefficients[-1] * x + coefficients[-2]
+    for k in range(len(coefficients) - 3, -1, -1):
+        total = total * x + coefficients[k]
+    return total
+
+
+@recursion
+def find_far(numbers):
+    """|φ| / |v| and g of the quaternions beyond the series."""
+    for k in range(numbers.shape[1]):
+        w, square = numbers[ROW.w, k], numbers[ROW.square, k]
+        if square >= NEAR or w < 0.0:
+            sine = math.sqrt(square)
+            half = math.atan2(sine, w)
+            numbers[ROW.factor, k] = 2.0 * half / sine
+            numbers[ROW.g, k] = (1.0 - half * w / sine) / (4.0 * half * half)
+
+
+@recursion
+def find_moments(springs):
+    """Write φ, m = ∂V/∂φ and K (θ − θ₀)."""
+    numbers, outer = springs.numbers, springs.outer[0]
+    for k in range(0, outer, LANES):
+        bend_cell(numbers, k, k + outer)
+    for k in range(2 * outer, numbers.shape[1], LANES):
+        φ, θ, held = vectors_of(numbers, k)
+        put_eight_of(numbers, φ, ROW.φ, k)
+        put_eight_of(numbers, by_axis(held, φ), ROW.moment, k)
+        put_eight_of(numbers, by_axis(held, θ), ROW.linear, k)
+    side = springs.side
+    for m in range(len(springs.pairs)):
+        a, t, b, u = springs.pairs[m, 0], springs.pairs[m, 1], springs.pairs[m, 2], springs.pairs[m, 3]
+        both = at(springs.coupled, m, 0)
+        add_product(side, a, t, both, b, u)
+        add_product(side, b, u, both, a, t)
+
+
+@inlined
+def vectors_of(numbers, k):
+    """φ, θ − θ₀ and K_ii of eight triples."""
+    factor = eight_of(numbers[ROW.sense], k) * eight_of(numbers[ROW.factor], k)
+    φ, θ = scale(factor, eight(numbers, ROW.v, k)), scale(2.0, eight(numbers, ROW.half, k))
+    return φ, θ, eight(numbers, ROW.stiffness, k)
+
+
+@inlined
+def bend_cell(numbers, k, l):
+    """The same of eight cells, inner triples from `k`, outer ones from `l`: K φ, and what w adds."""
+    (φ1, θ1, inner), (φ2, θ2, outer) = vectors_of(numbers, k), vectors_of(numbers, l)
+    both = eight(numbers, ROW.coupled, k)
+    put_eight_of(numbers, φ1, ROW.φ, k)
+    put_eight_of(numbers, φ2, ROW.φ, l)
+    put_eight_of(numbers, add(by_axis(inner, θ1), by_axis(both, θ2)), ROW.linear, k)
+    put_eight_of(numbers, add(by_axis(outer, θ2), by_axis(both, θ1)), ROW.linear, l)
+    β1, β2, γ = bending_of_cell(inner, outer, both)
+    w = scale(-1.0 / 6.0, cross(φ1, φ2))
+    M = add(add(by_axis(β1, φ1), by_axis(β2, φ2)), by_axis(γ, w))
+    m1, m2 = add(by_axis(inner, φ1), by_axis(both, φ2)), add(by_axis(outer, φ2), by_axis(both, φ1))
+    put_eight_of(numbers, add_scaled(add(m1, by_axis(β1, w)), -1.0 / 6.0, cross(φ2, M)), ROW.moment, k)
+    put_eight_of(numbers, add_scaled(add(m2, by_axis(β2, w)), -1.0 / 6.0, cross(M, φ1)), ROW.moment, l)
+
+
+@inlined
+def add_product(side, a, t, both, b, u):
+    """Add what the coupling with axis `b` in slot `u` adds at axis `a` in slot `t`."""
+    put_at(side, at(side, ROW.moment + a, t) + both * at(side, ROW.φ + b, u), ROW.moment + a, t)
+    put_at(side, at(side, ROW.linear + a, t) + 2.0 * both * at(side, ROW.half + b, u), ROW.linear + a, t)

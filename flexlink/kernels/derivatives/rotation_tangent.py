@@ -1,0 +1,238 @@
+"""Slopes of the torques of rotation vectors' springs: what their K(θ) is beyond the chain's K, in blocks of 3 × 3.
+
+With symbols of `rotation_springs`, A = 1 + ½ φ × + g φ × φ ×, so that δφ = A e_k δθ_k and n = Aᵀ m,
+
+    ∂τ_k/∂θ_j = (A e_k)·∂²V/∂φ² (A e_j) + e_k·∂Aᵀ/∂θ_j m + ∂e_k/∂θ_j·n
+
+the last two of one triple; ∂e_k/∂θ_j = −e_j × e_k where hinge j is behind hinge k, or else 0. Of a cell,
+
+    W₁ = φ₂ × / 6        W₂ = −φ₁ × / 6        M = ∂V/∂w
+    ∂²V/∂φ_i∂φ_j += β_i∘W_j + W_iᵀ β_j∘ + W_iᵀ γ∘W_j + (M × / 6 of i = 1, j = 2)
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.bodies.rotation_springs import (
+    COTANGENT,
+    NEAR,
+    ROW,
+    bending_of_cell,
+    by_axis,
+    find_excess,
+    polynomial,
+    rotation_springs,
+    three,
+    turned_back,
+)
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.lanes import put_vec_of, vec_of
+from flexlink.kernels.tools.vec3 import X, Y, Z, add, add_scaled, cross, dot, pick, scale, vector
+
+SLOPE = tuple(k * c for k, c in enumerate(COTANGENT))[1:]  # of g
+
+
+class RotationTangent(NamedTuple):
+    """Scratch of `find_tangent`."""
+
+    blocks: Any  # (b, 2) triples t ≤ u that springs join, first each with itself
+    values: Any  # (b, 3, 3) ∂excess_t/∂θ_u, by the hinges about X, Y, Z; that of u, t is its transpose
+    bent: Any  # (b, 3, 3) ∂²V/∂φ_t∂φ_u
+    of_pair: Any  # (m,) of the block of each coupling
+    of_cell: Any  # (c,) of the block between the triples of each cell
+    axes: Any  # (t, 3, 3) e_k
+    turning: Any  # (t, 3, 3) A e_k
+
+
+@kernel
+def rotation_tangent(springs):
+    """Scratch of a chain's springs."""
+    count, most = len(springs.hinges), len(springs.hinges) + len(springs.pairs) + len(springs.cells)
+    blocks, b = np.empty((most, 2), np.int64), count
+    of_pair, of_cell = np.empty(len(springs.pairs), np.int64), np.empty(len(springs.cells), np.int64)
+    triple = np.empty(springs.numbers.shape[1], np.int64)
+    for t in range(count):
+        blocks[t, 0], blocks[t, 1], triple[springs.slots[t]] = t, t, t
+    for m in range(len(springs.pairs)):
+        of_pair[m] = block_of(triple[springs.pairs[m, 1]], triple[springs.pairs[m, 3]], blocks, b)
+        b = max(b, of_pair[m] + 1)
+    for c in range(len(springs.cells)):
+        of_cell[c] = block_of(springs.cells[c, 0], springs.cells[c, 1], blocks, b)
+        b = max(b, of_cell[c] + 1)
+    values, axes = np.zeros((2, b, 3, 3)), np.zeros((2, count, 3, 3))
+    return RotationTangent(blocks[:b].copy(), values[0], values[1], of_pair, of_cell, axes[0], axes[1])
+
+
+@kernel
+def block_of(t, u, blocks, count):
+    """Number of the block of two triples among the first `count`, or `count`, where it is then."""
+    t, u = min(t, u), max(t, u)
+    for b in range(count - 1, -1, -1):
+        if blocks[b, 0] == t and blocks[b, 1] == u:
+            return b
+    blocks[count, 0], blocks[count, 1] = t, u
+    return count
+
+
+@kernel
+def excess_stiffness(bodies, hinges, couplings, q):
+    """Blocks (b, 2) of triples, their hinges (t, 3) and values (b, 3, 3) at angles q."""
+    springs = rotation_springs(bodies, hinges, couplings)
+    tangent = rotation_tangent(springs)
+    find_tangent(q, springs, tangent)
+    return tangent.blocks, springs.hinges, tangent.values
+
+
+@recursion
+def add_tangent(q, springs, tangent, K):
+    """Add all blocks to the matrix K (n, n)."""
+    find_tangent(q, springs, tangent)
+    for b in range(len(tangent.blocks)):
+        t, u = tangent.blocks[b, 0], tangent.blocks[b, 1]
+        for k in range(3):
+            for j in range(3):
+                i, column = springs.hinges[t, k], springs.hinges[u, j]
+                K[i, column] += tangent.values[b, k, j]
+                if t != u:
+                    K[column, i] += tangent.values[b, k, j]
+
+
+@recursion
+def find_tangent(q, springs, tangent):
+    """Write the values of all blocks."""
+    find_excess(q, springs)
+    bend_blocks(springs, tangent)
+    for t in range(len(springs.hinges)):
+        turn_vectors(springs, t, tangent)
+    for b in range(len(tangent.blocks)):
+        t, u = tangent.blocks[b, 0], tangent.blocks[b, 1]
+        for j in range(3):
+            v = vec_of(tangent.turning[u], j, 0)
+            B = tangent.bent[b]
+            bent = dot(vector(B[0]), v), dot(vector(B[1]), v), dot(vector(B[2]), v)
+            for k in range(3):
+                tangent.values[b, k, j] = dot(vec_of(tangent.turning[t], k, 0), bent)
+        if t == u:
+            add_turning(springs.numbers, springs.slots[t], tangent.axes[t], tangent.turning[t], tangent.values[b])
+    take_off_linear(springs, tangent)
+
+
+@recursion
+def turn_vectors(springs, t, tangent):
+    """Write e_k and A e_k of a triple, by the hinges about X, Y, Z, of the angles σ (θ − θ₀)."""
+    numbers, k = springs.numbers, springs.slots[t]
+    σ, c, s, φ = (
+        numbers[ROW.sense, k],
+        three(numbers, ROW.cosine, k),
+        three(numbers, ROW.sine, k),
+        three(numbers, ROW.φ, k),
+    )
+    Cy, Cz, Sy, Sz = c[1] * c[1] - s[1] * s[1], c[2] * c[2] - s[2] * s[2], 2.0 * σ * c[1] * s[1], 2.0 * σ * c[2] * s[2]
+    for j in range(3):
+        e = pick(j, (Cy * Cz, -Cy * Sz, Sy), (Sz, Cz, 0.0), Z)
+        once = cross(φ, e)
+        put_vec_of(tangent.axes[t], e, j, 0)
+        turned = add_scaled(add_scaled(e, 0.5 * σ, once), numbers[ROW.g, k], cross(φ, once))
+        put_vec_of(tangent.turning[t], turned, j, 0)
+
+
+@recursion
+def add_turning(numbers, slot, axes, turning, values):
+    """Add e_k·∂Aᵀ/∂θ_j m and ∂e_k/∂θ_j·n to the block of the triple in a slot with itself, all of σ (θ − θ₀)."""
+    σ, g = numbers[ROW.sense, slot], numbers[ROW.g, slot]
+    φ, m = scale(σ, three(numbers, ROW.φ, slot)), scale(σ, three(numbers, ROW.moment, slot))
+    n, once = turned_back(1.0, g, φ, m), cross(φ, m)
+    slope = slope_of_g(numbers[ROW.w, slot], numbers[ROW.square, slot], φ, g)
+    for j in range(3):
+        δ = vec_of(turning, j, 0)
+        δn = add_scaled(scale(-0.5, cross(δ, m)), g, add(cross(δ, once), cross(φ, cross(δ, m))))
+        δn = add_scaled(δn, 2.0 * slope * dot(φ, δ), cross(φ, once))
+        for k in range(3):
+            e = vec_of(axes, k, 0)
+            values[k, j] += dot(e, δn)
+            if j > k:
+                values[k, j] -= dot(cross(vec_of(axes, j, 0), e), n)
+
+
+@recursion
+def slope_of_g(w, square, φ, g):
+    """dg/d|φ|² of a quaternion."""
+    x = dot(φ, φ)
+    if square < NEAR and w >= 0.0:
+        return polynomial(SLOPE, x)
+    half, sine = 0.5 * math.sqrt(x), math.sqrt(square)
+    return ((half / square - w / sine) / (4.0 * half * half) - 2.0 * g / half) / (8.0 * half)
+
+
+@recursion
+def bend_blocks(springs, tangent):
+    """Write ∂²V/∂φ_t∂φ_u of all blocks."""
+    bent, pairs, numbers = tangent.bent, springs.pairs, springs.numbers
+    for b in range(len(bent)):
+        for k in range(3):
+            for j in range(3):
+                bent[b, k, j] = 0.0
+    for t in range(len(springs.hinges)):
+        for k in range(3):
+            bent[t, k, k] = numbers[ROW.stiffness + k, springs.slots[t]]
+    for m in range(len(pairs)):
+        add_coupling(springs, m, bent[tangent.of_pair[m]], 1.0)
+    for c in range(len(springs.cells)):
+        t, u = springs.cells[c, 0], springs.cells[c, 1]
+        bend_cell_blocks(numbers, springs.slots[t], springs.slots[u], bent[t], bent[u], bent[tangent.of_cell[c]])
+
+
+@recursion
+def bend_cell_blocks(numbers, t, u, own, others, mixed):
+    """Add those of the cell in slots `t` and `u` to its three blocks."""
+    φ1, φ2, both = three(numbers, ROW.φ, t), three(numbers, ROW.φ, u), three(numbers, ROW.coupled, t)
+    β1, β2, γ = bending_of_cell(three(numbers, ROW.stiffness, t), three(numbers, ROW.stiffness, u), both)
+    w, W1, W2 = scale(-1.0 / 6.0, cross(φ1, φ2)), scale(1.0 / 6.0, φ2), scale(-1.0 / 6.0, φ1)
+    add_curvature(own, β1, β1, γ, W1, W1)
+    add_curvature(others, β2, β2, γ, W2, W2)
+    add_curvature(mixed, β1, β2, γ, W1, W2)
+    M = scale(1.0 / 6.0, add(add(by_axis(β1, φ1), by_axis(β2, φ2)), by_axis(γ, w)))
+    for j in range(3):
+        column = cross(M, pick(j, X, Y, Z))
+        for k in range(3):
+            mixed[k, j] += column[k]
+        mixed[j, j] += both[j]
+
+
+@recursion
+def add_curvature(block, β1, β2, γ, W1, W2):
+    """Add β₁∘W₂ + W₁ᵀ β₂∘ + W₁ᵀ γ∘W₂, W the vectors of their cross products."""
+    for j in range(3):
+        e = pick(j, X, Y, Z)
+        column = cross(W2, e)
+        for k in range(3):
+            f = pick(k, X, Y, Z)
+            row = cross(W1, f)
+            block[k, j] += β1[k] * column[k] + row[j] * β2[j]
+            block[k, j] += row[0] * γ[0] * column[0] + row[1] * γ[1] * column[1] + row[2] * γ[2] * column[2]
+
+
+@inlined
+def add_coupling(springs, m, block, sign):
+    """Add ± K_ij of a coupling beyond cells at its axes."""
+    a, b, k = springs.pairs[m, 0], springs.pairs[m, 2], sign * springs.coupled[m, 0]
+    block[a, b] += k  # the triple of its inner hinge comes first, or is that of its outer one
+    if springs.pairs[m, 1] == springs.pairs[m, 3]:
+        block[b, a] += k
+
+
+@recursion
+def take_off_linear(springs, tangent):
+    """Take the chain's own K off."""
+    numbers = springs.numbers
+    for t in range(len(springs.hinges)):
+        for k in range(3):
+            tangent.values[t, k, k] -= numbers[ROW.stiffness + k, springs.slots[t]]
+    for m in range(len(springs.pairs)):
+        add_coupling(springs, m, tangent.values[tangent.of_pair[m]], -1.0)
+    for c in range(len(springs.cells)):
+        for k in range(3):
+            held = numbers[ROW.coupled + k, springs.slots[springs.cells[c, 0]]]
+            tangent.values[tangent.of_cell[c], k, k] -= held
