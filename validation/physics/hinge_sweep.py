@@ -29,7 +29,7 @@ class Need(Spec, frozen=True):
 
 
 class Named(Spec, frozen=True):
-    """An error of one chain that is a quantity by itself, with a limit of its own; or its part of that of another rule."""
+    """An error of one chain that is a quantity by itself, with its own limit; or a part of that of another rule."""
 
     quantity: str
     measure: str
