@@ -10,13 +10,15 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from conftest import ALUMINIUM, SQUARE, chain_of, flexible, make_scene
+from conftest import ALUMINIUM, ROOT, SQUARE, chain_of, flexible, make_scene
 from mpmath import mp
+from numpy.lib import recfunctions
 from scipy import integrate, linalg, optimize
 from test_sensitivity import check
 
 import flexlink as fl
 from flexlink.chain.variants import lump_many
+from flexlink.cli.main import main
 from flexlink.dynamics import rounding
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.tangent import stiffness_matrix
@@ -128,11 +130,13 @@ def cantilever(rule: str, hinges: int, tip: float = 1.0) -> fl.Chain:
 
 
 @pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
-@pytest.mark.parametrize("size", [1e-9, 1e-3, 0.05, 0.3, 1.0, 1.8])
+@pytest.mark.parametrize("size", [1e-9, 1e-3, 0.05, 0.288, 0.3, 1.0, 1.8, 3.6])
 def test_torques_are_the_slope_of_the_potential_in_40_digits(rule: str, size: float) -> None:
-    """Of tapered cells, too, and of hinges turned by up to 4 rad, beyond half a turn."""
-    chain = cantilever(rule, 4, tip=0.5)
-    q = np.random.default_rng(int(size * 10)).uniform(-size, size, chain.n)
+    """Of tapered cells, too; of hinges turned by 0.5 rad, where series end, and by 3.6 rad, more than half a turn."""
+    chain, rng = cantilever(rule, 4, tip=0.5), np.random.default_rng(int(size * 10))
+    q = rng.choice([-size, size], chain.n) if size == 0.288 else rng.uniform(-size, size, chain.n)
+    if size > np.pi:
+        q = np.where(chain.hinges["axis"] == 2, size, 0.1 * q)
     found, bound = fl.elastic_torque(chain, q), rounding.of_elastic_torque(chain, q)
     with mp.workdps(40):
         for k in range(chain.n):
@@ -324,6 +328,26 @@ def test_a_saved_run_keeps_its_springs(tmp_path: Path) -> None:
     again = fl.load_trajectory(run.save(tmp_path / "run.npz"))
     np.testing.assert_array_equal(again.chain.bodies, run.chain.bodies)
     np.testing.assert_array_equal(again.qdd, run.qdd)
+
+
+def test_a_run_saved_before_there_were_such_springs_has_springs_of_angles(tmp_path: Path) -> None:
+    path = fl.simulate(make_scene(flexible("a")), duration=1e-3).save(tmp_path / "run.npz")
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    arrays["chain_bodies"] = recfunctions.drop_fields(arrays["chain_bodies"], "springs")
+    np.savez(path, **arrays)
+    assert not fl.load_trajectory(path).chain.has_rotation_springs
+    arrays["chain_bodies"] = recfunctions.drop_fields(arrays["chain_bodies"], "mass")
+    np.savez(path, **arrays)
+    with pytest.raises(DataFileError, match="its chain has the fields"):
+        fl.load_trajectory(path)
+
+
+def test_info_says_which_springs_hold_a_rotation_vector(capsys: pytest.CaptureFixture[str]) -> None:
+    changes = ("--set", "link.*.lumping=gauss_rotation", "--set", "link.*.segments=3")
+    assert main(["info", str(ROOT / "models" / "t3_spatial.toml"), *changes]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert sum("N m/rad, of a rotation vector" in line for line in lines) == 12
 
 
 # Large bending in space.

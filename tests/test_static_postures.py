@@ -32,7 +32,12 @@ GEARED = make_scene(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("scene", [GEARED, nasty_scene(), make_scene(flexible("a"), gravity=(0.0, 9.81, 0.0))])
+TURNED = make_scene(
+    flexible("a", "xyz", lumping="lobatto2_rotation"), gravity=(0.0, 5.0, 9.81), tip=fl.RigidBody(mass=5.0)
+)
+
+
+@pytest.mark.parametrize("scene", [GEARED, nasty_scene(), make_scene(flexible("a"), gravity=(0.0, 9.81, 0.0)), TURNED])
 def test_postures_in_a_row_are_those_found_one_by_one(scene: fl.Scene) -> None:
     chain = fl.lump(scene)
     d = len(chain.active)

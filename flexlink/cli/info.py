@@ -90,7 +90,8 @@ def _kind(chain: Chain, k: int) -> str:
     """What a joint is: a spring, or driven, and within which limits."""
     if chain.coordinate(k).axis:
         coupled = ", ".join(map(str, chain.coupled_joints[k]))
-        return f"k = {chain.stiffness[k]:.6g} N m/rad{f', coupled with {coupled}' if coupled else ''}"
+        turned = ", of a rotation vector" if chain.bodies["springs"][chain.body(k)] else ""
+        return f"k = {chain.stiffness[k]:.6g} N m/rad{turned}{f', coupled with {coupled}' if coupled else ''}"
     lower, upper = np.degrees([chain.hinges["lower"][k], chain.hinges["upper"][k]])
     return f"driven, {lower:.6g}° … {upper:.6g}°" if np.isfinite(lower) else "driven"
 

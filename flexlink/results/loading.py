@@ -80,7 +80,14 @@ def _chain(arrays: Mapping[str, Any]) -> Chain:
 
 
 def _records(rows: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
-    """Rows of the very dtype that kernels are compiled for; an archive knows only names and formats."""
-    if rows.dtype.names != dtype.names:
+    """Rows of the very dtype that kernels are compiled for; an archive knows only names and formats.
+
+    Older ones have bodies without `springs`, which then hold angles.
+    """
+    there = rows.dtype.names or ()
+    if there != tuple(name for name in dtype.names or () if name != "springs" or name in there):
         raise ValueError(f"its chain has the fields {rows.dtype.names}, not {dtype.names}")
-    return rows.astype(dtype)
+    found = np.zeros(len(rows), dtype)
+    for name in there:
+        found[name] = rows[name]
+    return found
