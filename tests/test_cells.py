@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 
 import msgspec
@@ -131,7 +130,7 @@ def test_rows_of_the_mass_matrix_add_up_to_those_of_the_beam(p: int, tip: str, t
         return material.density * SQUARE.properties[0] * integrate.quad(lambda y: (1 - shrink * y) ** 2, x, 1)[0]
 
     s, lengths = Cells(hinges=p, tip=0.0).segments(count)
-    J = chain.bodies["inertia"][:-1, 2, 2] - _rotary(scene, lengths, shrink)
+    J = chain.bodies["inertia"][:-1, 2, 2] - _rotary(scene, s, lengths, shrink)
     m, c = chain.bodies["mass"][:-1], chain.bodies["center"][:-1, 0]
     outer = np.append(np.cumsum(m[::-1])[::-1][1:], 0.0)
     pull = m * c + lengths * outer
@@ -151,12 +150,24 @@ def test_the_last_segment_has_its_inertia_from_the_one_before(p: int, tmp_path: 
     assert not change[:-3].any()
 
 
-def _rotary(scene: fl.Scene, lengths: np.ndarray, shrink: float) -> np.ndarray:
-    """∫ ρ I_z over each segment."""
-    ends = np.append(0.0, np.cumsum(lengths))
-    density, i_z = scene.arm.materials["aluminium"].density, SQUARE.properties[2]
-    parts = [integrate.quad(lambda x: (1 - shrink * x) ** 4, a, b)[0] for a, b in itertools.pairwise(ends)]
-    return density * i_z * np.array(parts)
+def _rotary(scene: fl.Scene, s: np.ndarray, lengths: np.ndarray, shrink: float) -> np.ndarray:
+    """l ρ I_z of each segment, at its node."""
+    return scene.arm.materials["aluminium"].density * SQUARE.properties[2] * lengths * (1 - shrink * s) ** 4
+
+
+@pytest.mark.parametrize("p", HINGES)
+def test_a_tapered_link_that_twists_has_the_inertia_of_its_sections_at_the_nodes(p: int, tmp_path: Path) -> None:
+    """½ ∫ ρ I_p θ̇² by Lobatto's quadrature, so that twist is of order 2p: its sum is exact to degree 2p − 1."""
+    small = msgspec.structs.replace(SQUARE, height=0.5 * SQUARE.height, width=0.5 * SQUARE.width)
+    link = flexible("a", "xyz", 2 * p + 1, lumping=rule_file(tmp_path, p), section_tip="small", length=1.0)
+    arm = fl.Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE, "small": small})
+    chain = fl.lump(fl.Scene(name="taper", arm=arm, initial=fl.InitialState(joint_deg=(0.0,))))
+    s, lengths = Cells(hinges=p, tip=0.0).segments(2 * p)
+    polar = ALUMINIUM.density * sum(SQUARE.properties[1:3])
+    own = chain.bodies["inertia"][:, 0, 0]
+    own = own[own > 0]
+    assert own == pytest.approx(polar * lengths * (1 - s / 2) ** 4, rel=1e-12)
+    assert own.sum() == pytest.approx(polar * integrate.quad(lambda x: (1 - x / 2) ** 4, 0, 1)[0], rel=3e-4)
 
 
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])

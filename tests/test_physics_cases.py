@@ -81,6 +81,9 @@ def test_an_order_is_judged_by_its_lower_bound_without_errors_of_rounding_and_lu
 def test_an_error_of_one_chain_can_be_a_quantity_by_itself():
     sweep = Sweep(rules={}, named=(Named(quantity="gauss, 8", measure="tip", rule="gauss", hinges=8),))
     assert rows(sweep, {"gauss": {4: 0.1, 8: -0.02}})["gauss, 8", "gauss, 8 hinges, tip"] == 0.02
+    part = Named(quantity="part", measure="tip", rule="gauss", hinges=8, over="paper")
+    found = rows(Sweep(rules={}, named=(part,)), {"gauss": {8: -0.02}, "paper": {8: 0.1}})
+    assert found["part", "gauss, 8 hinges, tip"] == pytest.approx(0.2)
 
 
 def test_modes_that_a_short_chain_does_not_have_are_left_out_of_the_order():

@@ -374,7 +374,8 @@ def _cell_segments(beam: _Beam, cells: Cells, count: int) -> list[Segment]:
 
         J_i = l_i [(s_i − S_i−1) ν(s_i) + ∫ ν dx − Σ_j w_j ν(s_j)] − m_i c_i²        ν(x) = ∫ ρA from x to S_i
 
-    the integral from s_i to the end of the cell that begins at or holds s_i, the sum over its nodes beyond s_i.
+    the integral from s_i to the end of the cell that begins at or holds s_i, the sum over its nodes beyond s_i. What
+    sections have by themselves, about x, too, is l ρI at s: ½ ∫ ρI θ̇² by Lobatto's quadrature, of order 2p.
     """
     places, lengths = cells.segments(count)
     edges = np.append(0.0, np.cumsum(lengths))
@@ -393,7 +394,7 @@ def _cell_segments(beam: _Beam, cells: Cells, count: int) -> list[Segment]:
             f"tip = {cells.tip:g}: segment {int(np.argmin(J))} would have a negative moment of inertia; "
             "take a smaller tip in the rule"
         )
-    y, z = beam.rotary(edges)
+    y, z = l * beam.density * beam.sections(places)[1:3]
     moments = np.column_stack([y + z, J + y, J + z])
     return [
         (SpatialInertia(float(m), np.array([c, 0, 0]), np.diag(I)), part, np.array([length, 0, 0]))
@@ -453,12 +454,6 @@ class _Beam:
         x = start[:, None] + (end - start)[:, None] * (1 + GAUSS_NODES) / 2
         area = self.density * self.length * self.sections(x)[0]
         return np.asarray((area * GAUSS_WEIGHTS).sum(axis=1) * (end - start) / 2)
-
-    def rotary(self, edges: Array) -> Array:
-        """∫ ρ I_y dx and ∫ ρ I_z dx between neighbouring edges [kg m²], (2, N)."""
-        half = np.diff(edges)[:, None] / 2
-        x = edges[:-1, None] + half * (1 + GAUSS_NODES)
-        return np.asarray((half * GAUSS_WEIGHTS * self.density * self.length * self.sections(x)[1:3]).sum(axis=2))
 
     def slices(self, edges: Array) -> tuple[Array, Array, Array]:
         """Between neighbouring edges: mass (N,), distance of the centre (N,), moments of inertia about it (N, 3).

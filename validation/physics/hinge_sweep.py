@@ -29,12 +29,13 @@ class Need(Spec, frozen=True):
 
 
 class Named(Spec, frozen=True):
-    """An error of one chain that is a quantity by itself, with a limit of its own."""
+    """An error of one chain that is a quantity by itself, with its own limit; or a part of that of another rule."""
 
     quantity: str
     measure: str
     rule: str
     hinges: int
+    over: str = ""  # another rule, with as many hinges
 
 
 class Sweep(Spec, frozen=True, kw_only=True):
@@ -98,7 +99,9 @@ def report(
         yield from _need(need, points)
     for named in sweep.named:
         facts: Facts = {"rule": named.rule, "hinges": named.hinges, "measure": named.measure}
-        yield Measured(named.quantity, by_rule(points, named.measure)[named.rule][named.hinges], varied=facts)
+        errors = by_rule(points, named.measure)
+        unit = errors[named.over][named.hinges] if named.over else 1.0
+        yield Measured(named.quantity, errors[named.rule][named.hinges] / unit, varied=facts)
 
 
 def order(errors: Errors) -> float:
