@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import LANES, at, eight_of, put_at, put_eight
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
@@ -198,7 +198,7 @@ def subtract_excess(rows, q, springs, net):
             put_at(rows, at(rows, k, net) - at(springs.side, ROW.excess + a, springs.slots[t]), k, net)
 
 
-@recursion
+@subroutine
 def add_excess(q, springs, torque):
     """Add what the law takes more to `torque` (n,)."""
     find_excess(q, springs)
