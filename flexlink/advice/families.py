@@ -9,6 +9,7 @@ class Family(NamedTuple):
     """Rules of one kind, for any number of hinges that the family has."""
 
     order: float  # by which errors of the tip's path fall
+    asymptotic: int  # hinges from which they do
     safe: float  # change of the extrapolated limit over its error, at least
     step: int  # its numbers of hinges beyond four are multiples of this
 
@@ -30,9 +31,9 @@ GAUSS = "gauss"
 
 FAMILIES = {
     # safe: measured on 22 scenes; of cells on 12 under axial load, with large bending and with little of both
-    GAUSS: Family(order=2.0, safe=1.5, step=1),
-    "legendre": Family(order=2.0, safe=1.2, step=1),
-    "lobatto": Family(order=4.0, safe=1.5, step=4),
+    GAUSS: Family(order=2.0, asymptotic=6, safe=1.5, step=1),
+    "legendre": Family(order=2.0, asymptotic=6, safe=1.2, step=1),
+    "lobatto": Family(order=4.0, asymptotic=12, safe=1.5, step=4),
 }
 
 

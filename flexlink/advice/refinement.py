@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +25,6 @@ STRICT = 0.1
 
 SCATTER = 5.0
 """Step errors at the finest level over those at a coarser one, at most, where motion is sensitive."""
-
-ASYMPTOTIC = 6
-"""Hinges from which errors fall by the order of convergence."""
 
 LIMIT_FALL, LEVEL_FALL = 4.0, 2.0
 """By how much the orders by which errors of the limit, and of a level, are believed to fall exceed that of the rule, at
@@ -171,7 +169,7 @@ class RefinementStudy:
         order, safe = FAMILIES[family].order, FAMILIES[family].safe
         limit = extrapolated(levels, order)
         # measured on 22 scenes: the error of a level is at most 1.4 times its distance from the limit
-        itself = 1.4 * self.norm.up_to(limit.tip - b) if Nb >= ASYMPTOTIC else self.norm.up_to(b - a)
+        itself = 1.4 * self.norm.up_to(limit.tip - b) if Nb >= FAMILIES[family].asymptotic else self.norm.up_to(b - a)
         if limits:
             errors = self.norm.up_to(change_of_limit(levels, order)) / safe
             if len(limits) > 1:
@@ -194,19 +192,20 @@ class RefinementStudy:
         they do; Gauss-Legendre points over the whole link once.
         """
         last = self.levels[self.family][-1].outcome.run
-        if hinges < ASYMPTOTIC or last is None:
+        asymptotic = FAMILIES[self.family].asymptotic
+        if hinges < asymptotic or last is None:
             return
         if (
             not self.levels["lobatto"]
             and may_pay(self.runner.scene.arm, last, hinges)
-            and self._is_better("lobatto", (4, 8))
+            and self._is_better("lobatto", (4, 8, 12))
         ):
             return
-        if hinges == ASYMPTOTIC:
-            self._is_better("legendre", (4, ASYMPTOTIC))
+        if hinges == asymptotic:
+            self._is_better("legendre", (4, asymptotic))
 
-    def _is_better(self, family: str, counts: tuple[int, int]) -> bool:
-        """Whether two levels of another family know the limit twice as well; then the study goes on with it."""
+    def _is_better(self, family: str, counts: Sequence[int]) -> bool:
+        """Whether some levels of another family know the limit twice as well; then the study goes on with it."""
         assert self.limit is not None
         before = self.limit
         for hinges in counts:
