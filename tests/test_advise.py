@@ -47,7 +47,7 @@ def arm(thick: float = 0.01, *, links: int = 1, locked: bool = False, **situatio
 
 
 def truth(scene: fl.Scene, *, flex: str = "xyz", hinges: tuple[int, int] = (16, 24)) -> Array:
-    """Tip of so many hinges at Gauss points, extrapolated, off by 3e-6 m; of all axes unless nothing leaves the plane."""
+    """Tip of so many hinges at Gauss points, extrapolated to 3e-6 m; of all axes unless nothing leaves the plane."""
     runner, axes = ModelRunner(scene, 60.0), limited_axes(all_axes(scene), flex)
     coarse, fine = (runner.run(uniform(axes, n), Stepping("Radau9", tolerance=1e-8)).tip for n in hinges)
     return np.asarray(fine + (fine - coarse) / ((hinges[1] / hinges[0]) ** 2 - 1))

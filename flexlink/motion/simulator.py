@@ -14,6 +14,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.conditions import parts, whole
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.springs import add_spring_energies
 from flexlink.inputs.drives import effort_of, held_torques, remembered
 from flexlink.inputs.problem import problem_of
 from flexlink.kernels.stepping.judgement import SEEN, WRONG
@@ -192,6 +193,7 @@ class Simulator:
         (q, qd, *_, done), record, run = self._steps.state, self._record, self._run
         tip, energy = np.empty((1, 3)), np.empty((3, 1))
         tips_and_energies(self.chain.arrays, q[None], qd[None], tip, energy)
+        add_spring_energies(self.chain, q[None], energy[2])
         work = done[:1] + (tip - record.tip[0]) @ record.inputs.potential_force
         δ, moved = tolerance_of(run, self.chain, self._steps.deflection), float(np.linalg.norm(tip - record.tip[0]))
         explicit = method(self._steps.steps.method).explicit

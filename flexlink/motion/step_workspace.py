@@ -14,7 +14,7 @@ from flexlink.dynamics import rounding
 from flexlink.inputs.drives import gains_of
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
-from flexlink.kernels.bodies.rotation_springs import rotation_springs
+from flexlink.kernels.bodies.rotation_springs import NO_ROTATION, rotation_springs
 from flexlink.kernels.forward.mass_plus_cells import columns
 from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture, plane_postures
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture, space_postures
@@ -54,9 +54,12 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers[STEPPER.wait] = 0.0 if with_error else np.inf
     numbers[STEPPER.turning] = OF_A_TURNING_STEP if with_error and len(turning.joints) == len(turning.dry) else 0.0
     postures = (plane_postures if chain.is_planar else space_postures)(s, posture)
+    rotation = NO_ROTATION
+    if chain.has_rotation_springs:
+        rotation = rotation_springs(arrays.bodies, arrays.hinges, arrays.couplings)
     return ImplicitWork(
         coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
-        rotation_springs(arrays.bodies, arrays.hinges, arrays.couplings), posture, numbers, new,
+        rotation, posture, numbers, new,
         np.zeros((6, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs,
         np.zeros((r, n, width)), np.zeros((2, n), complex), np.zeros((p, n, width), complex),
         postures, np.zeros((s, n, width)), turning,

@@ -12,6 +12,7 @@ from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.dynamics.springs import add_spring_energies
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.tools.machine_code import direct
@@ -78,6 +79,7 @@ class Record:
         if self._derive is None:
             self.compile()
         self._derive(self.chain.arrays, self.inputs, first, stop, *self.samples[:-1])  # type: ignore[misc]
+        add_spring_energies(self.chain, self.q[first:stop], self.energy[2, first:stop])
         if len(self.inputs.motion.joints):
             self._prescribe(slice(first, stop))
 

@@ -1,7 +1,6 @@
 """Kinetic, gravity and elastic energy, body by body: an independent road beside ½ q̇ᵀ M q̇."""
 
 from flexlink.kernels.bodies.kinematics import forward_kinematics
-from flexlink.kernels.bodies.rotation_springs import excess_energy, rotation_springs
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cross, dot, scale, sub, vector
 
@@ -10,15 +9,14 @@ from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cros
 def energies(chain, q, qd):
     """T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇²,  V_g = −Σ m g·p_c,  V_e = ½ (θ − θ₀)·K (θ − θ₀) [J]; V_g = 0 at 0.
 
-    Springs of rotation vectors hold what `rotation_springs` says.
+    What springs of rotation vectors hold beside that is added by `add_excess_energies`.
     """
-    springs = rotation_springs(chain.bodies, chain.hinges, chain.couplings)
-    return energies_of(chain, q, qd, forward_kinematics(chain, q), springs)
+    return energies_of(chain, q, qd, forward_kinematics(chain, q))
 
 
 @recursion
-def energies_of(chain, q, qd, placed, springs):
-    """The same where `kinematics` has been; scratch of the springs of rotation vectors."""
+def energies_of(chain, q, qd, placed):
+    """The same where `kinematics` has been."""
     bodies, hinges = chain.bodies, chain.hinges
     rotations, points, axes = placed.rotations, placed.points, placed.axes
     kinetic, gravity, elastic = 0.0, 0.0, 0.0
@@ -40,6 +38,4 @@ def energies_of(chain, q, qd, placed, springs):
         pair = chain.couplings[c]
         i, j = pair.inner, pair.outer
         elastic += pair.stiffness * (q[i] - hinges[i].rest) * (q[j] - hinges[j].rest)
-    if len(springs.hinges) > 0:
-        elastic += excess_energy(q, springs)
     return kinetic, gravity, elastic

@@ -65,6 +65,14 @@ class RotationSprings(NamedTuple):
     flat: Any  # (3, …) the same memory: half angles, cosines, sines
 
 
+NO_ROTATION = RotationSprings(
+    np.empty((0, 3), np.int64), np.empty(0, np.int64), np.empty((0, 2), np.int64), np.zeros(1, np.int64),
+    np.empty((0, 3), np.int64), np.empty((0, 5), np.int64), np.empty((0, 1)), np.empty((ROW.size, 0)),
+    np.empty((ROW.size, 0)), np.empty((3, 0)),
+)  # fmt: skip
+"""That of all other chains, without compiling what finds it."""
+
+
 @kernel
 def rotation_springs(bodies, hinges, couplings):
     """Scratch of a chain."""
@@ -252,6 +260,14 @@ def excess_energy(q, springs):
     for c in range(len(springs.cells)):
         found += energy_of_cell(numbers, springs.slots[springs.cells[c, 0]], springs.slots[springs.cells[c, 1]])
     return found
+
+
+@kernel
+def add_excess_energies(bodies, hinges, couplings, qs, elastic):
+    """Add to the elastic energies (samples,) [J] what the law holds more at angles (samples, n)."""
+    springs = rotation_springs(bodies, hinges, couplings)
+    for row in range(len(qs)):
+        elastic[row] += excess_energy(qs[row], springs)
 
 
 @inlined

@@ -4,7 +4,6 @@ import numpy as np
 
 from flexlink.kernels.bodies.energy import energies_of
 from flexlink.kernels.bodies.kinematics import kinematics, kinematics_workspace
-from flexlink.kernels.bodies.rotation_springs import rotation_springs
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
 from flexlink.kernels.tools.compiler import kernel, subroutine
@@ -14,24 +13,22 @@ from flexlink.kernels.tools.vec3 import put, vector
 @kernel
 def tips_and_energies(chain, qs, qds, tips, parts):
     """Tip positions (samples, 3) and kinetic, gravity and elastic energy (3, samples)."""
-    springs = rotation_springs(chain.bodies, chain.hinges, chain.couplings)
-    tips_and_energies_of(chain, 0, len(qs), qs, qds, tips, parts, kinematics_workspace(chain), springs)
+    tips_and_energies_of(chain, 0, len(qs), qs, qds, tips, parts, kinematics_workspace(chain))
 
 
 @subroutine
-def tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, placed, springs):
-    """Those of the samples first … stop − 1; scratch `placed` and `springs`."""
+def tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, placed):
+    """Those of the samples first … stop − 1; scratch `placed`."""
     for row in range(first, stop):
         kinematics(chain, qs[row], placed)
         put(tips[row], vector(placed.points[-1]))
-        parts[0, row], parts[1, row], parts[2, row] = energies_of(chain, qs[row], qds[row], placed, springs)
+        parts[0, row], parts[1, row], parts[2, row] = energies_of(chain, qs[row], qds[row], placed)
 
 
 @kernel
 def derive(chain, inputs, first, stop, ts, qs, qds, taus, tips, parts):
     """Of the samples first … stop − 1 the tip positions, energies, and drive torques T_EX: each in its row."""
-    springs = rotation_springs(chain.bodies, chain.hinges, chain.couplings)
-    tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, kinematics_workspace(chain), springs)
+    tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, kinematics_workspace(chain))
     for row in range(first, stop):
         taus[row] = 0.0
         sample_at_step(inputs.drive, ts[row], ts[row], qs[row], qds[row], taus[row])  # of a run by another engine
