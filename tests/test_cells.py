@@ -11,6 +11,7 @@ from beams import cantilever
 from conftest import ALUMINIUM, SQUARE, compiled, flexible, make_scene
 from scipy import integrate
 from test_sensitivity import check
+from test_shifted import posture_of, solved
 
 import flexlink as fl
 from flexlink.chain.variants import lump_many
@@ -21,11 +22,8 @@ from flexlink.dynamics import rounding
 from flexlink.errors import SceneError
 from flexlink.kernels.bodies.couplings import cells_of
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, columns
-from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, factor, place_bodies, solve
-from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
-from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.forward.mass_plus_diagonal import FACTORS
 from flexlink.kernels.layout import COUPLING
-from flexlink.kernels.tools.compiler import kernel
 
 EPS = np.finfo(float).eps
 HINGES = range(2, 7)
@@ -225,15 +223,6 @@ def test_a_cell_is_a_run_of_hinges_that_couplings_overlap(pairs: list[tuple[int,
 # The algorithms.
 
 
-@kernel
-def solved(q, factors, r, posture):
-    x = np.empty_like(r)
-    place_bodies(q, posture)
-    factor(factors, posture)
-    solve(factors, r, x, posture)
-    return x
-
-
 def coupled_abroad(chain: fl.Chain) -> fl.Chain:
     """The same with a coupling across two joints, which makes one cell of all between them."""
     across = np.array([(0, chain.n - 1, 0.1 * chain.stiffness.max(), 0.2)], dtype=COUPLING)
@@ -267,7 +256,7 @@ def test_the_solution_with_full_cells_is_that_of_the_dense_matrix(name: str, z: 
     rotors = np.diag(chain.hinges["armature"])
     A = rotors + z * chain.matrix("damping") + z * z * chain.matrix("stiffness")
     dense = fl.mass_matrix(chain, q) - rotors + A
-    posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    posture = posture_of(chain)
     factors = np.zeros((chain.n, columns(posture.first)), dtype=type(z))
     factors[:, FACTORS.A] = np.diag(A)
     for k, first in enumerate(posture.first):

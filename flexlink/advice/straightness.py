@@ -14,16 +14,15 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.arm import Arm, Link
-from flexlink.dynamics.accelerations import forward_dynamics
-from flexlink.dynamics.loads import internal_loads
+from flexlink.results.samples import picked
 from flexlink.results.trajectory import Trajectory
 
 SAMPLES = 40
 """At which loads are looked at."""
 
 PAYS = 5.0
-"""(γ + 2 θ) N² from which cells may be cheaper: on the ten cases of the study the cheaper one at equal tip error is the
-one that this tells."""
+"""(γ + 2 θ) N² from which cells may be cheaper: where the two errors above are about alike. The study's case
+advice_axial judges the family that is taken by it."""
 
 
 def may_pay(arm: Arm, run: Trajectory, hinges: int) -> bool:
@@ -33,17 +32,14 @@ def may_pay(arm: Arm, run: Trajectory, hinges: int) -> bool:
 
 def load_and_bend(arm: Arm, run: Trajectory) -> float:
     """γ + 2 θ of the link where it is largest, along a run."""
-    chain, rows = run.chain, np.unique(np.linspace(0, len(run.t) - 1, SAMPLES).astype(int))
-    q, qd, wrench = run.q[rows], run.qd[rows], run.tip_wrench[rows]
-    free = chain.hinges["prescribed"] == 0
-    qdd = np.where(free, forward_dynamics(chain, q, qd, run.tau[rows], tip_wrench=wrench), 0.0)
-    force = np.abs(internal_loads(chain, q, qd, qdd, tip_wrench=wrench).force[..., 0])
+    chain, few = run.chain, picked(run, np.unique(np.linspace(0, len(run.t) - 1, SAMPLES).astype(int)))
+    force = np.abs(few.loads.force[..., 0])
     found = [0.0]
     for number, link in enumerate(arm.links, 1):
         hinges = [k for k, c in enumerate(chain.coordinates) if c.link == number and c.segment]
         if hinges:
             γ = force[:, [chain.body(k) for k in hinges]].max(axis=1) * link.beam.length**2 / _least_rigidity(arm, link)
-            found.append(float((γ + 2 * _bend(chain, q, hinges)).max()))
+            found.append(float((γ + 2 * _bend(chain, few.q, hinges)).max()))
     return max(found)
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, number_of, require_type, vector
+from flexlink.chain.couplings import add_products
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array
@@ -207,14 +208,12 @@ class Chain:
 
         `absolute`: |K| |φ|, of which the product is known to a few roundings.
         """
-        inner, outer, value = self.couplings["inner"], self.couplings["outer"], self.couplings[field]
+        value = self.couplings[field]
         if absolute:
             φ, value = np.abs(φ), np.abs(value)
         product: Array = self.hinges[field] * φ
-        if not len(value):
-            return product
-        np.add.at(product.T, inner, (value * φ[..., outer]).T)
-        np.add.at(product.T, outer, (value * φ[..., inner]).T)
+        if len(value):
+            add_products(product, self.couplings, value, φ)
         return product
 
     @functools.cached_property

@@ -125,10 +125,9 @@ class Springs(NamedTuple):
         cell = self.cells.cell
         held = held.reshape(*held.shape[:-1], -1, self.cells.hinges)
         own = np.stack([cell.stiffness(i, i, held) for i in range(self.cells.hinges)], axis=-1)
-        both = [cell.stiffness(i, j, held) for i, j in cell.pairs]
+        both = np.stack([cell.stiffness(i, j, held) for i, j in cell.pairs], axis=-1)
         axis, e, pair = self.pairs.T
-        k = own.reshape(*own.shape[:-3], -1)[..., self.places]
-        return k, np.stack(both, axis=-1)[..., axis, e, pair] if both else np.zeros((*held.shape[:-3], 0))
+        return own.reshape(*own.shape[:-3], -1)[..., self.places], both[..., axis, e, pair]
 
     def write(self, arm: Arm, hinges: NDArray[np.void], couplings: NDArray[np.void]) -> None:
         """Put spring and damping constants into the hinges and the couplings of the chain."""
@@ -289,9 +288,9 @@ def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes:
         none = slice(len(builder.couplings), len(builder.couplings)), np.empty((0, 3), np.intp)
         return Springs(link, beam.sections(nodes), weights * beam.length, rows, among, None, *none)
     cell, count = rule.cells.cell, len(nodes) // rule.cells.hinges
-    points = (np.arange(count)[:, None] + cell.points).ravel() / count
+    sections = beam.sections(rule.cells.gauss_points(len(nodes)))
     lengths = beam.length / count / np.tile(cell.weights, count)
-    return Springs(link, beam.sections(points), lengths, rows, among, rule.cells, *_couple(builder, rule.cells, places))
+    return Springs(link, sections, lengths, rows, among, rule.cells, *_couple(builder, rule.cells, places))
 
 
 def _springs_of(rule: LumpingRule, hinge: int) -> int:

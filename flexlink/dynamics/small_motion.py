@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.couplings import add_products
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.dynamics.springs import about, damping_slope
@@ -35,12 +36,7 @@ class SmallMotion:
     ) -> None:
         sprung = about(chain, q)
         self._diagonals = np.array([sprung.stiffness, damping_slope(chain), chain.hinges["armature"]])
-        self._chain, self._arrays, self._state, self._couplings = (
-            chain,
-            chain.arrays,
-            (wrench, follower, qd),
-            sprung.couplings,
-        )
+        self._chain, self._state, self._couplings = chain, (wrench, follower, qd), sprung.couplings
         self._cells = small_motion_in_cells(sprung.arrays) if len(sprung.couplings) else None
         self._work = small_motion(chain.arrays) if self._cells is None else self._cells.whole
         self.place(q)
@@ -66,23 +62,15 @@ class SmallMotion:
         """(weights · (K, C, M)) x for rows x (m, n), 0 at locked coordinates, shape (m, n)."""
         product = np.empty_like(x)
         multiply(self._work, weights, weights @ self._diagonals, x, product)
-        self._add_couplings(weights, x, product)
+        if len(pairs := self._couplings):
+            add_products(product, pairs, weights[0] * pairs["stiffness"] + weights[1] * pairs["damping"], x)
         product[:, self.locked] = 0.0
         return product
-
-    def _add_couplings(self, weights: Array, x: Array, product: Array) -> None:
-        """What springs and dampers between two hinges add to `product`."""
-        pairs = self._couplings
-        if not len(pairs):
-            return
-        held = weights[0] * pairs["stiffness"] + weights[1] * pairs["damping"]
-        np.add.at(product.T, pairs["inner"], (held * x[:, pairs["outer"]]).T)
-        np.add.at(product.T, pairs["outer"], (held * x[:, pairs["inner"]]).T)
 
     def times_mass(self, x: Array) -> Array:
         """M x for rows x (m, n), 0 at locked coordinates, shape (m, n): with more digits than `times`."""
         product = np.empty_like(x)
-        mass_products(self._arrays, self._q, x, product)
+        mass_products(self._chain.arrays, self._q, x, product)
         product[:, self.locked] = 0.0
         return product
 

@@ -11,6 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.couplings import add_products
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.kernels.layout import COUPLING
@@ -62,7 +63,6 @@ def of_elements(elements: Iterable[ET.Element], joints: Sequence[str]) -> NDArra
 
 def torque(couplings: NDArray[np.void], field: str, φ: Array) -> Array:
     """Σ_j K_ij φ_j, `field` "stiffness", or Σ_j D_ij φ_j, "damping", of couplings alone, shape (n,)."""
-    total, (i, j) = np.zeros(len(φ)), (couplings["inner"], couplings["outer"])
-    np.add.at(total, i, couplings[field] * φ[j])
-    np.add.at(total, j, couplings[field] * φ[i])
+    total = np.zeros(len(φ))
+    add_products(total, couplings, couplings[field], φ)
     return total

@@ -7,6 +7,7 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
@@ -173,3 +174,10 @@ class RunSamples(Result):
                 "imbalance: only for runs of flexlink's own engine; other engines do not integrate work"
             )
         return self.work
+
+
+def picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:
+    """The run at these samples only."""
+    parts = {name: getattr(run, name)[rows] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")}
+    energy = Energy(*run.energy.parts[:, rows])
+    return dataclasses.replace(run, **parts, energy=energy, work=None)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +11,10 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import frames
-from flexlink.dynamics.terms import Energy
 from flexlink.results.pictures.colouring import Colour, Colouring, colouring
 from flexlink.results.pictures.outline import Outline, outline_of
 from flexlink.results.pictures.view import View, view_of
-
-if TYPE_CHECKING:
-    from flexlink.results.samples import RunSamples
-
+from flexlink.results.samples import RunSamples, picked
 
 MOST_FRAMES = 3000  # two minutes; more would not fit into memory as a GIF
 
@@ -140,13 +135,6 @@ def _rows(run: RunSamples, fps: float, speed: float) -> NDArray[np.intp]:
     after = np.clip(np.searchsorted(run.t, wanted), min(1, len(run.t) - 1), len(run.t) - 1)
     before = np.maximum(after - 1, 0)
     return np.asarray(np.where(wanted - run.t[before] < run.t[after] - wanted, before, after))
-
-
-def picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:
-    """The run at these samples only."""
-    parts = {name: getattr(run, name)[rows] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")}
-    energy = Energy(*run.energy.parts[:, rows])
-    return dataclasses.replace(run, **parts, energy=energy, work=None)
 
 
 def _magnified(run: RunSamples, magnify: float) -> Array:

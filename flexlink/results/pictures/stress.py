@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.results.pictures.colouring import colouring
-from flexlink.results.pictures.film import picked, placed
+from flexlink.results.pictures.film import placed
 from flexlink.results.pictures.outline import Outline, has_rectangle_instead, outline_of
-from flexlink.results.samples import RunSamples
+from flexlink.results.samples import RunSamples, picked
 
 AT_ONCE = 500  # samples, so that little memory is needed
 
