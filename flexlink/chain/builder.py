@@ -41,13 +41,16 @@ class Body:
     place: Pose
     first: int
     stop: int
+    parent: int = 0  # counted from 1, 0 is the base
     rigid: SpatialInertia = NOTHING
     springs: int = 0  # as in `BODY`
+    tip: bool = False
 
     def record(self) -> tuple[object, ...]:
-        """One row of dtype `BODY`, whose inertia is still to be recorded."""
+        """One row of dtype `BODY`, whose inertia and branches are still to be recorded."""
         R, p = self.place
-        return self.first, self.stop, 1, self.springs, R, p, 0.0, (0.0, 0.0, 0.0), NOTHING.inertia
+        tree = self.parent, 0, 0, 0, 0
+        return self.first, self.stop, *tree, 1, self.springs, R, p, 0.0, (0.0, 0.0, 0.0), NOTHING.inertia
 
 
 def recorded(bodies: list[Body]) -> NDArray[np.void]:
@@ -55,7 +58,27 @@ def recorded(bodies: list[Body]) -> NDArray[np.void]:
     records = np.array([body.record() for body in bodies], dtype=BODY)
     record_inertia(records, [body.rigid for body in bodies])
     records["turned"] = (records["rotation"] != HERE.R).any(axis=(1, 2))
+    record_branches(records)
     return records
+
+
+def record_branches(records: NDArray[np.void]) -> None:
+    """Say of rows of dtype `BODY`, by their parents, where branches begin, and which bodies keep their state for them.
+
+    >>> bodies = np.zeros(4, BODY)
+    >>> bodies["parent"] = 0, 1, 1, 0  # the third body hangs on the first, the fourth on the base
+    >>> record_branches(bodies)
+    >>> bodies["begins"].tolist(), bodies["slot"].tolist(), bodies["fork"].tolist()
+    ([0, 0, 1, 1], [0, 0, 1, 0], [1, 0, 0, 0])
+    """
+    slots: dict[int, int] = {0: 0}
+    records["begins"] = records["parent"] != np.arange(len(records))
+    records["slot"] = records["fork"] = 0
+    for i in np.flatnonzero(records["begins"]).tolist():
+        parent = int(records["parent"][i])
+        records["slot"][i] = slots.setdefault(parent, len(slots))
+        if parent:
+            records["fork"][parent - 1] = slots[parent]
 
 
 def record_inertia(records: NDArray[np.void], rigid: list[SpatialInertia]) -> None:
@@ -74,9 +97,24 @@ class Builder:
         self.hinges: list[tuple[float, ...]] = []
         self.coordinates: list[Coordinate] = []
         self.bodies = [Body(HERE, 0, 0)]
+        self.on = 0  # number of the current body
         self.pieces: list[Piece] = []
         self.couplings: list[tuple[int, int, float, float]] = []
         self.running = HERE
+
+    @property
+    def place(self) -> tuple[int, Pose]:
+        """Where it is: the current body, and the running frame in it."""
+        return self.on, self.running
+
+    def go_to(self, place: tuple[int, Pose]) -> None:
+        """Go on from where it was before."""
+        self.on, self.running = place
+
+    @property
+    def body(self) -> Body:
+        """The current one."""
+        return self.bodies[self.on]
 
     def move(self, translation: Array, rotation: Array | None = None) -> None:
         """Shift the running frame along its own axes [m], then turn it."""
@@ -88,18 +126,18 @@ class Builder:
 
     def advance(self, link: int, part: tuple[float, float], end: Array) -> None:
         """Go along a piece of a link, to its end."""
-        self.pieces.append(Piece(link, part, len(self.bodies) - 1, self.running, end))
+        self.pieces.append(Piece(link, part, self.on, self.running, end))
         self.move(end)
 
     def turn(self, rotation: Array) -> None:
         """Turn the running frame: v_before = rotation @ v."""
         self.running = Pose(product(self.running.R, rotation), self.running.p)
 
-    def start_body(self) -> None:
-        """A new body begins in the running frame, with no hinges yet."""
+    def start_body(self, *, tip: bool = False) -> None:
+        """A new body begins in the running frame, with no hinges yet; that of a tip has none."""
         n = len(self.hinges)
-        self.bodies.append(Body(self.running, n, n))
-        self.running = HERE
+        self.bodies.append(Body(self.running, n, n, self.on, tip=tip))
+        self.go_to((len(self.bodies) - 1, HERE))
 
     def add_hinge(
         self,
@@ -115,26 +153,26 @@ class Builder:
         upper: float = np.inf,
         prescribed: bool = False,
     ) -> None:
-        """One more hinge of the current body, about X, Y or Z of its frame; units as in dtype `HINGE`."""
+        """One more hinge of the current body; axis and units as in dtype `HINGE`."""
         rest = 0.0
         self.hinges.append((axis, stiffness, rest, damping, coulomb, width, armature, lower, upper, prescribed))
         self.coordinates.append(coordinate)
-        self.bodies[-1].stop += 1
+        self.body.stop += 1
 
     def add_payload(self, payload: RigidBody) -> None:
         """Join a body that is described in the running frame to the current one; most links have none."""
-        self.bodies[-1].rigid = self.carrying(payload)
+        self.body.rigid = self.carrying(payload)
 
     def carrying(self, payload: RigidBody) -> SpatialInertia:
         """The current body, joined to such a one."""
         if not payload.mass and not any(payload.inertia):
-            return self.bodies[-1].rigid
+            return self.body.rigid
         return self._joined(SpatialInertia(payload.mass, np.array(payload.center), payload.matrix))
 
     def add(self, body: SpatialInertia) -> None:
         """Join a rigid body."""
-        self.bodies[-1].rigid = self._joined(body)
+        self.body.rigid = self._joined(body)
 
     def _joined(self, body: SpatialInertia) -> SpatialInertia:
-        rigid, moved = self.bodies[-1].rigid, body if self.running is HERE else body.moved(self.running)
+        rigid, moved = self.body.rigid, body if self.running is HERE else body.moved(self.running)
         return moved if rigid is NOTHING else rigid.plus(moved)

@@ -1,9 +1,10 @@
 """Chain: the arm as rigid bodies and one-axis hinges, read-only arrays, the only input of every algorithm.
 
-A body is a rigid segment. It hangs on the body before it by a fixed placement (`rotation`, `translation`)
-followed by its hinges, all at one point, in the order of their numbers: X, Y, Z, or, at every second hinge of a
-lumping rule with `alternate_axes`, Z, Y, X. The last body has no hinge and no inertia: it is the tip frame, where the
-tip wrench acts.
+A body is a rigid segment. It hangs on one before it, of an arm that does not branch on the one right before it, by a
+fixed placement (`rotation`, `translation`) followed by its hinges, all at one point, in the order of their numbers: X,
+Y, Z, or, at every second hinge of a lumping rule with `alternate_axes`, Z, Y, X; or by those of a prismatic joint,
+along which it slides. Behind the last body of every link that no other hangs on comes one without hinges and inertia,
+its tip frame; the last of all is the frame of the arm's tip.
 """
 
 from __future__ import annotations
@@ -24,14 +25,15 @@ from flexlink.chain.couplings import add_products
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array
+from flexlink.describe.arm import BASE
 from flexlink.describe.links import link_number
 from flexlink.describe.spec import truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
-from flexlink.kernels.layout import COUPLING, ChainArrays
+from flexlink.kernels.layout import COUPLING, SLIDES, ChainArrays
 
 _OF_LAYOUT = {
-    "active", "bending", "axes", "coupled_joints", "has_rotation_springs", "is_planar", "joint_names", "_sequential",
-    "_layout",
+    "active", "slides", "is_serial", "has_free_base", "joint_units", "bending", "axes", "coupled_joints",
+    "has_rotation_springs", "is_planar", "joint_names", "_sequential", "_layout",
 }  # fmt: skip
 """What is found of a chain without its masses, springs and gravity."""
 
@@ -42,7 +44,8 @@ Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
 class Coordinate(NamedTuple):
     """The paper's three indices: link from 1, segment from 0, axis 0 = active, 1 twist, 2 and 3 bending.
 
-    (link, 0, 3) is the hinge of an elastic gear, about the joint's axis.
+    (link, 0, 3) is the hinge of an elastic gear, about the joint's axis. (0, 0, 1) … (0, 0, 6) are the joints of a free
+    base: three along X, Y, Z and three about them.
     """
 
     link: int
@@ -52,7 +55,7 @@ class Coordinate(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Chain:
-    """A serial chain of `n` one-axis hinges.
+    """A chain of `n` one-axis hinges, or a tree of them.
 
     Attributes
     ----------
@@ -68,6 +71,9 @@ class Chain:
         Names of the arm's links; `Coordinate.link` counts them from 1.
     couplings
         Springs and dampers between two hinges, structured array of dtype `COUPLING`, read-only; none by default.
+    tips
+        Number in `bodies` of the tip frame of every link that no other hangs on, by the link's name; the last one is
+        the arm's tip. By default the last body is the only one.
 
     Examples
     --------
@@ -87,8 +93,11 @@ class Chain:
     coordinates: tuple[Coordinate, ...]
     link_names: tuple[str, ...]
     couplings: NDArray[np.void] = dataclasses.field(default_factory=lambda: np.zeros(0, COUPLING))
+    tips: dict[str, int] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not self.tips:
+            object.__setattr__(self, "tips", {self.link_names[-1]: len(self.bodies) - 1})
         for array in (self.bodies, self.hinges, self.gravity, self.couplings):
             array.flags.writeable = False
 
@@ -133,7 +142,7 @@ class Chain:
         couplings: NDArray[np.void],
     ) -> Chain:
         """A chain whose hinges stand as they do here; what has been found of that is not sought again."""
-        other = Chain(name, bodies, hinges, gravity, self.coordinates, self.link_names, couplings)
+        other = Chain(name, bodies, hinges, gravity, self.coordinates, self.link_names, couplings, self.tips)
         known = vars(self)
         vars(other).update((name, known[name]) for name in _OF_LAYOUT if name in known)
         return other
@@ -229,6 +238,36 @@ class Chain:
         return active
 
     @functools.cached_property
+    def slides(self) -> NDArray[np.bool_]:
+        """Which joints slide, shape (n,): coordinates in m and torques in N, where others have rad and N m."""
+        return np.asarray(self.hinges["axis"] >= SLIDES)
+
+    @functools.cached_property
+    def is_serial(self) -> bool:
+        """Whether every body hangs on the one before it."""
+        return not self.bodies["begins"].any()
+
+    @functools.cached_property
+    def has_free_base(self) -> bool:
+        """Whether the first six joints are those of a base that floats."""
+        return bool(self.coordinates) and self.coordinates[0].link == 0
+
+    def tip_body(self, tip: str | int | None = None) -> int:
+        """Number in `bodies` of the tip frame of a link, given by its name or number; by default of the arm's tip.
+
+        Raises
+        ------
+        ArgumentError
+            There is no such link, or another hangs on it.
+        """
+        if tip is None:
+            return len(self.bodies) - 1
+        name = self.link_names[link_number("tip", tip, self.link_names) - 1]
+        if name not in self.tips:
+            raise ArgumentError(f"tip = {truncated(tip)}: other links hang on it; tips are {', '.join(self.tips)}")
+        return self.tips[name]
+
+    @functools.cached_property
     def bending(self) -> NDArray[np.intp]:
         """Sequential indices of the hinges within links."""
         bending = np.array([k for k, c in enumerate(self.coordinates) if c.segment], dtype=np.intp)
@@ -238,6 +277,8 @@ class Chain:
     @functools.cached_property
     def axes(self) -> Array:
         """Hinge axes in frame 0 at zero angles, unit vectors, shape (n, 3)."""
+        if not self.is_serial or self.slides.any():
+            return np.array(forward_kinematics(self.arrays, np.zeros(self.n)).axes)
         turned = self.bodies["turned"] != 0
         before = np.repeat(np.cumsum(turned), self.bodies["stop"] - self.bodies["first"])  # turns, of each hinge
         return _axes(self.bodies["rotation"][turned].tobytes(), before.tobytes(), self.hinges["axis"].tobytes())
@@ -256,14 +297,29 @@ class Chain:
     def is_planar(self) -> bool:
         """Whether all hinge axes are parallel or opposite: the hinges then move, and feel torques, in one plane only.
 
-        Gravity, tip wrench and offsets may point anywhere: what is out of the plane meets constraint torques.
+        Gravity, tip wrench and offsets may point anywhere: what is out of the plane meets constraint torques. Trees and
+        arms with prismatic joints count as spatial.
         """
-        return self.all_axes_parallel_to(self.axes[0])
+        return self.is_serial and not self.slides.any() and self.all_axes_parallel_to(self.axes[0])
 
     @functools.cached_property
     def reach(self) -> float:
         """How far from the origin of frame 0 any of the masses can get [m], at most."""
-        return _reach(self.bodies["translation"].tobytes(), self.bodies["center"].tobytes())
+        if self.is_serial and not self.slides.any():
+            return _reach(self.bodies["translation"].tobytes(), self.bodies["center"].tobytes())
+        return self._reach_of_tree()
+
+    def _reach_of_tree(self) -> float:
+        """Along every branch, joints that slide at the limit that is further away, or at zero."""
+        limits = np.abs([self.hinges["lower"], self.hinges["upper"]]).max(axis=0)
+        slid = np.append(0.0, np.cumsum(np.where(self.slides & np.isfinite(limits), limits, 0.0)))
+        own = (
+            np.linalg.norm(self.bodies["translation"], axis=1) + slid[self.bodies["stop"]] - slid[self.bodies["first"]]
+        )
+        away = np.zeros(len(own) + 1)
+        for i, parent in enumerate(self.bodies["parent"].tolist(), 1):
+            away[i] = away[parent] + own[i - 1]
+        return float((away[1:] + np.linalg.norm(self.bodies["center"], axis=1)).max())
 
     @functools.cached_property
     def weight(self) -> float:
@@ -283,7 +339,8 @@ class Chain:
         sizes = self.bodies["stop"] - self.bodies["first"]
         rotors = np.repeat(sizes > 1, sizes) & (self.hinges["armature"] != 0)
         whole = (
-            self.bodies["first"], self.bodies["stop"], self.bodies["springs"], self.hinges["axis"],
+            self.bodies["first"], self.bodies["stop"], self.bodies["springs"], self.bodies["parent"],
+            self.bodies["loaded"], self.hinges["axis"],
             self.hinges["prescribed"], rotors,
             self.couplings["inner"], self.couplings["outer"],
         )  # fmt: skip
@@ -396,10 +453,16 @@ class Chain:
         """Names of all joints, in sequential order."""
         return _joint_names(self.link_names, self.coordinates)
 
+    @functools.cached_property
+    def joint_units(self) -> tuple[str, ...]:
+        """Unit of every coordinate: rad or m."""
+        return tuple("m" if slides else "rad" for slides in self.slides.tolist())
+
 
 @functools.lru_cache(maxsize=64)
 def _joint_names(links: tuple[str, ...], coordinates: tuple[Coordinate, ...]) -> tuple[str, ...]:
-    distinct = unique([*links, *(f"{links[c.link - 1]}.{_hinge_name(c)}" for c in coordinates)])
+    names = (f"{links[c.link - 1] if c.link else BASE}.{_hinge_name(c)}" for c in coordinates)
+    distinct = unique([*links, *names])
     own = len(links)  # which come first: they keep their own names
     return tuple(distinct[c.link - 1 if c.axis == 0 else own + k] for k, c in enumerate(coordinates))
 
@@ -421,8 +484,10 @@ def _axes(turns: bytes, before: bytes, axes: bytes) -> Array:
 
 
 def _hinge_name(coordinate: Coordinate) -> str:
-    """Name of a hinge within its link."""
-    _, segment, axis = coordinate
+    """Name of a hinge within its link, or within a free base."""
+    link, segment, axis = coordinate
+    if link == 0:
+        return ("x", "y", "z", "rx", "ry", "rz")[axis - 1]
     return "gear" if axis and not segment else f"{segment}.{' xyz'[axis]}"
 
 

@@ -11,9 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
-from flexlink.chain.builder import Body, Builder, Piece, record_inertia, recorded
+from flexlink.chain.builder import Builder, Piece, record_inertia, recorded
 from flexlink.chain.chain import Chain, Coordinate
+from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.common.errors import ArgumentError, SceneError
@@ -26,7 +28,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 from flexlink.kernels.bodies.rotation_springs import SPRINGS
-from flexlink.kernels.layout import COUPLING, HINGE
+from flexlink.kernels.layout import COUPLING, HINGE, SLIDES
 
 TWIST = 1  # axis of a coordinate
 SPACE = "xyz"  # axes of a hinge that turns any way
@@ -69,9 +71,17 @@ def lump(scene: Scene) -> Chain:
     arm = require_type("scene", scene, Scene).arm
     if has_own_rules(scene):
         return _lumped(scene)
-    locked = tuple(angle for link, angle in zip(arm.links, scene.initial.joint_deg, strict=True) if link.joint.locked)
+    return CHAINS(arm, (scene.name, scene.gravity, situation(scene)), lambda: _lumped(scene))
+
+
+def situation(scene: Scene) -> tuple[object, ...]:
+    """What else than the arm its frame depends on."""
+    arm, initial = scene.arm, scene.initial
+    starts = zip(arm.links, initial.joint_deg, initial.positions_m, strict=True)
+    locked = tuple((deg, m) for link, deg, m in starts if link.joint.locked)
     moved = tuple(motion.link for motion in scene.motion)
-    return CHAINS(arm, (scene.name, scene.gravity, locked, moved), lambda: _lumped(scene))
+    turned = (initial.base.rpy_deg, initial.base.quaternion) if arm.base.free else None
+    return locked, moved, turned, arm.base, scene.wrench.on
 
 
 def has_own_rules(scene: Scene) -> bool:
@@ -90,7 +100,7 @@ def _lumped(scene: Scene) -> Chain:
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such numbers, by name
         for springs in frame.springs:
             springs.write(arm, hinges, couplings)
-        record_inertia(bodies[-2:-1], [frame.builder.carrying(arm.tip)])
+        record_inertia(bodies[frame.carrier], [frame.builder.carrying(arm.tip)])
     for array in (bodies, hinges, couplings):
         _check_finite(scene.name, array)
     chain = frame.chain = frame.chain.with_numbers(scene.name, bodies, hinges, np.array(scene.gravity), couplings)
@@ -142,7 +152,7 @@ class Springs(NamedTuple):
 
 @dataclasses.dataclass
 class Frame:
-    """An arm without springs in its beams, and without payload at its tip, which its last body but one carries."""
+    """An arm without springs in its beams, and without payload at its tip."""
 
     bodies: NDArray[np.void]
     hinges: NDArray[np.void]
@@ -151,15 +161,19 @@ class Frame:
     springs: tuple[Springs, ...]
     chain: Chain  # the last one that was made of it: what is found of the layout is found once
 
+    @property
+    def carrier(self) -> slice:
+        """The body that carries the payload; none where that is fixed."""
+        number = self.builder.on
+        return slice(max(0, number - 1), number)
+
 
 def frame_of(scene: Scene) -> Frame:
     """The frame of a scene's arm; errors as in `lump`."""
     arm = scene.arm
     beams = tuple(_beam_of(arm, link) for link in arm.links)
     own_rules = tuple(lumping_rule(link.lumping) for link in arm.links if is_user_file(link.lumping))
-    locked = tuple(angle for link, angle in zip(arm.links, scene.initial.joint_deg, strict=True) if link.joint.locked)
-    moved = tuple(motion.link for motion in scene.motion)
-    return FRAMES(arm.links, (beams, own_rules, locked, moved), lambda: _framed(scene, beams))
+    return FRAMES(arm.links, (beams, own_rules, situation(scene)), lambda: _framed(scene, beams))
 
 
 FRAMES = Memo(64)
@@ -167,25 +181,36 @@ FRAMES = Memo(64)
 
 
 def _framed(scene: Scene, beams: Sequence[_Beam | None]) -> Frame:
-    """Bodies, hinges and pieces, from the base outward to the tip frame."""
-    arm, builder = scene.arm, Builder()
+    """Bodies, hinges and pieces, from the base outward to the tip frames."""
+    arm, builder, initial = scene.arm, Builder(), scene.initial
     moved = {arm.number(motion.link) for motion in scene.motion}
-    springs = []
+    springs, ends, tips = [], {}, {}
     placed = hinges_of(arm)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `lump` refuses such numbers, by name
-        for k, link in enumerate(arm.links):
-            _add_mount(builder, link, arm.links[k - 1] if k else None)
-            _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], k + 1 in moved)
-            springs += _add_line(builder, link, k + 1, beams[k], *placed[k])
-    tip = Body(builder.running, len(builder.hinges), len(builder.hinges))
+        _add_base(builder, scene)
+        ends[0] = builder.place
+        for number, (link, parent) in enumerate(zip(arm.links, arm.parents, strict=True), 1):
+            builder.go_to(ends[parent])
+            _add_mount(builder, link, arm.links[parent - 1] if parent else None)
+            start = initial.joint_deg[number - 1], initial.positions_m[number - 1]
+            _add_joint(builder, link, number, start, number in moved)
+            springs += _add_line(builder, link, number, beams[number - 1], *placed[number - 1])
+            ends[number] = builder.place
+            if number in arm.tips:
+                builder.start_body(tip=True)
+                tips[link.name] = len(builder.bodies) - 2
+    builder.go_to(ends[len(arm.links)])
+    bodies = recorded(builder.bodies[1:])  # bodies[0] is the base
+    bodies["loaded"][tips[scene.wrench.on or arm.links[-1].name]] = 1
     chain = Chain(
         name=scene.name,
-        bodies=recorded([*builder.bodies[1:], tip]),  # bodies[0] is the fixed base
+        bodies=bodies,
         hinges=np.array(builder.hinges, dtype=HINGE),
         gravity=np.array(scene.gravity),
         coordinates=tuple(builder.coordinates),
         link_names=tuple(link.name for link in arm.links),
         couplings=np.array(builder.couplings, dtype=COUPLING),
+        tips=tips,
     )
     return Frame(chain.bodies, chain.hinges, chain.couplings, builder, tuple(springs), chain)
 
@@ -209,6 +234,20 @@ def _check_finite(name: str, array: NDArray[np.void]) -> None:
             raise SceneError(f"{name}: {field} of a segment overflows float64")
 
 
+def _add_base(builder: Builder, scene: Scene) -> None:
+    """The joints of a free base, and its body."""
+    base, hinges = scene.arm.base, itertools.count(1)
+    if not base.free:
+        return
+    for turns in (False, True):
+        if turns:
+            builder.turn(reference_rotation(scene.initial.base))
+        builder.start_body()
+        for axis in (axis for axis in free_base.AXES if (axis < SLIDES) == turns):
+            builder.add_hinge(Coordinate(0, 0, next(hinges)), axis)
+    builder.add_payload(base)
+
+
 def _add_mount(builder: Builder, link: Link, before: Link | None) -> None:
     """From the end of the link before to the axes of a link at angle zero."""
     mount, row = link.mount, link.dh
@@ -223,17 +262,20 @@ def _add_mount(builder: Builder, link: Link, before: Link | None) -> None:
         builder.turn(about_axis_deg(2, row.theta_deg))
 
 
-def _add_joint(builder: Builder, link: Link, number: int, locked_deg: float, prescribed: bool) -> None:
-    """Joint, gear and hub of a link."""
+def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, float], prescribed: bool) -> None:
+    """Joint, gear and hub of a link; a locked joint stays at its start [deg, m]."""
     joint = link.joint
     axis, turn = turn_to(joint.axis)
     builder.turn(turn)
-    if joint.locked:
-        builder.turn(about_axis_deg(axis, locked_deg))
+    if joint.locked and joint.slides:
+        builder.move(np.eye(3)[axis] * start[1])
+    elif joint.locked:
+        builder.turn(about_axis_deg(axis, start[0]))
     if not joint.locked or joint.gear_stiffness is not None:
         builder.start_body()
+    axis += SLIDES * joint.slides
     if not joint.locked:
-        lower, upper = np.radians(joint.limits_deg).tolist() if joint.limits_deg else (-np.inf, np.inf)
+        lower, upper = (joint.position(limit, limit) for limit in joint.own_limits or (-np.inf, np.inf))
         builder.add_hinge(
             Coordinate(number, 0, 0), axis, damping=joint.viscous, coulomb=joint.coulomb, width=joint.coulomb_width,
             armature=joint.armature, lower=lower, upper=upper, prescribed=prescribed,
@@ -278,7 +320,7 @@ def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes:
                 coordinate = Coordinate(number, segment, axis)
                 builder.add_hinge(coordinate, axis - 1, 0.0, 0.0, *friction, armature=rotor)
             if rule.springs == "rotation" and len(AXES[link.flex]) == len(SPACE):
-                builder.bodies[-1].springs = _springs_of(rule, segment - 1)
+                builder.body.springs = _springs_of(rule, segment - 1)
         if body is not None:
             builder.add(body)
         builder.advance(number, part, end)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import Frame, Springs, frame_of, has_own_rules, lump
+from flexlink.chain.lumping import Frame, Springs, frame_of, has_own_rules, lump, situation
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
@@ -42,8 +42,7 @@ def _same_frame(before: Scene, scene: Scene) -> bool:
     if not (a.links is b.links and a.sections is b.sections and before.motion is scene.motion):
         return False
     densities = (a.materials[name].density == b.materials[name].density for name in a.materials if name in b.materials)
-    angles = zip(a.links, before.initial.joint_deg, scene.initial.joint_deg, strict=True)
-    held = all(one == other for link, one, other in angles if link.joint.locked)
+    held = situation(before) == situation(scene)
     return held and a.materials.keys() == b.materials.keys() and all(densities)
 
 
@@ -108,10 +107,12 @@ def _write_springs(
 
 
 def _write_tips(frame: Frame, tips: Sequence[RigidBody], bodies: NDArray[np.void]) -> None:
-    """The last body but one, which carries the payload."""
-    last = bodies[:, -2]
+    """The body that carries the payload."""
+    if frame.carrier.stop == 0:  # the base
+        return
+    last = bodies[:, frame.carrier.start]
     carrying = np.array([bool(tip.mass or any(tip.inertia)) for tip in tips])
-    rigid = frame.builder.bodies[-1].rigid
+    rigid = frame.builder.body.rigid
     last["mass"], last["center"], last["inertia"] = rigid.mass, rigid.center, _symmetric(rigid.inertia.copy())
     if not carrying.any():
         return

@@ -188,8 +188,10 @@ class Link(Spec, frozen=True):
 
     name: str
     """Name of the link, and of its joint; paths and messages use it."""
+    on: str = ""
+    """Name of the link, further up in the list, that it hangs on, or "base". Default: the link before."""
     mount: Mount = Mount()
-    """Where the joint's frame sits in the end frame of the link before; of the first link in frame 0."""
+    """Where the joint's frame sits in the end frame of the link that it hangs on; on the base in the base's frame."""
     dh: DenavitHartenberg | None = None
     """A row of a table of Denavit and Hartenberg in place of a mount; all links of an arm use one convention."""
     joint: Joint = Joint()
@@ -284,8 +286,41 @@ def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | Non
     return beam
 
 
+BASE = "base"
+"""What a link hangs on that hangs on none; no link is called so."""
+
+
+class Base(RigidBody, frozen=True):
+    """What the first link hangs on: fixed in frame 0, or free, a rigid body that floats, such as a satellite.
+
+    Of a free base `mass` [kg], `center` [m] and `inertia` [kg m²] are in its frame; `initial.base` is its start.
+
+    Examples
+    --------
+    >>> satellite = fl.Base(kind="free", mass=400.0, inertia=(120.0, 120.0, 90.0))  # kg, kg m²
+    """
+
+    kind: Literal["fixed", "free"] = "fixed"
+    """Whether the base is fixed in frame 0 or floats."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.kind == "fixed" and (self.mass or any(self.inertia)):
+            raise SceneError(f"mass = {self.mass!r}: a fixed base takes none; kind = 'free' makes it float")
+        if self.kind == "free" and not (self.mass and self.principal_moments[0] > 0):
+            raise SceneError(
+                f"mass = {self.mass!r}, inertia = {truncated(self.inertia)}: a free base needs mass, and inertia "
+                "about every axis"
+            )
+
+    @property
+    def free(self) -> bool:
+        """Whether it floats."""
+        return self.kind == "free"
+
+
 class Arm(Spec, frozen=True):
-    """Serial arm: links from the base outward, with the materials and sections they name.
+    """Links from the base outward, one on another or as a tree, with the materials and sections that they name.
 
     Examples
     --------
@@ -306,7 +341,9 @@ class Arm(Spec, frozen=True):
     sections: dict[str, Section] = msgspec.field(name="section", default_factory=dict)
     """Sections by the names that links use."""
     tip: RigidBody = RigidBody()
-    """Payload: rigid body in the tip frame."""
+    """Payload: rigid body in the tip frame, which is at the end of the last link."""
+    base: Base = Base()
+    """What the first link hangs on."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -318,6 +355,12 @@ class Arm(Spec, frozen=True):
         for k, link in enumerate(self.links, 1):
             if link.name in seen:
                 yield f"link.{k}.name = {link.name!r}: names of links must differ"
+            if link.name == BASE:
+                yield f"link.{k}.name = {link.name!r}: means what the first link hangs on; take another name"
+            if link.on and link.on != BASE and link.on not in seen:
+                before = ", ".join([BASE, *seen])
+                meant = did_you_mean(link.on, [BASE, *seen])
+                yield f"{self.path(k)}.on = {link.on!r}: no link before it in the list; allowed are {before}{meant}"
             seen.add(link.name)
             tables = (("material", self.materials), ("section", self.sections), ("section_tip", self.sections))
             for key, table in tables:
@@ -333,8 +376,25 @@ class Arm(Spec, frozen=True):
                 yield f"{self.path(k)}.section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
         if len({link.dh.convention for link in self.links if link.dh is not None}) > 1:
             yield "link.dh.convention: differs from link to link; a table has one"
-        if all(link.joint.locked and not link.elastic for link in self.links):
+        if not self.base.free and all(link.joint.locked and not link.elastic for link in self.links):
             yield "link: every joint is locked and every link rigid; at least one must move"
+
+    @property
+    def parents(self) -> tuple[int, ...]:
+        """Of every link the number, from 1, of the one that it hangs on; 0: the base."""
+        numbers = {BASE: 0, **{link.name: k for k, link in enumerate(self.links, 1)}}
+        return tuple(numbers[link.on] if link.on else k for k, link in enumerate(self.links))
+
+    @property
+    def tips(self) -> tuple[int, ...]:
+        """Numbers of the links that no other hangs on; the last link, whose end is the tip, is the last of them."""
+        parents = set(self.parents)
+        return tuple(k for k in range(1, len(self.links) + 1) if k not in parents)
+
+    @property
+    def is_serial(self) -> bool:
+        """Whether every link hangs on the one before it."""
+        return self.parents == tuple(range(len(self.links)))
 
     def __repr__(self) -> str:
         return f"<Arm: {short_list([f'{link.name!r} ({link.flex})' for link in self.links])}>"

@@ -44,8 +44,47 @@ Accuracy = Literal["tip", "deflection"]
 """What a relative tolerance is a part of."""
 
 
+class BaseState(Spec, frozen=True):
+    """Where a free base starts: its frame in frame 0, and how it moves.
+
+    Examples
+    --------
+    >>> tumbling = fl.BaseState(rpy_deg=(0.0, 0.0, 30.0), velocity=(0.1, 0.0, 0.0), spin_deg=(0.0, 0.0, 5.0))
+    >>> print(tumbling.rates.round(4))  # rad/s, in axes of the base
+    [0.     0.     0.0873]
+    """
+
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    """Place of its frame [m]."""
+    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    """Roll, pitch, yaw about fixed axes [deg]: R = Rz(yaw) Ry(pitch) Rx(roll); multiples of 90° are exact."""
+    quaternion: tuple[float, float, float, float] | None = None
+    """Its attitude as w, x, y, z in place of `rpy_deg`; its length does not matter."""
+    velocity: Vector3 = (0.0, 0.0, 0.0)
+    """Velocity of its frame's origin, in frame 0 [m/s]."""
+    spin_deg: Vector3 = (0.0, 0.0, 0.0)
+    """Angular velocity, in axes of the base [deg/s]."""
+    spin: Vector3 | None = None
+    """The same [rad/s], in place of `spin_deg`."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, other in (("quaternion", "rpy_deg"), ("spin", "spin_deg")):
+            if getattr(self, name) is not None and any(getattr(self, other)):
+                raise SceneError(f"{name} = {truncated(getattr(self, name))}: {other} is given, too; give only one")
+        if self.quaternion is not None and not any(self.quaternion):
+            raise SceneError("quaternion = (0.0, 0.0, 0.0, 0.0): has no direction; [1, 0, 0, 0] is no turn")
+
+    @property
+    def rates(self) -> Array:
+        """Angular velocity, in axes of the base [rad/s], shape (3,)."""
+        return np.radians(self.spin_deg) if self.spin is None else np.array(self.spin)
+
+
 class InitialState(Spec, frozen=True):
     """State at the start: one joint angle [deg] and rate [deg/s] per link; a locked joint stays at its angle.
+
+    Prismatic joints stand where `joint_m` [m] and `rate_m` [m/s] say, one number per link, too.
 
     passive = "zero": springs slack.  "static": hinges bent as gravity and tip wrench bend them with the joints held.
     `q` [rad] and `qd` [rad/s], one number per joint of the chain in sequential order, take the place of all that, as
@@ -64,6 +103,12 @@ class InitialState(Spec, frozen=True):
     """Angle of each joint, one per link [deg]; a locked joint stays there. Default: zero."""
     rate_deg: PerLink | None = None
     """Rate of each joint, one per link [deg/s]. Default: at rest."""
+    joint_m: PerLink | None = None
+    """Position of each prismatic joint, one number per link, 0 for the others [m]. Default: zero."""
+    rate_m: PerLink | None = None
+    """Rate of each prismatic joint, one number per link [m/s]. Default: at rest."""
+    base: BaseState = BaseState()
+    """Where a free base starts, and how it moves."""
     passive: Literal["zero", "static"] = "zero"
     """Hinges and elastic gears: springs slack (zero), or bent by gravity and tip wrench, joints held (static)."""
     q: tuple[float, ...] | None = None
@@ -84,6 +129,16 @@ class InitialState(Spec, frozen=True):
     def rates(self) -> tuple[float, ...]:
         """Rate of every joint [deg/s]; zero unless given."""
         return self.rate_deg or (0.0,) * len(self.joint_deg)
+
+    @property
+    def positions_m(self) -> tuple[float, ...]:
+        """Position of every prismatic joint, one number per link [m]; zero unless given."""
+        return self.joint_m or (0.0,) * len(self.joint_deg)
+
+    @property
+    def rates_m(self) -> tuple[float, ...]:
+        """Rate of every prismatic joint, one number per link [m/s]; zero unless given."""
+        return self.rate_m or (0.0,) * len(self.joint_deg)
 
 
 class Drive(Spec, frozen=True):
@@ -213,6 +268,8 @@ class Wrench(Spec, frozen=True):
     """Constant moment on the tip [N m]."""
     frame: Frame = "world"
     """Axes of the components: of frame 0 (world), or of the tip, with which they turn."""
+    on: str = ""
+    """Name of the link at whose end it acts, one that no other hangs on. Default: the last."""
     times: tuple[float, ...] | None = None
     """Of a table: times of its rows [s]."""
     forces: tuple[Vector3, ...] | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 from flexlink.common.errors import SceneError
@@ -11,9 +12,10 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, truncat
 
 
 class Joint(Spec, frozen=True):
-    """Active joint at the base of a link, about `axis` in the link's frame; `locked` makes it rigid.
+    """Active joint at the root of a link, about or along `axis` in the link's frame; `locked` makes it rigid.
 
-    The link's frame turns about the axis, and is the mount's at angle zero.
+    The link's frame turns about the axis of a revolute joint, slides along that of a prismatic one, and is the mount's
+    at zero. Where units are those of a revolute joint, as N m/rad, a prismatic one has N/m, and so on.
     With `gear_stiffness` k the gear is elastic: motor, with armature, friction and drive, and link turn about
     the same axis, and between them act k (θ_link − θ_motor) and `gear_damping` times the difference of
     their rates. The joint's angle is then the motor's; `locked` holds the motor.
@@ -25,32 +27,42 @@ class Joint(Spec, frozen=True):
     >>> motor = fl.Joint(axis=(0.0, 1.0, 0.0), armature=0.5, viscous=2.0)  # kg m², N m s/rad
     >>> geared = fl.Joint(armature=0.5, gear_stiffness=8e3)  # N m/rad
     >>> welded = fl.Joint(locked=True)
+    >>> trolley = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), viscous=50.0, limits_m=(0.0, 8.0))  # N s/m, m
     """
 
+    kind: Literal["revolute", "prismatic"] = "revolute"
+    """Whether the joint turns about its axis (revolute) or slides along it (prismatic)."""
     axis: Vector3 = (0.0, 0.0, 1.0)
-    """Axis of rotation in the link's frame; its length does not matter."""
+    """Axis in the link's frame; its length does not matter."""
     locked: bool = False
-    """Whether the joint stays at its initial angle."""
+    """Whether the joint stays where it starts."""
     viscous: NonNegative = 0.0
-    """Viscous friction torque per rate [N m s/rad]."""
+    """Viscous friction torque per rate [N m s/rad]; of a prismatic joint [N s/m]."""
     coulomb: NonNegative = 0.0
-    """Dry friction torque c [N m], as c tanh(q̇ / coulomb_width)."""
+    """Dry friction torque c [N m], as c tanh(q̇ / coulomb_width); of a prismatic joint a force [N]."""
     coulomb_width: Positive = 0.01
-    """Rate at which tanh has reached 76 % of it [rad/s]; smaller is closer to Coulomb's law, and stiffer."""
+    """Rate at which tanh has reached 76 % of it [rad/s, m/s]; smaller is closer to Coulomb's law, and stiffer."""
     armature: NonNegative = 0.0
-    """Rotor inertia seen at the joint [kg m²]: that of the motor times the square of the gear ratio."""
+    """Rotor inertia seen at the joint [kg m²]: that of the motor times the square of the gear ratio; of a prismatic
+    joint [kg]."""
     gear_stiffness: Positive | None = None
-    """Stiffness of an elastic gear between motor and link [N m/rad]; it needs `armature`. Default: rigid."""
+    """Stiffness of an elastic gear between motor and link [N m/rad], of a belt or rope of a prismatic joint [N/m]; it
+    needs `armature`. Default: rigid."""
     gear_damping: NonNegative = 0.0
-    """Damping of the elastic gear [N m s/rad]."""
+    """Damping of the elastic gear [N m s/rad], of a prismatic joint [N s/m]."""
     limits_deg: tuple[float, float] | None = None
     """Lower and upper limit of the angle [deg]: kept, exported, and told when a run passes them; no stops."""
+    limits_m: tuple[float, float] | None = None
+    """Of a prismatic joint: lower and upper limit of its position [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.direction  # noqa: B018  refuses an axis without one
-        if self.limits_deg is not None and self.limits_deg[0] >= self.limits_deg[1]:
-            raise SceneError(f"limits_deg = {self.limits_deg}: the lower one must be below the upper one")
+        other = "limits_deg" if self.slides else "limits_m"
+        if getattr(self, other) is not None:
+            raise SceneError(f"{other} = {getattr(self, other)}: a {self.kind} joint takes {self.limits_key}")
+        if self.own_limits is not None and self.own_limits[0] >= self.own_limits[1]:
+            raise SceneError(f"{self.limits_key} = {self.own_limits}: the lower one must be below the upper one")
         if self.gear_stiffness is None and self.gear_damping:
             raise SceneError(f"gear_damping = {self.gear_damping!r}: needs a gear_stiffness")
         if self.gear_stiffness is not None and not self.armature and not self.locked:
@@ -58,6 +70,25 @@ class Joint(Spec, frozen=True):
                 f"armature = {self.armature!r}, the default: gear_stiffness = {self.gear_stiffness!r} needs the "
                 "motor's inertia; nothing else moves between motor and gear"
             )
+
+    @property
+    def slides(self) -> bool:
+        """Whether it is prismatic."""
+        return self.kind == "prismatic"
+
+    @property
+    def limits_key(self) -> str:
+        """The key of its limits."""
+        return "limits_m" if self.slides else "limits_deg"
+
+    @property
+    def own_limits(self) -> tuple[float, float] | None:
+        """Its limits [m], of a revolute joint [deg]."""
+        return self.limits_m if self.slides else self.limits_deg
+
+    def position(self, deg: float, m: float) -> float:
+        """Its coordinate [rad], or [m] if it slides, by the two numbers of its link in lists in deg and in m."""
+        return m if self.slides else math.radians(deg)
 
     @property
     def direction(self) -> Array:

@@ -1,4 +1,9 @@
-"""Layout of a chain's arrays, which every kernel reads: its bodies, its hinges, gravity, and couplings of springs."""
+"""Layout of a chain's arrays, which every kernel reads: its bodies, its hinges, gravity, and couplings of springs.
+
+Bodies form a tree; each comes after the one that it hangs on, mostly right after it. A recursion outward goes from body
+to body and keeps, at a body on which branches begin, what these go on from (`fork`, `slot`); one inward adds up there
+what comes from the branches.
+"""
 
 from typing import Any, NamedTuple
 
@@ -15,6 +20,11 @@ BODY = record(
     [
         ("first", np.int64),  # its hinges are first … stop − 1
         ("stop", np.int64),
+        ("parent", np.int64),  # number, from 1, of the body that it hangs on; 0: the base
+        ("begins", np.int64),  # 1: a branch begins with it, it does not hang on the body before it
+        ("slot", np.int64),  # of such a one, where the state of what it hangs on is kept; 0: that of the base
+        ("fork", np.int64),  # where this body's state is kept for branches that begin on it; 0: none does
+        ("loaded", np.int64),  # 1: the tip wrench acts at its hinge point
         ("turned", np.int64),  # 1 if `rotation` is not the identity
         ("springs", np.int64),  # what those of its hinges hold: 0 angles, 1 their rotation vector (X, Y, Z or Z, Y, X),
         # 2 that and the curvature of a cell, with the next body outward
@@ -28,8 +38,8 @@ BODY = record(
 
 HINGE = record(
     [
-        ("axis", np.int64),  # 0, 1, 2 = X, Y, Z
-        ("stiffness", np.float64),  # k, K_ii where springs are coupled [N m/rad]
+        ("axis", np.int64),  # 0, 1, 2: turns about X, Y, Z; 3, 4, 5: slides along them
+        ("stiffness", np.float64),  # k, K_ii where springs are coupled [N m/rad], of a sliding joint [N/m]; and so on
         ("rest", np.float64),  # θ₀ [rad]
         ("damping", np.float64),  # d, viscous and structural, D_ii where dampers are coupled [N m s/rad]
         ("coulomb", np.float64),  # dry friction torque [N m]
@@ -49,6 +59,10 @@ COUPLING = record(
         ("damping", np.float64),  # D_ij = D_ji, of the rates likewise [N m s/rad]
     ]
 )
+
+
+SLIDES = 3
+"""Hinges whose axis is as large slide; a body's hinges either all turn, or all slide."""
 
 
 class ChainArrays(NamedTuple):
