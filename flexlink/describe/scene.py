@@ -63,7 +63,7 @@ class Scene(Spec, frozen=True):
     name: str
     """Name of the scene; files written from it are called so."""
     arm: Arm
-    """The arm; in a file its keys `link`, `material`, `section`, `tip` stand at the top."""
+    """The arm; in a file its keys `link`, `material`, `section`, `tip`, `base` stand at the top."""
     initial: InitialState = InitialState()
     """State at the start. Default: all joints at zero, at rest."""
     about: str = ""
@@ -351,8 +351,8 @@ class Scene(Spec, frozen=True):
         document: dict[str, Any] = without_defaults(self, always=frozenset({"gravity"}))
         document |= document.pop("arm")
         order = (
-            "name", "about", "gravity", "material", "section", "link", "tip", "initial", "drive", "motion", "wrench",
-            "run",
+            "name", "about", "gravity", "base", "material", "section", "link", "tip", "initial", "drive", "motion",
+            "wrench", "run",
         )  # fmt: skip
         return toml_of({key: document[key] for key in order if key in document})
 

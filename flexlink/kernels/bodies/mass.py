@@ -235,7 +235,7 @@ def mass_of_many(chain, q):
     b, n, m = len(q), len(chain.hinges), len(chain.bodies)
     found, M, trig = np.empty((b, n, n)), np.empty((n, n, LANES)), np.empty((3, n, LANES))
     placed = KinematicsWork(np.empty((m, 3, 3, LANES)), np.empty((m, 3, LANES)), np.empty((n, 3, LANES)))
-    work, turns = CompositeWork(placed, np.empty((n, 3, LANES))), Turns(trig[1], trig[2])
+    work, turns = CompositeWork(placed, np.empty((n, 3, LANES))), Turns(trig[1], trig[2], trig[0])
     rows, elements, flat = found.reshape(b, n * n), M.reshape(n * n, LANES), trig.reshape(3, n * LANES)
     for start in range(0, b, LANES):
         put_lanes(q, start, trig[0])

@@ -67,7 +67,7 @@ def inverse_dynamics_of_many(chain, wrench, q, qd, qdd):
     """τ of many states (b, n) with wrenches (b, 6), eight states side by side."""
     b, n = q.shape
     tau, state, acting, trig = np.empty((b, n)), np.empty((4, n, LANES)), np.empty((6, LANES)), np.empty((2, n, LANES))
-    angles, flat, turns = state[0].reshape(-1), trig.reshape(2, n * LANES), Turns(trig[0], trig[1])
+    angles, flat, turns = state[0].reshape(-1), trig.reshape(2, n * LANES), Turns(trig[0], trig[1], state[0])
     work = RneWork(np.empty((n, 2, LANES)), np.empty((len(chain.bodies), 6, LANES)))
     for start in range(0, b, LANES):
         put_lanes(wrench, start, acting)

@@ -275,10 +275,11 @@ def _clipped(x, limit):
 
 
 class Turns(NamedTuple):
-    """Cosines and sines of angles side by side, in place of the angles: a loop over all of them finds them first."""
+    """Angles side by side with their cosines and sines: a loop over all of them finds them first."""
 
     cosines: Any  # (n, 8)
     sines: Any
+    angles: Any
 
 
 def cos_sin_of(q, k):
@@ -291,6 +292,18 @@ def _cos_sin_of(q, k):
     if isinstance(q, types.NamedUniTuple):
         return lambda q, k: (at(q.cosines, k), at(q.sines, k))
     return lambda q, k: (math.cos(q[k]), math.sin(q[k]))
+
+
+def position_of(q, k):
+    """Angle, or place of a sliding joint, `k` of an array (n,), or of `Turns`."""
+    return at(q.angles, k) if isinstance(q, Turns) else q[k]
+
+
+@overload(position_of, jit_options=INLINED)
+def _position_of(q, k):
+    if isinstance(q, types.NamedUniTuple):
+        return lambda q, k: at(q.angles, k)
+    return lambda q, k: q[k]
 
 
 @recursion
