@@ -65,6 +65,10 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
     initial = scene.initial
     q = _given("q", initial.q, np.radians(spread(chain, initial.joint_deg)))
     qd = _given("qd", initial.qd, np.radians(spread(chain, initial.rates)))
+    if chain.has_free_base and initial.q is None:
+        q[:3] = initial.base.xyz
+    if chain.has_free_base and initial.qd is None:
+        qd[:3], qd[3:6] = initial.base.velocity, initial.base.rates
     if initial.passive == "static" and len(chain.active) < chain.n:
         wrench, frame = wrench_at(inputs, initial.time)
         q = static_posture(chain, q, wrench, frame)
