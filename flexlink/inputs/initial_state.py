@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
+from flexlink.chain.free_base import JOINTS
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
+from flexlink.describe.conditions import BaseState
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
 from flexlink.dynamics.static_postures import static_posture
@@ -23,7 +28,7 @@ that was written with ten digits leaves."""
 
 
 def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
-    """Joint angles q0 [rad] and rates q̇0 [rad/s] with which a scene starts, in sequential order.
+    """Joint angles q0 [rad] and rates q̇0 [rad/s] with which a scene starts, in sequential order; where they slide [m].
 
     Parameters
     ----------
@@ -63,8 +68,8 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
 def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Array]:
     """`initial_state` where the inputs of the scene are known."""
     initial = scene.initial
-    q = _given("q", initial.q, np.radians(spread(chain, initial.joint_deg)))
-    qd = _given("qd", initial.qd, np.radians(spread(chain, initial.rates)))
+    q = _given("q", initial.q, _with_base(scene, spread(chain, scene.joint_positions), initial.base.xyz, (0.0,) * 3))
+    qd = _given("qd", initial.qd, _with_base(scene, spread(chain, scene.joint_rates), *_twist(initial.base)))
     if initial.passive == "static" and len(chain.active) < chain.n:
         wrench, frame = wrench_at(inputs, initial.time)
         q = static_posture(chain, q, wrench, frame)
@@ -73,7 +78,19 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
     return q, qd
 
 
-def spread(chain: Chain, per_link: tuple[float, ...]) -> Array:
+def _with_base(scene: Scene, joints: Array, along: ArrayLike, about: ArrayLike) -> Array:
+    """Coordinates of the chain with those of a free base, along X, Y, Z and about them."""
+    if scene.arm.base.free:
+        joints[:JOINTS] = np.concatenate([along, about])
+    return joints
+
+
+def _twist(base: BaseState) -> tuple[ArrayLike, ArrayLike]:
+    """Rates of a free base's coordinates, whose angles are zero at the start: those about axes of the base."""
+    return base.velocity, base.rates
+
+
+def spread(chain: Chain, per_link: Sequence[float] | Array) -> Array:
     """Put one number per link on that link's active joint, 0 on passive hinges; shape (n,)."""
     out = np.zeros(chain.n)
     for k in chain.active.tolist():
@@ -93,11 +110,11 @@ def _check_followed(motion: MotionTable, scene: Scene, chain: Chain, q: Array, q
     """Check that prescribed joints start on their motion."""
     there = q.copy(), qd.copy()
     follow(motion, scene.initial.time, *there, np.zeros(chain.n))
-    for name, unit, state, wanted in (("q", "rad", q, there[0]), ("qd", "rad/s", qd, there[1])):
+    for name, per, state, wanted in (("q", "", q, there[0]), ("qd", "/s", qd, there[1])):
         for k in motion.joints:
             if abs(state[k] - wanted[k]) > APART * max(1.0, abs(wanted[k])):
                 joint = chain.joint_name(int(k))
                 raise SceneError(
                     f"initial.{name}[{k}] = {state[k]!r}: joint {joint!r} follows its motion, which is at "
-                    f" {wanted[k]!r} {unit} at t = {scene.initial.time:g} s"
+                    f" {wanted[k]!r} {chain.joint_units[k]}{per} at t = {scene.initial.time:g} s"
                 )
