@@ -201,7 +201,7 @@ class Drive(Spec, frozen=True):
         for name in ("torque", "times", "torques", "kp", "kd", "target_deg", "target_m", "reference"):
             if (getattr(self, name) is not None) != (name in wanted) and name not in may:
                 takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
-                takes = takes.replace("target_deg", "target_deg, target_m or reference")
+                takes = takes.replace("target_deg", "target_deg or reference (target_m of joints that slide)")
                 state = ": missing;" if value is None else f" = {truncated(value)}:"
                 raise SceneError(f"{name}{state} drive kind {self.kind!r} takes {takes}")
         check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)

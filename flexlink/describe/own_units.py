@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexlink.common.types import Array
 
@@ -43,12 +43,12 @@ def together(slides: Slides, deg: Row | None, m: Row | None) -> Row:
     return tuple(b if s else a for s, a, b in zip(slides, deg or nothing, m or nothing, strict=True))
 
 
-def in_si(slides: Sequence[bool], own: ArrayLike) -> Array:
+def in_si(slides: Sequence[bool] | NDArray[np.bool_], own: ArrayLike) -> Array:
     """Numbers in the joints' own units in rad, or m; those of a joint along the last axis."""
     return np.where(slides, own, np.radians(own)) if any(slides) else np.radians(own)
 
 
-def in_own(slides: Sequence[bool], si: ArrayLike) -> Array:
+def in_own(slides: Sequence[bool] | NDArray[np.bool_], si: ArrayLike) -> Array:
     """Numbers in rad or m in the joints' own units, deg or m; those of a joint along the last axis."""
     return np.where(slides, si, np.degrees(si)) if any(slides) else np.degrees(si)
 
@@ -65,5 +65,17 @@ def misplaced(slides: Slides, names: Sequence[str], lists: Mapping[str, Row]) ->
                 yield k, key, f"joint {names[k]!r} is {KIND[slides[k]]}; give {key.replace(name, TWINS[name])}"
 
 
+def in_words(slides: bool, si: float, form: str = ".6g") -> str:
+    """A coordinate as it is told: 30°, 0.5 m.
+
+    >>> print(in_words(False, 0.5), in_words(True, 0.5))
+    28.6479° 0.5 m
+    """
+    return f"{si:{form}} m" if slides else f"{np.degrees(si):{form}}°"
+
+
 KIND = {False: "revolute", True: "prismatic"}
 UNIT = {False: "deg", True: "m"}
+SI = {False: "rad", True: "m"}
+TORQUE = {False: "N m", True: "N"}
+"""By whether a joint slides: its kind, its coordinate's own unit and that in SI, the unit of what drives it."""

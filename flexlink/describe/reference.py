@@ -45,8 +45,9 @@ IN_BOTH = tuple((key, IN_METRES[key]) for key in (*LISTS, *TABLES))
 class Reference(Spec, frozen=True):
     """Desired angles of the driven joints in time, one column per link [deg, deg/s, deg/s², deg/s³].
 
-    Positions of prismatic joints stand beside them [m, m/s, m/s², m/s³], in `to_m` beside `to_deg` and so on, `position_m`
-    beside `angle_deg`; either list has 0 where a link's joint is of the other kind, and may be left out.
+    Positions of prismatic joints stand beside them [m, m/s, m/s², m/s³]: in `to_m` beside `to_deg` and so on, in
+    `position_m` beside `angle_deg`. Either list has 0 where a link's joint is of the other kind; one of a kind that the
+    arm does not have is left out.
 
     A move, profile "quintic", "trapezoidal" (trapezoid of speed) or "s_curve" (limited jerk, up to 7 phases): from
     `from_deg`, by default `initial.joint_deg` of the scene, to `to_deg`, from `start` on. It lasts for `duration`, or
@@ -132,9 +133,7 @@ class Reference(Spec, frozen=True):
         """A limit is positive, but of a joint whose limit is in the other unit."""
         both = all(any(getattr(self, key) is not None for key in keys) for keys in zip(*IN_BOTH, strict=True))
         for key in () if both else (key for keys in IN_BOTH for key in keys if key.startswith("max_")):
-            beside = (
-                "; 0 is for joints that turn, whose lists in deg are given, too" if key in IN_METRES.values() else ""
-            )
+            beside = "; 0 is for joints that turn, whose lists in deg are given, too" if key.endswith("_m") else ""
             for k, limit in enumerate(getattr(self, key) or (), 1):
                 require_positive(f"{key}.{k}", limit, beside)
 

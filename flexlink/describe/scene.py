@@ -155,9 +155,7 @@ class Scene(Spec, frozen=True):
         """What is said of the base's start, and what takes for granted that it does not float."""
         free, drive = self.arm.base.free, self.drive
         if self.initial.base != BaseState() and not free:
-            raise SceneError(
-                f"initial.base = {self.initial.base!r}: the base is fixed; base.kind = 'free' lets it float"
-            )
+            raise SceneError(f"initial.base = {self.initial.base!r}: the base is fixed; base.kind = 'free' is not")
         if free and self.initial.passive == "static":
             raise SceneError("initial.passive = 'static': an arm on a free base has no rest; leave passive out")
         for key, value in (("kind", drive.kind), ("gravity", drive.gravity)):
@@ -192,7 +190,7 @@ class Scene(Spec, frozen=True):
 
     @property
     def joint_targets(self) -> Array:
-        """Where a law leads the joints, one number per link, [rad] or, where it slides, [m]; zero where nothing is said."""
+        """Where a law leads the joints, one number per link, [rad] or, where it slides, [m]; zero without any."""
         return in_si(self.arm.slides, together(self.arm.slides, self.drive.target_deg, self.drive.target_m))
 
     def __repr__(self) -> str:

@@ -52,8 +52,8 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
     for motion, piece in zip(scene.motion, pieces, strict=True):
         if not np.isfinite(piece).all():
             raise SceneError(
-                f"motion.{motion.link}.{motion.keys[0]}: its rate between two times overflows float64; expected a slower "
-                "motion"
+                f"motion.{motion.link}.{motion.keys[0]}: its rate between two times overflows float64; expected a "
+                "slower motion"
             )
     knots = [np.array(motion.times) for motion in scene.motion]
     first = np.cumsum([0, *map(len, knots)], dtype=np.int64)
