@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
-from flexlink.chain.free_base import JOINTS
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.describe.conditions import BaseState
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
 from flexlink.dynamics.static_postures import static_posture
@@ -68,26 +65,18 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
 def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Array]:
     """`initial_state` where the inputs of the scene are known."""
     initial = scene.initial
-    q = _given("q", initial.q, _with_base(scene, spread(chain, scene.joint_positions), initial.base.xyz, (0.0,) * 3))
-    qd = _given("qd", initial.qd, _with_base(scene, spread(chain, scene.joint_rates), *_twist(initial.base)))
+    q = _given("q", initial.q, spread(chain, scene.joint_positions))
+    qd = _given("qd", initial.qd, spread(chain, scene.joint_rates))
+    if chain.has_free_base and initial.q is None:
+        q[:3] = initial.base.xyz
+    if chain.has_free_base and initial.qd is None:
+        qd[:3], qd[3:6] = initial.base.velocity, initial.base.rates
     if initial.passive == "static" and len(chain.active) < chain.n:
         wrench, frame = wrench_at(inputs, initial.time)
         q = static_posture(chain, q, wrench, frame)
     if scene.motion:
         _check_followed(inputs.motion, scene, chain, q, qd)
     return q, qd
-
-
-def _with_base(scene: Scene, joints: Array, along: ArrayLike, about: ArrayLike) -> Array:
-    """Coordinates of the chain with those of a free base, along X, Y, Z and about them."""
-    if scene.arm.base.free:
-        joints[:JOINTS] = np.concatenate([along, about])
-    return joints
-
-
-def _twist(base: BaseState) -> tuple[ArrayLike, ArrayLike]:
-    """Rates of a free base's coordinates, whose angles are zero at the start: those about axes of the base."""
-    return base.velocity, base.rates
 
 
 def spread(chain: Chain, per_link: Sequence[float] | Array) -> Array:

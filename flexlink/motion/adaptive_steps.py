@@ -75,6 +75,7 @@ class AdaptiveSteps:
         self.slowest = slowest_frequency(record.chain, record.q[0] if run.controlled else np.zeros(record.chain.n))
         n, self.memory = record.chain.n, np.zeros(3 * record.chain.n + 2)
         self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
+        record.begin()
         self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
         self.tau = np.zeros(record.chain.n)
         self.count, self.evaluations_before = np.zeros(COUNT.size, np.int64), 0
@@ -235,6 +236,8 @@ class AdaptiveSteps:
         for array, value in zip(carried(work), new, strict=True):
             array[:] = value
         work.stepper[STEPPER.inverse_ω1] = 1.0 / self.slowest
+        if self.record.base is not None:
+            self.record.base.take(self.record.base.attitude, self.forward, work)
         return work
 
     def _advance(self, most: int) -> int:
@@ -244,6 +247,9 @@ class AdaptiveSteps:
             most = min(most, self.compare_at - self.tries)
         last = 0 if self.run.controlled else int(self.count[COUNT.steps]) + most
         how = self._compare() if due else self.take(most)
+        while how == OUTCOME.turned:
+            self._turn()
+            how = self.take(max(1, last - int(self.count[COUNT.steps])))
         while how == OUTCOME.stuck and not self.run.controlled and self._step_in_parts():
             left = max(0, last - int(self.count[COUNT.steps]))
             over = self.count[COUNT.knot] == len(self.knots)
@@ -263,6 +269,13 @@ class AdaptiveSteps:
     def take(self, most: int) -> int:
         """Try up to so many steps; an OUTCOME."""
         return int(self._take_steps(*self._arguments(most)))
+
+    def _turn(self) -> None:
+        """Go on in coordinates in which the angles of a free base are zero."""
+        if self.record.base is not None:
+            self.record.base.turn(self.row, *self.state[:2], self.forward, self.work)
+        adaptive.forget(self.work.stepper)
+        self._begin(self.time, self.inputs, self.state, self.tau, self.forward)
 
     def _step_in_parts(self) -> bool:
         """Go to the end of a fixed step in 2, 4, … 64 parts, each try from where the last one got to; whether one does.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.floating_base import FAR
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 from flexlink.kernels.tools.machine_code import direct
@@ -37,8 +38,9 @@ class FixedSteps:
         self.scratch, self.tableau = record.scratch, method(run.method).arrays
         self.no_samples = *np.empty((2, 0, record.chain.n)), np.empty(0)
         self._inputs: Inputs | None = None  # that `_integrate` is compiled for
+        record.begin()
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
-        self.joint_name, self.origin = record.chain.joint_name, record.origin
+        self.record, self.joint_name, self.origin = record, record.chain.joint_name, record.origin
         if monitor.control is None:
             self._pieces = pieces(run, record, record.scratch, self.state, (record.q, record.qd, record.works))
         else:
@@ -59,10 +61,11 @@ class FixedSteps:
         """Go on from `start` to `end` [s] under these inputs; returns why not, if not."""
         h, origin = self.run.fixed_step, self.origin
         first, last = round(start / h) - origin, round(end / h) - origin
-        arguments = self.scratch, self.tableau, inputs, h, origin, first, last, NEVER, self.state, self.no_samples
+        fixed, rest = (self.scratch, self.tableau, inputs, h, origin), (NEVER, self.state, self.no_samples)
         if inputs is not self._inputs:
-            self._inputs, self._integrate = inputs, direct(integrate, *arguments)
-        self._done = self._integrate(*arguments)
+            far = far_of(self.record)
+            self._inputs, self._integrate = inputs, direct(integrate, *fixed, first, last, far, *rest)
+        self._done = advance(self._integrate, fixed, first, last, rest, self.record)
         return None if self._done == last else self._not_finite()
 
     def saved(self) -> Any:
@@ -101,15 +104,39 @@ def pieces(run: RunSettings, record: Record, scratch: Any, state: Arrays, sample
     """
     first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
     fixed = scratch, method(run.method).arrays, record.inputs, run.fixed_step, record.origin
-    go = record.kept("fixed steps", state[0].ndim, lambda: direct(integrate, *fixed, 0, 0, every, state, samples))
-    yield int(go(*fixed, 0, 0, every, state, samples))
+    go = record.kept(
+        "fixed steps", state[0].ndim, lambda: direct(integrate, *fixed, 0, 0, np.inf, every, state, samples)
+    )
+    yield int(go(*fixed, 0, 0, far_of(record), every, state, samples))
     pace = ChunkSize(record.chain.n)
     while first < last:
         stop = min(first + pace.start(), last)
-        done = int(go(*fixed, first, stop, every, state, samples))
+        done = advance(go, fixed, first, stop, (every, state, samples), record)
         due = pace.end()
         if due or done < stop or stop == last:
             yield done
         if done < stop:
             return
         first = stop
+
+
+def far_of(record: Record) -> float:
+    """Angle by which the base may turn until steps go on in other coordinates [rad]; inf: it is fixed."""
+    return np.inf if record.base is None else FAR
+
+
+def advance(
+    go: Callable[..., int],
+    fixed: tuple[Any, ...],
+    first: int,
+    stop: int,
+    rest: tuple[int, Arrays, Arrays],
+    record: Record,
+) -> int:
+    """Number of the last step, up to `stop`, whose state is finite; a free base goes on in other coordinates."""
+    far, (every, (q, qd, _), _) = far_of(record), rest
+    done = int(go(*fixed, first, stop, far, *rest))
+    while done < stop and record.base is not None and np.isfinite(q).all() and np.isfinite(qd).all():
+        record.base.turn(done // every + 1, q, qd, record.scratch)
+        done = int(go(*fixed, done, stop, far, *rest))
+    return done

@@ -48,6 +48,13 @@ class State(NamedTuple):
     qd: Array  # (n,) [rad/s]
 
 
+class BaseMotion(NamedTuple):
+    """How a free base turned, sample by sample; its place and velocity are the first three coordinates."""
+
+    attitude: Array  # (samples, 4) unit quaternions w, x, y, z: v_0 = R v
+    spin: Array  # (samples, 3) angular velocity, in axes of the base [rad/s]
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class RunSamples(Result):
     """Samples of a run, read-only, and what follows from them.
@@ -78,6 +85,10 @@ class RunSamples(Result):
     scene
         The scene that ran, with the run's own settings: what a chain no longer knows, such as sections. Of a control
         law in Python it knows nothing.
+    base
+        Attitude and angular velocity of a free base; None of a fixed one. Its coordinates in q are its place in frame 0
+        [m] and the angles [rad] about X, Y, Z that turn it from the attitude at the start: where the one about Y comes
+        near 90° their rates grow without bound, and these are exact.
     """
 
     chain: Chain
@@ -92,6 +103,7 @@ class RunSamples(Result):
     steps: Steps | None = None
     tip_wrench: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 6)))  # none: that of no run
     scene: Scene | None = None
+    base: BaseMotion | None = None
 
     def __repr__(self) -> str:
         samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)
