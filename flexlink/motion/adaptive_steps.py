@@ -14,6 +14,7 @@ from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.describe.data_files import is_user_file
+from flexlink.describe.own_units import in_words
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.stability import bounding_eigenvalues, stable_step, stable_step_of
@@ -330,7 +331,9 @@ class AdaptiveSteps:
             return f"{text}; {known.cause}", known.advice
         q, _, qdd, _ = self.state
         k, own = int(np.argmax(np.abs(qdd))), "" if self.run.method == AUTO else "method = 'auto', "
-        worst = f"joint {self.record.chain.joint_name(k)!r} at {np.degrees(q[k]):.1f}° is accelerated most"
+        chain = self.record.chain
+        at = in_words(bool(chain.slides[k]), float(q[k]), ".3g" if chain.slides[k] else ".1f")
+        worst = f"joint {chain.joint_name(k)!r} at {at} is accelerated most"
         return f"{text}; {worst}", f"try {own}a larger tolerance or fixed steps, or raise max_evaluations"
 
     @property
