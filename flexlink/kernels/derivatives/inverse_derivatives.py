@@ -163,7 +163,7 @@ def inverse_derivatives(chain, wrench, q, qd, qdd, found, work):
     keep_slopes(work.by_angle, work.by_angle_inner, found[0])
     keep_slopes(work.by_rate, work.by_rate_inner, found[1])
     keep_slopes(work.by_acceleration, work.by_acceleration, found[2])
-    if branches(chain.bodies):
+    if len(work.motion.forks) > 0:
         for variable in range(3):
             part_branches(chain.bodies, found[variable])
     return are_finite(found)
@@ -177,15 +177,6 @@ def keep_slopes(outer, inner, found):
     for i in range(len(found)):
         for j in range(i):
             found[j, i] = inner[j // LANES, i, j % LANES]
-
-
-@recursion
-def branches(bodies):
-    """Whether some body does not hang on the one before it."""
-    count = 0
-    for i in range(len(bodies)):
-        count += bodies[i].begins
-    return count > 0
 
 
 @recursion
@@ -232,7 +223,8 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
     p = v = ω = α = ZERO
     a = scale(-1.0, vector(chain.gravity))
     f_tip, n_tip = force, moment
-    keep_state(work.forks, 0, x, y, z, p, v, ω, α, a)
+    if len(work.forks) > 0:
+        keep_state(work.forks, 0, x, y, z, p, v, ω, α, a)
     for i in range(len(chain.bodies)):
         b = chain.bodies[i]
         if b.begins:

@@ -366,7 +366,8 @@ def move(work, x, left):
     """x = T − w p·y / D, and y with it."""
     rows, bodies, given, size = work.hinges, work.motion.bodies, work.given, work.size[0]
     δa = δφ = η = δω = ZERO
-    keep_motion(work.forks, 0, δa, δφ, η, δω)
+    if len(work.forks) > 0:
+        keep_motion(work.forks, 0, δa, δφ, η, δω)
     for i in range(len(bodies)):
         b = work.chain.bodies[i]
         if b.begins:
@@ -420,7 +421,8 @@ def ask(work, x):
     """What every body asks for, with the turned wrench in that of the loaded one."""
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
     δa = δφ = η = δω = ZERO
-    keep_motion(work.forks, 0, δa, δφ, η, δω)
+    if len(work.forks) > 0:
+        keep_motion(work.forks, 0, δa, δφ, η, δω)
     for i in range(len(bodies)):
         b = work.chain.bodies[i]
         if b.begins:

@@ -233,7 +233,8 @@ def move_in_cells(cells, x, left):
     work, first = cells.whole, cells.first
     rows, bodies, size = work.hinges, work.motion.bodies, work.size[0]
     δa = δφ = η = δω = ZERO
-    keep_motion(work.forks, 0, δa, δφ, η, δω)
+    if len(work.forks) > 0:
+        keep_motion(work.forks, 0, δa, δφ, η, δω)
     for i in range(len(bodies)):
         b = work.chain.bodies[i]
         if b.begins:

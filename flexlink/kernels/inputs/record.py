@@ -58,7 +58,7 @@ class WrenchTable(NamedTuple):
     knots: Array  # (m,) [s]
     coefficients: Array  # (m, order + 1, 6) [N / s^j, N m / s^j]
     chain: ChainArrays  # at whose tip it acts
-    path: NDArray[np.int64]  # bodies from the base to that tip
+    path: Indices  # bodies from the base to that tip
 
 
 class GivenWrench(NamedTuple):
