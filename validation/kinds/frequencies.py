@@ -115,7 +115,7 @@ class _State(NamedTuple):
 def _state(scene: Scene, variant: Variant, settings: Settings) -> _State:
     chain = lump(scene)
     held = [chain.index(scene.arm.number(link), 0, 0) for link in variant.hold]
-    still = [k for k, c in enumerate(chain.coordinates) if c.segment and c.axis not in settings.axes]
+    still = [k for k, c in enumerate(chain.coordinates) if c.link and c.axis and c.axis not in settings.axes]
     rigid = len(chain.active) - len(held) + free_base.JOINTS * chain.has_free_base
     return _State(chain, *initial_state(scene, chain), held + still, rigid)
 
