@@ -75,6 +75,16 @@ class FloatingBase:
             if rows is not None:
                 rows[BODY, BODY_ROW.mount : BODY_ROW.mount + 9] = self._rotation.T.ravel()
 
+    def saved(self) -> tuple[Array, int]:
+        """What `turn` changes, for `restore`."""
+        return self.attitude, len(self.references)
+
+    def restore(self, saved: tuple[Array, int], *scratch: Any) -> None:
+        """Go back to where `saved` was."""
+        self.attitude, known = saved
+        del self.references[known:]
+        self.take(self.attitude, *scratch)
+
     def parts(self, first: int, stop: int, *scratch: Any) -> Iterator[slice]:
         """Samples first … stop − 1 by the attitude that they are told from, which is there meanwhile."""
         try:

@@ -136,12 +136,15 @@ class AdaptiveSteps:
     def saved(self, row: int | None = None) -> Any:
         """All that steps change, for `restore`; from a row on, samples and what the drive holds, too."""
         rows = None if row is None else slice(row, self.row)
-        return vars(self).copy(), rows, [array.copy() for array in self._changing(rows)]
+        base = self.record.base.saved() if self.record.base is not None else None
+        return vars(self).copy(), rows, [array.copy() for array in self._changing(rows)], base
 
     def restore(self, saved: Any) -> None:
         """Go back to where `saved` was."""
-        attributes, rows, arrays = saved
+        attributes, rows, arrays, base = saved
         vars(self).update(attributes)
+        if self.record.base is not None:
+            self.record.base.restore(base, self.forward, self.work)
         for array, before in zip(self._changing(rows), arrays, strict=True):
             array[...] = before
         self._put_gains()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.schemes.methods import method
-from flexlink.dynamics.floating_base import FAR
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.chunk_size import ChunkSize, Reached
+from flexlink.motion.floating_steps import advance, far_of
 from flexlink.motion.monitor import RunMonitor
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -70,12 +70,14 @@ class FixedSteps:
 
     def saved(self) -> Any:
         """All that `go` changes, for `restore`."""
-        q, qd, work = self.state
-        return q.copy(), qd.copy(), work.copy(), self._done
+        base = self.record.base.saved() if self.record.base is not None else None
+        return *(array.copy() for array in self.state), base, self._done
 
     def restore(self, saved: Any) -> None:
         """Go back to where `saved` was."""
-        *arrays, self._done = saved
+        *arrays, base, self._done = saved
+        if self.record.base is not None:
+            self.record.base.restore(base, self.scratch)
         for array, before in zip(self.state, arrays, strict=True):
             array[:] = before
 
@@ -118,25 +120,3 @@ def pieces(run: RunSettings, record: Record, scratch: Any, state: Arrays, sample
         if done < stop:
             return
         first = stop
-
-
-def far_of(record: Record) -> float:
-    """Angle by which the base may turn until steps go on in other coordinates [rad]; inf: it is fixed."""
-    return np.inf if record.base is None else FAR
-
-
-def advance(
-    go: Callable[..., int],
-    fixed: tuple[Any, ...],
-    first: int,
-    stop: int,
-    rest: tuple[int, Arrays, Arrays],
-    record: Record,
-) -> int:
-    """Number of the last step, up to `stop`, whose state is finite; a free base goes on in other coordinates."""
-    far, (every, (q, qd, _), _) = far_of(record), rest
-    done = int(go(*fixed, first, stop, far, *rest))
-    while done < stop and record.base is not None and np.isfinite(q).all() and np.isfinite(qd).all():
-        record.base.turn(done // every + 1, q, qd, record.scratch)
-        done = int(go(*fixed, done, stop, far, *rest))
-    return done

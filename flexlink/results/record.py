@@ -12,6 +12,7 @@ from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.dynamics.momentum import Momentum, momentum_of_states
 from flexlink.dynamics.springs import add_spring_energies
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
@@ -113,15 +114,16 @@ class Record:
         """The samples before `stop`, read-only; this record must not go on."""
         work = self.work(slice(stop)) if balanced else None
         wrench = np.concatenate([self._wrenches(part) for part in self.parts(0, stop)])
-        (q, qd), chain, base = (self.q, self.qd), self.chain, None
+        q, qd, chain, motion = self.q, self.qd, self.chain, None
         if self.base is not None:
-            chain, (q, qd, *base) = self.base.original, self.base.from_the_start(q[:stop], qd[:stop])
+            parts = [momentum_of_states(chain, q[part], qd[part]) for part in self.parts(0, stop)]
+            momentum = Momentum(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+            q, qd, attitude, spin = self.base.from_the_start(q[:stop], qd[:stop])
+            chain, motion = self.base.original, BaseMotion(attitude, spin, momentum)
         for array in (q, qd, self.tau, self.tip, self.energy):
             array.setflags(write=False)
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, q, qd, self.tau, self.tip))
-        energy = Energy(*self.energy[:, :stop])
-        motion = None if base is None else BaseMotion(*base)
-        scene = self.problem.scene
+        energy, scene = Energy(*self.energy[:, :stop]), self.problem.scene
         return Trajectory(chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, scene, motion)
 
     def _wrenches(self, rows: slice) -> Array:

@@ -18,6 +18,7 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each
 from flexlink.dynamics.loads import InternalLoads, internal_loads
+from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.terms import Energy
@@ -49,10 +50,14 @@ class State(NamedTuple):
 
 
 class BaseMotion(NamedTuple):
-    """How a free base turned, sample by sample; its place and velocity are the first three coordinates."""
+    """How a free base turned, and what all bodies had of momentum, sample by sample.
+
+    Its place and velocity are the first three coordinates.
+    """
 
     attitude: Array  # (samples, 4) unit quaternions w, x, y, z: v_0 = R v
     spin: Array  # (samples, 3) angular velocity, in axes of the base [rad/s]
+    momentum: Momentum
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -112,6 +117,21 @@ class RunSamples(Result):
         return (
             f"<Trajectory {self.chain.name!r}: {samples} samples, {start:g} … {end:g} s, {self.chain.n} joints{doubts}>"
         )
+
+    @property
+    def momentum_error(self) -> tuple[float, float] | None:
+        """Largest error of the linear [N s] and angular momentum about the centre of mass [N m s] of a free base.
+
+        From the first sample on linear momentum changes by m g t, the other not at all; None where a wrench acts, and
+        of a fixed base.
+        """
+        if self.base is None or self.tip_wrench.any() or not len(self.t):
+            return None
+        momentum, weight = self.base.momentum, self.chain.mass * self.chain.gravity
+        fallen = np.multiply.outer(self.t - self.t[0], weight)
+        parts = momentum.linear - momentum.linear[0] - fallen, momentum.spin - momentum.spin[0]
+        linear, angular = (float(np.linalg.norm(part, axis=1).max()) for part in parts)
+        return linear, angular
 
     @functools.cached_property
     def notes(self) -> tuple[str, ...]:
