@@ -218,7 +218,7 @@ def chain_of(
     Raises
     ------
     DataFileError
-        There is no hinge, two hinges have the same coordinate, a hinge or tip hangs on none before it, a mass, moment,
+        There is no hinge or no tip, two hinges have the same coordinate, a hinge or tip hangs on none before it, a mass, moment,
         spring or damper is negative, or springs between hinges are stiffer than those of the hinges.
     """
     if not hinges and tree.base is None:
@@ -230,6 +230,8 @@ def chain_of(
     if len(set(coordinates)) < len(coordinates):
         raise root.error("two joints have the same coordinate")
     bodies, ends = _bodies(tree, hinges)
+    if len(links) not in ends:
+        raise root.error("the tip frame of the arm is missing: not a file that flexlink has written")
     records = recorded(bodies)
     records["loaded"][ends.get(tree.loaded, -1)] = 1
     numbers = [tuple(hinge.numbers[field] for field in HINGE.names or ()) for hinge in hinges]
