@@ -13,8 +13,8 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.versions import __version__ as __version__
-from flexlink.describe.arm import Arm, Damping, Friction, Link, Material, Section
-from flexlink.describe.conditions import Drive, InitialState, PrescribedMotion, RunSettings, Wrench
+from flexlink.describe.arm import Arm, Base, Damping, Friction, Link, Material, Section
+from flexlink.describe.conditions import BaseState, Drive, InitialState, PrescribedMotion, RunSettings, Wrench
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
@@ -26,6 +26,7 @@ from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
 from flexlink.dynamics.equilibrium import buckling_loads, solve_static
 from flexlink.dynamics.loads import internal_loads
+from flexlink.dynamics.momentum import momentum
 from flexlink.dynamics.placement import frames, jacobian, tip_position
 from flexlink.dynamics.point_motion import point_motion
 from flexlink.dynamics.strain import beam_strain
@@ -60,6 +61,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Arm",
+    "Base",
+    "BaseState",
     "Chain",
     "Damping",
     "DenavitHartenberg",
@@ -112,6 +115,7 @@ __all__ = [
     "lump",
     "mass_matrix",
     "modes",
+    "momentum",
     "natural_frequencies",
     "overshoot",
     "pd_poles",

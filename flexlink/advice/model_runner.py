@@ -16,6 +16,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.common.types import Array
 from flexlink.describe.conditions import InitialState, RunSettings
+from flexlink.describe.own_units import KIND
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequency
@@ -111,14 +112,21 @@ class ModelRunner:
         return self._outcomes[model, stepping]
 
     def perturbed_run(self, model: Model, stepping: Stepping, angle: float) -> Outcome | None:
-        """The run with all free joints turned by an angle [rad] at the start; None if no joint is free."""
+        """The run with all free joints turned by an angle [rad] at the start, or slid by that part of the reach.
+
+        None if no joint is free.
+        """
         scene = self.scene
         held = {scene.arm.number(motion.link) for motion in scene.motion}
         held |= {k for k, link in enumerate(scene.arm.links, 1) if link.joint.locked}
         if len(held) == len(scene.arm.links):
             return None
-        turned = [q + (k not in held) * math.degrees(angle) for k, q in enumerate(scene.initial.joint_deg, 1)]
-        return self.run_from(replace(scene.initial, joint_deg=tuple(turned)), model, stepping)
+        free = {slides: [k not in held and s == slides for k, s in enumerate(scene.arm.slides, 1)] for slides in KIND}
+        deg, m = scene.initial.joint_deg, scene.initial.positions_m
+        turned = tuple(q + f * math.degrees(angle) for q, f in zip(deg, free[False], strict=True))
+        slid = tuple(q + f * angle * self.chain(model).reach for q, f in zip(m, free[True], strict=True))
+        moved = replace(scene.initial, joint_deg=turned, joint_m=slid if any(free[True]) else scene.initial.joint_m)
+        return self.run_from(moved, model, stepping)
 
     def run_from(self, initial: InitialState, model: Model, stepping: Stepping) -> Outcome:
         """The run from other initial conditions."""
@@ -176,7 +184,7 @@ class ModelRunner:
             q, qd = np.zeros((2, chain.n))
             for k in chain.active:
                 link = chain.coordinate(int(k)).link
-                initial = math.radians(self.scene.initial.joint_deg[link - 1])
+                initial = float(self.scene.joint_positions[link - 1])
                 q[k], qd[k] = angles.get(link, initial), rates.get(link, 0.0)
             states.append((time, q, qd))
         return states

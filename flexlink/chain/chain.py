@@ -111,10 +111,15 @@ class Chain:
     def _repr_html_(self) -> str:
         hinges = self.hinges
         heads = ["k", "joint", "driven", "stiffness [N m/rad]", "damping [N m s/rad]", "rest [rad]"]
+        if self.slides.any():
+            heads[3:] = ["stiffness [N m/rad; N/m]", "damping [N m s/rad; N s/m]", "rest [rad; m]"]
         columns: list[list[Any]] = [hinges[name].tolist() for name in ("stiffness", "damping", "rest")]
         if len(self.couplings):
             heads.append("coupled with")
             columns.append([", ".join(map(str, coupled)) for coupled in self.coupled_joints])
+        if self.slides.any():
+            heads.append("slides")
+            columns.append(["yes" if slides else "" for slides in self.slides.tolist()])
         driven = ["yes" if c.axis == 0 else "" for c in self.coordinates]
         rows = list(zip(range(self.n), self.joint_names, driven, *columns, strict=True))
         return html_table(repr(self), tuple(heads), rows)

@@ -35,3 +35,66 @@ def reference_rotation(base: BaseState) -> Array:
         if base.quaternion is None
         else matrix_from_quaternion(attitude(base).tolist())
     )
+
+
+def rotations_of(angles: Array) -> Array:
+    """R = Rx Ry Rz of three angles [rad], shape (…, 3), as (…, 3, 3)."""
+    (cx, cy, cz), (sx, sy, sz) = np.moveaxis(np.cos(angles), -1, 0), np.moveaxis(np.sin(angles), -1, 0)
+    rows = [
+        [cy * cz, -cy * sz, sy],
+        [cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy],
+        [sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def angles_of(R: Array) -> Array:
+    """The angles [rad] of `rotations_of`, that about Y within ± 90°, shape (…, 3)."""
+    across = np.hypot(R[..., 0, 0], R[..., 0, 1])
+    x = np.arctan2(-R[..., 1, 2], R[..., 2, 2])
+    return np.stack([x, np.arctan2(R[..., 0, 2], across), np.arctan2(-R[..., 0, 1], R[..., 0, 0])], axis=-1)
+
+
+def quaternions_of(angles: Array) -> Array:
+    """Unit quaternions w, x, y, z of `rotations_of`, shape (…, 4)."""
+    half = np.asarray(angles) / 2
+    turns = np.zeros((3, *half.shape[:-1], 4))
+    for axis in range(3):
+        turns[axis, ..., 0], turns[axis, ..., 1 + axis] = np.cos(half[..., axis]), np.sin(half[..., axis])
+    return product_of(product_of(turns[0], turns[1]), turns[2])
+
+
+def product_of(p: Array, q: Array) -> Array:
+    """Quaternion of the turn p after which, in the turned axes, q comes, of length 1 to rounding; shapes (…, 4)."""
+    a, b = np.moveaxis(p, -1, 0), np.moveaxis(q, -1, 0)
+    both = np.stack([
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    ], axis=-1)  # fmt: skip
+    return np.asarray(both / np.linalg.norm(both, axis=-1, keepdims=True))
+
+
+def rates_matrices(angles: Array) -> Array:
+    """S with ω = S φ̇, the angular velocity in axes of the base from the rates of the angles, shape (…, 3, 3).
+
+    Its determinant is the cosine of the angle about Y.
+    """
+    (_, cy, cz), (_, sy, sz) = np.moveaxis(np.cos(angles), -1, 0), np.moveaxis(np.sin(angles), -1, 0)
+    o, one = np.zeros_like(cy), np.ones_like(cy)
+    rows = [[cy * cz, sz, o], [-cy * sz, cz, o], [sy, o, one]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def rates_matrices_changing(angles: Array, rates: Array) -> Array:
+    """Ṡ, so that ω̇ = S φ̈ + Ṡ φ̇, shape (…, 3, 3)."""
+    (_, cy, cz), (_, sy, sz) = np.moveaxis(np.cos(angles), -1, 0), np.moveaxis(np.sin(angles), -1, 0)
+    _, y, z = np.moveaxis(np.asarray(rates), -1, 0)
+    o = np.zeros_like(cy)
+    rows = [
+        [-y * sy * cz - z * cy * sz, z * cz, o],
+        [y * sy * sz - z * cy * cz, -z * sz, o],
+        [y * cy, o, o],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -201,6 +201,8 @@ def _framed(scene: Scene, beams: Sequence[_Beam | None]) -> Frame:
                 tips[link.name] = len(builder.bodies) - 2
     builder.go_to(ends[len(arm.links)])
     bodies = recorded(builder.bodies[1:])  # bodies[0] is the base
+    if arm.base.free:
+        bodies["turned"][1] = 1  # whatever its attitude is at the start
     bodies["loaded"][tips[scene.wrench.on or arm.links[-1].name]] = 1
     chain = Chain(
         name=scene.name,

@@ -19,6 +19,7 @@ from flexlink.cli.modes import first_elastic, print_modes
 from flexlink.cli.shared import prefix_errors, print_notes, varied_scene
 from flexlink.common.types import Array, Complex
 from flexlink.describe import data_files
+from flexlink.describe.own_units import in_words
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
@@ -88,12 +89,17 @@ def _show_frequencies(scene: Scene, chain: Chain, q0: Array, λ: Complex, found:
 
 def _kind(chain: Chain, k: int) -> str:
     """What a joint is: a spring, or driven, and within which limits."""
+    slides = bool(chain.slides[k])
+    if chain.coordinate(k).link == 0:
+        return "of the free base"
     if chain.coordinate(k).axis:
         coupled = ", ".join(map(str, chain.coupled_joints[k]))
         turned = ", of a rotation vector" if chain.bodies["springs"][chain.body(k)] else ""
-        return f"k = {chain.stiffness[k]:.6g} N m/rad{turned}{f', coupled with {coupled}' if coupled else ''}"
-    lower, upper = np.degrees([chain.hinges["lower"][k], chain.hinges["upper"][k]])
-    return f"driven, {lower:.6g}° … {upper:.6g}°" if np.isfinite(lower) else "driven"
+        unit, more = "N/m" if slides else "N m/rad", f", coupled with {coupled}" if coupled else ""
+        return f"k = {chain.stiffness[k]:.6g} {unit}{turned}{more}"
+    lower, upper = (in_words(slides, float(chain.hinges[side][k])) for side in ("lower", "upper"))
+    driven = "driven, slides" if slides else "driven"
+    return f"{driven}, {lower} … {upper}" if np.isfinite(chain.hinges["lower"][k]) else driven
 
 
 def _show_steps(chain: Chain, factor: float, λ: Complex, free: Complex) -> None:

@@ -65,7 +65,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     command.add_argument("--out", type=Path, help="write the samples to this file (.npz or .csv)")
     command.add_argument(
-        "--plot", type=Path, help="plot angles [deg], tip [m] and energy [J] to this file (.png, .svg or .pdf)"
+        "--plot",
+        type=Path,
+        help="plot angles [deg], tip [m] and energy [J] to this file (.png, .svg or .pdf)",
     )
 
 

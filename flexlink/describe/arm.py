@@ -386,6 +386,11 @@ class Arm(Spec, frozen=True):
         return tuple(numbers[link.on] if link.on else k for k, link in enumerate(self.links))
 
     @property
+    def slides(self) -> tuple[bool, ...]:
+        """Whether the joint of each link slides."""
+        return tuple(link.joint.slides for link in self.links)
+
+    @property
     def tips(self) -> tuple[int, ...]:
         """Numbers of the links that no other hangs on; the last link, whose end is the tip, is the last of them."""
         parents = set(self.parents)

@@ -12,6 +12,7 @@ import numpy as np
 from flexlink.common.errors import ArgumentError, DataFileError, FlexlinkError, SceneError
 from flexlink.common.types import Array
 from flexlink.describe import data_files
+from flexlink.describe.own_units import TWINS, Row, Slides, together
 from flexlink.describe.reference import Reference
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import (
@@ -32,6 +33,8 @@ DEFAULT_TOLERANCE = 1e-3
 DEFAULT_STEP = 1e-4
 """Length of the fixed steps of a run that names a method alone [s]."""
 DEFAULT_DURATION = 5.0  # s
+OF_MOTION = "angle_deg", "rate_deg", "acceleration_deg"
+IN_METRES_OF_MOTION = "position_m", "rate_m", "acceleration_m"
 SAMPLE = 0.005
 """Time between stored samples where it fits the run [s]."""
 Frame = Literal["world", "tip"]
@@ -84,7 +87,8 @@ class BaseState(Spec, frozen=True):
 class InitialState(Spec, frozen=True):
     """State at the start: one joint angle [deg] and rate [deg/s] per link; a locked joint stays at its angle.
 
-    Prismatic joints stand where `joint_m` [m] and `rate_m` [m/s] say, one number per link, too.
+    Prismatic joints stand where `joint_m` [m] and `rate_m` [m/s] say, one number per link, too; either list has 0 where
+    a link's joint is of the other kind, and may be left out.
 
     passive = "zero": springs slack.  "static": hinges bent as gravity and tip wrench bend them with the joints held.
     `q` [rad] and `qd` [rad/s], one number per joint of the chain in sequential order, take the place of all that, as
@@ -112,9 +116,9 @@ class InitialState(Spec, frozen=True):
     passive: Literal["zero", "static"] = "zero"
     """Hinges and elastic gears: springs slack (zero), or bent by gravity and tip wrench, joints held (static)."""
     q: tuple[float, ...] | None = None
-    """Whole state instead: one angle per joint of the chain, in order [rad]."""
+    """Whole state instead: one angle per joint of the chain, in order [rad], of those that slide [m]."""
     qd: tuple[float, ...] | None = None
-    """Whole state instead: one rate per joint of the chain, in order [rad/s]. Default: at rest."""
+    """Whole state instead: one rate per joint of the chain, in order [rad/s, m/s]. Default: at rest."""
     time: NonNegative = 0.0
     """When the run starts [s]."""
 
@@ -122,27 +126,22 @@ class InitialState(Spec, frozen=True):
         super().__post_init__()
         if self.q is not None and self.passive == "static":
             raise SceneError("passive = 'static': computes the hinges' angles, but q is given, too; give only one")
-        if self.qd is not None and self.rate_deg is not None:
-            raise SceneError(f"qd = {truncated(self.qd)}: rate_deg is given, too; give only one")
+        for name in ("rate_deg", "rate_m"):
+            if self.qd is not None and getattr(self, name) is not None:
+                raise SceneError(f"qd = {truncated(self.qd)}: {name} is given, too; give only one")
 
-    @property
-    def rates(self) -> tuple[float, ...]:
-        """Rate of every joint [deg/s]; zero unless given."""
-        return self.rate_deg or (0.0,) * len(self.joint_deg)
+    def own(self, name: str, slides: Slides) -> Row:
+        """A list of one number per link, "joint" or "rate", in the joints' own units; zero where nothing is said."""
+        return together(slides, getattr(self, f"{name}_deg") or None, getattr(self, f"{name}_m"))
 
     @property
     def positions_m(self) -> tuple[float, ...]:
         """Position of every prismatic joint, one number per link [m]; zero unless given."""
         return self.joint_m or (0.0,) * len(self.joint_deg)
 
-    @property
-    def rates_m(self) -> tuple[float, ...]:
-        """Rate of every prismatic joint, one number per link [m/s]; zero unless given."""
-        return self.rate_m or (0.0,) * len(self.joint_deg)
-
 
 class Drive(Spec, frozen=True):
-    """Drive torque T_EX at the active joints, one column per link.
+    """Drive torque T_EX at the active joints, one column per link; at prismatic joints forces [N].
 
     constant: T_EX = torque [N m].  table: `torques`, one row per time, held outside, in between linear or, if `smooth`,
     a cubic spline, which keeps the order of the integrator; or, if `hold`, each row held until the next time.
@@ -164,17 +163,19 @@ class Drive(Spec, frozen=True):
     kind: Literal["none", "constant", "table", "pd", "computed_torque"] = "none"
     """What drives the joints: nothing, a constant torque, a table in time, or a law, pd or computed_torque."""
     torque: PerLink | None = None
-    """Of constant: torque of each joint, one per link [N m]."""
+    """Of constant: torque of each joint, one per link [N m]; of a prismatic joint its force [N]."""
     times: tuple[float, ...] | None = None
     """Of a table: times of its rows [s]."""
     torques: tuple[PerLink, ...] | None = None
-    """Of a table: one row per time, of one torque per link [N m]."""
+    """Of a table: one row per time, of one torque per link [N m], of prismatic joints one force [N]."""
     kp: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
-    """Of a law: position gains, one per link [N m/rad]; of computed_torque [1/s²]."""
+    """Of a law: position gains, one per link [N m/rad; N/m]; of computed_torque [1/s²]."""
     kd: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
-    """Of a law: rate gains, one per link [N m s/rad]; of computed_torque [1/s]."""
+    """Of a law: rate gains, one per link [N m s/rad; N s/m]; of computed_torque [1/s]."""
     target_deg: PerLink | None = None
     """Of a law: where it leads the joints, one per link [deg]."""
+    target_m: PerLink | None = None
+    """Of a law: where it leads prismatic joints, one per link [m]."""
     reference: Reference | None = None
     """Of a law: where it leads the joints in time, in place of `target_deg`."""
     gravity: Literal["none", "rigid", "static"] = "none"
@@ -184,21 +185,23 @@ class Drive(Spec, frozen=True):
     hold: bool = False
     """Of a table: each row is held until the next time."""
     effort: PositivePerLink | None = None
-    """Largest torque of each drive, one per link [N m]; beyond, it stays there. Default: no limit."""
+    """Largest torque of each drive, one per link [N m; N]; beyond, it stays there. Default: no limit."""
     rate: Positive | None = None
     """How often the law is asked [Hz]; its torques are held in between. Default: at every stage of a step."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        towards = "target_deg" if self.reference is None else "reference"
+        in_deg = self.target_deg is not None or self.target_m is None
+        towards = ("target_deg" if in_deg else "target_m") if self.reference is None else "reference"
         wanted = {
             "none": (), "constant": ("torque",), "table": ("times", "torques"),
             "pd": ("kp", "kd", towards), "computed_torque": ("kp", "kd", towards),
         }[self.kind]  # fmt: skip
-        for name in ("torque", "times", "torques", "kp", "kd", "target_deg", "reference"):
-            if (getattr(self, name) is not None) != (name in wanted):
+        may = ("target_m",) if towards == "target_deg" in wanted else ()
+        for name in ("torque", "times", "torques", "kp", "kd", "target_deg", "target_m", "reference"):
+            if (getattr(self, name) is not None) != (name in wanted) and name not in may:
                 takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
-                takes = takes.replace("target_deg", "target_deg or reference")
+                takes = takes.replace("target_deg", "target_deg or reference (target_m of joints that slide)")
                 state = ": missing;" if value is None else f" = {truncated(value)}:"
                 raise SceneError(f"{name}{state} drive kind {self.kind!r} takes {takes}")
         check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
@@ -212,7 +215,7 @@ class PrescribedMotion(Spec, frozen=True):
     """Prescribed motion of a link's active joint: its torque becomes an output.
 
     Angle [deg], rate [deg/s] and acceleration [deg/s²] at `times` [s], which start at 0; quintic polynomials in
-    between, then on at the last rate.
+    between, then on at the last rate. Of a prismatic joint position [m], rate [m/s] and acceleration [m/s²].
 
     Examples
     --------
@@ -229,23 +232,49 @@ class PrescribedMotion(Spec, frozen=True):
     """Name or number, from 1, of the link whose joint moves so."""
     times: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]
     """Times of the rows [s], from 0 on."""
-    angle_deg: tuple[float, ...]
+    angle_deg: Row | None = None
     """Angle at each time [deg]."""
-    rate_deg: tuple[float, ...]
+    rate_deg: Row | None = None
     """Rate at each time [deg/s]."""
-    acceleration_deg: tuple[float, ...]
+    acceleration_deg: Row | None = None
     """Acceleration at each time [deg/s²]."""
+    position_m: Row | None = None
+    """Of a prismatic joint, in place of the angle: position at each time [m]."""
+    rate_m: Row | None = None
+    """Of a prismatic joint: rate at each time [m/s]."""
+    acceleration_m: Row | None = None
+    """Of a prismatic joint: acceleration at each time [m/s²]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.times[0] != 0:
             raise SceneError(f"times[0] = {self.times[0]!r}: must be 0")
         require_increasing("times", self.times)
-        for name in ("angle_deg", "rate_deg", "acceleration_deg"):
-            if len(getattr(self, name)) != len(self.times):
-                raise SceneError(
-                    f"{name} has {len(getattr(self, name))} values: expected one per time, {len(self.times)}"
-                )
+        for name in self.keys:
+            column = getattr(self, name)
+            if column is None:
+                raise SceneError(f"{name}: missing; this key is required")
+            if len(column) != len(self.times):
+                raise SceneError(f"{name} has {len(column)} values: expected one per time, {len(self.times)}")
+            other = TWINS[name]
+            if getattr(self, other) is not None:
+                raise SceneError(f"{other} = {truncated(getattr(self, other))}: {name} is given, too; give only one")
+
+    @property
+    def slides(self) -> bool:
+        """Whether it is the motion of a prismatic joint."""
+        return self.angle_deg is None and any(getattr(self, name) is not None for name in IN_METRES_OF_MOTION)
+
+    @property
+    def keys(self) -> tuple[str, str, str]:
+        """Keys of position, rate and acceleration."""
+        return IN_METRES_OF_MOTION if self.slides else OF_MOTION
+
+    @property
+    def columns(self) -> tuple[Row, Row, Row]:
+        """Positions, rates and accelerations at the times, [deg] and so on, or [m]."""
+        position, rate, acceleration = (getattr(self, name) or () for name in self.keys)
+        return position, rate, acceleration
 
 
 class Wrench(Spec, frozen=True):

@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 SLIDING = (
-    "sliding joints are not supported, all joints are hinges: fix this one where it stands, with joint.locked = true, "
-    "and place the link by mount.xyz"
+    "a joint that slides is written joint = { kind = 'prismatic', axis = [1.0, 0.0, 0.0] }; telescopes are stages of "
+    "constant length on such joints, a beam that slides out of a guide is another mechanism"
 )
 LOOPS = (
-    "closed loops are not supported, an arm is one chain from the base to the tip: cut the loop, and let a wrench at "
-    "the tip stand for the rest"
+    "closed loops are not supported, an arm is a chain or a tree from the base outward: cut the loop, and let a wrench "
+    "at the tip stand for the rest"
 )
-TREES = (
-    "trees are not supported, an arm is one chain: give what hangs on a link as its hub or end, and take one branch a "
-    "scene"
-)
+TREES = "a link names the one that it hangs on, on = 'torso'; by default it is the one before it in the list"
+FLOATING = "a base that floats is written base = { kind = 'free', mass = 100.0, inertia = [10.0, 10.0, 10.0] }"
 CONTACT = "contact is not supported: give the force of what is touched as wrench, in time if need be"
-HINGES = "all joints are hinges: leave this out, and give their axis"
+HINGES = "a joint turns unless its kind is 'prismatic': leave this out, and give its axis"
 
 BY_VALUE = {
     **dict.fromkeys(("prismatic", "sliding", "slide", "slider", "telescopic", "linear", "translational"), SLIDING),
     **dict.fromkeys(("revolute", "continuous", "hinge", "rotational", "rotary"), HINGES),
-    **dict.fromkeys(("ball", "spherical", "universal", "free", "floating", "planar", "cylindrical"),
+    **dict.fromkeys(("ball", "spherical", "universal", "planar", "cylindrical"),
                     "joints of several axes are not supported: give a link without length per axis"),
+    **dict.fromkeys(("free", "floating", "freejoint", "free_flyer"), FLOATING),
     "fixed": "a joint that does not move has locked = true",
 }  # fmt: skip
 BY_KEY = {
     **dict.fromkeys(("prismatic", "slide", "slider", "stroke", "telescope"), SLIDING),
     **dict.fromkeys(("loop", "loops", "closure", "constraint", "constraints", "equality", "parallel"), LOOPS),
+    **dict.fromkeys(("free_base", "floating_base", "floating"), FLOATING),
     **dict.fromkeys(("parent", "child", "children", "branch", "branches", "tree"), TREES),
     **dict.fromkeys(("contact", "contacts", "collision", "collisions", "ground", "floor", "obstacle", "wall_contact",
                      "friction_ground"), CONTACT),

@@ -12,11 +12,20 @@ from numpy.typing import ArrayLike
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.describe import profiles
+from flexlink.describe.joint import Joint
+from flexlink.describe.own_units import IN_METRES, KIND, UNIT, Row, Slides, in_own, in_si, together
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, apart, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import MOST_IMPULSES, InputShaper
-from flexlink.describe.spec import NonNegative, PerLink, Positive, PositivePerLink, Spec, require_increasing, truncated
-
-Row = tuple[float, ...]
+from flexlink.describe.spec import (
+    NonNegative,
+    NonNegativePerLink,
+    PerLink,
+    Positive,
+    Spec,
+    require_increasing,
+    require_positive,
+    truncated,
+)
 
 LIMITS = ("max_rate_deg", "max_acceleration_deg", "max_jerk_deg")
 TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -27,11 +36,18 @@ TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "smooth": (("times", "angle_deg"), ("rate_deg", "acceleration_deg")),
     "hold": (("times", "angle_deg"), ()),
 }
-"""What each profile needs, and what it may have."""
+"""What each profile needs, and what it may have, or the same in metres."""
+LISTS = ("to_deg", "from_deg", *LIMITS)
+TABLES = ("angle_deg", "rate_deg", "acceleration_deg")
+IN_BOTH = tuple((key, IN_METRES[key]) for key in (*LISTS, *TABLES))
 
 
 class Reference(Spec, frozen=True):
     """Desired angles of the driven joints in time, one column per link [deg, deg/s, deg/s², deg/s³].
+
+    Positions of prismatic joints stand beside them [m, m/s, m/s², m/s³]: in `to_m` beside `to_deg` and so on, in
+    `position_m` beside `angle_deg`. Either list has 0 where a link's joint is of the other kind; one of a kind that the
+    arm does not have is left out.
 
     A move, profile "quintic", "trapezoidal" (trapezoid of speed) or "s_curve" (limited jerk, up to 7 phases): from
     `from_deg`, by default `initial.joint_deg` of the scene, to `to_deg`, from `start` on. It lasts for `duration`, or
@@ -57,18 +73,28 @@ class Reference(Spec, frozen=True):
     """A move (quintic, trapezoidal, s_curve), or a table (linear, smooth, hold)."""
     to_deg: PerLink | None = None
     """Of a move: where it ends, one angle per link [deg]."""
+    to_m: PerLink | None = None
+    """Of a move: where it ends, one position per link [m]."""
     from_deg: PerLink | None = None
     """Of a move: where it starts, one angle per link [deg]. Default: `initial.joint_deg`."""
+    from_m: PerLink | None = None
+    """Of a move: where it starts, one position per link [m]. Default: `initial.joint_m`."""
     start: NonNegative = 0.0
     """Of a move: when it starts [s]."""
     duration: Positive | None = None
     """Of a move: how long it takes [s]; else as long as its limits ask for."""
-    max_rate_deg: PositivePerLink | None = None
+    max_rate_deg: NonNegativePerLink | None = None
     """Of a move: largest rate of each joint [deg/s]."""
-    max_acceleration_deg: PositivePerLink | None = None
+    max_rate_m: NonNegativePerLink | None = None
+    """Of a move: largest rate of each prismatic joint [m/s]."""
+    max_acceleration_deg: NonNegativePerLink | None = None
     """Of a move: largest acceleration of each joint [deg/s²]."""
-    max_jerk_deg: PositivePerLink | None = None
+    max_acceleration_m: NonNegativePerLink | None = None
+    """Of a move: largest acceleration of each prismatic joint [m/s²]."""
+    max_jerk_deg: NonNegativePerLink | None = None
     """Of a move: largest jerk of each joint [deg/s³]."""
+    max_jerk_m: NonNegativePerLink | None = None
+    """Of a move: largest jerk of each prismatic joint [m/s³]."""
     times: Row | None = None
     """Of a table: times of its rows [s]."""
     angle_deg: tuple[PerLink, ...] | None = None
@@ -77,6 +103,12 @@ class Reference(Spec, frozen=True):
     """Of a smooth table: rates at its times [deg/s]; pieces are then cubic Hermite polynomials."""
     acceleration_deg: tuple[PerLink, ...] | None = None
     """Of a smooth table with rates: accelerations at its times [deg/s²]; pieces are then quintic."""
+    position_m: tuple[PerLink, ...] | None = None
+    """Of a table: one row per time, of one position per link [m]."""
+    rate_m: tuple[PerLink, ...] | None = None
+    """Of a smooth table: rates of prismatic joints at its times [m/s]."""
+    acceleration_m: tuple[PerLink, ...] | None = None
+    """Of a smooth table with rates: accelerations of prismatic joints at its times [m/s²]."""
     shaper: InputShaper | None = None
     """Input shaper: delays copies of the reference so that it leaves no vibration."""
 
@@ -84,57 +116,79 @@ class Reference(Spec, frozen=True):
         super().__post_init__()
         needs, may = TAKES[self.profile]
         for name in dict.fromkeys(name for both in TAKES.values() for part in both for name in part):
-            value = getattr(self, name)
-            missing, odd = name in needs and value is None, name not in (*needs, *may) and value not in (None, 0.0)
-            if missing or odd:
-                state = ": missing;" if missing else f" = {truncated(value)}:"
-                takes = ", ".join(needs) + (f", and may have {', '.join(may)}" if may else "")
-                raise SceneError(f"{name}{state} profile {self.profile!r} takes {takes}")
+            values = {key: getattr(self, key) for key in (name, IN_METRES.get(name, name))}
+            if name in needs and all(value is None for value in values.values()):
+                raise SceneError(f"{name}: missing; profile {self.profile!r} takes {_taken(needs, may)}")
+            for key, value in values.items():
+                if name not in (*needs, *may) and value not in (None, 0.0):
+                    takes = _taken(needs, may)
+                    raise SceneError(f"{key} = {truncated(value)}: profile {self.profile!r} takes {takes}")
+        self._check_limits()
         if self.times is None:
             self._check_time_of_move()
         else:
             self._check_table(self.times)
 
+    def _check_limits(self) -> None:
+        """A limit is positive, but of a joint whose limit is in the other unit."""
+        both = all(any(getattr(self, key) is not None for key in keys) for keys in zip(*IN_BOTH, strict=True))
+        for key in () if both else (key for keys in IN_BOTH for key in keys if key.startswith("max_")):
+            beside = "; 0 is for joints that turn, whose lists in deg are given, too" if key.endswith("_m") else ""
+            for k, limit in enumerate(getattr(self, key) or (), 1):
+                require_positive(f"{key}.{k}", limit, beside)
+
     def _check_time_of_move(self) -> None:
-        limits = [name for name in LIMITS if getattr(self, name) is not None]
+        limits = [name for name in LIMITS if self._said(name)]
         # without a limit of the acceleration a trapezoid would be a jump
-        needed = {"quintic": LIMITS, "trapezoidal": LIMITS[1:2], "s_curve": LIMITS[2:]}[self.profile]
+        needed = self._deciding
         if self.duration is not None and limits:
             raise SceneError(f"duration = {self.duration!r}: {limits[0]} is given, too; give only one")
         if self.duration is None and not set(limits) & set(needed):
             raise SceneError(f"duration: missing; give it, or {' or '.join(needed)}")
 
+    @property
+    def _deciding(self) -> tuple[str, ...]:
+        """Limits of which a move without a duration needs one."""
+        return {"quintic": LIMITS, "trapezoidal": LIMITS[1:2], "s_curve": LIMITS[2:]}[self.profile]
+
+    def _said(self, name: str) -> bool:
+        """Whether a list is given, in either unit."""
+        return getattr(self, name) is not None or getattr(self, IN_METRES[name]) is not None
+
     def _check_table(self, times: Row) -> None:
         require_increasing("times", times)
-        if self.acceleration_deg is not None and self.rate_deg is None:
+        if self._said("acceleration_deg") and not self._said("rate_deg"):
             raise SceneError("rate_deg: missing; acceleration_deg needs it")
-        for name in ("angle_deg", "rate_deg", "acceleration_deg"):
+        for name in (key for keys in IN_BOTH[len(LISTS) :] for key in keys):
             rows = getattr(self, name)
             if rows is not None and len(rows) != len(times):
                 raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}")
 
-    @property
-    def from_initial(self) -> bool:
-        """Whether it starts where the scene's joints are initially."""
-        return self.to_deg is not None and self.from_deg is None
+    def starts_at_initial(self, *, slides: bool) -> bool:
+        """Whether a joint that turns, or slides, starts where the scene's joints are initially."""
+        return self.times is None and (self.from_m if slides else self.from_deg) is None
 
     @property
     def per_link(self) -> dict[str, Row]:
         """Every list of one number per link, by its key."""
-        lists = {name: getattr(self, name) for name in ("to_deg", "from_deg", *LIMITS)}
-        for name in ("angle_deg", "rate_deg", "acceleration_deg"):
-            lists |= {f"{name}[{k}]": row for k, row in enumerate(getattr(self, name) or ())}
+        lists = {key: getattr(self, key) for keys in IN_BOTH[: len(LISTS)] for key in keys}
+        for key in (key for keys in IN_BOTH[len(LISTS) :] for key in keys):
+            lists |= {f"{key}[{k}]": row for k, row in enumerate(getattr(self, key) or ())}
         return {name: row for name, row in lists.items() if row is not None}
 
-    def course(self, initial_deg: ArrayLike, links: Sequence[int] | None = None) -> ReferenceTrajectory:
-        """The desired angles in time [rad].
+    def course(
+        self, initial: ArrayLike, links: Sequence[int] | None = None, slides: Sequence[bool] | None = None
+    ) -> ReferenceTrajectory:
+        """The desired angles in time [rad], and positions of joints that slide [m].
 
         Parameters
         ----------
-        initial_deg
-            Where the joints are initially, one angle per link [deg].
+        initial
+            Where the joints are initially, one number per link, [deg] or, where it slides, [m].
         links
             Numbers from 0 of the links whose angles are wanted, and which others wait for; None: all.
+        slides
+            Which of the joints slide, one per link; None: none.
 
         Returns
         -------
@@ -154,14 +208,18 @@ class Reference(Spec, frozen=True):
         >>> print(np.degrees(angle).round(1))  # half-way
         [ 45. -60.]
         """
-        initial = np.asarray(initial_deg, dtype=np.float64)
+        start = np.asarray(initial, dtype=np.float64)
         for name, row in self.per_link.items():
-            if len(row) != len(initial):
-                raise SceneError(f"{name} = {truncated(row)}: expected one number per link, {len(initial)}")
-        chosen = list(range(len(initial)) if links is None else links)
+            if len(row) != len(start):
+                raise SceneError(f"{name} = {truncated(row)}: expected one number per link, {len(start)}")
+        chosen = list(range(len(start)) if links is None else links)
+        kinds = (False,) * len(start) if slides is None else tuple(map(bool, slides))
+        self._require_lists({kinds[k] for k in chosen})
         try:
             with np.errstate(all="ignore"):
-                course = self._move(initial, chosen) if self.times is None else self._table(self.times, chosen)
+                course = (
+                    self._move(start, chosen, kinds) if self.times is None else self._table(self.times, chosen, kinds)
+                )
         except ArgumentError as error:
             raise SceneError(str(error)) from None
         if self.shaper is None:
@@ -172,12 +230,25 @@ class Reference(Spec, frozen=True):
             kind = DataFileError if isinstance(error, DataFileError) else SceneError
             raise kind(f"shaper.{error}") from None
 
-    def _move(self, initial: Array, links: list[int]) -> ReferenceTrajectory:
-        start, to = initial if self.from_deg is None else np.array(self.from_deg), np.array(self.to_deg)
-        shapes = {k: self._shape(k, abs(to[k] - start[k])) for k in links if to[k] != start[k]}
+    def _require_lists(self, kinds: set[bool]) -> None:
+        """Joints of either kind have goals, or tables, in their own unit."""
+        for name in ("to_deg", *TABLES):
+            for key, slides in ((name, False), (IN_METRES[name], True)):
+                if slides in kinds and self._said(name) and getattr(self, key) is None:
+                    raise SceneError(f"{key}: missing; there are {KIND[slides]} joints")
+
+    def _own(self, name: str, slides: Slides) -> Row:
+        """A list in the joints' own units."""
+        return together(slides, getattr(self, name), getattr(self, IN_METRES[name]))
+
+    def _move(self, initial: Array, links: list[int], slides: Slides) -> ReferenceTrajectory:
+        given = np.array([not self.starts_at_initial(slides=s) for s in slides])
+        start = np.where(given, self._own("from_deg", slides), initial)
+        to = np.array(self._own("to_deg", slides))
+        shapes = {k: self._shape(k, abs(to[k] - start[k]), slides[k]) for k in links if to[k] != start[k]}
         lasts = self.duration or max((shape.duration for shape in shapes.values()), default=0.0)
         courses = []
-        for k, a, b in zip(links, np.radians(start[links]), np.radians(to[links]), strict=True):
+        for k, a, b in zip(links, *(in_si(slides, place)[links] for place in (start, to)), strict=True):
             if k not in shapes:
                 courses.append(still([a]))
                 continue
@@ -193,16 +264,21 @@ class Reference(Spec, frozen=True):
             courses.append(from_rest_to_rest(knots[there], c[there[:-1], :, None], np.array([b])))
         return side_by_side(courses)
 
-    def _shape(self, link: int, distance: float) -> profiles.Shape:
+    def _shape(self, link: int, distance: float, slides: bool) -> profiles.Shape:
         if self.duration is not None:
             return profiles.PLAIN[self.profile]
-        limits = [getattr(self, name) for name in LIMITS]
-        own = profiles.Limits(*(math.inf if values is None else values[link] for values in limits))
-        return profiles.FASTEST[self.profile](distance, own)
+        keys = [IN_METRES[name] if slides else name for name in LIMITS]
+        limits = {key: values[link] for key in keys if (values := getattr(self, key)) is not None}
+        for key, limit in limits.items():
+            require_positive(f"{key}.{link + 1}", limit)
+        deciding = [IN_METRES[name] if slides else name for name in self._deciding]
+        if not limits.keys() & set(deciding):
+            raise SceneError(f"{deciding[0]}: missing; there are {KIND[slides]} joints that move")
+        return profiles.FASTEST[self.profile](distance, profiles.Limits(*(limits.get(key, math.inf) for key in keys)))
 
-    def _table(self, times: Row, links: list[int]) -> ReferenceTrajectory:
+    def _table(self, times: Row, links: list[int], slides: Slides) -> ReferenceTrajectory:
         t = np.array(times)
-        known = [np.radians(rows)[:, links] for rows in (self.angle_deg, self.rate_deg, self.acceleration_deg) if rows]
+        known = [self._rows(name, slides)[:, links] for name in TABLES if self._said(name)]
         angles = known[0]
         if len(t) == 1:
             return still(angles[0])
@@ -215,9 +291,15 @@ class Reference(Spec, frozen=True):
             )
         return from_rest_to_rest(t, _smooth(t, known), angles[-1])
 
+    def _rows(self, name: str, slides: Slides) -> Array:
+        """A table [rad, m] and so on, (rows, links)."""
+        both = getattr(self, name), getattr(self, IN_METRES[name])
+        deg, m = (rows or (None,) * len(self.times or ()) for rows in both)
+        return in_si(slides, [together(slides, *row) for row in zip(deg, m, strict=True)])
 
-def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, tuple[float, float] | None]]) -> None:
-    """Refuse a course that leaves the limits [deg] of the links of these names, at any extreme of any piece.
+
+def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint]]) -> None:
+    """Refuse a course that leaves the limits of the joints of links of these names, at any extreme of any piece.
 
     Raises
     ------
@@ -225,12 +307,18 @@ def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, tuple
         The message names the link, the angle reached and the limits.
     """
     rounding = MOST_IMPULSES * np.finfo(float).eps  # of an angle that is the sum of as many
-    for (name, limits), *extremes in zip(joints, *np.degrees(course.extremes()), strict=True):
-        low, high = limits or (-math.inf, math.inf)
-        for angle in extremes:
-            if max(low - angle, angle - high) > rounding * np.abs(extremes).max():
-                reason = f"outside limits_deg = {[low, high]} of the joint of {name!r}"
-                raise SceneError(f"reaches {angle:.9g} deg: {reason}")
+    reached = in_own([joint.slides for _, joint in joints], course.extremes())
+    for (name, joint), *extremes in zip(joints, *reached, strict=True):
+        low, high = joint.own_limits or (-math.inf, math.inf)
+        for place in extremes:
+            if max(low - place, place - high) > rounding * np.abs(extremes).max():
+                reason = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
+                raise SceneError(f"reaches {place:.9g} {UNIT[joint.slides]}: {reason}")
+
+
+def _taken(needs: Sequence[str], may: Sequence[str]) -> str:
+    """What a profile takes, in words."""
+    return ", ".join(needs) + (f", and may have {', '.join(may)}" if may else "")
 
 
 def _smooth(t: Array, known: list[Array]) -> Array:

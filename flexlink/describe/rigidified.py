@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import math
-
 from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.arm import Link
-from flexlink.describe.conditions import InitialState
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
+
+OF_BASE = 6
+"""Coordinates of a free base, the first of a chain."""
 
 
 def rigidified(scene: Scene) -> Scene:
     """The same scene with all links and gears rigid, so that its chain has the driven joints only.
 
     All that has mass stays, and so do friction and rotors of the joints; hinges, their friction and damping go. It
-    starts with the joints' angles and rates, `initial.joint_deg` and `rate_deg`.
+    starts with the joints' angles and rates, `initial.joint_deg` and `rate_deg`, positions `joint_m` and `rate_m`.
 
     Parameters
     ----------
@@ -43,10 +43,11 @@ def rigidified(scene: Scene) -> Scene:
     """
     if not isinstance(scene, Scene):
         raise ArgumentError(f"scene = {truncated(scene)}: expected a Scene, got {type(scene).__name__}")
-    angles, rates, links = scene.initial.joint_deg, scene.initial.rate_deg, scene.arm.links
-    free = [math.radians(angle) for angle, link in zip(angles, links, strict=True) if not link.joint.locked]
-    q = None if scene.initial.q is None else tuple(free)  # then the angles may lie beyond the limits
-    initial = InitialState(joint_deg=angles, rate_deg=rates, q=q, time=scene.initial.time)
+    links, given = scene.arm.links, scene.initial
+    free = [place for place, link in zip(scene.joint_positions.tolist(), links, strict=True) if not link.joint.locked]
+    of_base = (given.q or ())[: OF_BASE if scene.arm.base.free else 0]
+    q = None if given.q is None else (*of_base, *free)  # then the angles may lie beyond the limits
+    initial = replace(given, q=q, qd=None, passive="zero")
     arm = replace(scene.arm, links=tuple(map(_rigid, links)))
     return Scene(name=scene.name, arm=arm, initial=initial, about=scene.about, gravity=scene.gravity, run=scene.run)
 

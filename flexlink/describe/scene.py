@@ -20,6 +20,8 @@ from flexlink.common.types import Array
 from flexlink.describe import data_files
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.conditions import (
+    OF_MOTION,
+    BaseState,
     Drive,
     InitialState,
     PrescribedMotion,
@@ -31,6 +33,7 @@ from flexlink.describe.conditions import (
 )
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.mistakes import check_all, mistakes, raise_together
+from flexlink.describe.own_units import KIND, UNIT, Row, in_si, misplaced, together
 from flexlink.describe.reference import refuse_beyond
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.spec import (
@@ -39,6 +42,7 @@ from flexlink.describe.spec import (
     build_validated,
     check_keys,
     decode,
+    did_you_mean,
     fields_of,
     key_mistakes,
     link_key,
@@ -83,42 +87,111 @@ class Scene(Spec, frozen=True):
         super().__post_init__()
         if not self.name:
             raise SceneError("name = '': must not be empty")
-        said = "initial.joint_deg" if self.initial.joint_deg else "the default initial.joint_deg"
+        said = {
+            name: name if getattr(self.initial, name) else f"the default {name}" for name in ("joint_deg", "joint_m")
+        }
         if not self.initial.joint_deg:
             self._put_joints_at_zero()
         raise_together(self._wrong_lists())  # on whose lengths all else counts
         checks = [self._check_rate, lambda: self._check_limits(said), self._check_reference, self._check_motions]
+        checks += [self._check_base, self._check_wrench]
         check_all(checks if self.run.controlled else [self._check_grid, *checks])
 
     def _wrong_lists(self) -> Iterator[str]:
-        """Lists of another length than the arm has links, and numbers of joints that are locked."""
-        links = len(self.arm.links)
+        """Lists of another length than the arm has links, numbers of joints that are locked, or in the wrong unit."""
+        links, drive = self.arm.links, self.drive
+        reference = drive.reference.per_link if drive.reference is not None else {}
         per_link: dict[str, tuple[float, ...] | None] = {
             "initial.joint_deg": self.initial.joint_deg,
             "initial.rate_deg": self.initial.rate_deg,
-            "drive.torque": self.drive.torque,
-            "drive.kp": self.drive.kp,
-            "drive.kd": self.drive.kd,
-            "drive.target_deg": self.drive.target_deg,
-            "drive.effort": self.drive.effort,
-            **{f"drive.torques[{k}]": row for k, row in enumerate(self.drive.torques or ())},
+            "initial.joint_m": self.initial.joint_m,
+            "initial.rate_m": self.initial.rate_m,
+            "drive.torque": drive.torque,
+            "drive.kp": drive.kp,
+            "drive.kd": drive.kd,
+            "drive.target_deg": drive.target_deg,
+            "drive.target_m": drive.target_m,
+            "drive.effort": drive.effort,
+            **{f"drive.torques[{k}]": row for k, row in enumerate(drive.torques or ())},
+            **{f"drive.reference.{key}": row for key, row in reference.items() if len(row) == len(links)},
         }
-        of_locked_joints_too = {"initial.joint_deg", "drive.target_deg", "drive.effort"}
+        of_locked_joints_too = {
+            "initial.joint_deg", "initial.joint_m", "drive.target_deg", "drive.target_m", "drive.effort",
+        }  # fmt: skip
+        fitting = {}
         for key, values in per_link.items():
-            if values is not None and len(values) != links:
-                yield f"{key} = {truncated(values)}: expected one number per link, {links}"
+            if values is None:
                 continue
-            for k, link in enumerate(self.arm.links):
-                if link.joint.locked and values and values[k] and key not in of_locked_joints_too:
+            if len(values) != len(links):
+                yield f"{key} = {truncated(values)}: expected one number per link, {len(links)}"
+                continue
+            fitting[key] = values
+            for k, link in enumerate(links if not key.startswith("drive.reference.") else ()):
+                if link.joint.locked and values[k] and key not in of_locked_joints_too:
                     where = self.arm.path(k + 1, key)
                     yield f"{where} = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits"
+        for k, key, wrong in misplaced(self.arm.slides, [link.name for link in links], fitting):
+            if key.startswith("initial.") or not links[k].joint.locked:
+                yield f"{self.arm.path(k + 1, key)} = {fitting[key][k]!r}: {wrong}"
+        if drive.kind in {"pd", "computed_torque"} and not reference:
+            yield from self._missing_targets()
 
-    def _check_limits(self, said: str) -> None:
+    def _missing_targets(self) -> Iterator[str]:
+        """A law leads joints of either kind somewhere."""
+        for key, slides in (("target_deg", False), ("target_m", True)):
+            names = [link.name for link in self.arm.links if not link.joint.locked and link.joint.slides == slides]
+            if names and getattr(self.drive, key) is None:
+                yield f"drive.{key}: missing; joint {names[0]!r} is {KIND[slides]}"
+
+    def _check_limits(self, said: Mapping[str, str]) -> None:
         """Joints start within their limits."""
-        for k, (link, angle) in enumerate(zip(self.arm.links, self.initial.joint_deg, strict=True)):
-            outside = _outside_limits(link, angle)
+        for k, (link, place) in enumerate(zip(self.arm.links, self.starts, strict=True)):
+            outside = _outside_limits(link, place)
             if outside and (self.initial.q is None or link.joint.locked):
-                raise SceneError(f"{self.arm.path(k + 1, said)} = {outside}")
+                key = said["joint_m" if link.joint.slides else "joint_deg"].replace("joint_", "initial.joint_")
+                raise SceneError(f"{self.arm.path(k + 1, key)} = {outside}")
+
+    def _check_base(self) -> None:
+        """What is said of the base's start, and what takes for granted that it does not float."""
+        free, drive = self.arm.base.free, self.drive
+        if self.initial.base != BaseState() and not free:
+            raise SceneError(f"initial.base = {self.initial.base!r}: the base is fixed; base.kind = 'free' is not")
+        if free and self.initial.passive == "static":
+            raise SceneError("initial.passive = 'static': an arm on a free base has no rest; leave passive out")
+        for key, value in (("kind", drive.kind), ("gravity", drive.gravity)):
+            if free and value in {"computed_torque", "rigid", "static"}:
+                raise SceneError(
+                    f"drive.{key} = {value!r}: takes the base for fixed, but it floats; a free base takes kind 'pd' "
+                    "without gravity, or a law of your own"
+                )
+
+    def _check_wrench(self) -> None:
+        """The wrench acts at the end of a link that no other hangs on."""
+        on, tips = self.wrench.on, [self.arm.links[k - 1].name for k in self.arm.tips]
+        if on and on not in tips:
+            known = on in {link.name for link in self.arm.links}
+            why = "other links hang on it" if known else "no such link"
+            raise SceneError(f"wrench.on = {on!r}: {why}; allowed are {', '.join(tips)}{did_you_mean(on, tips)}")
+
+    @property
+    def starts(self) -> Row:
+        """Where the joints start, one number per link, [deg] or, where it slides, [m]."""
+        return self.initial.own("joint", self.arm.slides)
+
+    @property
+    def joint_positions(self) -> Array:
+        """Where the joints start, one number per link, [rad] or, where it slides, [m]."""
+        return in_si(self.arm.slides, self.starts)
+
+    @property
+    def joint_rates(self) -> Array:
+        """Rates with which the joints start, one number per link, [rad/s] or, where it slides, [m/s]."""
+        return in_si(self.arm.slides, self.initial.own("rate", self.arm.slides))
+
+    @property
+    def joint_targets(self) -> Array:
+        """Where a law leads the joints, one number per link, [rad] or, where it slides, [m]; zero without any."""
+        return in_si(self.arm.slides, together(self.arm.slides, self.drive.target_deg, self.drive.target_m))
 
     def __repr__(self) -> str:
         run = self.run
@@ -175,8 +248,13 @@ class Scene(Spec, frozen=True):
 
     def _put_joints_at_zero(self) -> None:
         """Where nothing else is said; but of a whole state nobody has said where a reference starts."""
-        if self.initial.q is not None and self.drive.reference is not None and self.drive.reference.from_initial:
-            raise SceneError("drive.reference.from_deg: missing; initial.joint_deg, its default, is not given")
+        if self.initial.q is not None and self.drive.reference is not None:
+            for slides in set(self.arm.slides):
+                unit = UNIT[slides]
+                if self.drive.reference.starts_at_initial(slides=slides) and not getattr(self.initial, f"joint_{unit}"):
+                    raise SceneError(
+                        f"drive.reference.from_{unit}: missing; initial.joint_{unit}, its default, is not given"
+                    )
         joint_deg = (0.0,) * len(self.arm.links)
         msgspec.structs.force_setattr(self, "initial", replace(self.initial, joint_deg=joint_deg))
 
@@ -189,16 +267,21 @@ class Scene(Spec, frozen=True):
             raise SceneError(f"{path}.{error}") from None
         if self.arm.links[number - 1].joint.locked:
             raise SceneError(f"{path}: its joint is locked; a motion needs a free joint")
-        initial = self.initial
+        initial, joint = self.initial, self.arm.links[number - 1].joint
+        if motion.slides != joint.slides:
+            key, wanted = motion.keys[0], "position_m, rate_m, acceleration_m" if joint.slides else ", ".join(OF_MOTION)
+            given = f"{path}.{key} = {truncated(motion.columns[0])}"
+            raise SceneError(f"{given}: joint {self.arm.links[number - 1].name!r} is {joint.kind}; give {wanted}")
+        (position, rate), slides = motion.keys[:2], self.arm.slides
         for key, start, first, elsewhere in (
-            ("angle_deg", initial.joint_deg[number - 1], motion.angle_deg[0], initial.q),
-            ("rate_deg", initial.rates[number - 1], motion.rate_deg[0], initial.qd),
+            (position, self.starts[number - 1], motion.columns[0][0], initial.q),
+            (rate, initial.own("rate", slides)[number - 1], motion.columns[1][0], initial.qd),
         ):
             if start != first and initial.time == 0 and elsewhere is None:
                 raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
-        for k, angle in enumerate(motion.angle_deg):
-            if outside := _outside_limits(self.arm.links[number - 1], angle):
-                raise SceneError(f"{path}.angle_deg[{k}] = {outside}")
+        for k, place in enumerate(motion.columns[0]):
+            if outside := _outside_limits(self.arm.links[number - 1], place):
+                raise SceneError(f"{path}.{position}[{k}] = {outside}")
         return number
 
     def _check_rate(self) -> None:
@@ -226,9 +309,7 @@ class Scene(Spec, frozen=True):
         if course is None:
             return
         try:
-            refuse_beyond(
-                course, [(link.name, link.joint.limits_deg) for link in self.arm.links if not link.joint.locked]
-            )
+            refuse_beyond(course, [(link.name, link.joint) for link in self.arm.links if not link.joint.locked])
             for time in [] if run.controlled or self.drive.rate else course.jumps:
                 whole("jumps, or its rate does: t", float(f"{time:.12g}"), run.said("step", "run."), run.fixed_step)
         except SceneError as error:
@@ -236,7 +317,7 @@ class Scene(Spec, frozen=True):
 
     @property
     def course(self) -> ReferenceTrajectory | None:
-        """Where the drive's reference leads the joints that are not locked [rad], one column each; None without one.
+        """Where the drive's reference leads the joints that are not locked [rad, m], one column each; None without one.
 
         Raises
         ------
@@ -247,12 +328,12 @@ class Scene(Spec, frozen=True):
         """
         if self.drive.reference is None:
             return None
-        reference, start = self.drive.reference, self.initial.joint_deg
+        reference, start, slides = self.drive.reference, self.starts, self.arm.slides
         free = tuple(k for k, link in enumerate(self.arm.links) if not link.joint.locked)
         try:
             if reference.shaper is not None and data_files.is_user_file(reference.shaper.kind):  # which may change
-                return reference.course(start, free)
-            return COURSES(reference, (start, free), lambda: reference.course(start, free))
+                return reference.course(start, free, slides)
+            return COURSES(reference, (start, free, slides), lambda: reference.course(start, free, slides))
         except (SceneError, DataFileError) as error:
             raise type(error)(f"drive.reference.{error}") from None
 
@@ -381,10 +462,13 @@ class Scene(Spec, frozen=True):
         return _document_of_parts(parts, FIELDS if keys is None else keys)
 
 
-def _outside_limits(link: Link, angle: float) -> str:
-    """The angle with what is wrong about it; empty within the joint's limits."""
-    low, high = link.joint.limits_deg or (-math.inf, math.inf)
-    return "" if low <= angle <= high else f"{angle!r}: outside limits_deg = {[low, high]} of joint {link.name!r}"
+def _outside_limits(link: Link, place: float) -> str:
+    """The angle [deg], or position [m], with what is wrong about it; empty within the joint's limits."""
+    joint = link.joint
+    low, high = joint.own_limits or (-math.inf, math.inf)
+    return (
+        "" if low <= place <= high else f"{place!r}: outside {joint.limits_key} = {[low, high]} of joint {link.name!r}"
+    )
 
 
 def load_scene(path: str | Path) -> Scene:

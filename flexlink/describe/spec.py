@@ -27,6 +27,7 @@ Vector3 = tuple[float, float, float]
 ONE_PER_LINK = msgspec.Meta(extra={"one per": "link"})
 """Marks the annotation of a list with one number per link: paths lead to its items by the links' names or numbers."""
 PerLink = Annotated[tuple[float, ...], ONE_PER_LINK]
+NonNegativePerLink = Annotated[tuple[NonNegative, ...], ONE_PER_LINK]
 PositivePerLink = Annotated[tuple[Positive, ...], ONE_PER_LINK]
 
 BRIEF = reprlib.Repr()
@@ -250,6 +251,8 @@ WRITTEN = {
     "kd": (float, "expected a list of one gain per link, such as [30.0, 30.0]"),
     "torque": (float, "expected a list of one torque per link [N m], such as [10.0, 5.0]"),
     "joint_deg": (float, "expected a list of one angle per link [deg], such as [0.0, 30.0]"),
+    "joint_m": (float, "expected a list of one position per link [m], such as [0.0, 0.5]"),
+    "base": (str, 'expected a table, such as { kind = "free", mass = 100.0, inertia = [10.0, 10.0, 10.0] }'),
 }
 """What is often written in place of a list or a table, by key: its type, and how it looks."""
 
@@ -386,6 +389,18 @@ def require_increasing(name: str, times: Sequence[float]) -> None:
             raise SceneError(
                 f"{name}[{k}] = {time!r}: must be greater than {name}[{k - 1}] = {before!r}; times increase"
             )
+
+
+def require_positive(name: str, number: float, why: str = "") -> None:
+    """Check a number that must be positive because of what stands beside it; `why` ends the message.
+
+    Raises
+    ------
+    SceneError
+        It is not.
+    """
+    if not number > 0:
+        raise SceneError(f"{name} = {number!r}: expected float > 0.0{why}")
 
 
 def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:

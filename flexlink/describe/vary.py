@@ -209,12 +209,12 @@ class _Change:
         below = self.parts[depth + 1 :]
         free = [not get_in(link, "joint", "locked") for link in self.links]
         if above != "link":
-            return [True] * len(free) if above == "initial.joint_deg" else free
+            return [True] * len(free) if above in {"initial.joint_deg", "initial.joint_m"} else free
         if below and below[0] in {"flex", "segments", "lumping", "damping", "friction"}:
             return [(get_in(link, "flex") or "rigid") != "rigid" for link in self.links]
         if below and below[0] in {"material", "section", "section_tip", "up"}:
             return [get_in(link, "material") is not None for link in self.links]
-        with_locked_joint = {"", "axis", "locked", "gear_stiffness", "gear_damping", "limits_deg"}
+        with_locked_joint = {"", "axis", "locked", "gear_stiffness", "gear_damping", "limits_deg", "limits_m", "kind"}
         return free if below[:1] == ("joint",) and ".".join(below[1:]) not in with_locked_joint else [True] * len(free)
 
 

@@ -67,7 +67,7 @@ class Equilibrium(SavedResult):
     path: Array
 
     def __repr__(self) -> str:
-        most = np.degrees(np.abs(self.q).max())
+        most = np.degrees(np.abs(self.q).max())  # FIXME
         return (
             f"<Equilibrium: {'' if self.stable else 'un'}stable; {len(self.q)} joints at angles up to {most:.4g}°, "
             f"{self.residual:.2g} N m left over>"

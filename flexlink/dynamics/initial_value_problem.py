@@ -10,6 +10,7 @@ from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings, steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import solver_for
+from flexlink.dynamics.floating_base import FloatingBase
 from flexlink.kernels.inputs.record import Inputs
 
 
@@ -27,6 +28,8 @@ class InitialValueProblem:
         What acts on it: drive, prescribed motions, tip wrench.
     q, qd
         Where it starts, angles [rad] and rates [rad/s], shape (n,), read-only by agreement.
+    base
+        Of a chain whose base is free: what lets its steps go on in other coordinates; `chain` is its own then.
     """
 
     scene: Scene
@@ -34,6 +37,7 @@ class InitialValueProblem:
     inputs: Inputs
     q: Array
     qd: Array
+    base: FloatingBase | None = None
 
     @property
     def run(self) -> RunSettings:

@@ -68,7 +68,7 @@ def _stillness(scene: Scene) -> Iterator[str]:
     """Gravity along all hinge axes turns none of them; with nothing else that pushes, a run shows an arm at rest."""
     g = np.array(scene.gravity) / (np.abs(scene.gravity).max() or 1.0)
     pushed = [
-        *scene.initial.rates, scene.wrench.acts, *(scene.drive.torque or ()),
+        *scene.joint_rates, scene.wrench.acts, *(scene.drive.torque or ()),
         *np.ravel(scene.drive.torques or ()), *(scene.drive.kp or ()), len(scene.motion),
     ]  # fmt: skip
     if any(pushed) or not g.any():

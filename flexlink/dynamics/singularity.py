@@ -7,6 +7,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
 from flexlink.common.types import Array
+from flexlink.describe.own_units import in_words
 from flexlink.kernels.bodies.mass import mass_composite
 from flexlink.kernels.forward.solvers import ARTICULATED, Solver
 
@@ -28,9 +29,8 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
         )
     k = idle_joint(chain, q)
     point = next(body for body in chain.bodies if body["first"] <= k < body["stop"])
-    angles = ", ".join(
-        f"{chain.joint_name(j)} = {np.degrees(q[j]):.6g}°" for j in range(int(point["first"]), int(point["stop"]))
-    )
+    there = range(int(point["first"]), int(point["stop"]))
+    angles = ", ".join(f"{chain.joint_name(j)} = {in_words(bool(chain.slides[j]), float(q[j]))}" for j in there)
     others = ARTICULATED.accelerations(chain.arrays, wrench, q, qd, tau)
     way_out = "use solver 'articulated', which has no need of M" if np.isfinite(others).all() else "give it an armature"
     return SingularMassError(

@@ -70,7 +70,7 @@ def unheld_joints(scene: Scene) -> Iterator[str]:
 def balance(scene: Scene) -> Iterator[str]:
     """An arm that starts at rest in balance: a run shows an arm that does not move, or only after a long time."""
     initial = scene.initial
-    acts = scene.drive.kind != "none" or scene.motion or scene.wrench.acts or any(initial.rates) or initial.qd
+    acts = scene.drive.kind != "none" or scene.motion or scene.wrench.acts or scene.joint_rates.any() or initial.qd
     if acts or initial.q is not None or initial.passive != "zero" or not any(scene.gravity):
         return
     chain = lump(scene)
@@ -92,9 +92,9 @@ def _topples(chain: Chain, q: Array) -> bool:
 
 
 def _angles(scene: Scene, chain: Chain) -> Array:
-    """Where the joints start, springs slack [rad]."""
-    q = np.zeros(chain.n)
-    q[chain.active] = np.radians([scene.initial.joint_deg[chain.coordinates[int(k)].link - 1] for k in chain.active])
+    """Where the joints start, springs slack [rad, m]."""
+    q, starts = np.zeros(chain.n), scene.joint_positions
+    q[chain.active] = [starts[chain.coordinates[int(k)].link - 1] for k in chain.active]
     return q
 
 

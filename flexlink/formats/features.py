@@ -8,8 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
+from flexlink.describe.conditions import BaseState
 from flexlink.describe.scene import Scene
 
 
@@ -23,9 +26,10 @@ class Feature(NamedTuple):
 def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:
     """Whether a run starts with angles or rates other than zero; locked joints are part of the placements."""
     initial, free = scene.initial, [chain.coordinates[k].link - 1 for k in chain.active]
-    angles = [initial.joint_deg[link] for link in free] if initial.q is None else initial.q
-    rates = [initial.rates[link] for link in free] if initial.qd is None else initial.qd
-    return any(angles) or any(rates) or initial.passive != "zero"
+    places = scene.joint_positions[free] if initial.q is None else np.array(initial.q)
+    rates = scene.joint_rates[free] if initial.qd is None else np.array(initial.qd)
+    elsewhere = places.any() or rates.any() or initial.base != BaseState()
+    return bool(elsewhere) or initial.passive != "zero"
 
 
 def _features() -> dict[str, Feature]:
@@ -53,7 +57,7 @@ def _features() -> dict[str, Feature]:
             sdf=f"the torque c in <friction>, which Drake ignores; the width w of c tanh(q̇/w) {ignored}",
         ),
         "elastic gear": feature(
-            lambda _, chain: any(c.axis and not c.segment for c in chain.coordinates),
+            lambda _, chain: any(c.link and c.axis and not c.segment for c in chain.coordinates),
             "two joints about one axis, first the motor, then the gear",
         ),
         "prescribed motion": feature(lambda scene, _: bool(scene.motion), "no motion: the joint moves freely"),

@@ -11,6 +11,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.conditions import PrescribedMotion
+from flexlink.describe.own_units import in_si
 from flexlink.describe.scene import Scene
 from flexlink.inputs.drives import drive_arrays, gains_of
 from flexlink.inputs.tip_wrench import wrench_at, wrench_table
@@ -51,8 +52,8 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
     for motion, piece in zip(scene.motion, pieces, strict=True):
         if not np.isfinite(piece).all():
             raise SceneError(
-                f"motion.{motion.link}.angle_deg: its rate between two times overflows float64; expected a slower "
-                "motion"
+                f"motion.{motion.link}.{motion.keys[0]}: its rate between two times overflows float64; expected a "
+                "slower motion"
             )
     knots = [np.array(motion.times) for motion in scene.motion]
     first = np.cumsum([0, *map(len, knots)], dtype=np.int64)
@@ -68,7 +69,7 @@ def no_motion() -> MotionTable:
 @functools.lru_cache(maxsize=64)
 def _pieces(motion: PrescribedMotion) -> Array:
     """Quintic Hermite pieces, then one that goes on at the final rate; found once for all models of a scene."""
-    columns = [np.radians(column) for column in (motion.angle_deg, motion.rate_deg, motion.acceleration_deg)]
+    columns = [in_si([motion.slides], np.array(column)[:, None])[:, 0] for column in motion.columns]
     pieces = np.zeros((len(motion.times), 6))
     if len(motion.times) > 1:
         from scipy.interpolate import BPoly, PPoly  # noqa: PLC0415  0.1 s that few scenes need

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from flexlink.chain.arguments import require_type
@@ -23,7 +25,7 @@ that was written with ten digits leaves."""
 
 
 def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
-    """Joint angles q0 [rad] and rates q̇0 [rad/s] with which a scene starts, in sequential order.
+    """Joint angles q0 [rad] and rates q̇0 [rad/s] with which a scene starts, in sequential order; where they slide [m].
 
     Parameters
     ----------
@@ -63,8 +65,12 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
 def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Array]:
     """`initial_state` where the inputs of the scene are known."""
     initial = scene.initial
-    q = _given("q", initial.q, np.radians(spread(chain, initial.joint_deg)))
-    qd = _given("qd", initial.qd, np.radians(spread(chain, initial.rates)))
+    q = _given("q", initial.q, spread(chain, scene.joint_positions))
+    qd = _given("qd", initial.qd, spread(chain, scene.joint_rates))
+    if chain.has_free_base and initial.q is None:
+        q[:3] = initial.base.xyz
+    if chain.has_free_base and initial.qd is None:
+        qd[:3], qd[3:6] = initial.base.velocity, initial.base.rates
     if initial.passive == "static" and len(chain.active) < chain.n:
         wrench, frame = wrench_at(inputs, initial.time)
         q = static_posture(chain, q, wrench, frame)
@@ -73,7 +79,7 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
     return q, qd
 
 
-def spread(chain: Chain, per_link: tuple[float, ...]) -> Array:
+def spread(chain: Chain, per_link: Sequence[float] | Array) -> Array:
     """Put one number per link on that link's active joint, 0 on passive hinges; shape (n,)."""
     out = np.zeros(chain.n)
     for k in chain.active.tolist():
@@ -93,11 +99,11 @@ def _check_followed(motion: MotionTable, scene: Scene, chain: Chain, q: Array, q
     """Check that prescribed joints start on their motion."""
     there = q.copy(), qd.copy()
     follow(motion, scene.initial.time, *there, np.zeros(chain.n))
-    for name, unit, state, wanted in (("q", "rad", q, there[0]), ("qd", "rad/s", qd, there[1])):
+    for name, per, state, wanted in (("q", "", q, there[0]), ("qd", "/s", qd, there[1])):
         for k in motion.joints:
             if abs(state[k] - wanted[k]) > APART * max(1.0, abs(wanted[k])):
                 joint = chain.joint_name(int(k))
                 raise SceneError(
                     f"initial.{name}[{k}] = {state[k]!r}: joint {joint!r} follows its motion, which is at "
-                    f" {wanted[k]!r} {unit} at t = {scene.initial.time:g} s"
+                    f" {wanted[k]!r} {chain.joint_units[k]}{per} at t = {scene.initial.time:g} s"
                 )

@@ -10,6 +10,7 @@ from flexlink.chain.lumping import lump
 from flexlink.chain.variants import lump_many
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.floating_base import FloatingBase
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.initial_state import state_under
@@ -25,8 +26,10 @@ def problem_of(scene: Scene, chain: Chain | None = None) -> InitialValueProblem:
         As in `lump`, `input_arrays` and `initial_state`.
     """
     chain = lump(scene) if chain is None else chain
+    base = FloatingBase(chain) if chain.has_free_base else None
+    chain = chain if base is None else base.chain
     inputs = input_arrays(scene, chain)
-    return InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain))
+    return InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain), base)
 
 
 def problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | FlexlinkError]:
@@ -37,6 +40,9 @@ def problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | FlexlinkE
         try:
             if isinstance(chain, FlexlinkError):
                 found.append(chain)
+                continue
+            if chain.has_free_base:
+                found.append(problem_of(scene, chain))
                 continue
             same = before is not None and _acts_alike(before.scene, scene)
             inputs = before.inputs if same and before is not None else input_arrays(scene, chain)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
+from flexlink.describe.own_units import UNIT, in_own
 from flexlink.describe.scene import Scene
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 
@@ -25,7 +24,7 @@ def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:
     """
     course, links = scene.course, [chain.coordinate(int(k)).link - 1 for k in chain.active]
     if course is None:
-        return constant(np.radians(np.array(scene.drive.target_deg)[links]))
+        return constant(scene.joint_targets[links])
     check_start(scene, chain)
     return PiecewisePolynomial(
         course.knots.copy(), course.coefficients.copy()
@@ -40,20 +39,21 @@ def check_start(scene: Scene, chain: Chain) -> None:
     SceneError
         It does not.
     """
-    close = 1e-9  # [deg] two roundings of one angle
+    close = 1e-9  # [deg, m] two roundings of one number
     initial, reference = scene.initial, scene.drive.reference
-    if initial.q is None or initial.time or reference is None or not reference.from_initial:
+    if initial.q is None or initial.time or reference is None:
         return
     for k in chain.active.tolist():
         link = chain.coordinates[k].link - 1
-        starts, said = math.degrees(initial.q[k]), initial.joint_deg[link]
-        if abs(starts - said) > close:
+        slides = scene.arm.slides[link]
+        starts, said, unit = float(in_own([slides], [initial.q[k]])[0]), scene.starts[link], UNIT[slides]
+        if reference.starts_at_initial(slides=slides) and abs(starts - said) > close:
             raise SceneError(
-                f"drive.reference.from_deg: missing; for the joint of {chain.link_names[link]!r} initial.q gives "
-                f"{starts:.9g} deg and initial.joint_deg {said:.9g}"
+                f"drive.reference.from_{unit}: missing; for the joint of {chain.link_names[link]!r} initial.q gives "
+                f"{starts:.9g} {unit} and initial.joint_{unit} {said:.9g}"
             )
 
 
 def constant(angles: Array) -> PiecewisePolynomial:
-    """The reference that stays at these angles (d,) [rad]."""
+    """The reference that stays at these angles (d,) [rad, m]."""
     return PiecewisePolynomial(np.zeros(1), np.array(angles, dtype=np.float64)[None, None])

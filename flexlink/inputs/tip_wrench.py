@@ -9,6 +9,7 @@ from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
 from flexlink.describe.scene import Scene
 from flexlink.inputs.interpolation import held_knots, pieces_of
+from flexlink.kernels.bodies.branches import loaded_body, path_to
 from flexlink.kernels.inputs.record import GivenWrench, Inputs, WrenchTable, given_at
 
 
@@ -32,7 +33,8 @@ def wrench_table(scene: Scene, chain: Chain) -> WrenchTable | None:
         knots = times
         parts = [pieces_of(f"wrench.{name}", times, table, smooth=wrench.smooth) for name, table in rows.items()]
     coefficients = np.ascontiguousarray(np.concatenate(parts, axis=2))
-    return WrenchTable(wrench.frame == "tip", knots, coefficients, chain.arrays)
+    path = path_to(chain.bodies, loaded_body(chain.bodies))
+    return WrenchTable(wrench.frame == "tip", knots, coefficients, chain.arrays, path)
 
 
 def initial_wrench(scene: Scene, chain: Chain) -> tuple[Array, Frame]:

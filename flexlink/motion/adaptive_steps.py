@@ -14,6 +14,7 @@ from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.describe.data_files import is_user_file
+from flexlink.describe.own_units import in_words
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.stability import bounding_eigenvalues, stable_step, stable_step_of
@@ -74,6 +75,7 @@ class AdaptiveSteps:
         self.slowest = slowest_frequency(record.chain, record.q[0] if run.controlled else np.zeros(record.chain.n))
         n, self.memory = record.chain.n, np.zeros(3 * record.chain.n + 2)
         self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
+        record.begin()
         self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
         self.tau = np.zeros(record.chain.n)
         self.count, self.evaluations_before = np.zeros(COUNT.size, np.int64), 0
@@ -134,12 +136,15 @@ class AdaptiveSteps:
     def saved(self, row: int | None = None) -> Any:
         """All that steps change, for `restore`; from a row on, samples and what the drive holds, too."""
         rows = None if row is None else slice(row, self.row)
-        return vars(self).copy(), rows, [array.copy() for array in self._changing(rows)]
+        base = self.record.base.saved() if self.record.base is not None else None
+        return vars(self).copy(), rows, [array.copy() for array in self._changing(rows)], base
 
     def restore(self, saved: Any) -> None:
         """Go back to where `saved` was."""
-        attributes, rows, arrays = saved
+        attributes, rows, arrays, base = saved
         vars(self).update(attributes)
+        if self.record.base is not None:
+            self.record.base.restore(base, self.forward, self.work)
         for array, before in zip(self._changing(rows), arrays, strict=True):
             array[...] = before
         self._put_gains()
@@ -234,6 +239,8 @@ class AdaptiveSteps:
         for array, value in zip(carried(work), new, strict=True):
             array[:] = value
         work.stepper[STEPPER.inverse_ω1] = 1.0 / self.slowest
+        if self.record.base is not None:
+            self.record.base.take(self.record.base.attitude, self.forward, work)
         return work
 
     def _advance(self, most: int) -> int:
@@ -243,6 +250,9 @@ class AdaptiveSteps:
             most = min(most, self.compare_at - self.tries)
         last = 0 if self.run.controlled else int(self.count[COUNT.steps]) + most
         how = self._compare() if due else self.take(most)
+        while how == OUTCOME.turned:
+            self._turn()
+            how = self.take(max(1, last - int(self.count[COUNT.steps])))
         while how == OUTCOME.stuck and not self.run.controlled and self._step_in_parts():
             left = max(0, last - int(self.count[COUNT.steps]))
             over = self.count[COUNT.knot] == len(self.knots)
@@ -262,6 +272,13 @@ class AdaptiveSteps:
     def take(self, most: int) -> int:
         """Try up to so many steps; an OUTCOME."""
         return int(self._take_steps(*self._arguments(most)))
+
+    def _turn(self) -> None:
+        """Go on in coordinates in which the angles of a free base are zero."""
+        if self.record.base is not None:
+            self.record.base.turn(self.row, *self.state[:2], self.forward, self.work)
+        adaptive.forget(self.work.stepper)
+        self._begin(self.time, self.inputs, self.state, self.tau, self.forward)
 
     def _step_in_parts(self) -> bool:
         """Go to the end of a fixed step in 2, 4, … 64 parts, each try from where the last one got to; whether one does.
@@ -314,7 +331,9 @@ class AdaptiveSteps:
             return f"{text}; {known.cause}", known.advice
         q, _, qdd, _ = self.state
         k, own = int(np.argmax(np.abs(qdd))), "" if self.run.method == AUTO else "method = 'auto', "
-        worst = f"joint {self.record.chain.joint_name(k)!r} at {np.degrees(q[k]):.1f}° is accelerated most"
+        chain = self.record.chain
+        at = in_words(bool(chain.slides[k]), float(q[k]), ".3g" if chain.slides[k] else ".1f")
+        worst = f"joint {chain.joint_name(k)!r} at {at} is accelerated most"
         return f"{text}; {worst}", f"try {own}a larger tolerance or fixed steps, or raise max_evaluations"
 
     @property

@@ -15,6 +15,7 @@ from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.chunk_size import ChunkSize, Reached
+from flexlink.motion.floating_steps import advance, far_of
 from flexlink.motion.monitor import RunMonitor
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -37,8 +38,9 @@ class FixedSteps:
         self.scratch, self.tableau = record.scratch, method(run.method).arrays
         self.no_samples = *np.empty((2, 0, record.chain.n)), np.empty(0)
         self._inputs: Inputs | None = None  # that `_integrate` is compiled for
+        record.begin()
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
-        self.joint_name, self.origin = record.chain.joint_name, record.origin
+        self.record, self.joint_name, self.origin = record, record.chain.joint_name, record.origin
         if monitor.control is None:
             self._pieces = pieces(run, record, record.scratch, self.state, (record.q, record.qd, record.works))
         else:
@@ -59,20 +61,23 @@ class FixedSteps:
         """Go on from `start` to `end` [s] under these inputs; returns why not, if not."""
         h, origin = self.run.fixed_step, self.origin
         first, last = round(start / h) - origin, round(end / h) - origin
-        arguments = self.scratch, self.tableau, inputs, h, origin, first, last, NEVER, self.state, self.no_samples
+        fixed, rest = (self.scratch, self.tableau, inputs, h, origin), (NEVER, self.state, self.no_samples)
         if inputs is not self._inputs:
-            self._inputs, self._integrate = inputs, direct(integrate, *arguments)
-        self._done = self._integrate(*arguments)
+            far = far_of(self.record)
+            self._inputs, self._integrate = inputs, direct(integrate, *fixed, first, last, far, *rest)
+        self._done = advance(self._integrate, fixed, first, last, rest, self.record)
         return None if self._done == last else self._not_finite()
 
     def saved(self) -> Any:
         """All that `go` changes, for `restore`."""
-        q, qd, work = self.state
-        return q.copy(), qd.copy(), work.copy(), self._done
+        base = self.record.base.saved() if self.record.base is not None else None
+        return *(array.copy() for array in self.state), base, self._done
 
     def restore(self, saved: Any) -> None:
         """Go back to where `saved` was."""
-        *arrays, self._done = saved
+        *arrays, base, self._done = saved
+        if self.record.base is not None:
+            self.record.base.restore(base, self.scratch)
         for array, before in zip(self.state, arrays, strict=True):
             array[:] = before
 
@@ -101,12 +106,14 @@ def pieces(run: RunSettings, record: Record, scratch: Any, state: Arrays, sample
     """
     first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
     fixed = scratch, method(run.method).arrays, record.inputs, run.fixed_step, record.origin
-    go = record.kept("fixed steps", state[0].ndim, lambda: direct(integrate, *fixed, 0, 0, every, state, samples))
-    yield int(go(*fixed, 0, 0, every, state, samples))
+    go = record.kept(
+        "fixed steps", state[0].ndim, lambda: direct(integrate, *fixed, 0, 0, np.inf, every, state, samples)
+    )
+    yield int(go(*fixed, 0, 0, far_of(record), every, state, samples))
     pace = ChunkSize(record.chain.n)
     while first < last:
         stop = min(first + pace.start(), last)
-        done = int(go(*fixed, first, stop, every, state, samples))
+        done = advance(go, fixed, first, stop, (every, state, samples), record)
         due = pace.end()
         if due or done < stop or stop == last:
             yield done

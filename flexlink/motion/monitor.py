@@ -11,6 +11,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array, Indices
 from flexlink.describe.conditions import AUTO, RunSettings
+from flexlink.describe.own_units import in_words
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
@@ -263,12 +264,13 @@ class RunMonitor:
             q, lower, upper = self.record.q[rows, k], chain.hinges["lower"][k], chain.hinges["upper"][k]
             out = np.maximum(lower - q, q - upper) > AT_LIMIT
             if out.any():
-                row, (least, most) = rows.start + int(np.argmax(out)), np.degrees([lower, upper])
-                angle = f"joint {chain.joint_name(int(k))!r} is at {np.degrees(self.record.q[row, k]):.6g}°"
+                row, slides = rows.start + int(np.argmax(out)), bool(chain.slides[k])
+                at, least, most = (in_words(slides, float(part)) for part in (self.record.q[row, k], lower, upper))
                 self._warn(
                     f"limit {k}",
                     row,
-                    f"{angle}, past its limits {least:.6g}° … {most:.6g}°; the model has no end stops",
+                    f"joint {chain.joint_name(int(k))!r} is at {at}, past its limits {least} … {most}; the model has "
+                    "no end stops",
                 )
 
     def _bent(self, row: int, bends: Array) -> str:

@@ -75,7 +75,7 @@ def parametric(scene: Scene, chain: Chain, paths: list[str]) -> tuple[Parametric
 
 
 def _check_known(scene: Scene) -> None:
-    of_drives = {"kind", "torque", "times", "torques", "kp", "kd", "target_deg", "smooth", "hold"}
+    of_drives = {"kind", "torque", "times", "torques", "kp", "kd", "target_deg", "target_m", "smooth", "hold"}
     for name, part, known in (("drive", scene.drive, of_drives), ("wrench", scene.wrench, {"force", "moment"})):
         for field, value in _said(part):
             if field not in known:
@@ -188,9 +188,9 @@ def _numbers(scene: Scene, chain: Chain) -> Numbers:
     if drive.kind in {"constant", "pd"}:
         zero = (0.0,) * len(scene.arm.links)
         torque, kp, kd = (spread(chain, part or zero) for part in (drive.torque, drive.kp, drive.kd))
-        target = np.radians(spread(chain, drive.target_deg or zero))
+        target = spread(chain, scene.joint_targets)
         affine[AFFINE.u], affine[AFFINE.v], affine[AFFINE.w] = torque + kp * target, -kp, -kd
-    start = np.radians([spread(chain, scene.initial.joint_deg), spread(chain, scene.initial.rates)])
+    start = np.array([spread(chain, scene.joint_positions), spread(chain, scene.joint_rates)])
     hinges, couplings = (
         {name: rows[name] for name in fields}
         for rows, fields in ((chain.hinges, names), (chain.couplings, ("stiffness", "damping")))

@@ -14,12 +14,14 @@ from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings, multiples, parts, whole
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import truncated
+from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.inputs.drives import effort_of, held_torques
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.runge_kutta import integrate, stage
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.motion.chunk_size import ChunkSize
+from flexlink.motion.floating_steps import advance
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import LawFailure
 
@@ -48,6 +50,7 @@ class Control:
 
     def __init__(self, law: Law, rate: float | None, problem: InitialValueProblem) -> None:
         run, start, chain, self.law, self.chain = problem.run, problem.start, problem.chain, law, problem.chain
+        self.base = problem.base
         self.effort, self.joints = effort_of(problem.scene, chain), len(chain.active)
         self.limited = bool(np.isfinite(self.effort).any())
         self.sampled, self.origin = rate is not None, round(start / run.fixed_step)
@@ -70,6 +73,8 @@ class Control:
         LawFailure
             It raises, or gives no d finite numbers.
         """
+        if self.base is not None:
+            q, qd = self.base.told_from_start(q, qd)
         try:
             given = np.asarray(self.law(t, q.copy(), qd.copy()))
         except Exception as error:
@@ -99,13 +104,13 @@ class Control:
         LawFailure
             As in `torque`; the samples before that instant are there.
         """
-        last, advance = (run.samples - 1) * run.steps_per_sample, self._sampled if self.sampled else self._continuous
+        last, go = (run.samples - 1) * run.steps_per_sample, self._sampled if self.sampled else self._continuous
         tableau, pace, number = method(run.method).arrays, ChunkSize(record.chain.n), 0
-        yield advance(record, tableau, state, 0, 0)
+        yield go(record, tableau, state, 0, 0)
         while number < last:
             stop = min(number + self.apart, last)
             try:
-                number = advance(record, tableau, state, number, stop)
+                number = go(record, tableau, state, number, stop)
                 if number < stop:
                     yield number
                     return
@@ -123,7 +128,7 @@ class Control:
     ) -> int:
         run, samples = record.run, (record.q, record.qd, record.works)
         fixed = record.scratch, tableau, record.inputs, run.fixed_step, record.origin
-        return int(integrate(*fixed, first, stop, run.steps_per_sample, state, samples))
+        return advance(integrate, fixed, first, stop, (run.steps_per_sample, state, samples), record)
 
     def _continuous(
         self, record: Record, tableau: Tableau, state: tuple[Array, Array, Array], first: int, stop: int
@@ -146,6 +151,8 @@ class Control:
             row, left = divmod(number + 1 - self.origin, run.steps_per_sample)
             if not left:
                 record.q[row], record.qd[row], record.works[row] = q, qd, work[0]
+            if record.base is not None and np.abs(q[ANGLES]).max() > FAR:
+                record.base.turn(row + 1, q, qd, record.scratch)
         return stop
 
     def _spread(self, t: float, q: Array, qd: Array) -> Array:

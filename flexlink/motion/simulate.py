@@ -276,7 +276,7 @@ def starting_from(q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None)
     if q0 is not None:
         changes |= {"initial.passive": None, "initial.q": q0}
     if qd0 is not None:
-        changes |= {"initial.rate_deg": None, "initial.qd": qd0}
+        changes |= {"initial.rate_deg": None, "initial.rate_m": None, "initial.qd": qd0}
     return changes
 
 
@@ -291,7 +291,7 @@ def started_from(scene: Scene, q0: ArrayLike | None, qd0: ArrayLike | None, t0: 
     if isinstance(q0, np.ndarray):
         initial |= {"q": tuple(q0.tolist()), "passive": "zero"}
     if isinstance(qd0, np.ndarray):
-        initial |= {"qd": tuple(qd0.tolist()), "rate_deg": None}
+        initial |= {"qd": tuple(qd0.tolist()), "rate_deg": None, "rate_m": None}
     started: Scene = build_validated(replace, scene, initial=build_validated(replace, scene.initial, **initial))
     return started
 

@@ -119,6 +119,8 @@ class Simulator:
     def state(self) -> State:
         """Time [s], angles [rad] and rates [rad/s], shape (n,); copies."""
         q, qd, *_ = self._steps.state
+        if self._record.base is not None:
+            return State(self._time, *self._record.base.told_from_start(q, qd))
         return State(self._time, q.copy(), qd.copy())
 
     def step(self, tau: ArrayLike | None = None, *, duration: float | None = None) -> State:
@@ -192,7 +194,7 @@ class Simulator:
         """What is wrong with the energy, if anything is."""
         (q, qd, *_, done), record, run = self._steps.state, self._record, self._run
         tip, energy = np.empty((1, 3)), np.empty((3, 1))
-        tips_and_energies(self.chain.arrays, q[None], qd[None], tip, energy)
+        tips_and_energies(self._record.chain.arrays, q[None], qd[None], tip, energy)
         add_spring_energies(self.chain, q[None], energy[2])
         work = done[:1] + (tip - record.tip[0]) @ record.inputs.potential_force
         δ, moved = tolerance_of(run, self.chain, self._steps.deflection), float(np.linalg.norm(tip - record.tip[0]))

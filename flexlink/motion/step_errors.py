@@ -18,8 +18,11 @@ from flexlink.results.record import Record
 
 def step_errors(record: Record, probed: NDArray[np.intp]) -> Array:
     """Distance of the tips after one step of h and after two of h/2 [m], from the samples `probed` of a run."""
-    tips = _tips(*_ends(record, record.scratch, (record.q, record.qd), probed), [record])
-    return np.asarray(tips[0])
+    samples, found = (record.q, record.qd), [np.empty(0)]
+    for part in record.parts(int(probed[0]), int(probed[-1]) + 1) if len(probed) else ():
+        rows = probed[(probed >= part.start) & (probed < part.stop)]
+        found.append(_tips(*_ends(record, record.scratch, samples, rows), [record])[0])
+    return np.concatenate(found)
 
 
 def step_errors_side_by_side(

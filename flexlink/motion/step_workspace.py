@@ -11,6 +11,7 @@ from flexlink.common.memo import Memo
 from flexlink.common.types import Array, Indices
 from flexlink.describe.schemes.methods import Method
 from flexlink.dynamics import rounding
+from flexlink.dynamics.floating_base import FAR
 from flexlink.inputs.drives import gains_of
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
@@ -42,6 +43,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers, new, width = np.zeros(STEPPER.size), np.zeros((3, n)), columns(posture.first)
     numbers[STEPPER.inverse_ω1], numbers[STEPPER.rounding] = 1.0 / slowest, rounding.of_position(chain)
     numbers[STEPPER.max_iterations] = FEW_PASSES if record.run.controlled else of_fixed_step
+    numbers[STEPPER.far] = FAR if chain.has_free_base else 0.0
     springs = Springs(*drive_gains(chain, record.inputs), np.zeros((n, width)), *np.zeros((2, n)))
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error)

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
+from flexlink.describe.own_units import SI, TORQUE
 from flexlink.results.samples import RunSamples
 
 Source = Callable[[Any], Array]
@@ -40,17 +41,19 @@ class Columns(Mapping[str, Array]):
 
 def sources_of(chain: Chain, balanced: bool = True) -> Mapping[str, Source]:
     """Where each column of runs of a chain comes from, in the order of the CSV file; of flexlink's own: `balanced`."""
-    return _sources(chain.joint_names, tuple(chain.active.tolist()), balanced)
+    return _sources(chain.joint_names, tuple(chain.slides.tolist()), tuple(chain.active.tolist()), balanced)
 
 
 @functools.lru_cache(maxsize=64)
-def _sources(joints: tuple[str, ...], active: tuple[int, ...], balanced: bool) -> Mapping[str, Source]:
+def _sources(
+    joints: tuple[str, ...], slides: tuple[bool, ...], active: tuple[int, ...], balanced: bool
+) -> Mapping[str, Source]:
     """Where each column comes from, in the order of the CSV file; runs of one layout share it."""
     return {
         "t [s]": lambda run: run.t,
-        **{f"q {name} [rad]": _of("q", k) for k, name in enumerate(joints)},
-        **{f"qd {name} [rad/s]": _of("qd", k) for k, name in enumerate(joints)},
-        **{f"tau {joints[k]} [N m]": _of("tau", k) for k in active},
+        **{f"q {name} [{SI[slides[k]]}]": _of("q", k) for k, name in enumerate(joints)},
+        **{f"qd {name} [{SI[slides[k]]}/s]": _of("qd", k) for k, name in enumerate(joints)},
+        **{f"tau {joints[k]} [{TORQUE[slides[k]]}]": _of("tau", k) for k in active},
         **{f"tip {axis} [m]": _of("tip", k) for k, axis in enumerate("xyz")},
         "kinetic [J]": lambda run: np.asarray(run.energy.kinetic),
         "gravity [J]": lambda run: np.asarray(run.energy.gravity),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexlink.describe.own_units import in_own
 from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.notebook_figure import NotebookFigure as Figure
 from flexlink.results.pictures.view import view_of_motion
@@ -42,12 +43,29 @@ def plot_trajectory(run: RunSamples) -> Figure:
 
 def active_joints(panel: Axes, run: RunSamples) -> None:
     """Angles of the driven joints."""
-    _angles(panel, run, run.chain.active.tolist(), "active joints [deg]")
+    _coordinates(panel, run, _driven(run, slides=False), "active joints [deg]")
+
+
+def sliding_joints(panel: Axes, run: RunSamples) -> None:
+    """Positions of the driven joints that slide."""
+    _coordinates(panel, run, _driven(run, slides=True), "sliding joints [m]")
 
 
 def passive_joints(panel: Axes, run: RunSamples) -> None:
     """Angles of the hinges."""
-    _angles(panel, run, _hinges(run), "passive joints [deg]")
+    _coordinates(panel, run, _hinges(run, slides=False), "passive joints [deg]")
+
+
+def sliding_springs(panel: Axes, run: RunSamples) -> None:
+    """By how much elastic drives of sliding joints give."""
+    _coordinates(panel, run, _hinges(run, slides=True), "springs of\nsliding joints [m]")
+
+
+def base(panel: Axes, run: RunSamples) -> None:
+    """Place of a free base."""
+    for k, axis in enumerate("xyz"):
+        panel.plot(run.t, run.q[:, k], label=axis)
+    panel.set_ylabel("base, frame 0 [m]")
 
 
 def tip(panel: Axes, run: RunSamples) -> None:
@@ -79,8 +97,11 @@ def imbalance(panel: Axes, run: RunSamples) -> None:
 
 
 PANELS: tuple[tuple[Callable[[Axes, RunSamples], None], Callable[[RunSamples], bool]], ...] = (
-    (active_joints, lambda run: len(run.chain.active) > 0),
-    (passive_joints, lambda run: len(_hinges(run)) > 0),
+    (active_joints, lambda run: bool(_driven(run, slides=False))),
+    (sliding_joints, lambda run: bool(_driven(run, slides=True))),
+    (passive_joints, lambda run: bool(_hinges(run, slides=False))),
+    (sliding_springs, lambda run: bool(_hinges(run, slides=True))),
+    (base, lambda run: run.chain.has_free_base),
     (tip, lambda run: True),
     (exchanged_energy, lambda run: True),
     (elastic_energy, lambda run: bool(run.chain.stiffness.any())),
@@ -116,8 +137,15 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
     return figure
 
 
-def _hinges(run: RunSamples) -> list[int]:
-    return [k for k, c in enumerate(run.chain.coordinates) if c.axis]
+def _driven(run: RunSamples, *, slides: bool) -> list[int]:
+    """Driven joints that turn, or slide."""
+    return [k for k in run.chain.active.tolist() if run.chain.slides[k] == slides]
+
+
+def _hinges(run: RunSamples, *, slides: bool) -> list[int]:
+    """Joints of links that nothing drives, those that turn, or slide."""
+    chain = run.chain
+    return [k for k, c in enumerate(chain.coordinates) if c.link and c.axis and chain.slides[k] == slides]
 
 
 def _since_start(values: ArrayLike) -> NDArray[np.float64]:
@@ -125,10 +153,12 @@ def _since_start(values: ArrayLike) -> NDArray[np.float64]:
     return since
 
 
-def _angles(panel: Axes, run: RunSamples, joints: list[int], label: str) -> None:
+def _coordinates(panel: Axes, run: RunSamples, joints: list[int], label: str) -> None:
+    """Of joints of one kind."""
+    values = in_own(run.chain.slides[joints].tolist(), run.q[:, joints])
     for place, k in enumerate(joints):
         name = run.chain.joint_name(k) if place < LEGEND_ENTRIES else None
-        panel.plot(run.t, np.degrees(run.q[:, k]), label=name, linewidth=1.0)
+        panel.plot(run.t, values[:, place], label=name, linewidth=1.0)
     if len(joints) > LEGEND_ENTRIES:
         label += f"\n(first {LEGEND_ENTRIES} of {len(joints)} named)"
     panel.set_ylabel(label)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,12 @@ from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.dynamics.momentum import Momentum, momentum_of_states
 from flexlink.dynamics.springs import add_spring_energies
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.tools.machine_code import direct
-from flexlink.results.samples import Steps
+from flexlink.results.samples import BaseMotion, Steps
 from flexlink.results.trajectory import Trajectory
 
 
@@ -48,12 +49,24 @@ class Record:
         self.works = np.zeros(len(t))
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.fixed_step)
         self.kept = Kept() if kept is None else kept
+        self.base = problem.base
+        if self.base is not None:
+            self.base.begin()
         self._derive: Callable[..., None] | None = None
 
     @property
     def scratch(self) -> Any:
         """Scratch of the run's solver of forward dynamics."""
         return self.kept("forward dynamics", None, self.problem.workspace)
+
+    def begin(self) -> None:
+        """Tell the first sample of a free base from its own attitude, as the steps from there on are."""
+        if self.base is not None:
+            self.base.turn(0, self.q[0], self.qd[0], self.scratch)
+
+    def parts(self, first: int, stop: int) -> Iterator[slice]:
+        """Samples first … stop − 1, of a free base by the attitude that they are told from."""
+        return iter([slice(first, stop)]) if self.base is None else self.base.parts(first, stop, self.scratch)
 
     @property
     def samples(self) -> tuple[Array, ...]:
@@ -78,10 +91,11 @@ class Record:
         """Tip, energies and drive torques of the samples first … stop − 1."""
         if self._derive is None:
             self.compile()
-        self._derive(self.chain.arrays, self.inputs, first, stop, *self.samples[:-1])  # type: ignore[misc]
+        for part in self.parts(first, stop):
+            self._derive(self.chain.arrays, self.inputs, part.start, part.stop, *self.samples[:-1])  # type: ignore[misc]
+            if len(self.inputs.motion.joints):
+                self._prescribe(part)
         add_spring_energies(self.chain, self.q[first:stop], self.energy[2, first:stop])
-        if len(self.inputs.motion.joints):
-            self._prescribe(slice(first, stop))
 
     def _prescribe(self, rows: slice) -> None:
         t, q, qd, tau = (part[rows] for part in self.samples[:4])
@@ -99,11 +113,21 @@ class Record:
     ) -> Trajectory:
         """The samples before `stop`, read-only; this record must not go on."""
         work = self.work(slice(stop)) if balanced else None
-        for array in (self.q, self.qd, self.tau, self.tip, self.energy):
+        wrench = np.concatenate([self._wrenches(part) for part in self.parts(0, stop)])
+        q, qd, chain, motion = self.q, self.qd, self.chain, None
+        if self.base is not None:
+            parts = [momentum_of_states(chain, q[part], qd[part]) for part in self.parts(0, stop)]
+            momentum = Momentum(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+            q, qd, attitude, spin = self.base.from_the_start(q[:stop], qd[:stop])
+            chain, motion = self.base.original, BaseMotion(attitude, spin, momentum)
+        for array in (q, qd, self.tau, self.tip, self.energy):
             array.setflags(write=False)
-        t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
-        energy, wrench = Energy(*self.energy[:, :stop]), self.inputs.tip_wrenches(t, q, qd)
-        return Trajectory(self.chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, self.problem.scene)
+        t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, q, qd, self.tau, self.tip))
+        energy, scene = Energy(*self.energy[:, :stop]), self.problem.scene
+        return Trajectory(chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, scene, motion)
+
+    def _wrenches(self, rows: slice) -> Array:
+        return self.inputs.tip_wrenches(self.t[rows], self.q[rows], self.qd[rows])
 
 
 def _kept(array: Array, stop: int) -> Array:

@@ -18,6 +18,7 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each
 from flexlink.dynamics.loads import InternalLoads, internal_loads
+from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.terms import Energy
@@ -46,6 +47,17 @@ class State(NamedTuple):
     t: float  # [s]
     q: Array  # (n,) [rad]
     qd: Array  # (n,) [rad/s]
+
+
+class BaseMotion(NamedTuple):
+    """How a free base turned, and what all bodies had of momentum, sample by sample.
+
+    Its place and velocity are the first three coordinates.
+    """
+
+    attitude: Array  # (samples, 4) unit quaternions w, x, y, z: v_0 = R v
+    spin: Array  # (samples, 3) angular velocity, in axes of the base [rad/s]
+    momentum: Momentum
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -78,6 +90,10 @@ class RunSamples(Result):
     scene
         The scene that ran, with the run's own settings: what a chain no longer knows, such as sections. Of a control
         law in Python it knows nothing.
+    base
+        Attitude and angular velocity of a free base; None of a fixed one. Its coordinates in q are its place in frame 0
+        [m] and the angles [rad] about X, Y, Z that turn it from the attitude at the start: where the one about Y comes
+        near 90° their rates grow without bound, and these are exact.
     """
 
     chain: Chain
@@ -92,6 +108,7 @@ class RunSamples(Result):
     steps: Steps | None = None
     tip_wrench: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 6)))  # none: that of no run
     scene: Scene | None = None
+    base: BaseMotion | None = None
 
     def __repr__(self) -> str:
         samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)
@@ -100,6 +117,21 @@ class RunSamples(Result):
         return (
             f"<Trajectory {self.chain.name!r}: {samples} samples, {start:g} … {end:g} s, {self.chain.n} joints{doubts}>"
         )
+
+    @property
+    def momentum_error(self) -> tuple[float, float] | None:
+        """Largest error of the linear [N s] and angular momentum about the centre of mass [N m s] of a free base.
+
+        From the first sample on linear momentum changes by m g t, the other not at all; None where a wrench acts, and
+        of a fixed base.
+        """
+        if self.base is None or self.tip_wrench.any() or not len(self.t):
+            return None
+        momentum, weight = self.base.momentum, self.chain.mass * self.chain.gravity
+        fallen = np.multiply.outer(self.t - self.t[0], weight)
+        parts = momentum.linear - momentum.linear[0] - fallen, momentum.spin - momentum.spin[0]
+        linear, angular = (float(np.linalg.norm(part, axis=1).max()) for part in parts)
+        return linear, angular
 
     @functools.cached_property
     def notes(self) -> tuple[str, ...]:

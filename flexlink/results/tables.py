@@ -24,7 +24,9 @@ def to_xarray(run: RunSamples) -> Any:
         "kinetic": run.energy.kinetic, "gravity": run.energy.gravity, "elastic": run.energy.elastic,
         **({} if run.work is None else {"work": run.work, "imbalance": run.imbalance}),
     }  # fmt: skip
-    per_joint = {"q": (run.q, "rad"), "qd": (run.qd, "rad/s"), "tau": (run.tau, "N m")}
+    mixed = bool(run.chain.slides.any())
+    units = ("rad or m", "rad/s or m/s", "N m or N") if mixed else ("rad", "rad/s", "N m")
+    per_joint = dict(zip(("q", "qd", "tau"), zip((run.q, run.qd, run.tau), units, strict=True), strict=True))
     return _package("xarray").Dataset(
         {
             **{name: (("time", "joint"), values, {"units": unit}) for name, (values, unit) in per_joint.items()},
@@ -33,6 +35,7 @@ def to_xarray(run: RunSamples) -> Any:
         },
         coords={
             "time": ("time", run.t, {"units": "s"}), "joint": list(run.chain.joint_names), "axis": list("xyz"),
+            **({"unit": ("joint", list(run.chain.joint_units))} if mixed else {}),
         },
         attrs={"name": run.chain.name, "warnings": "\n".join(run.warnings)},
     )  # fmt: skip

@@ -23,7 +23,7 @@ def clamped_frequency(scene: Scene, link: str) -> float:
     number = scene.arm.number(link)
     q = np.zeros(chain.n)
     joints = [chain.coordinate(k).link - 1 for k in chain.active]
-    q[chain.active] = np.radians(np.array(scene.initial.joint_deg)[joints])
+    q[chain.active] = scene.joint_positions[joints]
     others = [k for k in range(chain.n) if chain.coordinate(k).link != number or chain.coordinate(k).axis == 0]
     return float(natural_frequencies(chain, q, locked=others)[0] / (2 * np.pi))
 

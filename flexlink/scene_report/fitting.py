@@ -19,6 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
+from flexlink.describe.own_units import UNIT
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from flexlink.motion.simulate import simulate
@@ -35,13 +36,18 @@ class Tried(NamedTuple):
 
     @property
     def is_angle(self) -> bool:
-        """Whether it is an angle [deg], of which any may be zero; all others are positive."""
-        return self.path.startswith("initial.joint_deg")
+        """Whether it is a start [deg, m], of which any may be zero; all others are positive."""
+        return self.path.startswith("initial.joint_")
+
+    @property
+    def sign(self) -> str:
+        """Unit of a start, as it follows its number."""
+        return " m" if self.path.startswith("initial.joint_m") else "°"
 
     @property
     def unit(self) -> float:
         """The size of a large change."""
-        return 1.0 if self.is_angle else self.value
+        return (0.01 if self.sign == " m" else 1.0) if self.is_angle else self.value
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,7 +97,7 @@ def numbers_of(scene: Scene) -> Iterator[Tried]:
             yield Tried(f"{of}.loss_time", f"damping of {name}", material.loss_time)
     if arm.tip.mass:
         yield Tried("tip.mass", "payload", arm.tip.mass)
-    for number, (link, start) in enumerate(zip(arm.links, scene.initial.joint_deg, strict=True), 1):
+    for number, (link, start) in enumerate(zip(arm.links, scene.starts, strict=True), 1):
         joint = link.joint
         for key, what in (("gear_stiffness", "gear's stiffness"), ("viscous", "friction"), ("armature", "rotor")):
             value = getattr(joint, key)
@@ -102,7 +108,7 @@ def numbers_of(scene: Scene) -> Iterator[Tried]:
             and scene.initial.q is None
             and not any(m.link in (number, link.name) for m in scene.motion)
         ):
-            yield Tried(f"initial.joint_deg.{number}", f"start of {link.name}", start)
+            yield Tried(f"initial.joint_{UNIT[joint.slides]}.{number}", f"start of {link.name}", start)
 
 
 def quoted(name: str) -> str:

@@ -199,7 +199,7 @@ class FirstOrder:
 
 def _hermite(motion: fl.PrescribedMotion) -> OfTime:
     """Angle, rate and acceleration [rad, s] of a prescribed joint: quintic pieces, then on at the last rate."""
-    table = np.radians([motion.angle_deg, motion.rate_deg, motion.acceleration_deg]).T
+    table = np.radians(motion.columns).T
     end, (angle, rate, _) = motion.times[-1], table[-1]
     pieces = BPoly.from_derivatives(motion.times, table) if len(motion.times) > 1 else None
     slopes = [] if pieces is None else [pieces, pieces.derivative(1), pieces.derivative(2)]

@@ -22,7 +22,7 @@ def of_angles(scene: Scene) -> Iterator[str]:
             ("drive.reference.from_deg", reference.from_deg or ()),
         ]
     for motion in scene.motion:
-        angles += [(f"motion.{motion.link}.angle_deg", motion.angle_deg)]
+        angles += [(f"motion.{motion.link}.angle_deg", motion.angle_deg or ())]
     for k, link in enumerate(arm.links, 1):
         path = arm.path(k)
         angles += [

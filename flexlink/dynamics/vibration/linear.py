@@ -22,6 +22,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
 from flexlink.describe.conditions import Frame
+from flexlink.describe.own_units import TORQUE
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.placement import jacobian, tip_position
@@ -161,9 +162,10 @@ def linearize(
         u=np.where(given_motion, 0.0, tau[driven]),
         y=np.concatenate(values),
         rate=np.concatenate([qd, forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)]),
-        states=_of_joints(chain, range(n), "q {} [rad]") + _of_joints(chain, range(n), "qd {} [rad/s]"),
+        states=_of_joints(chain, range(n), "q {} [{}]") + _of_joints(chain, range(n), "qd {} [{}/s]"),
         inputs=tuple(
-            f"{'qdd' if motion else 'tau'} {chain.joint_name(int(k))} {'[rad/s²]' if motion else '[N m]'}"
+            f"{'qdd' if motion else 'tau'} {chain.joint_name(int(k))} "
+            f"[{f'{chain.joint_units[k]}/s²' if motion else TORQUE[bool(chain.slides[k])]}]"
             for k, motion in zip(driven, given_motion, strict=True)
         ),
         outputs=sum(names, ()),
@@ -178,7 +180,7 @@ def _names(outputs: object) -> list[str]:
 
 
 def _of_joints(chain: Chain, joints: Sequence[int] | NDArray[np.intp], pattern: str) -> tuple[str, ...]:
-    return tuple(pattern.format(chain.joint_name(int(k))) for k in joints)
+    return tuple(pattern.format(chain.joint_name(int(k)), chain.joint_units[k]) for k in joints)
 
 
 def _tip(chain: Chain, q: Array, qd: Array) -> Output:
@@ -202,17 +204,17 @@ def _tip_rate(chain: Chain, q: Array, qd: Array) -> Output:
 
 def _joints(chain: Chain, q: Array, qd: Array) -> Output:
     pick = np.eye(chain.n)[chain.active]
-    return _of_joints(chain, chain.active, "q {} [rad]"), q[chain.active], pick, np.zeros_like(pick)
+    return _of_joints(chain, chain.active, "q {} [{}]"), q[chain.active], pick, np.zeros_like(pick)
 
 
 def _joint_rates(chain: Chain, q: Array, qd: Array) -> Output:
     pick = np.eye(chain.n)[chain.active]
-    return _of_joints(chain, chain.active, "qd {} [rad/s]"), qd[chain.active], np.zeros_like(pick), pick
+    return _of_joints(chain, chain.active, "qd {} [{}/s]"), qd[chain.active], np.zeros_like(pick), pick
 
 
 def _state(chain: Chain, q: Array, qd: Array) -> Output:
     every, unit = range(chain.n), np.eye(2 * chain.n)
-    names = _of_joints(chain, every, "q {} [rad]") + _of_joints(chain, every, "qd {} [rad/s]")
+    names = _of_joints(chain, every, "q {} [{}]") + _of_joints(chain, every, "qd {} [{}/s]")
     return names, np.concatenate([q, qd]), unit[:, : chain.n], unit[:, chain.n :]
 
 

@@ -3,6 +3,8 @@
 Row 0 is that of the base; a body's is its `fork`, and of one with which a branch begins its `slot` (`layout`).
 """
 
+import numpy as np
+
 from flexlink.kernels.tools.compiler import kernel
 
 
@@ -14,3 +16,25 @@ def rows_of_forks(bodies):
         if bodies[i].begins:
             rows = max(rows, 1 + bodies[i].slot)
     return rows
+
+
+@kernel
+def loaded_body(bodies):
+    """Number of the one on which the tip wrench acts."""
+    found = len(bodies) - 1
+    for i in range(len(bodies)):
+        if bodies[i].loaded:
+            found = i
+    return found
+
+
+@kernel
+def path_to(bodies, last):
+    """Numbers of the bodies on the path from the base to one, itself included."""
+    path, number = np.full(len(bodies), -1), last + 1
+    first = len(path)
+    while number > 0:
+        first -= 1
+        path[first] = number - 1
+        number = bodies[number - 1].parent
+    return path[first:].copy()

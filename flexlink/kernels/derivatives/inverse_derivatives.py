@@ -11,6 +11,10 @@ hinge point p_j) before hinge j, a material point x beyond it is asked for the f
     along q̇_j       δa_j = 0            δω_j = e_j          η_j = 2 ω × e_j
     along q̈_j       δa_j = 0            δω_j = 0            η_j = e_j
 
+A hinge that slides takes them along as they are, the wrench with them:
+
+    along q_j       δa = α × e_j + ω × (ω × e_j)            along q̇_j       δa = 2 ω × e_j            along q̈_j       δa = e_j
+
 What all bodies beyond hinge i demand for it at p_i, with u = v_x − v_i and ρ = x − p_i, follows from their composite
 
     m       s = Σ m ρ       I = Σ m (ρ·ρ 1 − ρ ρᵀ)       P = Σ m u       G = Σ m u ρᵀ
@@ -23,13 +27,19 @@ and so do the slopes of the torques outward of the joint that moves, j ≤ i, an
                                                       n* = δn_i − δm_i − d_i × δF_i + e_i × n_i
 
 with f_i, n_i the force and moment that hinge i transmits; a rate turns nothing, its inner slopes lack the last terms. A
-follower wrench turns with the arm: δF = δm = 0. Eight joints j go side by side (`lanes`).
+follower wrench turns with the arm: δF = δm = 0. Of a hinge that slides the torque is e·f in place of e·n, and its own
+slide shifts what it transmits, f* = δf_i, n* = δn_i + e_i × f_i. Eight joints j go side by side (`lanes`), as if all
+turned; the few that slide are then written over.
+
+A joint moves nothing but what is beyond it, on the same path from the base: other slopes are 0.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.bodies.branches import rows_of_forks
+from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite
 from flexlink.kernels.tools.lanes import LANES, at, put_at, put_eight, put_vec_of, vec_of
@@ -62,11 +72,15 @@ from flexlink.kernels.tools.vec3 import (
     vector,
 )
 
-HINGE_MOTION = numbered("e:3 p:3 v:3 δa:3 η:3 δω:3 δF:3 δm:3")
-"""Numbers of a hinge: e, p, v, then what a turn of it asks for."""
-BODY_MOTION = numbered("r:3 mc:3 ω:3 F:3 N:3 I:6 p:3 v:3")
-"""Numbers of a body: r from the body before, m c, ω, force and moment that its motion takes, I about the hinge point,
-and p and v of this point."""
+HINGE_MOTION = numbered("e:3 p:3 v:3 δa:3 η:3 δω:3 δF:3 δm:3 δv:3")
+"""Numbers of a hinge: e, p, v, then what a turn of it asks for. Of one that slides: δa, and δv = ω × e, the others 0."""
+BODY_MOTION = numbered("r:3 u:3 mc:3 ω:3 F:3 N:3 I:6 p:3 v:3")
+"""Numbers of a body: r from the body that it hangs on and u = dr/dt, m c, ω, force and moment that its motion takes, I
+about the hinge point, and p and v of this point."""
+STATE = numbered("x:3 y:3 z:3 p:3 v:3 ω:3 α:3 a:3")
+"""What branches go on from: axes, hinge point, motion."""
+COMPOSITE = numbered("m s:3 I:6 P:3 G:9 f:3 n:3 d:3 loaded")
+"""What they bring: their composite, f, n and d, and 1 with the wrench, which is d from there."""
 
 
 class MotionWork(NamedTuple):
@@ -74,6 +88,8 @@ class MotionWork(NamedTuple):
 
     hinges: Any  # (⌈n/8⌉, HINGE, 8)
     bodies: Any  # (bodies, BODY)
+    slides: Any  # numbers of the hinges that slide
+    forks: Any  # (rows, COMPOSITE) outward the state, inward the composites
 
 
 class InverseDerivativesWork(NamedTuple):
@@ -91,7 +107,24 @@ class InverseDerivativesWork(NamedTuple):
 def motion_workspace(chain):
     """Scratch of `outward` for a chain."""
     blocks = -(-len(chain.hinges) // LANES)
-    return MotionWork(np.zeros((blocks, HINGE_MOTION.size, LANES)), np.empty((len(chain.bodies), BODY_MOTION.size)))
+    return MotionWork(
+        np.zeros((blocks, HINGE_MOTION.size, LANES)), np.empty((len(chain.bodies), BODY_MOTION.size)),
+        sliding_hinges(chain.hinges), np.empty((rows_of_forks(chain.bodies), COMPOSITE.size)),
+    )  # fmt: skip
+
+
+@kernel
+def sliding_hinges(hinges):
+    """Numbers of those that slide, ascending."""
+    count = 0
+    for k in range(len(hinges)):
+        count += hinges[k].axis >= SLIDES
+    found, count = np.empty(count, np.int64), 0
+    for k in range(len(hinges)):
+        if hinges[k].axis >= SLIDES:
+            found[count] = k
+            count += 1
+    return found
 
 
 @kernel
@@ -130,6 +163,9 @@ def inverse_derivatives(chain, wrench, q, qd, qdd, found, work):
     keep_slopes(work.by_angle, work.by_angle_inner, found[0])
     keep_slopes(work.by_rate, work.by_rate_inner, found[1])
     keep_slopes(work.by_acceleration, work.by_acceleration, found[2])
+    if len(work.motion.forks) > 0:
+        for variable in range(3):
+            part_branches(chain.bodies, found[variable])
     return are_finite(found)
 
 
@@ -141,6 +177,20 @@ def keep_slopes(outer, inner, found):
     for i in range(len(found)):
         for j in range(i):
             found[j, i] = inner[j // LANES, i, j % LANES]
+
+
+@recursion
+def part_branches(bodies, slopes):
+    """Put 0 where two joints are not on one path from the base."""
+    for i in range(len(bodies)):
+        number = i + 1
+        while number > 0:
+            before = bodies[number - 1].parent
+            stop = bodies[before - 1].stop if before > 0 else 0
+            for j in range(stop, bodies[number - 1].first):
+                for k in range(bodies[i].first, bodies[i].stop):
+                    slopes[k, j] = slopes[j, k] = 0.0
+            number = before
 
 
 @recursion
@@ -172,17 +222,30 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
     x, y, z = X, Y, Z
     p = v = ω = α = ZERO
     a = scale(-1.0, vector(chain.gravity))
+    f_tip, n_tip = force, moment
+    if len(work.forks) > 0:
+        keep_state(work.forks, 0, x, y, z, p, v, ω, α, a)
     for i in range(len(chain.bodies)):
         b = chain.bodies[i]
+        if b.begins:
+            x, y, z, p, v, ω, α, a = kept_state(work.forks, b.slot)
         r = place(vector(b.translation), x, y, z)
         u = cross(ω, r)
         p, v, a = add(p, r), add(v, u), add(a, add(cross(α, r), cross(ω, u)))
-        if solved is not None:
-            a = vec_of(solved, i, 3)
         if b.turned:
             x, y, z = place_axes(b.rotation, x, y, z)
+        if body_slides(chain.hinges, b):
+            slid, w = sum_along(chain.hinges, b, q, x, y, z), sum_along(chain.hinges, b, qd, x, y, z)
+            t = add(cross(ω, slid), w)
+            r, u, p, v = add(r, slid), add(u, t), add(p, slid), add(v, t)
+            a = add(add(a, sum_along(chain.hinges, b, qdd, x, y, z)), add(cross(α, slid), cross(ω, add(t, w))))
+        if solved is not None:
+            a = vec_of(solved, i, 3)
         for k in range(b.first, b.stop):
             axis = chain.hinges[k].axis
+            if axis >= SLIDES:
+                put_slide(work.hinges, k, pick(axis - SLIDES, x, y, z), p, v, ω, α)
+                continue
             e = pick(axis, x, y, z)
             δω = cross(ω, e)
             put_of_hinge(work.hinges, k, HINGE_MOTION.e, e)
@@ -202,6 +265,7 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
         mc = scale(b.mass, center)
         I = sym_add(sym_from_axes(x, y, z, symmetric(b.inertia)), point_inertia(b.mass, center))
         put_vec_of(rows, r, i, BODY_MOTION.r)
+        put_vec_of(rows, u, i, BODY_MOTION.u)
         put_vec_of(rows, p, i, BODY_MOTION.p)
         put_vec_of(rows, v, i, BODY_MOTION.v)
         put_vec_of(rows, mc, i, BODY_MOTION.mc)
@@ -210,9 +274,64 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
         put_vec_of(rows, add(cross(mc, a), add(sym_apply(I, α), cross(ω, sym_apply(I, ω)))), i, BODY_MOTION.N)
         put_vec_of(rows, (I[0], I[1], I[2]), i, BODY_MOTION.I)
         put_vec_of(rows, (I[3], I[4], I[5]), i, BODY_MOTION.I + 3)
-    if follower:
-        return place(force, x, y, z), place(moment, x, y, z)
-    return force, moment
+        if b.fork > 0:
+            keep_state(work.forks, b.fork, x, y, z, p, v, ω, α, a)
+        if b.loaded and follower:
+            f_tip, n_tip = place(force, x, y, z), place(moment, x, y, z)
+    return f_tip, n_tip
+
+
+@recursion
+def keep_state(forks, row, x, y, z, p, v, ω, α, a):
+    """Keep what branches go on from."""
+    put_vec_of(forks, x, row, STATE.x)
+    put_vec_of(forks, y, row, STATE.y)
+    put_vec_of(forks, z, row, STATE.z)
+    put_vec_of(forks, p, row, STATE.p)
+    put_vec_of(forks, v, row, STATE.v)
+    put_vec_of(forks, ω, row, STATE.ω)
+    put_vec_of(forks, α, row, STATE.α)
+    put_vec_of(forks, a, row, STATE.a)
+
+
+@recursion
+def kept_state(forks, row):
+    """Read it."""
+    return (
+        vec_of(forks, row, STATE.x), vec_of(forks, row, STATE.y), vec_of(forks, row, STATE.z),
+        vec_of(forks, row, STATE.p), vec_of(forks, row, STATE.v), vec_of(forks, row, STATE.ω),
+        vec_of(forks, row, STATE.α), vec_of(forks, row, STATE.a),
+    )  # fmt: skip
+
+
+@inlined
+def body_slides(hinges, body):
+    """Whether the hinges of a body slide."""
+    return body.first < body.stop and hinges[body.first].axis >= SLIDES
+
+
+@recursion
+def sum_along(hinges, body, q, x, y, z):
+    """Σ e q of the hinges of a body that slides."""
+    total = ZERO
+    for k in range(body.first, body.stop):
+        total = add_scaled(total, q[k], pick(hinges[k].axis - SLIDES, x, y, z))
+    return total
+
+
+@recursion
+def put_slide(rows, k, e, p, v, ω, α):
+    """Numbers of a hinge that slides."""
+    δv = cross(ω, e)
+    put_of_hinge(rows, k, HINGE_MOTION.e, e)
+    put_of_hinge(rows, k, HINGE_MOTION.p, p)
+    put_of_hinge(rows, k, HINGE_MOTION.v, v)
+    put_of_hinge(rows, k, HINGE_MOTION.δa, add(cross(α, e), cross(ω, δv)))
+    put_of_hinge(rows, k, HINGE_MOTION.η, ZERO)
+    put_of_hinge(rows, k, HINGE_MOTION.δω, ZERO)
+    put_of_hinge(rows, k, HINGE_MOTION.δF, ZERO)
+    put_of_hinge(rows, k, HINGE_MOTION.δm, ZERO)
+    put_of_hinge(rows, k, HINGE_MOTION.δv, δv)
 
 
 @inlined
@@ -261,13 +380,19 @@ def own_spin(ω, I):
 
 @recursion
 def inward(chain, force, moment, work):
-    """Composites from the tip on, and with each hinge its row of slopes."""
-    rows = work.motion.bodies
+    """Composites from the tips on, and with each hinge its row of slopes."""
+    rows, forks = work.motion.bodies, work.motion.forks
+    clear(forks)
     m, s, I, P, G = 0.0, ZERO, ZERO6, ZERO, (ZERO, ZERO, ZERO)
-    f, n, d = scale(-1.0, force), scale(-1.0, moment), ZERO
+    f = n = d = ZERO
+    loaded = 0.0
     for i in range(len(chain.bodies) - 1, -1, -1):
         b, mc, ω = chain.bodies[i], vec_of(rows, i, BODY_MOTION.mc), vec_of(rows, i, BODY_MOTION.ω)
         r = vec_of(rows, i, BODY_MOTION.r)
+        if b.fork > 0:
+            m, s, I, P, G, f, n, d, loaded = with_branches(forks, b.fork, m, s, I, P, G, f, n, d, loaded)
+        if b.loaded:
+            f, n, d, loaded = scale(-1.0, force), scale(-1.0, moment), ZERO, 1.0
         low, high = vec_of(rows, i, BODY_MOTION.I), vec_of(rows, i, BODY_MOTION.I + 3)
         own = (low[0], low[1], low[2], high[0], high[1], high[2])
         turned = own_spin(ω, own)
@@ -275,42 +400,101 @@ def inward(chain, force, moment, work):
         G = add(G[0], turned[0]), add(G[1], turned[1]), add(G[2], turned[2])
         f, n = add(f, vec_of(rows, i, BODY_MOTION.F)), add(n, vec_of(rows, i, BODY_MOTION.N))
         for k in range(b.stop - 1, b.first - 1, -1):
-            derivatives_of_hinge(k, m, s, I, P, G, f, n, d, work)
+            derivatives_of_hinge(k, chain.hinges[k].axis >= SLIDES, m, s, I, P, G, f, n, d, loaded, work)
             work.by_acceleration[k // LANES, k, k % LANES] += chain.hinges[k].armature
-        if i > 0:
-            u = cross(vec_of(rows, i - 1, BODY_MOTION.ω), r)
+        if b.parent > 0:
+            u = vec_of(rows, i, BODY_MOTION.u)
             t = add_scaled(s, m, r)
             G, P = add_dyad(add_dyad(G, P, r), u, t), add_scaled(P, m, u)
             I, s = sym_add(I, sym_add(product_inertia(s, r), point_inertia(m, r))), t
-            n, d = add(n, cross(r, f)), add(d, r)
+            n, d = add(n, cross(r, f)), add_scaled(d, loaded, r)
+        if b.begins:
+            add_branch(forks, b.slot, m, s, I, P, G, f, n, d, loaded)
+            m, s, I, P, G, loaded = 0.0, ZERO, ZERO6, ZERO, (ZERO, ZERO, ZERO), 0.0
+            f = n = d = ZERO
 
 
 @recursion
-def derivatives_of_hinge(i, m, s, I, P, G, f, n, d, work):
+def clear(forks):
+    """Nothing has been brought yet."""
+    for row in range(len(forks)):
+        for k in range(forks.shape[1]):
+            forks[row, k] = 0.0
+
+
+@recursion
+def with_branches(forks, row, m, s, I, P, G, f, n, d, loaded):
+    """A composite with those of branches."""
+    low, high = vec_of(forks, row, COMPOSITE.I), vec_of(forks, row, COMPOSITE.I + 3)
+    return (
+        m + forks[row, COMPOSITE.m], add(s, vec_of(forks, row, COMPOSITE.s)),
+        sym_add(I, (low[0], low[1], low[2], high[0], high[1], high[2])),
+        add(P, vec_of(forks, row, COMPOSITE.P)),
+        (
+            add(G[0], vec_of(forks, row, COMPOSITE.G)), add(G[1], vec_of(forks, row, COMPOSITE.G + 3)),
+            add(G[2], vec_of(forks, row, COMPOSITE.G + 6)),
+        ),
+        add(f, vec_of(forks, row, COMPOSITE.f)), add(n, vec_of(forks, row, COMPOSITE.n)),
+        add(d, vec_of(forks, row, COMPOSITE.d)), loaded + forks[row, COMPOSITE.loaded],
+    )  # fmt: skip
+
+
+@recursion
+def add_branch(forks, row, m, s, I, P, G, f, n, d, loaded):
+    """Add the composite of a branch."""
+    m, s, I, P, G, f, n, d, loaded = with_branches(forks, row, m, s, I, P, G, f, n, d, loaded)
+    forks[row, COMPOSITE.m], forks[row, COMPOSITE.loaded] = m, loaded
+    put_vec_of(forks, s, row, COMPOSITE.s)
+    put_vec_of(forks, (I[0], I[1], I[2]), row, COMPOSITE.I)
+    put_vec_of(forks, (I[3], I[4], I[5]), row, COMPOSITE.I + 3)
+    put_vec_of(forks, P, row, COMPOSITE.P)
+    for column in range(3):
+        put_vec_of(forks, G[column], row, COMPOSITE.G + 3 * column)
+    put_vec_of(forks, f, row, COMPOSITE.f)
+    put_vec_of(forks, n, row, COMPOSITE.n)
+    put_vec_of(forks, d, row, COMPOSITE.d)
+
+
+@recursion
+def derivatives_of_hinge(i, slides, m, s, I, P, G, f, n, d, loaded, work):
     """Rows of hinge i, whose composite this is."""
     hinges = work.motion.hinges
     e, p = of_hinge(hinges, i, HINGE_MOTION.e), of_hinge(hinges, i, HINGE_MOTION.p)
     v = of_hinge(hinges, i, HINGE_MOTION.v)
     δa, η = of_hinge(hinges, i, HINGE_MOTION.δa), of_hinge(hinges, i, HINGE_MOTION.η)
     δω = of_hinge(hinges, i, HINGE_MOTION.δω)
-    δF, δm = of_hinge(hinges, i, HINGE_MOTION.δF), of_hinge(hinges, i, HINGE_MOTION.δm)
-    # e·δn for any δa, η, δω, δF
-    by_a, by_η, by_ω, by_F = cross(e, s), sym_apply(I, e), spin_transposed(G, e), cross(e, d)
+    δF = scale(loaded, of_hinge(hinges, i, HINGE_MOTION.δF))
+    δm = scale(loaded, of_hinge(hinges, i, HINGE_MOTION.δm))
+    # e·δn, or e·δf, for any δa, η, δω, δm, δF
+    by_a, by_η, by_ω = cross(e, s), sym_apply(I, e), spin_transposed(G, e)
+    by_m, by_F = scale(loaded, e), scale(loaded, cross(e, d))
     f_q = sub(add(add(scale(m, δa), cross(η, s)), add(scale(2.0, cross(δω, P)), cross(e, f))), δF)
     n_q = add(add(cross(s, δa), sym_apply(I, η)), add(spin(G, δω), cross(e, n)))
     n_q = sub(n_q, add(δm, cross(d, δF)))
     f_qd = scale(2.0, add(cross(δω, s), cross(e, P)))
     n_qd = add(scale(2.0, sym_apply(I, δω)), spin(G, e))
+    if slides:
+        by_a, by_η, by_ω, by_m, by_F = scale(m, e), cross(s, e), scale(2.0, cross(P, e)), ZERO, by_m
+        f_q, n_q = scale(m, δa), add(cross(s, δa), cross(e, f))
+        δa_qd = scale(2.0, of_hinge(hinges, i, HINGE_MOTION.δv))
+        f_qd, n_qd = scale(m, δa_qd), cross(s, δa_qd)
     for b in range(i // LANES + 1):
         e_j, δω_j = vec_of(hinges, b, HINGE_MOTION.e), vec_of(hinges, b, HINGE_MOTION.δω)
         Δp, Δv = sub(p, vec_of(hinges, b, HINGE_MOTION.p)), sub(v, vec_of(hinges, b, HINGE_MOTION.v))
         by_η_j, by_ω_j = add(by_η, cross(Δp, by_a)), add(by_ω, scale(2.0, cross(Δv, by_a)))
         δa_j, η_j = vec_of(hinges, b, HINGE_MOTION.δa), vec_of(hinges, b, HINGE_MOTION.η)
         outer = dot(by_a, δa_j) + dot(by_η_j, η_j) + dot(by_ω_j, δω_j)
-        outer -= dot(e, vec_of(hinges, b, HINGE_MOTION.δm)) + dot(by_F, vec_of(hinges, b, HINGE_MOTION.δF))
+        outer -= dot(by_m, vec_of(hinges, b, HINGE_MOTION.δm)) + dot(by_F, vec_of(hinges, b, HINGE_MOTION.δF))
         lever = cross(e_j, Δp)
         put_at(work.by_angle, outer, b, i)
         put_at(work.by_angle_inner, dot(e_j, n_q) + dot(lever, f_q), b, i)
         put_at(work.by_rate, 2.0 * dot(by_η_j, δω_j) + dot(by_ω_j, e_j), b, i)
         put_at(work.by_rate_inner, dot(e_j, n_qd) + dot(lever, f_qd), b, i)
         put_at(work.by_acceleration, dot(by_η_j, e_j), b, i)
+    for number in range(len(work.motion.slides)):
+        j = work.motion.slides[number]
+        if j <= i:
+            b, lane = j // LANES, j % LANES
+            e_j, δv_j = of_hinge(hinges, j, HINGE_MOTION.e), of_hinge(hinges, j, HINGE_MOTION.δv)
+            work.by_angle_inner[b, i, lane], work.by_rate_inner[b, i, lane] = dot(e_j, f_q), dot(e_j, f_qd)
+            work.by_rate[b, i, lane], work.by_acceleration[b, i, lane] = 2.0 * dot(by_a, δv_j), dot(by_a, e_j)

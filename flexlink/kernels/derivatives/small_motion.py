@@ -3,7 +3,7 @@
 K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇. What a hinge that moves by x_k asks of all bodies beyond it is that of
 `inverse_derivatives`, seen from them and added up along the chain:
 
-    y ← y + j_k x_k         y = (δa, δφ, η, δω)         δa ← δa + η × r + 2 δω × (ω × r)        from body to body
+    y ← y + j_k x_k         y = (δa, δφ, η, δω)         δa ← δa + η × r + 2 δω × ṙ              from body to body
     j_k = along q_k + λ along q̇_k + λ² along q̈_k
 
 Force and moment at a hinge point are linear in the y there, (f, n) = A y + b, with whatever the hinges beyond do. So
@@ -13,6 +13,9 @@ from the tip on, as articulated bodies (Featherstone 2008, chapter 7), with A an
     hinge       c = A j + (e × f, e × n)      p = e·A                 D = κ + w p·j        κ = k + λ d + λ² armature
                 A ← A − c w pᵀ / D            b ← b + c (r − w e·b) / D
     outward     x = (r − w (e·b + p·y)) / D                           row by row  κ x + w (e·n) = r
+
+A hinge that slides has e·f in place of e·n, and turns nothing that it transmits but shifts it: (0, e × f). Branches add
+up their A and b where they begin, and go on from the y there.
 
 w scales a row's part of the loads. D are the pivots of an elimination from the tip on: of a symmetric matrix as many
 are negative as eigenvalues are (Sylvester). Hinges with too small a pivot are not eliminated, their x is given.
@@ -35,6 +38,8 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
     own_spin,
     spin,
 )
+from flexlink.kernels.bodies.branches import rows_of_forks
+from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
@@ -58,6 +63,7 @@ class SmallMotion(NamedTuple):
     hinges: Any  # (n, HINGE)
     demands: Any  # (bodies, 6) scratch
     A: Any  # (12, 6) scratch
+    forks: Any  # (rows, 12, 6) scratch: A of what branches bring, or y, or force and moment
     size: Any  # (1,) how many numbers of y can differ from 0
     given: Any  # (n,) bool: not eliminated
 
@@ -68,7 +74,8 @@ def small_motion(chain):
     n, m = len(chain.hinges), len(chain.bodies)
     return SmallMotion(
         chain, motion_workspace(chain), np.zeros((2, 3)), np.zeros(1, np.bool_), np.zeros((n, HINGE.size)),
-        np.empty((m, 6)), np.empty((12, 6)), np.zeros(1, np.int64), np.zeros(n, np.bool_),
+        np.empty((m, 6)), np.empty((12, 6)), np.empty((rows_of_forks(chain.bodies), 12, 6)), np.zeros(1, np.int64),
+        np.zeros(n, np.bool_),
     )  # fmt: skip
 
 
@@ -77,22 +84,54 @@ def place(work, wrench, follower, q, qd):
     """Angles and constant rates (n,); wrench (6,) in frame 0, or, a follower, in axes of the tip frame."""
     chain, motion, rows = work.chain, work.motion, work.hinges
     force, moment = outward(chain, wrench, follower, q, qd, np.zeros(len(q)), None, motion)
-    f, t = scale(-1.0, force), scale(-1.0, moment)
+    f = t = ZERO
+    clear_loads(work.forks)
     for i in range(len(chain.bodies) - 1, -1, -1):
+        b = chain.bodies[i]
+        if b.fork > 0:
+            f, t = with_loads(work.forks, b.fork, f, t)
+        if b.loaded:
+            f, t = scale(-1.0, force), scale(-1.0, moment)
         f = add(f, vec_of(motion.bodies, i, BODY_MOTION.F))
         t = add(t, vec_of(motion.bodies, i, BODY_MOTION.N))
-        for k in range(chain.bodies[i].first, chain.bodies[i].stop):
+        for k in range(b.first, b.stop):
             e = of_hinge(motion.hinges, k, HINGE_MOTION.e)
             put_vec_of(rows, e, k, HINGE.e)
-            put_vec_of(rows, cross(e, f), k, HINGE.moved)
-            put_vec_of(rows, cross(e, t), k, HINGE.moved + 3)
+            slides = chain.hinges[k].axis >= SLIDES
+            put_vec_of(rows, ZERO if slides else cross(e, f), k, HINGE.moved)
+            put_vec_of(rows, cross(e, f if slides else t), k, HINGE.moved + 3)
         t = add(t, cross(vec_of(motion.bodies, i, BODY_MOTION.r), f))
+        if b.begins:
+            f, t = add_loads(work.forks, b.slot, f, t)
     dead = 0.0 if follower else 1.0
     put_vec_of(work.tip, scale(dead, force), 0, 0)
     put_vec_of(work.tip, scale(dead, moment), 1, 0)
     work.moving[0] = False
     for k in range(len(qd)):
         work.moving[0] = work.moving[0] or qd[k] != 0.0
+
+
+@recursion
+def clear_loads(forks):
+    """No branch has brought force and moment yet."""
+    for row in range(len(forks)):
+        for k in range(6):
+            forks[row, 0, k] = 0.0
+
+
+@recursion
+def with_loads(forks, row, f, n):
+    """Force and moment with those of branches."""
+    return add(f, vec_of(forks[row], 0, 0)), add(n, vec_of(forks[row], 0, 3))
+
+
+@recursion
+def add_loads(forks, row, f, n):
+    """Add those of a branch; returns those with which the next one begins at its tip."""
+    f, n = with_loads(forks, row, f, n)
+    put_vec_of(forks[row], f, 0, 0)
+    put_vec_of(forks[row], n, 0, 3)
+    return ZERO, ZERO
 
 
 @recursion
@@ -107,6 +146,12 @@ def weigh(work, by_angle, by_rate, by_acceleration):
         put_vec_of(rows, scale(by_angle, e), k, HINGE.j + PARTS.δφ)
         put_vec_of(rows, η, k, HINGE.j + PARTS.η)
         put_vec_of(rows, add_scaled(scale(by_angle, δω), by_rate, e), k, HINGE.j + PARTS.δω)
+    for number in range(len(work.motion.slides)):
+        k = work.motion.slides[number]
+        δa = add_scaled(scale(by_angle, of_hinge(motion, k, HINGE_MOTION.δa)), by_acceleration, vec_of(rows, k, HINGE.e))
+        put_vec_of(rows, add_scaled(δa, 2.0 * by_rate, of_hinge(motion, k, HINGE_MOTION.δv)), k, HINGE.j + PARTS.δa)
+        for column in range(PARTS.δφ, PARTS.size):
+            rows[k, HINGE.j + column] = 0.0
     work.size[0] = PARTS.size if work.moving[0] else PARTS.δω if by_acceleration != 0.0 else PARTS.η
 
 
@@ -120,28 +165,63 @@ def factor(work, weights, κ, w, sizes, smallest):
     weigh(work, weights[0], weights[1], weights[2])
     rows, bodies, A, given, size = work.hinges, work.motion.bodies, work.A, work.given, work.size[0]
     negative = 0
-    begin_at_tip(work.tip, A)
+    begin(work)
     for i in range(len(bodies) - 1, -1, -1):
-        add_body(bodies, work.chain.bodies[i].mass, i, size, A)
-        for k in range(work.chain.bodies[i].stop - 1, work.chain.bodies[i].first - 1, -1):
-            D = κ[k] + w[k] * demand(rows, k, size, weights[0], A)
+        b = work.chain.bodies[i]
+        if b.fork > 0:
+            add_matrix(work.forks[b.fork], A)
+        if b.loaded:
+            begin_at_tip(work.tip, A)
+        add_body(bodies, b.mass, i, size, A)
+        for k in range(b.stop - 1, b.first - 1, -1):
+            D = κ[k] + w[k] * demand(rows, k, felt(work.chain.hinges, k), size, weights[0], A)
             rows[k, HINGE.D], rows[k, HINGE.w] = D, w[k]
             if given[k] or not abs(D) > smallest * sizes[k]:
                 given[k] = True
             else:
                 negative += not D > 0.0
                 eliminate(rows, k, size, w[k] / D, A)
-        if i > 0:
+        if b.parent > 0:
             move_columns(bodies, i, size, A)
+        if b.begins:
+            add_matrix(A, work.forks[b.slot])
+            clear_matrix(A)
     return negative
 
 
 @recursion
-def begin_at_tip(tip, A):
-    """A of the tip: a wrench that keeps its direction turns against the arm."""
+def begin(work):
+    """A of the last tip, and of what branches have brought so far."""
+    clear_matrix(work.A)
+    for row in range(len(work.forks)):
+        clear_matrix(work.forks[row])
+
+
+@recursion
+def clear_matrix(A):
+    """A ← 0."""
     for column in range(PARTS.size):
         for i in range(6):
             A[column, i] = 0.0
+
+
+@recursion
+def add_matrix(B, A):
+    """A ← A + B."""
+    for column in range(PARTS.size):
+        for i in range(6):
+            A[column, i] += B[column, i]
+
+
+@inlined
+def felt(hinges, k):
+    """Where the part that a hinge feels begins in force and moment (6,): that of force if it slides."""
+    return 0 if hinges[k].axis >= SLIDES else 3
+
+
+@recursion
+def begin_at_tip(tip, A):
+    """A of the loaded tip: a wrench that keeps its direction turns against the arm."""
     for column in range(3):
         put_vec_of(A, cross(UNITS[column], vec_of(tip, 0, 0)), PARTS.δφ + column, 0)
         put_vec_of(A, cross(UNITS[column], vec_of(tip, 1, 0)), PARTS.δφ + column, 3)
@@ -190,9 +270,8 @@ def add_column(A, column, f, n):
 
 @recursion
 def move_columns(bodies, i, size, A):
-    """A at the hinge point of the body before i."""
-    r, ω = vec_of(bodies, i, BODY_MOTION.r), vec_of(bodies, i - 1, BODY_MOTION.ω)
-    u = scale(2.0, cross(ω, r))
+    """A at the hinge point of the body that i hangs on."""
+    r, u = vec_of(bodies, i, BODY_MOTION.r), scale(2.0, vec_of(bodies, i, BODY_MOTION.u))
     for column in range(3):
         if size > PARTS.η:
             add_combined(A, PARTS.η + column, cross(UNITS[column], r))
@@ -210,13 +289,13 @@ def add_combined(A, column, δa):
 
 
 @recursion
-def demand(rows, k, size, by_angle, A):
-    """c and p of hinge k, into its row, and p·j."""
+def demand(rows, k, part, size, by_angle, A):
+    """c and p of hinge k, which feels such a `part`, into its row, and p·j."""
     e, total = vec_of(rows, k, HINGE.e), 0.0
     for i in range(6):
         rows[k, HINGE.c + i] = by_angle * rows[k, HINGE.moved + i]
     for column in range(size):
-        j, p = rows[k, HINGE.j + column], dot(e, vec_of(A, column, 3))
+        j, p = rows[k, HINGE.j + column], dot(e, vec_of(A, column, part))
         rows[k, HINGE.p + column] = p
         total += p * j
         for i in range(6):
@@ -249,9 +328,13 @@ def load(work, r, x):
     """b from the tip on; T = (r − w e·b) / D into x, e·b of given hinges into their rows."""
     rows, bodies, given = work.hinges, work.motion.bodies, work.given
     f = n = ZERO
+    clear_loads(work.forks)
     for i in range(len(bodies) - 1, -1, -1):
-        for k in range(work.chain.bodies[i].stop - 1, work.chain.bodies[i].first - 1, -1):
-            eb = dot(vec_of(rows, k, HINGE.e), n)
+        b = work.chain.bodies[i]
+        if b.fork > 0:
+            f, n = with_loads(work.forks, b.fork, f, n)
+        for k in range(b.stop - 1, b.first - 1, -1):
+            eb = dot(vec_of(rows, k, HINGE.e), n if felt(work.chain.hinges, k) else f)
             if given[k]:
                 rows[k, HINGE.eb] = eb
             else:
@@ -259,18 +342,38 @@ def load(work, r, x):
             f = add_scaled(f, x[k], vec_of(rows, k, HINGE.c))
             n = add_scaled(n, x[k], vec_of(rows, k, HINGE.c + 3))
         n = add(n, cross(vec_of(bodies, i, BODY_MOTION.r), f))
+        if b.begins:
+            f, n = add_loads(work.forks, b.slot, f, n)
+
+
+@recursion
+def keep_motion(forks, row, δa, δφ, η, δω):
+    """Keep the y that branches go on from."""
+    put_vec_of(forks[row], δa, 0, 0)
+    put_vec_of(forks[row], δφ, 0, 3)
+    put_vec_of(forks[row], η, 1, 0)
+    put_vec_of(forks[row], δω, 1, 3)
+
+
+@recursion
+def kept_motion(forks, row):
+    """Read it."""
+    return vec_of(forks[row], 0, 0), vec_of(forks[row], 0, 3), vec_of(forks[row], 1, 0), vec_of(forks[row], 1, 3)
 
 
 @recursion
 def move(work, x, left):
     """x = T − w p·y / D, and y with it."""
     rows, bodies, given, size = work.hinges, work.motion.bodies, work.given, work.size[0]
-    δa = δφ = η = δω = ω = ZERO
+    δa = δφ = η = δω = ZERO
+    if len(work.forks) > 0:
+        keep_motion(work.forks, 0, δa, δφ, η, δω)
     for i in range(len(bodies)):
-        r = vec_of(bodies, i, BODY_MOTION.r)
-        δa = add(δa, add(cross(η, r), scale(2.0, cross(δω, cross(ω, r)))))
-        ω = vec_of(bodies, i, BODY_MOTION.ω)
-        for k in range(work.chain.bodies[i].first, work.chain.bodies[i].stop):
+        b = work.chain.bodies[i]
+        if b.begins:
+            δa, δφ, η, δω = kept_motion(work.forks, b.slot)
+        δa = carried(bodies, i, δa, η, δω)
+        for k in range(b.first, b.stop):
             py = dot(vec_of(rows, k, HINGE.p + PARTS.δa), δa) + dot(vec_of(rows, k, HINGE.p + PARTS.δφ), δφ)
             if size > PARTS.η:
                 py += dot(vec_of(rows, k, HINGE.p + PARTS.η), η)
@@ -285,6 +388,15 @@ def move(work, x, left):
             δφ = add_scaled(δφ, x[k], vec_of(rows, k, HINGE.j + PARTS.δφ))
             η = add_scaled(η, x[k], vec_of(rows, k, HINGE.j + PARTS.η))
             δω = add_scaled(δω, x[k], vec_of(rows, k, HINGE.j + PARTS.δω))
+        if b.fork > 0:
+            keep_motion(work.forks, b.fork, δa, δφ, η, δω)
+
+
+@inlined
+def carried(bodies, i, δa, η, δω):
+    """δa at the hinge point of body i, from that of the body that it hangs on."""
+    r, u = vec_of(bodies, i, BODY_MOTION.r), vec_of(bodies, i, BODY_MOTION.u)
+    return add(δa, add(cross(η, r), scale(2.0, cross(δω, u))))
 
 
 @kernel
@@ -306,35 +418,46 @@ def mass_products(chain, q, x, product):
 
 @recursion
 def ask(work, x):
-    """What every body asks for, with the turned wrench in that of the last."""
+    """What every body asks for, with the turned wrench in that of the loaded one."""
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
-    δa = δφ = η = δω = ω = ZERO
+    δa = δφ = η = δω = ZERO
+    if len(work.forks) > 0:
+        keep_motion(work.forks, 0, δa, δφ, η, δω)
     for i in range(len(bodies)):
-        r = vec_of(bodies, i, BODY_MOTION.r)
-        δa = add(δa, add(cross(η, r), scale(2.0, cross(δω, cross(ω, r)))))
-        ω = vec_of(bodies, i, BODY_MOTION.ω)
-        for k in range(work.chain.bodies[i].first, work.chain.bodies[i].stop):
+        b = work.chain.bodies[i]
+        if b.begins:
+            δa, δφ, η, δω = kept_motion(work.forks, b.slot)
+        δa = carried(bodies, i, δa, η, δω)
+        for k in range(b.first, b.stop):
             δa = add_scaled(δa, x[k], vec_of(rows, k, HINGE.j + PARTS.δa))
             δφ = add_scaled(δφ, x[k], vec_of(rows, k, HINGE.j + PARTS.δφ))
             η = add_scaled(η, x[k], vec_of(rows, k, HINGE.j + PARTS.η))
             δω = add_scaled(δω, x[k], vec_of(rows, k, HINGE.j + PARTS.δω))
-        f, n = by_acceleration(bodies, work.chain.bodies[i].mass, i, δa)
+        f, n = by_acceleration(bodies, b.mass, i, δa)
         of_η, of_δω = by_turning(bodies, i, η), by_spin(bodies, i, δω)
         put_vec_of(demands, add(f, add(of_η[0], of_δω[0])), i, 0)
         put_vec_of(demands, add(n, add(of_η[1], of_δω[1])), i, 3)
-    last = len(bodies) - 1
-    add_column(demands, last, cross(δφ, vec_of(work.tip, 0, 0)), cross(δφ, vec_of(work.tip, 1, 0)))
+        if b.loaded:
+            add_column(demands, i, cross(δφ, vec_of(work.tip, 0, 0)), cross(δφ, vec_of(work.tip, 1, 0)))
+        if b.fork > 0:
+            keep_motion(work.forks, b.fork, δa, δφ, η, δω)
 
 
 @recursion
 def answer(work, by_angle, κ, x, product):
-    """Forces and moments from the tip on, and of every hinge κ x + e·n."""
+    """Forces and moments from the tips on, and of every hinge κ x + e·n."""
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
     f = n = ZERO
+    clear_loads(work.forks)
     for i in range(len(bodies) - 1, -1, -1):
+        b = work.chain.bodies[i]
+        if b.fork > 0:
+            f, n = with_loads(work.forks, b.fork, f, n)
         f, n = add(f, vec_of(demands, i, 0)), add(n, vec_of(demands, i, 3))
-        for k in range(work.chain.bodies[i].stop - 1, work.chain.bodies[i].first - 1, -1):
-            product[k] = κ[k] * x[k] + dot(vec_of(rows, k, HINGE.e), n)
+        for k in range(b.stop - 1, b.first - 1, -1):
+            product[k] = κ[k] * x[k] + dot(vec_of(rows, k, HINGE.e), n if felt(work.chain.hinges, k) else f)
             f = add_scaled(f, by_angle * x[k], vec_of(rows, k, HINGE.moved))
             n = add_scaled(n, by_angle * x[k], vec_of(rows, k, HINGE.moved + 3))
         n = add(n, cross(vec_of(bodies, i, BODY_MOTION.r), f))
+        if b.begins:
+            f, n = add_loads(work.forks, b.slot, f, n)

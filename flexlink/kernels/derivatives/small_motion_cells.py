@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.bodies.branches import rows_of_forks
 from flexlink.kernels.bodies.couplings import cells_of
 from flexlink.kernels.derivatives.inverse_derivatives import BODY_MOTION, motion_workspace
 from flexlink.kernels.derivatives.small_motion import (
@@ -28,11 +29,21 @@ from flexlink.kernels.derivatives.small_motion import (
     UNITS,
     SmallMotion,
     add_body,
+    add_loads,
+    add_matrix,
+    begin,
     begin_at_tip,
+    carried,
+    clear_loads,
+    clear_matrix,
     demand,
     eliminate,
+    felt,
+    keep_motion,
+    kept_motion,
     move_columns,
     weigh,
+    with_loads,
 )
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
@@ -61,7 +72,8 @@ def small_motion_in_cells(chain):
         w = max(w, k - first[k] + 1)
     whole = SmallMotion(
         chain, motion_workspace(chain), np.zeros((2, 3)), np.zeros(1, np.bool_), np.zeros((n, HINGE.size)),
-        np.empty((m, 6)), np.empty((12, 6)), np.zeros(1, np.int64), np.zeros(n, np.bool_),
+        np.empty((m, 6)), np.empty((12, 6)), np.empty((rows_of_forks(chain.bodies), 12, 6)), np.zeros(1, np.int64),
+        np.zeros(n, np.bool_),
     )  # fmt: skip
     return SmallMotionInCells(
         whole, first, np.zeros((n, w)), np.zeros((n, w)), np.zeros((w, 6)), np.zeros((w, PARTS.size)),
@@ -77,10 +89,15 @@ def factor_in_cells(cells, weights, κ, w, sizes, smallest):
     put_couplings(cells, weights)
     rows, bodies, A, given, size = work.hinges, work.motion.bodies, work.A, work.given, work.size[0]
     negative = open_ = 0
-    begin_at_tip(work.tip, A)
+    begin(work)
     for i in range(len(bodies) - 1, -1, -1):
-        add_body(bodies, work.chain.bodies[i].mass, i, size, A)
-        for k in range(work.chain.bodies[i].stop - 1, work.chain.bodies[i].first - 1, -1):
+        b = work.chain.bodies[i]
+        if b.fork > 0:
+            add_matrix(work.forks[b.fork], A)
+        if b.loaded:
+            begin_at_tip(work.tip, A)
+        add_body(bodies, b.mass, i, size, A)
+        for k in range(b.stop - 1, b.first - 1, -1):
             open_ = k - first[k]
             if k + 1 == len(rows) or first[k + 1] != first[k]:
                 open_cell(cells, κ, k)
@@ -92,9 +109,12 @@ def factor_in_cells(cells, weights, κ, w, sizes, smallest):
                 negative += not D > 0.0
                 eliminate(rows, k, size, 1.0 / D, A)
                 eliminate_in_cell(cells, k, size)
-        if i > 0:
+        if b.parent > 0:
             move_columns(bodies, i, size, A)
             move_open(cells, i, size, open_)
+        if b.begins:  # no cell is open here: the hinges of one are in a row
+            add_matrix(A, work.forks[b.slot])
+            clear_matrix(A)
     return negative
 
 
@@ -128,15 +148,15 @@ def open_cell(cells, κ, last):
 def demand_in_cell(cells, k, size, by_angle, w):
     """c and p of hinge k, into its row, L and U; returns D."""
     rows, G, q, κ, own = cells.whole.hinges, cells.G, cells.q, cells.κ, k - cells.first[k]
-    e = vec_of(rows, k, HINGE.e)
-    D = κ[own, own] + w * (demand(rows, k, size, by_angle, cells.whole.A) + dot(e, vec_of(G, own, 3)))
+    e, part = vec_of(rows, k, HINGE.e), felt(cells.whole.chain.hinges, k)
+    D = κ[own, own] + w * (demand(rows, k, part, size, by_angle, cells.whole.A) + dot(e, vec_of(G, own, part)))
     for i in range(6):
         rows[k, HINGE.c + i] += G[own, i]
     for column in range(size):
         D += q[own, column] * rows[k, HINGE.j + column]
         rows[k, HINGE.p + column] = w * rows[k, HINGE.p + column] + q[own, column]
     for j in range(own):
-        cells.L[k, j] = κ[own, j] + w * dot(e, vec_of(G, j, 3))
+        cells.L[k, j] = κ[own, j] + w * dot(e, vec_of(G, j, part))
         cells.U[k, j] = κ[j, own]
         for column in range(size):
             cells.U[k, j] += q[j, column] * rows[k, HINGE.j + column]
@@ -159,10 +179,9 @@ def eliminate_in_cell(cells, k, size):
 
 @recursion
 def move_open(cells, i, size, count):
-    """The first `count` open rows and columns at the hinge point of the body before i."""
+    """The first `count` open rows and columns at the hinge point of the body that i hangs on."""
     bodies, G, q = cells.whole.motion.bodies, cells.G, cells.q
-    r, ω = vec_of(bodies, i, BODY_MOTION.r), vec_of(bodies, i - 1, BODY_MOTION.ω)
-    u = scale(2.0, cross(ω, r))
+    r, u = vec_of(bodies, i, BODY_MOTION.r), scale(2.0, vec_of(bodies, i, BODY_MOTION.u))
     for j in range(count):
         by_a = vec_of(q, j, PARTS.δa)
         for column in range(3):
@@ -189,9 +208,14 @@ def load_in_cells(cells, r, x):
     for k in range(len(known)):
         known[k] = 0.0
     f = n = ZERO
+    clear_loads(work.forks)
     for i in range(len(bodies) - 1, -1, -1):
-        for k in range(work.chain.bodies[i].stop - 1, work.chain.bodies[i].first - 1, -1):
-            known[k] += rows[k, HINGE.w] * dot(vec_of(rows, k, HINGE.e), n)
+        b = work.chain.bodies[i]
+        if b.fork > 0:
+            f, n = with_loads(work.forks, b.fork, f, n)
+        for k in range(b.stop - 1, b.first - 1, -1):
+            eb = dot(vec_of(rows, k, HINGE.e), n if felt(work.chain.hinges, k) else f)
+            known[k] += rows[k, HINGE.w] * eb
             if not work.given[k]:
                 x[k] = (r[k] - known[k]) / rows[k, HINGE.D]
             for j in range(first[k], k):
@@ -199,6 +223,8 @@ def load_in_cells(cells, r, x):
             f = add_scaled(f, x[k], vec_of(rows, k, HINGE.c))
             n = add_scaled(n, x[k], vec_of(rows, k, HINGE.c + 3))
         n = add(n, cross(vec_of(bodies, i, BODY_MOTION.r), f))
+        if b.begins:
+            f, n = add_loads(work.forks, b.slot, f, n)
 
 
 @recursion
@@ -206,12 +232,15 @@ def move_in_cells(cells, x, left):
     """x = T − (p·y + Σ_j L_j x_j) / D, and y with it."""
     work, first = cells.whole, cells.first
     rows, bodies, size = work.hinges, work.motion.bodies, work.size[0]
-    δa = δφ = η = δω = ω = ZERO
+    δa = δφ = η = δω = ZERO
+    if len(work.forks) > 0:
+        keep_motion(work.forks, 0, δa, δφ, η, δω)
     for i in range(len(bodies)):
-        r = vec_of(bodies, i, BODY_MOTION.r)
-        δa = add(δa, add(cross(η, r), scale(2.0, cross(δω, cross(ω, r)))))
-        ω = vec_of(bodies, i, BODY_MOTION.ω)
-        for k in range(work.chain.bodies[i].first, work.chain.bodies[i].stop):
+        b = work.chain.bodies[i]
+        if b.begins:
+            δa, δφ, η, δω = kept_motion(work.forks, b.slot)
+        δa = carried(bodies, i, δa, η, δω)
+        for k in range(b.first, b.stop):
             pull = asked(rows, k, size, δa, δφ, η, δω)
             for j in range(first[k], k):
                 pull += cells.L[k, j - first[k]] * x[j]
@@ -223,6 +252,8 @@ def move_in_cells(cells, x, left):
             δφ = add_scaled(δφ, x[k], vec_of(rows, k, HINGE.j + PARTS.δφ))
             η = add_scaled(η, x[k], vec_of(rows, k, HINGE.j + PARTS.η))
             δω = add_scaled(δω, x[k], vec_of(rows, k, HINGE.j + PARTS.δω))
+        if b.fork > 0:
+            keep_motion(work.forks, b.fork, δa, δφ, η, δω)
 
 
 @inlined

@@ -11,8 +11,9 @@ import numpy as np
 from flexlink.kernels.bodies.couplings import add_couplings
 from flexlink.kernels.bodies.rne import rne, rne_workspace
 from flexlink.kernels.bodies.rotation_springs import add_excess, rotation_springs
-from flexlink.kernels.derivatives.load_derivatives import add_load_stiffness
+from flexlink.kernels.derivatives.load_derivatives import add_load_stiffness, arm_length
 from flexlink.kernels.derivatives.rotation_tangent import add_tangent, rotation_tangent
+from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.vec3 import vector
 
@@ -24,12 +25,16 @@ def follow_equilibria(chain, held, free, angles, q, postures):
     Returns how many were found: up to where Newton's method fails, bends by more than it should, or finds an
     equilibrium that would not stay.
     """
-    most, far, shrinks, small = 30, 0.1, 0.1, 1e-11  # corrections; rad; of the last one; rad
+    most, far, shrinks, small = 30, 0.1, 0.1, 1e-11  # corrections; rad, or of the arm's length; of the last one; rad
     n, f = len(q), len(free)
     zero, none, torque, x, work = np.zeros(n), np.zeros(6), np.zeros(n), np.zeros(f), rne_workspace(chain)
     springs = rotation_springs(chain.bodies, chain.hinges, chain.couplings)
     tangent = rotation_tangent(springs)
     K, L, known = np.zeros((n, n)), np.zeros((f, f)), False
+    sizes, length = np.ones(f), arm_length(chain.bodies)
+    for i in range(f):
+        if chain.hinges[free[i]].axis >= SLIDES:
+            sizes[i] = length
     for row in range(len(angles)):
         for j in range(len(held)):
             q[held[j]] = angles[row, j]
@@ -55,7 +60,7 @@ def follow_equilibria(chain, held, free, angles, q, postures):
             for i in range(f):
                 hinge = chain.hinges[free[i]]
                 x[i] = torque[free[i]] + hinge.stiffness * (q[free[i]] - hinge.rest)
-            size = solve_block(L, x)
+            size = solve_block(L, x, sizes)
             moved += size
             if not moved < far:
                 return row
@@ -97,8 +102,8 @@ def factor_block(K, free, L):
 
 
 @recursion
-def solve_block(L, x):
-    """x ← (L Lᵀ)⁻¹ x; returns the largest |x_i|, nan if one is."""
+def solve_block(L, x, sizes):
+    """x ← (L Lᵀ)⁻¹ x; returns the largest |x_i| / sizes_i, nan if one is."""
     for i in range(len(x)):
         for k in range(i):
             x[i] -= L[i, k] * x[k]
@@ -108,5 +113,5 @@ def solve_block(L, x):
         for k in range(i + 1, len(x)):
             x[i] -= L[k, i] * x[k]
         x[i] /= L[i, i]
-        size = max(size, abs(x[i])) + (x[i] - x[i])
+        size = max(size, abs(x[i]) / sizes[i]) + (x[i] - x[i])
     return size

@@ -58,6 +58,7 @@ class WrenchTable(NamedTuple):
     knots: Array  # (m,) [s]
     coefficients: Array  # (m, order + 1, 6) [N / s^j, N m / s^j]
     chain: ChainArrays  # at whose tip it acts
+    path: Indices  # bodies from the base to that tip
 
 
 class GivenWrench(NamedTuple):

@@ -2,13 +2,14 @@
 
 A constant force has a potential. One that changes, or turns with the tip, has none: its power is
 
-    f·ṗ = f · Σ ω_i × r_i
+    f·ṗ = f · Σ (ω_i × r_i + e_k q̇_k)            along the path to the tip, e_k of hinges that slide
 """
 
 from numba import types
 from numba.extending import overload
 
 from flexlink.kernels.inputs.references import locate
+from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import INLINED, entry, kernel, recursion
 from flexlink.kernels.tools.lanes import vec
 from flexlink.kernels.tools.vec3 import (
@@ -24,6 +25,7 @@ from flexlink.kernels.tools.vec3 import (
     pick,
     place,
     place_axes,
+    scale,
     turn_axes,
     vector,
 )
@@ -50,13 +52,17 @@ def put_acting(table, t, middle, q, qd, wrench):
     bodies, hinges = table.chain.bodies, table.chain.hinges
     x, y, z = X, Y, Z  # columns of R
     ω = v = ZERO
-    for i in range(len(bodies)):
-        b = bodies[i]
+    for number in range(len(table.path)):
+        b = bodies[table.path[number]]
         v = add(v, cross(ω, place(vector(b.translation), x, y, z)))
         if b.turned:
             x, y, z = place_axes(b.rotation, x, y, z)
         for k in range(b.first, b.stop):
             axis = hinges[k].axis
+            if axis >= SLIDES:
+                e = pick(axis - SLIDES, x, y, z)
+                v = add(v, add_scaled(scale(qd[k], e), q[k], cross(ω, e)))
+                continue
             ω = add_scaled(ω, qd[k], pick(axis, x, y, z))
             c, s = cos_sin(q[k])
             x, y, z = turn_axes(axis, c, s, x, y, z)

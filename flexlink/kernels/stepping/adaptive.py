@@ -22,11 +22,12 @@ from flexlink.kernels.stepping.embedded import EmbeddedWork, embedded_step
 from flexlink.kernels.stepping.error_norm import deflection_norm
 from flexlink.kernels.stepping.implicit import between_stages, implicit_step
 from flexlink.kernels.stepping.implicit_layout import ImplicitWork
+from flexlink.kernels.stepping.runge_kutta import base_angle
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
 from flexlink.kernels.tools.compiler import RECURSION, entry, inlined, recursion
 from flexlink.kernels.tools.numbered import numbered
 
-OUTCOME = numbered("goes_on ended stuck")  # of `advance`
+OUTCOME = numbered("goes_on ended stuck turned")  # of `advance`; a free base has turned far
 SAFETY, SHRINK = 0.9, 1 / 8  # of what the error allows; of h, at most
 NEARLY = 1.01  # steps up to the next knot that are taken in one
 AT_THE_END = 1e-9  # part of a step that is no time between its ends
@@ -101,6 +102,8 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
                 sample_at_step(inputs.drive, end, end, state[0], state[1], tau)
                 return OUTCOME.ended
             begin(end, inputs, state, tau, forward)
+        if stepper[STEPPER.far] > 0.0 and base_angle(state[0]) > stepper[STEPPER.far]:
+            return OUTCOME.turned
     return OUTCOME.goes_on
 
 

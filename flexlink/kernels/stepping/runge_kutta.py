@@ -9,13 +9,14 @@ The work of all that has no potential, P = q̇·(T_EX − T_FR) + m·ω, and + f
 W ← W + h Σ b_i P_i
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
-from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import at, put_at
 
@@ -40,12 +41,14 @@ def step_workspace(tableau, q):
 
 
 @kernel
-def integrate(work, tableau, inputs, h, origin, first, last, every, state, samples):
+def integrate(work, tableau, inputs, h, origin, first, last, far, every, state, samples):
     """Advance the state q, q̇ (n,) and W (1,) in place from step number `first` to `last`, with scratch of a solver.
+
+    Where the base is free and has turned by more than `far` [rad], inf if it is fixed, it stops early.
 
     Steps are counted from the start of the run, where t = origin · h. Every `every`-th state since then goes to its row
     of `samples`: q, q̇ (rows, n) and W (rows,). Returns the number of the last step whose q and q̇ are finite; if that
-    is not `last`, the state is the first that is not.
+    is not `last`, the state is the first that is not, unless the base has turned.
     With scratch of eight chains side by side all states are (…, 8), and the first chain that leaves the finite
     numbers stops all.
     """
@@ -63,8 +66,22 @@ def integrate(work, tableau, inputs, h, origin, first, last, every, state, sampl
                 put_at(qs, at(q, k), row, k)
                 put_at(qds, at(qd, k), row, k)
             put_at(works, at(done, 0), row)
+        if q.ndim == 1 and has_turned(q, far):  # arms side by side have fixed bases
+            return number + 1
     ask_at(inputs, h, origin + last, state, stages)
     return last
+
+
+@inlined
+def has_turned(q, far):
+    """Whether a free base has turned by more than `far`; of a fixed one that is inf."""
+    return far < math.inf and base_angle(q) > far
+
+
+@recursion
+def base_angle(q):
+    """The largest of the three angles of a free base [rad]."""
+    return max(abs(q[3]), abs(q[4]), abs(q[5]))
 
 
 @kernel

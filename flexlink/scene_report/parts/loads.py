@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexlink.describe.own_units import TORQUE
 from flexlink.pages.colours import CYCLE
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
@@ -30,8 +31,11 @@ def made(study: Study) -> Part:
     peaks = np.abs(run.tau).max(axis=0)
     driven = [int(k) for k in chain.active if peaks[k] > 0]
     if driven:
-        most = max(driven, key=lambda k: peaks[k])
-        sentences.insert(1, f"Largest drive torque: {number(float(peaks[most]))} N m at {chain.joint_name(most)}.")
+        for word, slides in (("force", True), ("torque", False)):
+            most = max((k for k in driven if chain.slides[k] == slides), key=lambda k: peaks[k], default=None)
+            if most is not None:
+                told = f"{number(float(peaks[most]))} {TORQUE[slides]} at {chain.joint_name(most)}"
+                sentences.insert(1, f"Largest drive {word}: {told}.")
     facts = _stress(run)
     sentences[1:1] = [f"{fact.label}: {fact.value}." for fact in facts]
     return Part(tuple(sentences), facts=facts, pictures=(_picture(study, driven),), tables=(_table(study),))
@@ -60,6 +64,8 @@ def _cuts(study: Study) -> list[int]:
 def _table(study: Study) -> Table:
     chain, loads = study.chain, study.run.loads
     heads = ("location", "tension [N]", "compression [N]", "shear [N]", "torque [N m]", "bending [N m]", "drive [N m]")
+    if chain.slides.any():
+        heads = (*heads[:-1], "drive [N m; N]")
     moving = [k for k in range(len(chain.bodies) - 1) if chain.bodies["stop"][k] > chain.bodies["first"][k]]
     lines: list[tuple[Cell, ...]] = []
     for body in moving:
@@ -85,10 +91,10 @@ def _picture(study: Study, driven: list[int]) -> Picture:
         axes[0].plot(run.t, columns[name], color=CYCLE[place % len(CYCLE)], label=label)
     axes[0].set_ylabel("bending [N m]")
     for place, k in enumerate(driven):
-        columns[f"drive {chain.joint_name(k)} [N m]"] = run.tau[:, k]
+        columns[f"drive {chain.joint_name(k)} [{TORQUE[bool(chain.slides[k])]}]"] = run.tau[:, k]
         label = chain.joint_name(k) if place < NAMED_CURVES else None
         axes[1].plot(run.t, run.tau[:, k], color=CYCLE[place % len(CYCLE)], label=label)
-        axes[1].set_ylabel("drive [N m]")
+        axes[1].set_ylabel(f"drive [{'; '.join(sorted({TORQUE[bool(chain.slides[k])] for k in driven}))}]")
     for panel in axes:
         legend_over(panel)
     axes[-1].set_xlabel("time [s]")

@@ -88,8 +88,8 @@ def _value(fit: Fit) -> str:
 
 
 def _change(fit: Fit) -> str:
-    """By how much the best value differs: in per cent, or of an angle in degrees."""
-    by, spread, unit = fit.value - fit.number.value, fit.spread, "°"
+    """By how much the best value differs: in per cent, or of a start in degrees or metres."""
+    by, spread, unit = fit.value - fit.number.value, fit.spread, fit.number.sign
     if not fit.number.is_angle:
         by, spread, unit = 100 * by / fit.number.value, 100 * spread / abs(fit.number.value), " %"
     return f"{by:+.3g} ± {number(spread, 2)}{unit}".replace("-", "−")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from flexlink.describe.arm import Link
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.own_units import in_own
 from flexlink.describe.plausibility.hints import hints
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import frames
@@ -39,9 +39,7 @@ def made(study: Study) -> Part:
     remarks = [f"Look at {hint}." for hint in hints(scene)]
     remarks += [f"Note: {note}." for note in (*defaults(scene), *notes(scene))]
     sentences = (*((scene.about + ".",) if scene.about else ()), size, f"{gravity} {drive}", *remarks)
-    tables = [_links(study), _joints(study)]
-    if springs:
-        tables.append(_springs(study))
+    tables = [_links(study), *_joints(study), *_springs(study)]
     return Part(sentences, pictures=(_drawing(study),), tables=tuple(tables), files={"scene.toml": scene.to_toml()})
 
 
@@ -67,7 +65,7 @@ def _links(study: Study) -> Table:
     return Table("links", "Links", heads, tuple(lines))
 
 
-def _joints(study: Study) -> Table:
+def _joints(study: Study) -> Iterator[Table]:
     heads = (
         "joint",
         "start [deg]",
@@ -76,29 +74,42 @@ def _joints(study: Study) -> Table:
         "dry friction [N m]",
         "rotor inertia [kg m²]",
     )
-    starts = study.scene.initial.joint_deg
-    lines = tuple(_joint(link, start) for link, start in zip(study.scene.arm.links, starts, strict=True))
-    return Table("joints", "Joints", heads, lines)
+    arm, starts = study.scene.arm, study.scene.starts
+    sliding = (
+        "start [m]", "limits [m]", "viscous friction [N s/m]", "dry friction [N]", "rotor [kg]",
+    )  # fmt: skip
+    kinds = [("joints", "Joints", heads, False), ("sliding", "Joints that slide", (heads[0], *sliding), True)]
+    for key, title, columns, slides in kinds:
+        links = [(link, start) for link, start in zip(arm.links, starts, strict=True) if link.joint.slides == slides]
+        if links:
+            yield Table(key, title, columns, tuple(_joint(link, start) for link, start in links))
 
 
 def _joint(link: Link, start: float) -> tuple[Cell, ...]:
     joint = link.joint
     if joint.locked:
         return (f"{link.name} (locked)", start, "", None, None, None)
-    limits = "none" if joint.limits_deg is None else " … ".join(map(number, joint.limits_deg))
+    limits = "none" if joint.own_limits is None else " … ".join(map(number, joint.own_limits))
     return link.name, start, limits, joint.viscous, joint.coulomb, joint.armature
 
 
-def _springs(study: Study) -> Table:
+def _springs(study: Study) -> Iterator[Table]:
     heads: tuple[str, ...] = ("spring", "stiffness [N m/rad]", "damping [N m s/rad]", "rest angle [deg]", "start [deg]")
     if len(study.chain.couplings):
         heads += ("coupled with",)
-    return Table("springs", "Springs", heads, tuple(_each_spring(study)), to_look_up=True)
+    sliding = ("spring", "stiffness [N/m]", "damping [N s/m]", "rest [m]", "start [m]")
+    kinds = [("springs", "Springs", heads, False), ("belts", "Springs of joints that slide", sliding, True)]
+    for key, title, columns, slides in kinds:
+        lines = tuple(_each_spring(study, slides=slides))
+        if lines:
+            yield Table(key, title, columns, lines, to_look_up=True)
 
 
-def _each_spring(study: Study) -> Iterator[tuple[Cell, ...]]:
+def _each_spring(study: Study, *, slides: bool) -> Iterator[tuple[Cell, ...]]:
     chain = study.chain
-    for k in np.flatnonzero(chain.stiffness > 0):
-        angles = math.degrees(chain.rest[k]), math.degrees(study.start[0][k])
-        coupled = (", ".join(map(chain.joint_name, chain.coupled_joints[k])),) if len(chain.couplings) else ()
+    for k in np.flatnonzero((chain.stiffness > 0) & (chain.slides == slides)):
+        angles = (float(in_own([slides], [si])[0]) for si in (chain.rest[k], study.start[0][k]))
+        coupled = (
+            (", ".join(map(chain.joint_name, chain.coupled_joints[k])),) if len(chain.couplings) and not slides else ()
+        )
         yield (chain.joint_name(int(k)), float(chain.stiffness[k]), float(chain.damping[k]), *angles, *coupled)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexlink.common.errors import FlexlinkError
+from flexlink.describe.own_units import UNIT, in_own
 from flexlink.dynamics.placement import frames
 from flexlink.pages.colours import CYCLE, GREY
 from flexlink.pages.numbers import number
@@ -62,24 +63,29 @@ def _postures(study: Study) -> Picture:
 
 def _in_time(study: Study) -> Picture:
     run, chain = study.run, study.chain
-    figure, axes = stacked_axes(3 if study.bends else 2, 1.9)
+    own, slides = in_own(chain.slides, run.q), chain.slides[chain.active]
+    kinds = [kind for kind in (False, True) if (slides == kind).any()] or [False]
+    figure, axes = stacked_axes(len(kinds) + (2 if study.bends else 1), 1.9)
     columns = {"t [s]": run.t}
-    for place, k in enumerate(chain.active.tolist()):
-        name, angle = chain.joint_name(k), np.degrees(run.q[:, k])
-        axes[0].plot(run.t, angle, color=CYCLE[place % len(CYCLE)], label=name if place < NAMED_CURVES else None)
-        columns[f"{name} [deg]"] = angle
-    axes[0].set_ylabel("joint angle [deg]")
+    for panel, kind in zip(axes, kinds, strict=False):
+        for place, k in enumerate(chain.active[slides == kind].tolist()):
+            name = chain.joint_name(k)
+            panel.plot(run.t, own[:, k], color=CYCLE[place % len(CYCLE)], label=name if place < NAMED_CURVES else None)
+            columns[f"{name} [{UNIT[kind]}]"] = own[:, k]
+        panel.set_ylabel("joint position [m]" if kind else "joint angle [deg]")
+    tip, named = axes[len(kinds)], axes[: len(kinds) + 1]
     for k, axis in enumerate("xyz"):
-        axes[1].plot(run.t, run.tip[:, k], color=CYCLE[k], label=axis)
+        tip.plot(run.t, run.tip[:, k], color=CYCLE[k], label=axis)
         columns[f"tip {axis} [m]"] = run.tip[:, k]
-    axes[1].set_ylabel("tip position [m]")
+    tip.set_ylabel("tip position [m]")
     if study.bends:
-        axes[2].plot(run.t, 1e3 * study.bent_by, color=CYCLE[3])
-        axes[2].set_ylabel("deflection [mm]")
+        axes[-1].plot(run.t, 1e3 * study.bent_by, color=CYCLE[3])
+        axes[-1].set_ylabel("deflection [mm]")
         columns["tip deflection [m]"] = study.bent_by
-    for panel in axes[:2]:
+    for panel in named:
         legend_over(panel)
     axes[-1].set_xlabel("time [s]")
     csv = columns_csv(columns)
-    caption = "Angles of the driven joints; tip position in frame 0" + ("; tip deflection." if study.bends else ".")
+    words = "Angles and positions" if len(kinds) > 1 else "Positions" if kinds[0] else "Angles"
+    caption = f"{words} of the driven joints; tip position in frame 0" + ("; tip deflection." if study.bends else ".")
     return Picture("motion", "Joint angles and tip", figure, caption, csv)

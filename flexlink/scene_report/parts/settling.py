@@ -69,7 +69,7 @@ def _goal(study: Study) -> tuple[Array, float] | None:
 
 def _targets(scene: Scene, chain: Chain) -> Array:
     links = [chain.coordinate(int(k)).link - 1 for k in chain.active]
-    return np.radians([(scene.drive.target_deg or ())[link] for link in links])
+    return scene.joint_targets[links]
 
 
 def _table(study: Study, target: Array, end: float) -> Table:

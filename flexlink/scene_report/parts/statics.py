@@ -7,6 +7,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
+from flexlink.describe.own_units import TORQUE, in_own
 from flexlink.dynamics.equilibrium import buckling_loads
 from flexlink.dynamics.placement import frames, tip_position, unbent
 from flexlink.dynamics.terms import bias_torque
@@ -57,16 +58,27 @@ def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
     largest = sorted(chain.active.tolist(), key=lambda k: -abs(torques[k]))[:shown]
     if not largest:
         return ()
-    values = "; ".join(number(abs(float(torques[k]))) for k in largest)
+    some, slides = [number(abs(float(torques[k]))) for k in largest], chain.slides[largest]
+    values = "; ".join(some) + f" {TORQUE[bool(slides[0])]}"
+    if slides.any() and not slides.all():
+        values = "; ".join(f"{value} {TORQUE[bool(s)]}" for value, s in zip(some, slides, strict=True))
     names = ", ".join(chain.joint_name(k) for k in largest)
-    return (Fact(f"{values} N m", f"{'Largest h' if len(chain.active) > shown else 'H'}olding torques: {names}"),)
+    return (Fact(values, f"{'Largest h' if len(chain.active) > shown else 'H'}olding torques: {names}"),)
 
 
 def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Table, ...]:
     """Torques of the driven joints, if there are any."""
-    heads, tau = ("joint", "angle [deg]", "torque [N m]"), _without_rounding(tau)
-    lines = tuple((chain.joint_name(int(k)), float(np.degrees(q[k])), float(tau[k])) for k in chain.active)
-    return (Table("holding", "Holding torques", heads, lines),) if lines else ()
+    tau, own = _without_rounding(tau), in_own(chain.slides, q)
+    kinds = [
+        ("holding", "Holding torques", ("joint", "angle [deg]", "torque [N m]"), False),
+        ("forces", "Holding forces", ("joint", "position [m]", "force [N]"), True),
+    ]
+    tables = []
+    for key, title, heads, slides in kinds:
+        joints = [k for k in chain.active.tolist() if chain.slides[k] == slides]
+        lines = tuple((chain.joint_name(k), float(own[k]), float(tau[k])) for k in joints)
+        tables += [Table(key, title, heads, lines)] if lines else []
+    return tuple(tables)
 
 
 def _buckling(study: Study) -> str:

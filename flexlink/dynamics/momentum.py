@@ -1,0 +1,72 @@
+"""Linear and angular momentum of an arm: what a free base keeps."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlink.chain.arguments import require_type, vector
+from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
+from flexlink.dynamics.batches import is_batch, rows
+from flexlink.kernels.bodies.momentum import momenta
+
+
+class Momentum(NamedTuple):
+    """Of all bodies, in axes of frame 0, shape (3,) each, or (b, 3)."""
+
+    linear: Array
+    """Σ m v [N s]."""
+    angular: Array
+    """Σ c × m v + I ω, about the origin of frame 0 [N m s]."""
+    center: Array
+    """Centre of mass [m]."""
+
+    @property
+    def spin(self) -> Array:
+        """Angular momentum about the centre of mass [N m s]."""
+        return np.asarray(self.angular - np.cross(self.center, self.linear))
+
+
+def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:
+    """Momentum of all bodies; that of rotors (`armature`), which turn beside them, is not counted.
+
+    Of a free base on which no wrench acts, the linear momentum changes by m g t and the angular momentum about the
+    centre of mass not at all, whatever its joints do.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd
+        Coordinates and rates, shape (n,), or (b, n) for b states.
+
+    Returns
+    -------
+    Momentum
+        In frame 0.
+
+    Raises
+    ------
+    ArgumentError
+        `q` or `qd` has the wrong shape, is not real or not finite.
+
+    Examples
+    --------
+    >>> print(fl.momentum(chain, q, qd).linear.round(3))  # N s
+    [-0.002 -0.007  0.   ]
+    """
+    n = require_type("chain", chain, Chain).n
+    if is_batch(q, qd):
+        return momentum_of_states(chain, *rows(n, {"q": q, "qd": qd}))
+    found = momentum_of_states(chain, vector("q", q, n, many=True)[None], vector("qd", qd, n, many=True)[None])
+    return Momentum(*(part[0] for part in found))
+
+
+def momentum_of_states(chain: Chain, q: Array, qd: Array) -> Momentum:
+    """Of states (b, n)."""
+    found = np.empty((len(q), 3, 3))
+    momenta(chain.arrays, np.ascontiguousarray(q), np.ascontiguousarray(qd), found)
+    return Momentum(found[:, 0], found[:, 1], found[:, 2])

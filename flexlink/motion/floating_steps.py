@@ -1,0 +1,37 @@
+"""Fixed steps of an arm whose base may be free: they go on in other coordinates where it has turned far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from flexlink.common.types import Array
+from flexlink.dynamics.floating_base import FAR
+from flexlink.results.record import Record
+
+Arrays = tuple[Array, Array, Array]
+"""q, q̇ and W."""
+
+
+def far_of(record: Record) -> float:
+    """Angle by which the base may turn until steps go on in other coordinates [rad]; inf: it is fixed."""
+    return np.inf if record.base is None else FAR
+
+
+def advance(
+    go: Callable[..., Any],
+    fixed: tuple[Any, ...],
+    first: int,
+    stop: int,
+    rest: tuple[int, Arrays, Arrays],
+    record: Record,
+) -> int:
+    """Number of the last step, up to `stop`, whose state is finite; a free base goes on in other coordinates."""
+    far, (every, (q, qd, _), _) = far_of(record), rest
+    done = int(go(*fixed, first, stop, far, *rest))
+    while done < stop and record.base is not None and np.isfinite(q).all() and np.isfinite(qd).all():
+        record.base.turn(done // every + 1, q, qd, record.scratch)
+        done = int(go(*fixed, done, stop, far, *rest))
+    return done
