@@ -84,7 +84,7 @@ def read(
     most[(most <= 0) | (most >= float(LIMIT["effort"]))] = (
         np.inf
     )  # URDF requires a number: 0 and huge values mean no limit
-    nothing: dict[str, Any] = dict.fromkeys(own, np.zeros(n))
+    nothing: dict[str, Any] = {name: np.zeros_like(values) for name, values in own.items()}
     record = ReadBack(
         names=("",) * n, parents=parents, axes=axes, points=points, frames=R[joints], slides=slides,
         **bodies | {"parts": _parts(model, R, last)},
