@@ -257,6 +257,11 @@ class Chain:
         """Whether the first six joints are those of a base that floats."""
         return bool(self.coordinates) and self.coordinates[0].link == 0
 
+    @functools.cached_property
+    def loaded(self) -> int:
+        """Number in `bodies` of the tip frame at which the tip wrench acts."""
+        return int(np.argmax(self.bodies["loaded"])) if self.bodies["loaded"].any() else len(self.bodies) - 1
+
     def tip_body(self, tip: str | int | None = None) -> int:
         """Number in `bodies` of the tip frame of a link, given by its name or number; by default of the arm's tip.
 
