@@ -3,7 +3,10 @@
 Springs and dampers are MuJoCo's own, those between joints fixed tendons, all in `qfrc_passive`. A callback adds the
 smooth Coulomb law c tanh(q̇/w) and what springs of rotation vectors take more, computed by us, another the drive and a
 tip wrench that changes, so that every stage of MuJoCo's RK4 sees them. The tip wrench is an external force on the
-massless body `tip`, whose centre is its origin; MuJoCo, too, applies it at every stage.
+massless body of the tip, whose centre is its origin; MuJoCo, too, applies it at every stage.
+
+MuJoCo numbers joints branch by branch, and a free base is its `freejoint`: both are turned into ours (`coordinates`). An
+arm with a free base runs in our coordinates, by the same Runge-Kutta method over MuJoCo's accelerations.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ import contextlib
 import dataclasses
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Self
 
 import mujoco
@@ -23,9 +26,12 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines import base, couplings, mujoco_reader, mujoco_tendons
+from flexlink.engines.coordinates import Coordinates
 from flexlink.engines.read_back import ReadBack
 from flexlink.engines.rotation_springs import Excess, excess_of, refuse_in_files
+from flexlink.engines.steps import run_in_steps
 from flexlink.formats import read_mjcf, to_mjcf
+from flexlink.formats.document import loaded_tip, xml_joint_names
 from flexlink.kernels.layout import COUPLING
 
 Callback = Callable[[Any, Any], None] | None
@@ -39,8 +45,10 @@ class MujocoEngine:
     ----------
     model, data
         MuJoCo's own.
+    coordinates
+        How they follow from ours.
     tip
-        Index of the tip's body.
+        Index of the body of the tip at which the wrench acts.
     coulomb, coulomb_width
         As read from the file, shape (n,).
     couplings
@@ -61,7 +69,7 @@ class MujocoEngine:
                 model = mujoco.MjModel.from_xml_string(exported)
         except ValueError as error:
             raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}; use another engine") from error
-        self._use(model, mujoco_reader.read(model))
+        self._use(model, mujoco_reader.read(model), xml_joint_names(chain), loaded_tip(chain).name)
         self._excess = excess_of(chain, exported, read_mjcf)
 
     @classmethod
@@ -93,10 +101,14 @@ class MujocoEngine:
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
         return engine
 
-    def _use(self, model: Any, record: ReadBack) -> None:
-        self.model, self.record, self.data, self.n = model, record, mujoco.MjData(model), model.nv
-        self.tip = model.nbody - 1
-        self.coulomb, self.coulomb_width = record.coulomb.copy(), record.coulomb_width.copy()
+    def _use(self, model: Any, record: ReadBack, names: Sequence[str] = (), tip: str = "") -> None:
+        """A model and its record, with joints in the order of their names, that of the model by default."""
+        self.model, self.data, self.n = model, mujoco.MjData(model), model.nv
+        order = np.array([record.names.index(name) for name in names or record.names], dtype=np.intp)
+        self.record = record = record.in_order(order)
+        self.coordinates = mujoco_reader.coordinates(model, order)
+        self.tip = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, tip) if tip else model.nbody - 1
+        self.rest, self.coulomb, self.coulomb_width = record.rest, record.coulomb.copy(), record.coulomb_width.copy()
         self.couplings = np.zeros(0, COUPLING)
 
     def read_back(self) -> ReadBack:
@@ -107,12 +119,13 @@ class MujocoEngine:
         """Set fields of `ReadBack` that the file does not specify."""
         model = self.model
         arrays = {
-            "gravity": model.opt.gravity, "stiffness": model.jnt_stiffness, "rest": model.qpos_spring,
-            "armature": model.dof_armature, "coulomb_width": self.coulomb_width,
+            "gravity": model.opt.gravity, "coulomb_width": self.coulomb_width,
         }  # fmt: skip
         for field, values in fields.items():
             if field in arrays:
                 arrays[field][:] = values
+        mujoco_reader.fill(model, self.coordinates, fields)
+        self.rest = fields.get("rest", self.rest)
         if couplings.COUPLED_FIELDS.keys() <= fields.keys():
             self.couplings = couplings.of_matrices(fields)
 
@@ -126,9 +139,7 @@ class MujocoEngine:
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by composite rigid bodies (`mj_makeM`, `mj_fullM`)."""
         self._place(q, np.zeros(self.n))
-        M = np.zeros((self.n, self.n))
-        mujoco.mj_fullM(self.model, self.data, M)
-        return M
+        return self.coordinates.own_matrix(q, self._mass_matrix())
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
         """T_GC: `qfrc_bias`, less the joint torques of the wrench by `mj_applyFT`."""
@@ -137,7 +148,9 @@ class MujocoEngine:
         if tip_wrench is not None:
             force, moment = np.split(tip_wrench, 2)
             mujoco.mj_applyFT(self.model, self.data, force, moment, origin, self.tip, torque)
-        return np.array(self.data.qfrc_bias - torque)
+        torque = self.data.qfrc_bias - torque
+        drift = self.coordinates.drift(q, qd)
+        return self.coordinates.own_torques(q, torque if drift is None else torque + self._mass_matrix() @ drift)
 
     def gravity_torque(self, q: Array) -> Array:
         """T_G: `qfrc_bias` at rest."""
@@ -146,36 +159,40 @@ class MujocoEngine:
     def elastic_torque(self, q: Array) -> Array:
         """T_FL: `qfrc_spring`, which has the opposite sign, and what springs of rotation vectors take more."""
         self._place(q, np.zeros(self.n))
-        between = self._between("stiffness", q - self.model.qpos_spring) + self._beyond(q)
-        return np.array(between - self.data.qfrc_spring)
+        between = self._between("stiffness", q - self.rest) + self._beyond(q)
+        return np.array(between - self.coordinates.own_torques(q, self.data.qfrc_spring))
 
     def friction_torque(self, qd: Array) -> Array:
         """T_FR: `qfrc_damper`, which has the opposite sign, and the Coulomb law with the file's numbers."""
-        self._place(np.zeros(self.n), qd)
-        return np.array(self._coulomb(qd) + self._between("damping", qd) - self.data.qfrc_damper)
+        q = np.zeros(self.n)
+        self._place(q, qd)
+        damping = self.coordinates.own_torques(q, self.data.qfrc_damper)
+        return np.array(self._coulomb(qd) + self._between("damping", qd) - damping)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by `mj_forward`."""
-        data = self.data
-        data.qpos[:], data.qvel[:] = q, qd
-        between = self._between("stiffness", q - self.model.qpos_spring) + self._between("damping", qd)
-        data.qfrc_applied[:] = tau - self._coulomb(qd) - between - self._beyond(q)
+        data, theirs = self.data, self.coordinates
+        data.qpos[:], data.qvel[:] = theirs.position(q), theirs.rates(q, qd)
+        between = self._between("stiffness", q - self.rest) + self._between("damping", qd)
+        data.qfrc_applied[:] = theirs.torques(q, tau - self._coulomb(qd) - between - self._beyond(q))
         data.xfrc_applied[self.tip] = 0.0 if tip_wrench is None else tip_wrench
         with quiet():
             mujoco.mj_forward(self.model, data)
-        return np.array(data.qacc)
+        return theirs.own_accelerations(q, qd, data.qacc)
 
     def integrate(self, scene: Scene) -> base.Samples:
-        """`mj_step` with MuJoCo's RK4."""
+        """`mj_step` with MuJoCo's RK4; with a free base the scene's method, as a plain loop over `mj_forward`."""
+        if self.coordinates.reference is not None:
+            return run_in_steps(self.name, base.fixed_steps_problem(scene), self._accelerations)
         run, model = scene.run, self.model
         base.refuse_method("MuJoCo", run.method, ["RK4"])
         problem = base.fixed_steps_problem(scene)
         base.refuse_prescribed_motion("MuJoCo", problem.chain)
         samples = t, q, qd = base.allocate_samples(problem)
-        data = self.data
+        data, order = self.data, self.coordinates.order
         mujoco.mj_resetData(model, data)
         model.opt.timestep = run.fixed_step
-        data.qpos[:], data.qvel[:], data.time = q[0], qd[0], scene.initial.time
+        data.qpos[order], data.qvel[order], data.time = q[0], qd[0], scene.initial.time
         drive, wrench = base.drive_function(problem), base.wrench_function(problem)
         first_step = round(scene.initial.time / run.fixed_step)
         if wrench is not None and wrench.constant and not wrench.follows:
@@ -189,18 +206,33 @@ class MujocoEngine:
                 else:
                     for number in range((row - 1) * run.steps_per_sample, row * run.steps_per_sample):
                         for function in inputs:
-                            function.begin(first_step + number, run.fixed_step, data.qpos, data.qvel)
+                            function.begin(first_step + number, run.fixed_step, data.qpos[order], data.qvel[order])
                         mujoco.mj_step(model, data)
                 restarted = abs(data.time - t[row]) > run.fixed_step / 2
                 finite = np.isfinite([data.qpos, data.qvel]).all()  # MuJoCo's warnings look at the step before
                 if restarted or data.warning.number.any() or not finite:
                     raise base.divergence_error(self.name, problem, samples, row)
-                q[row], qd[row] = data.qpos, data.qvel
+                q[row], qd[row] = data.qpos[order], data.qvel[order]
         return samples
+
+    def _accelerations(
+        self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
+    ) -> Array:
+        if follows and wrench is not None:
+            self._place(q, qd)
+            wrench = base.rotate_wrench(self.data.xmat[self.tip].reshape(3, 3), wrench)
+        return self.forward_dynamics(q, qd, tau, tip_wrench=wrench)
+
+    def _mass_matrix(self) -> Array:
+        """In MuJoCo's own coordinates, at the state that is placed."""
+        M = np.zeros((self.n, self.n))
+        mujoco.mj_fullM(self.model, self.data, M)
+        return M
 
     def _place(self, q: Array, qd: Array) -> None:
         """Compute what depends on position and rate: frames, M, bias and passive torques."""
-        self.data.qpos[:], self.data.qvel[:] = q, qd
+        theirs = self.coordinates
+        self.data.qpos[:], self.data.qvel[:] = theirs.position(q), theirs.rates(q, qd)
         with quiet():
             mujoco.mj_fwdPosition(self.model, self.data)
             mujoco.mj_fwdVelocity(self.model, self.data)
@@ -221,8 +253,10 @@ class MujocoEngine:
         if not self.coulomb.any() and self._excess is None:
             return None
 
+        order = self.coordinates.order
+
         def passive(_: Any, data: Any) -> None:
-            data.qfrc_passive -= self._coulomb(data.qvel) + self._beyond(data.qpos)
+            data.qfrc_passive[order] -= self._coulomb(data.qvel[order]) + self._beyond(data.qpos[order])
 
         return passive
 
@@ -231,9 +265,11 @@ class MujocoEngine:
         if drive is None and wrench is None:
             return None
 
+        order = self.coordinates.order
+
         def control(_: Any, data: Any) -> None:
             if drive is not None:
-                data.qfrc_applied[:] = drive(data.time, data.qpos, data.qvel)
+                data.qfrc_applied[order] = drive(data.time, data.qpos[order], data.qvel[order])
             if wrench is not None:
                 now, rotation = wrench(data.time), data.xmat[self.tip].reshape(3, 3)
                 data.xfrc_applied[self.tip] = base.rotate_wrench(rotation, now) if wrench.follows else now

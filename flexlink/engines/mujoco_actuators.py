@@ -22,15 +22,15 @@ AT_JOINTS = {mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT}
 
 
 def at_joints(model: Any) -> dict[str, Any]:
-    """`ACTUATOR_FIELDS`: all motors and servos at joints, summed joint by joint."""
-    fields: dict[str, Array] = {name: np.zeros(model.njnt) for name in ACTUATOR_FIELDS if name != "effort"}
-    fields["effort"] = no_limits(model.njnt)
-    limits = [list[Array]() for _ in range(model.njnt)]
-    servos = np.ones(model.njnt)
+    """`ACTUATOR_FIELDS`: all motors and servos at joints, summed joint by joint; of a floating base none."""
+    fields: dict[str, Array] = {name: np.zeros(model.nv) for name in ACTUATOR_FIELDS if name != "effort"}
+    fields["effort"] = no_limits(model.nv)
+    limits = [list[Array]() for _ in range(model.nv)]
+    servos = np.ones(model.nv)
     for number in _acting(model):
         if _kind(model, number):
             continue
-        k, r = int(model.actuator_trnid[number, 0]), float(model.actuator_gear[number, 0])
+        k, r = int(model.jnt_dofadr[model.actuator_trnid[number, 0]]), float(model.actuator_gear[number, 0])
         gain, (b0, b1, b2) = r * float(model.actuator_gainprm[number, 0]), _bias(model, number)
         fields["constant_torque"][k] += r * b0
         fields["servo_stiffness"][k] -= r**2 * b1
@@ -44,8 +44,8 @@ def at_joints(model: Any) -> dict[str, Any]:
         if some:
             fields["gear"][k] = (fields["gear"][k] or 1.0) * servos[k]
             fields["effort"][k] = np.sum(some, axis=0)
-        if model.jnt_actfrclimited[k]:
-            fields["effort"][k] = _narrower(fields["effort"][k], model.jnt_actfrcrange[k])
+        if model.jnt_actfrclimited[joint := model.dof_jntid[k]]:
+            fields["effort"][k] = _narrower(fields["effort"][k], model.jnt_actfrcrange[joint])
     return fields
 
 
@@ -86,7 +86,8 @@ def _kind(model: Any, number: int) -> str:
         value = kinds(getattr(model, f"actuator_{field}")[number])
         if value not in plain:
             return f"{field} {value.name.rpartition('_')[2].lower()}"
-    return ""
+    free = model.jnt_type[model.actuator_trnid[number, 0]] == mujoco.mjtJoint.mjJNT_FREE
+    return "at a floating base" if free else ""
 
 
 def _bias(model: Any, number: int) -> tuple[float, float, float]:

@@ -2,48 +2,103 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from flexlink.chain.rotation import matrix_from_quaternion
 from flexlink.common.types import Array, Indices
 from flexlink.engines import mujoco_actuators, mujoco_tendons
-from flexlink.engines.read_back import ReadBack, merge_bodies, require_hinges
+from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
+from flexlink.engines.read_back import ReadBack, merge_bodies, require_joints
+
+FLOATING = Floating(velocity_in_base=False, spin_in_base=True, turn_first=False, scalar_first=True)
+
+
+def coordinates(model: Any, order: Indices) -> Coordinates:
+    """How those of a model follow from ours, its joints in this order; a free base counts from where it starts."""
+    reference = matrix_from_quaternion(model.qpos0[3:7].tolist()) if floats(model) else None
+    return Coordinates(order, reference, FLOATING)
+
+
+def floats(model: Any) -> bool:
+    """Whether the first joint is that of a free base."""
+    return bool(model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE)
+
+
+def joint_names(model: Any) -> tuple[str, ...]:
+    """Names of all degrees of freedom; ours for those of a free base."""
+    base = BASE_JOINTS if floats(model) else ()
+    return (*base, *(_joint(model, k) for k in range(floats(model), model.njnt)))
+
+
+def rest_angles(model: Any) -> Array:
+    """Where springs are slack, shape (nv,); 0 for a free base."""
+    rest = np.zeros(model.nv)
+    rest[model.jnt_dofadr[floats(model) :]] = model.qpos_spring[model.jnt_qposadr[floats(model) :]]
+    return rest
+
+
+def fill(model: Any, theirs: Coordinates, fields: Mapping[str, Array]) -> None:
+    """Set stiffness, rest and armature, where they are given, of joints in our order."""
+    joints = model.dof_jntid[theirs.order]
+    moving = model.jnt_type[joints] != mujoco.mjtJoint.mjJNT_FREE
+    if "armature" in fields:
+        model.dof_armature[theirs.order] = fields["armature"]
+    if "stiffness" in fields:
+        model.jnt_stiffness[joints[moving]] = fields["stiffness"][moving]
+    if "rest" in fields:
+        model.qpos_spring[model.jnt_qposadr[joints[moving]]] = fields["rest"][moving]
 
 
 def read(model: Any, spec: Any = None) -> ReadBack:
-    """The record of a model of hinges; its MjSpec, if there is one, tells which settings have changed numbers."""
-    kinds = [mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower() for kind in model.jnt_type]
-    require_hinges([(_joint(model, k), "" if kind == "hinge" else kind) for k, kind in enumerate(kinds)])
-    data = mujoco.MjData(model)
-    data.qpos[:] = 0
+    """The record of a model; its MjSpec, if there is one, tells which settings have changed numbers."""
+    _require_joints(model)
+    data, joints = mujoco.MjData(model), model.dof_jntid
+    zero = coordinates(model, np.arange(model.nv))
+    data.qpos[:] = zero.position(np.zeros(model.nv))
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     behind, R = _behind(model), data.ximat.reshape(-1, 3, 3)
     inertias = R @ (model.body_inertia[:, :, None] * R.mT)
-    bodies = merge_bodies(behind, model.body_mass, data.xipos, inertias, data.xanchor)
+    points, axes, widths = data.xanchor[joints], data.xaxis[joints], np.ones(model.nv)
+    slides = model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE
+    if zero.reference is not None:
+        axes[:6], slides[:3] = [*np.eye(3), *zero.reference.T], True
+    bodies = merge_bodies(behind, model.body_mass, data.xipos, inertias, points)
     on = {name: float(_on(model, bit)) for name, bit in (("spring", "SPRING"), ("damper", "DAMPER"))}
-    frames = data.xmat.reshape(-1, 3, 3)[model.jnt_bodyid]
+    frames = data.xmat.reshape(-1, 3, 3)[model.dof_bodyid]
     damping, armature = (mujoco_actuators.added(model, name) for name in ("damping", "armature"))
     own = {
-        "stiffness": _first(model.jnt_stiffness), "damping": _first(model.dof_damping) + damping,
-        "rest": model.qpos_spring.copy(),
+        "stiffness": _first(model.jnt_stiffness)[joints], "damping": _first(model.dof_damping) + damping,
+        "rest": rest_angles(model),
     }  # fmt: skip
     springs = mujoco_tendons.add_tendons(model, own)
     for flag, fields in (("spring", ("stiffness", "coupled_stiffness")), ("damper", ("damping", "coupled_damping"))):
         springs |= {field: on[flag] * springs[field] for field in fields}
-    widths = model.jnt_user[:, 0].copy() if model.nuser_jnt else np.ones(model.njnt)
+    if model.nuser_jnt:
+        moving = model.jnt_type[joints] != mujoco.mjtJoint.mjJNT_FREE
+        widths[moving] = model.jnt_user[joints[moving], 0]
     return ReadBack(
-        tuple(_joint(model, k) for k in range(model.njnt)), _parents(model, behind),
-        data.xaxis.copy(), data.xanchor.copy(), frames, **bodies, **mujoco_actuators.at_joints(model),
+        joint_names(model), _parents(model, behind),
+        axes, points, frames, **bodies, slides=slides, **mujoco_actuators.at_joints(model),
         **springs, coulomb=model.dof_frictionloss.copy(), coulomb_width=widths, armature=model.dof_armature + armature,
         gravity=float(_on(model, "GRAVITY")) * model.opt.gravity,
         tip=_tip(model, data), unspecified=frozenset() if model.nuser_jnt else frozenset({"coulomb_width"}),
         settings=dict(_active_settings(model)) | dict(_changing_settings(model, spec)),
         integrator=_integrator(model), step=float(model.opt.timestep),
     )  # fmt: skip
+
+
+def _require_joints(model: Any) -> None:
+    kinds = []
+    for k, kind in enumerate(model.jnt_type):
+        name = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
+        known = name in {"hinge", "slide"} or (name == "free" and k == 0)
+        kinds.append((_joint(model, k), "" if known else name))
+    require_joints(kinds)
 
 
 def _first(values: Array) -> Array:
@@ -69,9 +124,9 @@ def _behind(model: Any) -> Indices:
 
 
 def _parents(model: Any, behind: Indices) -> Indices:
-    first = model.body_dofadr[model.jnt_bodyid]
-    parents = behind[model.body_parentid[model.jnt_bodyid]]
-    k = np.arange(model.njnt)
+    first = model.body_dofadr[model.dof_bodyid]
+    parents = behind[model.body_parentid[model.dof_bodyid]]
+    k = np.arange(model.nv)
     return np.where(k == first, parents, k - 1)
 
 
@@ -128,7 +183,7 @@ def _changing_settings(model: Any, spec: Any) -> Iterator[tuple[str, str]]:
         yield "no springs", ""
     if not _on(model, "DAMPER"):
         yield "no dampers", ""
-    if model.qpos0.any():
+    if model.qpos0[7 * floats(model) :].any():
         yield "ref", ""
     if mujoco_tendons.slack_elsewhere(model):
         yield "springlength", ""

@@ -50,7 +50,7 @@ def _apart(model: Any) -> Array:
     apart = np.zeros(model.ntendon)
     for number in np.flatnonzero(_between_two(model)):
         pair, c = _ends(model, number)
-        rest = model.qpos_spring[pair]
+        rest = model.qpos_spring[model.jnt_qposadr[model.dof_jntid[pair]]]
         apart[number] = model.tendon_lengthspring[number, 0] - c @ rest
         if abs(apart[number]) <= ROUNDING * (np.abs(c) @ np.abs(rest)):
             apart[number] = 0.0
@@ -123,5 +123,6 @@ def _part(model: Any, number: int | np.intp) -> slice:
 
 
 def _ends(model: Any, number: np.intp) -> tuple[Indices, Array]:
-    """The two joints of a tendon, and its coefficients."""
-    return model.wrap_objid[_part(model, number)], model.wrap_prm[_part(model, number)]
+    """The degrees of freedom of the two joints of a tendon, and its coefficients."""
+    part = _part(model, number)
+    return model.jnt_dofadr[model.wrap_objid[part]], model.wrap_prm[part]

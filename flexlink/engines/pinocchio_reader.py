@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -10,16 +11,31 @@ import numpy as np
 import pinocchio as pin
 
 from flexlink.common.errors import ArgumentError
-from flexlink.common.types import Array
-from flexlink.engines.read_back import Parts, ReadBack, merge_bodies, no_actuators, require_hinges
+from flexlink.common.types import Array, Indices
+from flexlink.engines.coordinates import BASE_JOINTS, Coordinates
+from flexlink.engines.read_back import Parts, ReadBack, merge_bodies, no_actuators, require_joints
 from flexlink.formats.urdf import LIMIT
 
+FREE_FLYER = "JointModelFreeFlyer"
 
-def require_hinges_of(model: Any) -> None:
-    """Refuse a model with other joints than hinges; see `require_hinges`."""
-    joints = list(zip(model.names, model.joints, strict=True))[1:]
-    kinds = [(name, joint.shortname(), joint.nq) for name, joint in joints]
-    require_hinges([(name, "" if kind.startswith("JointModelR") and nq == 1 else kind) for name, kind, nq in kinds])
+
+def require_joints_of(model: Any) -> None:
+    """Refuse a model with other joints than hinges, slides and a floating base; see `require_joints`."""
+    kinds = []
+    for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
+        kind = joint.shortname()
+        known = (kind.startswith(("JointModelR", "JointModelP")) and joint.nq == joint.nv == 1) or kind == FREE_FLYER
+        kinds.append((name, "" if known else kind))
+    require_joints(kinds)
+
+
+def degrees_of_freedom(model: Any) -> dict[str, int]:
+    """The model's number of each joint, by name; a floating base has six, by our names."""
+    found = {}
+    for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
+        names = BASE_JOINTS if joint.shortname() == FREE_FLYER else (name,)
+        found |= {each: joint.idx_v + k for k, each in enumerate(names)}
+    return dict(sorted(found.items(), key=lambda pair: pair[1]))
 
 
 def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:
@@ -42,45 +58,54 @@ def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:
     return np.array([gear[name] for name in names])
 
 
-def read(model: Any, own: Mapping[str, Any], unspecified: frozenset[str]) -> ReadBack:
-    """The record of a model of hinges, with the fields `own` that the adapter keeps: springs, transmissions."""
+def read(
+    model: Any, theirs: Coordinates, names: Sequence[str], own: Mapping[str, Any], unspecified: frozenset[str]
+) -> ReadBack:
+    """The record of a model, joints in the order of `names`, with the fields `own` that the adapter keeps."""
     data = pin.Data(model)
-    pin.computeJointJacobians(model, data, np.zeros(model.nq))
-    n = model.nv
-    order = [model.joints[k].idx_v for k in range(1, n + 1)]
-    if order != list(range(n)):
-        raise ArgumentError(f"Pinocchio numbers the joints {order}; expected 0 … {n - 1}")
-    axes = np.array(data.J.reshape(6, n)[3:].T)
-    places, links = list(data.oMi)[1:], list(model.inertias)[1:]
-    points, R = (np.array([getattr(place, part) for place in places]) for part in ("translation", "rotation"))
-    masses, levers, inertias = (
-        np.array([getattr(link, part) for link in links]) for part in ("mass", "lever", "inertia")
-    )
-    centers = points + np.einsum("bij,bj->bi", R, levers)
-    bodies = merge_bodies(np.arange(n), masses, centers, R @ inertias @ R.mT, points) | {"parts": _parts(model, R)}
+    pin.computeJointJacobians(model, data, theirs.position(np.zeros(model.nv)))
+    n, moving = model.nv, list(model.joints)[1:]
+    joints = np.repeat(np.arange(1, model.njoints), [joint.nv for joint in moving])  # of every degree of freedom
+    last = np.array([-1, *(joint.idx_v + joint.nv - 1 for joint in moving)])
+    first = np.array([joint.idx_v for joint in moving])
+    parents = np.arange(n) - 1
+    parents[first] = last[model.parents.tolist()[1:]]
+    J = data.J.reshape(6, n)
+    slides = ~J[3:].any(axis=0)
+    axes = np.where(slides, J[:3], J[3:]).T
+    if theirs.reference is not None:
+        axes[:3] = np.eye(3)  # as ours are, along those of frame 0
+    places = [np.array([getattr(place, part) for place in data.oMi]) for part in ("translation", "rotation")]
+    inertias = [np.array([getattr(link, part) for link in model.inertias]) for part in ("mass", "lever", "inertia")]
+    (p, R), (masses, levers, I) = places, inertias
+    points = p[joints]
+    bodies = merge_bodies(last, masses, p + np.einsum("bij,bj->bi", R, levers), R @ I @ R.mT, points)
     most = np.array(model.upperEffortLimit)
     most[(most <= 0) | (most >= float(LIMIT["effort"]))] = (
         np.inf
     )  # URDF requires a number: 0 and huge values mean no limit
-    return ReadBack(
-        tuple(model.names[1:]), np.array(model.parents.tolist()[1:]) - 1, axes, points, R, **bodies,
-        **no_actuators(n) | {"effort": np.stack([-most, most], axis=1)} | dict(own),
+    nothing: dict[str, Any] = {name: np.zeros_like(values) for name, values in own.items()}
+    record = ReadBack(
+        names=("",) * n, parents=parents, axes=axes, points=points, frames=R[joints], slides=slides,
+        **bodies | {"parts": _parts(model, R, last)},
+        **nothing | no_actuators(n) | {"effort": np.stack([-most, most], axis=1)},
         damping=np.array(model.damping), coulomb=np.array(model.friction), armature=np.array(model.armature),
         gravity=np.array(model.gravity.linear), tip=_tip(model, data), unspecified=unspecified,
     )  # fmt: skip
+    return dataclasses.replace(record.in_order(theirs.order), names=tuple(names), **own)
 
 
-def _parts(model: Any, R: Array) -> Parts:
+def _parts(model: Any, R: Array, last: Indices) -> Parts:
     """Inertias of the links welded to each joint's link, which fixed frames keep, and of that link without them."""
     parts, rest = list[tuple[int, Any]](), list(model.inertias)
     for frame in model.frames:
         if frame.type == pin.FrameType.FIXED_JOINT and frame.inertia.mass and frame.parentJoint:
             part = frame.placement.act(frame.inertia)
             rest[frame.parentJoint] = rest[frame.parentJoint] - part
-            parts.append((frame.parentJoint - 1, part))
-    parts += [(k - 1, part) for k, part in enumerate(rest) if k]
-    owner = np.array([k for k, _ in parts], dtype=np.intp)
-    return Parts(owner, R[owner] @ np.array([part.inertia for _, part in parts]) @ R[owner].mT)
+            parts.append((frame.parentJoint, part))
+    parts += [(k, part) for k, part in enumerate(rest) if k]
+    joints = np.array([k for k, _ in parts], dtype=np.intp)
+    return Parts(last[joints], R[joints] @ np.array([part.inertia for _, part in parts]) @ R[joints].mT)
 
 
 def _tip(model: Any, data: Any) -> Array | None:

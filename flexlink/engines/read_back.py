@@ -27,6 +27,8 @@ BODY_FIELDS = ("masses", "centers", "inertias")
 JOINT_FIELDS = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")  # also of a chain's hinges
 ACTUATOR_FIELDS = ("gear", "servo_stiffness", "servo_damping", "constant_torque", "effort")
 
+OF_JOINTS = (*AXIS_FIELDS, "frames", "slides", *BODY_FIELDS, *JOINT_FIELDS, *ACTUATOR_FIELDS)
+
 
 class Parts(NamedTuple):
     """Bodies that are welded together: the joint that moves each, and its inertia in frame 0, shape (b, 3, 3)."""
@@ -44,7 +46,9 @@ class ReadBack:
     names
         Names of the joints, in the engine's order.
     parents
-        The joint before each, −1 for the base, shape (n,).
+        The joint that each hangs on, −1 for the base, shape (n,).
+    slides
+        Which joints slide along their axes, shape (n,); the base's, if it floats, are the first six.
     axes, points
         Unit vectors, and points on the axes [m], shape (n, 3).
     frames
@@ -87,6 +91,7 @@ class ReadBack:
     centers: Array
     inertias: Array
     parts: Parts
+    slides: NDArray[np.bool_]
     stiffness: Array
     rest: Array
     damping: Array
@@ -115,6 +120,15 @@ class ReadBack:
     def n(self) -> int:
         """Number of joints."""
         return len(self.names)
+
+    def in_order(self, order: Indices) -> ReadBack:
+        """The record with joint `order[k]` as joint k, and body k behind it."""
+        place = np.append(np.argsort(order), -1)  # of −1, the base: −1
+        fields: dict[str, Any] = {field: getattr(self, field)[order] for field in OF_JOINTS}
+        fields |= {field: getattr(self, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
+        fields["parts"] = self.parts._replace(owner=place[self.parts.owner])
+        names = tuple(self.names[k] for k in order)
+        return dataclasses.replace(self, names=names, parents=place[self.parents[order]], **fields)
 
     def require_sound(self) -> None:
         """Refuse values that the engine has read but that are not valid.
@@ -156,24 +170,24 @@ def no_actuators(n: int) -> dict[str, Any]:
     return {field: np.zeros(n) for field in ACTUATOR_FIELDS[:-1]} | {"effort": no_limits(n)}
 
 
-def require_hinges(joints: Sequence[tuple[str, str]]) -> None:
-    """Refuse other joints than hinges, such as a gripper's, or a floating base.
+def require_joints(joints: Sequence[tuple[str, str]]) -> None:
+    """Refuse other joints than hinges, slides and that of a floating base.
 
     Parameters
     ----------
     joints
-        Name and type of every movable joint; type "" for a hinge.
+        Name and type of every movable joint; type "" for one of these.
 
     Raises
     ------
     ArgumentError
-        A joint is not a hinge, or there is none.
+        A joint is of another type, or there is none.
     """
     for name, kind in joints:
         if kind:
-            sliding = "sliding joints are not supported, " if kind in {"slide", "prismatic"} else ""
             raise ArgumentError(
-                f"joint {name!r} is of type {kind}: {sliding}only revolute joints are supported; make it fixed"
+                f"joint {name!r} is of type {kind}: supported are revolute and prismatic ones, and a free base; make "
+                "it fixed"
             )
     if not joints:
         raise ArgumentError("the file has no movable joint")
@@ -206,17 +220,20 @@ def of_chain(chain: Chain) -> ReadBack:
     at_zero = frames(chain, np.zeros(chain.n))
     R, p = at_zero.rotations, at_zero.points
     bodies = chain.bodies
-    owner = bodies["stop"] - 1
     counts = bodies["stop"] - bodies["first"]
+    heavy, owner = counts > 0, bodies["stop"] - 1
     points = np.repeat(p, counts, axis=0)
     placed = merge_bodies(
-        owner, bodies["mass"], p + np.einsum("bij,bj->bi", R, bodies["center"]), R @ bodies["inertia"] @ R.mT, points
-    )
+        np.where(heavy, owner, -1),
+        bodies["mass"], p + np.einsum("bij,bj->bi", R, bodies["center"]), R @ bodies["inertia"] @ R.mT, points,
+    )  # fmt: skip
+    parents = np.arange(chain.n) - 1
+    parents[bodies["first"][heavy]] = np.append(-1, owner)[bodies["parent"][heavy]]
     own: dict[str, Any] = {field: np.array(chain.hinges[field]) for field in JOINT_FIELDS}
     own |= to_matrices(chain.couplings, chain.n)
     return ReadBack(
-        chain.joint_names, np.arange(chain.n) - 1, np.array(chain.axes), points, np.repeat(R, counts, axis=0), **placed,
-        **own, **no_actuators(chain.n), gravity=np.array(chain.gravity), tip=p[-1],
+        chain.joint_names, parents, np.array(chain.axes), points, np.repeat(R, counts, axis=0), **placed,
+        slides=np.array(chain.slides), **own, **no_actuators(chain.n), gravity=np.array(chain.gravity), tip=p[-1],
     )  # fmt: skip
 
 

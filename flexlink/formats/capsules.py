@@ -45,12 +45,13 @@ class Capsule(NamedTuple):
 
 
 def capsules(chain: Chain) -> Iterator[Capsule | None]:
-    """A capsule for every body but the tip, None for those without length."""
+    """A capsule for every body that hangs on another, which it is part of; None where they are at one point."""
     of_link = colours(chain)
-    ends = chain.bodies["translation"][1:]
+    hanging = chain.bodies[chain.bodies["parent"] > 0]
+    ends = hanging["translation"]
     lengths = np.linalg.norm(ends, axis=1)
     shortest, thinnest, thickest = (share * float(lengths.sum()) for share in (1e-9, *THICKNESS))
-    for body, end, length in zip(chain.bodies[:-1], ends, lengths, strict=True):
+    for body, end, length in zip(chain.bodies[hanging["parent"] - 1], ends, lengths, strict=True):
         if length <= shortest:  # rounding; MuJoCo refuses such capsules
             yield None
             continue
@@ -59,10 +60,14 @@ def capsules(chain: Chain) -> Iterator[Capsule | None]:
         yield Capsule(end, min(max(radius, thinnest), thickest), of_link[chain.coordinates[body["first"]].link - 1])
 
 
-def capsule_behind(chain: Chain) -> dict[int, Capsule]:
-    """The capsules by joint: that of the last hinge at each point."""
-    last = (chain.bodies["stop"][:-1] - 1).tolist()
-    return {k: capsule for k, capsule in zip(last, capsules(chain), strict=True) if capsule is not None}
+def capsules_behind(chain: Chain) -> dict[int, list[Capsule]]:
+    """The capsules by joint: those of the last hinge at each point."""
+    parents = chain.bodies["parent"][chain.bodies["parent"] > 0]
+    found = dict[int, list[Capsule]]()
+    for k, capsule in zip((chain.bodies["stop"][parents - 1] - 1).tolist(), capsules(chain), strict=True):
+        if capsule is not None:
+            found.setdefault(k, []).append(capsule)
+    return found
 
 
 def colours(chain: Chain) -> list[tuple[str, str]]:

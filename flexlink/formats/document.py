@@ -10,34 +10,94 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain, unique
 from flexlink.common.types import Array
+from flexlink.describe.arm import BASE
 
 UPPER_TRIANGLE = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 ROTATION_SPRINGS = "rotation_springs"
 """Attribute of our own of a file with such springs."""
 WIDE = {"lower": "-1e9", "upper": "1e9"}
-"""Limits [rad] of a joint without limits, in formats that require some."""
+"""Limits [rad, m] of a joint without limits, in formats that require some."""
 
 
 class Place(NamedTuple):
-    """A hinge in formats with one link per joint: its placement on the link of the hinge before."""
+    """A hinge in formats with one link per joint: its placement on the link of the hinge that it hangs on."""
 
     k: int
+    parent: int  # the hinge that it hangs on; −1: the base
     translation: Array  # of the hinge's frame in the frame before it [m]
-    rotation: Array  # R: v_before = R v, at zero angle
+    rotation: Array  # R: v_before = R v, at zero
     body: np.void | None  # rigidly attached behind the hinge; None: no inertia
 
 
 def places(chain: Chain) -> Iterator[Place]:
-    """The hinges in sequential order; of several at one point only the last has a body."""
-    for body in chain.bodies[:-1]:
+    """The hinges in sequential order, those of a free base included; of several at one point only the last has a body.
+
+    A free base's last hinge is what others hang on.
+    """
+    for body, parent in zip(chain.bodies, _hung_on(chain), strict=True):
         translation, rotation = body["translation"], body["rotation"]
         for k in range(body["first"], body["stop"]):
             last = k == body["stop"] - 1 and (body["mass"] or body["inertia"].any())
-            yield Place(k, translation, rotation, body if last else None)
-            translation, rotation = np.zeros(3), np.eye(3)
+            yield Place(k, parent, translation, rotation, body if last else None)
+            translation, rotation, parent = np.zeros(3), np.eye(3), k
+
+
+def joint_places(chain: Chain) -> Iterator[Place]:
+    """The same without those of a free base, which formats have other elements for."""
+    return (place for place in places(chain) if place.k >= base_joints(chain))
+
+
+class Tip(NamedTuple):
+    """A tip frame."""
+
+    name: str  # in files
+    link: int  # number, from 1, of the link that it is the end of
+    parent: int  # as in `Place`
+    translation: Array
+    rotation: Array
+
+
+def tips(chain: Chain) -> list[Tip]:
+    """The tip frames in the order of the bodies, so that of the arm is the last."""
+    parents, found = _hung_on(chain), []
+    names = xml_link_names(chain)[chain.n + 1 :]
+    for name, (link, number) in zip(names, chain.tips.items(), strict=True):
+        body = chain.bodies[number]
+        place = body["translation"], body["rotation"]
+        found.append(Tip(name, chain.link_names.index(link) + 1, parents[number], *place))
+    return found
+
+
+def loaded_tip(chain: Chain) -> Tip:
+    """The one at which the wrench acts."""
+    bodies = [number for number in chain.tips.values() if chain.bodies["loaded"][number]]
+    return tips(chain)[[*chain.tips.values()].index(bodies[0]) if bodies else -1]
+
+
+def base_joints(chain: Chain) -> int:
+    """How many of the first joints are those of a free base."""
+    return free_base.JOINTS if chain.has_free_base else 0
+
+
+def tree_said(chain: Chain) -> dict[str, str]:
+    """Attributes of our own: the rotation of a free base at angles of zero, row by row; the link where a wrench acts.
+
+    Nothing of an arm that stands on the ground, and whose wrench acts at its last link.
+    """
+    said, tip = {}, loaded_tip(chain)
+    if chain.has_free_base:
+        said[BASE] = decimals(chain.bodies["rotation"][1].flat)
+    return said | ({"loaded": str(tip.link)} if tip.link != len(chain.link_names) else {})
+
+
+def _hung_on(chain: Chain) -> list[int]:
+    """Of every body the last hinge of the one that it hangs on, −1 for the base."""
+    stops = np.append(0, chain.bodies["stop"])
+    return (stops[chain.bodies["parent"]] - 1).tolist()
 
 
 def own_values(chain: Chain, k: int, standard: Iterable[str]) -> dict[str, str]:
@@ -61,7 +121,7 @@ def rotation_springs(chain: Chain) -> dict[str, str]:
 
 
 def limits(hinge: np.void) -> dict[str, str]:
-    """The finite limits of a hinge [rad], by name."""
+    """The finite limits of a hinge [rad, m], by name."""
     return {name: decimals([hinge[name]]) for name in ("lower", "upper") if np.isfinite(hinge[name])}
 
 
@@ -87,8 +147,15 @@ def xml_joint_names(chain: Chain) -> list[str]:
 
 
 def xml_link_names(chain: Chain) -> list[str]:
-    """Names of the base, of the frame behind each coordinate, and of the tip: n + 2 of them."""
-    return unique(["base_link", *(f"{name}_link" for name in xml_joint_names(chain)), "tip"])
+    """Names of the base, of the frame behind each coordinate, and of the tips, that of the arm last: n + 1 and theirs.
+
+    Behind all coordinates of a free base is the base.
+    """
+    own, others = base_joints(chain), [valid(name) for name in chain.tips][:-1]
+    behind = (f"{name}_link" for name in xml_joint_names(chain)[own:])
+    base, *names = unique(["base_link", *behind, "tip", *others])
+    n = chain.n - own
+    return [base] * (1 + own) + names[:n] + names[n + 1 :] + names[n : n + 1]
 
 
 def decimals(values: Iterable[float]) -> str:

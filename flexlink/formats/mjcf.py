@@ -2,7 +2,7 @@
 
 MuJoCo rejects moving bodies without mass. The hinges of a massless body (a free waist of length zero) are written in
 the next body with mass, with their position and axis at zero angles: every hinge moves all that follows it, so the
-motion is the same.
+motion is the same. Branches cannot begin there.
 
 MuJoCo's dry friction is a constraint, which is disabled; `frictionloss` only stores the Coulomb torque c, and the first
 `user` number of a joint the width w of c tanh(q̇/w). A program that runs the file must add that torque.
@@ -17,36 +17,43 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_bool, require_type, sequence, vector
+from flexlink.chain.base_motion import rotation_of, spin_matrix
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.rigid import HERE, Pose
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import product
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
+from flexlink.describe.arm import BASE
 from flexlink.describe.rigid_body import ROUNDING
 from flexlink.dynamics.vibration.stability import stable_step
-from flexlink.formats.capsules import Capsule, capsules, colours
+from flexlink.formats.capsules import Capsule, capsules_behind, colours
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
     WIDE,
+    Tip,
+    base_joints,
     decimals,
     limits,
     links_text,
     rotation_springs,
     text,
+    tips,
+    tree_said,
     valid,
     xml_joint_names,
     xml_link_names,
 )
 from flexlink.formats.principal import principal_axes
 from flexlink.formats.tendons import SHARED, add_tendons, left_to_joints
-from flexlink.kernels.layout import HINGE
+from flexlink.kernels.layout import BODY, HINGE, SLIDES
 
 JOINT_ATTRIBUTES = {
     "stiffness": "stiffness", "springref": "rest", "damping": "damping", "armature": "armature",
@@ -70,20 +77,22 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     shapes
         Whether to write capsules for viewers, without mass and contact.
     initial
-        q and q̇ of the keyframe `initial`, shape (n,) each [rad, rad/s]; None: no keyframe.
+        q and q̇ of the keyframe `initial`, shape (n,) each [rad, rad/s; m, m/s]; None: no keyframe.
 
     Returns
     -------
     str
-        The document. Joints are in sequential order and named as in `Chain.joint_names`; driven joints have a motor of
-        that name. Body and site `tip` are the tip frame. Numbers read back exactly, but MuJoCo normalizes quaternions.
+        The document. Joints are in sequential order, those of a tree branch by branch, and named as in
+        `Chain.joint_names`; driven joints have a motor of that name. A free base is a body with `freejoint`. Body and
+        site `tip` are the tip frame; those of other branches are called as the links that end there. Numbers read back
+        exactly, but MuJoCo normalizes quaternions.
 
     Raises
     ------
     ArgumentError
-        The chain has more bodies than MuJoCo's parser can nest, its last joints move no mass, or MuJoCo refuses the
-        mass or inertia of a segment; springs of a joint to others of its cell are stiffer together than its own;
-        `initial` has the wrong shape.
+        The chain has more bodies than MuJoCo's parser can nest, its last joints move no mass, branches begin at a point
+        that moves and has none, or MuJoCo refuses the mass or inertia of a segment; springs of a joint to others of its
+        cell are stiffer together than its own; `initial` has the wrong shape.
     SingularMassError
         A coordinate moves no inertia of its own.
 
@@ -94,9 +103,9 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     6 joints
     """
     most_bodies = 490  # MuJoCo's XML parser stops at 500 nested elements
-    if len(require_type("chain", chain, Chain).bodies) > most_bodies:
+    if (nested := _nested(require_type("chain", chain, Chain))) > most_bodies:
         raise ArgumentError(
-            f"{chain.name}: {len(chain.bodies)} bodies: MuJoCo reads at most {most_bodies}; use fewer segments, or URDF"
+            f"{chain.name}: {nested} bodies: MuJoCo reads at most {most_bodies}; use fewer segments, or URDF"
         )
     root = ET.Element("mujoco", model=valid(chain.name))
     compiler = {
@@ -112,7 +121,7 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     own = ET.SubElement(root, "custom")
     ET.SubElement(own, "text", name="flexlink.links", data=links_text(chain))
     ET.SubElement(own, "text", name="flexlink.user", data=" ".join([*USER_FIELDS, "coordinate"]))
-    for key, said in rotation_springs(chain).items():
+    for key, said in (rotation_springs(chain) | tree_said(chain)).items():
         ET.SubElement(own, "text", name=f"flexlink.{key}", data=said)
     if require_bool("shapes", shapes):
         asset = ET.SubElement(root, "asset")
@@ -130,44 +139,103 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     return text(root)
 
 
-def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
-    """Bodies and tip, nested; `own` gets the exact values of what MJCF rounds."""
-    joints, links, shown = xml_joint_names(chain), xml_link_names(chain), list(capsules(chain))
-    hinges = _beside_tendons(chain)
+def depth_first(chain: Chain) -> Indices:
+    """The joints branch by branch, as MuJoCo numbers them: of branches at one body first the one that comes first."""
+    branches: dict[int, list[int]] = {}
+    for number, parent in enumerate(chain.bodies["parent"].tolist(), 1):
+        branches.setdefault(parent, []).append(number)
+    order, waiting = list[int](), [0]
+    while waiting:
+        number = waiting.pop()
+        if number:
+            order += range(chain.bodies["first"][number - 1], chain.bodies["stop"][number - 1])
+        waiting += reversed(branches.get(number, []))
+    return np.array(order, dtype=np.intp)
+
+
+def _nested(chain: Chain) -> int:
+    """How many bodies hang one on another, at most."""
+    depth = [0]
+    for parent in chain.bodies["parent"].tolist():
+        depth.append(1 + depth[parent])
+    return max(depth)
+
+
+class _Open(NamedTuple):
+    """Where the bodies that hang on one are to be written."""
+
+    element: ET.Element
+    frame: Pose  # of the body in that of the element
+    waiting: list[_Hinge]  # which the next body with mass takes along
+
+
+def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
+    """Bodies and tips, nested; `own` gets the exact values of what MJCF rounds."""
+    joints, links, shown = xml_joint_names(chain), xml_link_names(chain), capsules_behind(chain) if shapes else {}
+    hinges, ends = _beside_tendons(chain), dict(zip(chain.tips.values(), tips(chain), strict=True))
     for k in sorted({*chain.couplings["inner"].tolist(), *chain.couplings["outer"].tolist()}):
         _exact(own, f"springs.{joints[k]}", *(chain.hinges[k][field] for field in SHARED))
-    frame, waiting = HERE, list[_Hinge]()
-    for b, body in enumerate(chain.bodies[:-1]):
-        place, name = Pose(body["rotation"], body["translation"]), links[body["stop"]]
-        heavy = bool(body["mass"] or body["inertia"].any())
-        if body["turned"] or waiting or not heavy:
-            _exact(own, f"placement.{joints[body['first']]}", *place.p, *place.R.flat)
+    opened, floats, axes = [_Open(world, HERE, [])], base_joints(chain), chain.hinges["axis"] % SLIDES
+    for b, body in enumerate(chain.bodies):
+        parent, frame, waiting = opened[body["parent"]]
+        place, heavy = Pose(body["rotation"], body["translation"]), bool(body["mass"] or body["inertia"].any())
+        _require_one_way(chain, body, waiting)
+        if b in ends:
+            _tip(parent, own, ends[b], of_arm=b == len(chain.bodies) - 1)
+            opened.append(opened[0])
+            continue
+        if body["stop"] < floats:  # the slides of a free base: `freejoint` is both its bodies' joints
+            opened.append(opened[0])
+            continue
+        last = joints[body["stop"] - 1] if body["stop"] != floats else BASE
+        if last != BASE:
+            if body["turned"] or waiting or not heavy:
+                _exact(own, f"placement.{joints[body['first']]}", *place.p, *place.R.flat)
+            waiting = [hinge.seen_from(place) for hinge in waiting]
+            waiting += [_Hinge(k, np.eye(3)[axes[k]]) for k in range(body["first"], body["stop"])]
         frame = frame.then(place)
-        waiting = [hinge.seen_from(place) for hinge in waiting]
-        waiting += [_Hinge(k, np.eye(3)[chain.hinges["axis"][k]]) for k in range(body["first"], body["stop"])]
         if heavy:
-            parent = _body(parent, name, frame)
-            moments, axes = _principal(body)
+            parent = _body(parent, links[body["stop"]], frame)
+            moments, principal = _principal(body)
             _require_loadable(chain, body, moments)
             moments = np.minimum(moments, _largest_possible(moments))  # removes rounding of the moments of a disc
-            _inertial(parent, body, moments, axes)
+            _inertial(parent, body, moments, principal)
             if not np.array_equal(I := body["inertia"], np.diag(moments)):
-                _exact(own, f"inertia.{joints[body['stop'] - 1]}", *(I[place] for place in UPPER_TRIANGLE.values()))
+                _exact(own, f"inertia.{last}", *(I[place] for place in UPPER_TRIANGLE.values()))
+            if last == BASE:
+                ET.SubElement(parent, "freejoint", name=BASE, align="false")
             for hinge in waiting:
                 hinge.write(parent, joints[hinge.k], hinges[hinge.k], chain.coordinates[hinge.k])
-            _shape(parent, shown[b] if shapes else None)
+            for capsule in shown.get(int(body["stop"]) - 1, []):
+                _shape(parent, capsule)
             frame, waiting = HERE, []
-    if waiting:
+        opened.append(_Open(parent, frame, waiting))
+
+
+def _require_one_way(chain: Chain, body: np.void, waiting: list[_Hinge]) -> None:
+    """Refuse hinges that wait for a body with mass if there is none, or more than one."""
+    if not waiting:
+        return
+    name = xml_joint_names(chain)[waiting[0].k]
+    if body["first"] == body["stop"]:
+        raise ArgumentError(f"joint {name!r} moves no mass, which MuJoCo refuses; add mass, or use URDF")
+    if chain.bodies["fork"][body["parent"] - 1]:
         raise ArgumentError(
-            f"joint {joints[waiting[0].k]!r} moves no mass, which MuJoCo refuses; add mass, or use URDF"
+            f"links branch off behind joint {name!r}, where there is no mass, which MuJoCo refuses; add mass, or use "
+            "URDF"
         )
-    end = chain.bodies[-1]
-    if end["turned"]:
-        _exact(own, "tip", *end["translation"], *end["rotation"].flat)
-    tip = _body(parent, links[-1], Pose(end["rotation"], end["translation"]))
+
+
+def _tip(parent: ET.Element, own: ET.Element, tip: Tip, *, of_arm: bool) -> None:
+    """A tip frame; of another than the arm's it is said whose it is."""
+    if not of_arm:
+        _exact(own, f"tip.{tip.name}", tip.link, *tip.translation, *tip.rotation.flat)
+    elif not np.array_equal(tip.rotation, np.eye(3)):
+        _exact(own, "tip", *tip.translation, *tip.rotation.flat)
+    body = _body(parent, tip.name, Pose(tip.rotation, tip.translation))
     # all zero; without it MuJoCo would place the centre, where forces act, elsewhere
-    _inertial(tip, end, np.zeros(3), np.eye(3))
-    ET.SubElement(tip, "site", name=links[-1])
+    _inertial(body, np.zeros(1, BODY)[0], np.zeros(3), np.eye(3))
+    ET.SubElement(body, "site", name=tip.name)
 
 
 def _keyframe(parent: ET.Element, chain: Chain, initial: tuple[ArrayLike, ArrayLike]) -> None:
@@ -175,19 +243,25 @@ def _keyframe(parent: ET.Element, chain: Chain, initial: tuple[ArrayLike, ArrayL
     if len(state) != 2:
         raise ArgumentError(f"initial has {len(state)} items: expected q and qd")
     q, qd = (vector(f"initial[{k}]", value, chain.n) for k, value in enumerate(state))
-    ET.SubElement(parent, "key", name="initial", qpos=decimals(q), qvel=decimals(qd))
+    order, own = depth_first(chain), base_joints(chain)
+    q, qd, place, rates = q[order], qd[order], q[:own], qd[:own]
+    if own:  # place and quaternion, velocity in frame 0 and spin in axes of the base
+        R = rotation_of(chain.bodies["rotation"][1], place[3:])
+        place = np.array([*place[:3], *quaternion_from_matrix(R)])
+        rates = np.append(rates[:3], spin_matrix(q[3:6]) @ rates[3:])
+    qpos, qvel = np.append(place, q[own:]), np.append(rates, qd[own:])
+    ET.SubElement(parent, "key", name="initial", qpos=decimals(qpos), qvel=decimals(qvel))
 
 
 def _exact(own: ET.Element, name: str, *values: float) -> None:
     ET.SubElement(own, "numeric", name=f"flexlink.{name}", data=decimals(values))
 
 
-def _shape(body: ET.Element, capsule: Capsule | None) -> None:
-    if capsule is not None:
-        ET.SubElement(
-            body, "geom", type="capsule", fromto=decimals([0, 0, 0, *capsule.end]), size=decimals([capsule.radius]),
-            contype="0", conaffinity="0", mass="0", group="1", material=capsule.colour[0],
-        )  # fmt: skip
+def _shape(body: ET.Element, capsule: Capsule) -> None:
+    ET.SubElement(
+        body, "geom", type="capsule", fromto=decimals([0, 0, 0, *capsule.end]), size=decimals([capsule.radius]),
+        contype="0", conaffinity="0", mass="0", group="1", material=capsule.colour[0],
+    )  # fmt: skip
 
 
 def _safe_step(chain: Chain) -> float:
@@ -218,7 +292,8 @@ class _Hinge:
         own = {"user": decimals([*(hinge[field] for field in USER_FIELDS), *coordinate])}
         if ends := limits(hinge):  # written, but not enforced
             own |= {"range": " ".join((WIDE | ends).values()), "limited": "false"}
-        ET.SubElement(body, "joint", {"name": name, "type": "hinge"} | placed | numbers | own)
+        kind = "slide" if hinge["axis"] >= SLIDES else "hinge"
+        ET.SubElement(body, "joint", {"name": name, "type": kind} | placed | numbers | own)
 
 
 def _beside_tendons(chain: Chain) -> NDArray[np.void]:
@@ -251,12 +326,13 @@ def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
     if not light and moments.max() * (1 - ROUNDING) <= _largest_possible(moments):
         return
     joint = int(body["stop"]) - 1
-    link = chain.link_names[chain.coordinate(joint).link - 1]
+    number = chain.coordinate(joint).link
+    link = f"link {chain.link_names[number - 1]!r}" if number else "the base"
     rule = f"accepts neither below {smallest:g}" if light else "accepts no moment larger than the other two together"
     raise ArgumentError(
         f"segment behind joint {chain.joint_name(joint)!r}: mass {body['mass']:.3g} kg, principal moments of inertia "
         f"{', '.join(f'{moment:.3g}' for moment in moments)} kg m²: MuJoCo {rule}; change section, segments or hub of "
-        f"link {link!r} or the payload, or use URDF"
+        f"{link} or the payload, or use URDF"
     )
 
 

@@ -16,15 +16,20 @@ from flexlink.formats.mjcf import JOINT_ATTRIBUTES, USER_FIELDS, to_mjcf
 from flexlink.formats.reading import (
     ROUNDING,
     Coupled,
+    End,
     Hinge,
+    Mass,
     Node,
     chain_of,
     coordinate,
     inertia_matrix,
     limits_of,
     read,
+    require_link,
+    tree_of,
 )
 from flexlink.formats.tendons import SHARED
+from flexlink.kernels.layout import SLIDES
 
 
 def read_mjcf(text: str | bytes, *, what: str = "the MJCF") -> Chain:
@@ -37,7 +42,8 @@ def _without_axes(root: ET.Element) -> None:
     """Remove principal axes, which are not unique and depend on the machine; `_read_body` has compared them."""
     exact = {one.get("name") for one in root.findall("custom/numeric")}
     for body in root.iter("body"):
-        if exact.intersection(f"flexlink.inertia.{joint.get('name')}" for joint in body.findall("joint")):
+        joints = [one.get("name") for kind in ("joint", "freejoint") for one in body.findall(kind)]
+        if exact.intersection(f"flexlink.inertia.{name}" for name in joints):
             for inertial in body.findall("inertial"):
                 for key in ("quat", "diaginertia"):
                     inertial.attrib.pop(key, None)
@@ -46,16 +52,48 @@ def _without_axes(root: ET.Element) -> None:
 def _chain(root: Node) -> Chain:
     links = root.one("custom").one("text").links("data")
     own = {one.attribute("name"): one for one in root.all("custom/numeric")}
-    hinges, body = list[Hinge](), root.one("worldbody").one("body")
-    while joints := body.all("joint"):
-        hinges += [_read_hinge(joint, body, own, links) for joint in joints[:-1]]
-        hinges.append(_read_hinge(joints[-1], body, own, links)._replace(body=_read_body(body, joints[-1], own)))
-        body = body.one("body")
-    gravity, tip = root.one("option").numbers(3, "gravity"), _read_place(body, own.get("flexlink.tip"))
+    found = _Found(own, links)
+    found.read(root.one("worldbody"), "")
+    gravity = root.one("option").numbers(3, "gravity")
     coupled = [_read_tendon(tendon) for tendon in root.all("tendon/fixed")]
     texts = {one.attribute("name"): one for one in root.all("custom/text")}
-    said = texts.get(f"flexlink.{ROTATION_SPRINGS}")
-    return chain_of(root, root.attribute("model"), gravity, links, hinges, tip, coupled, said, key="data")
+    said = {name.removeprefix("flexlink."): one.attribute("data") for name, one in texts.items()}
+    tree = tree_of(Node(ET.Element("custom", said), root.what, ("custom",)), found.ends, links, found.base)
+    springs = texts.get(f"flexlink.{ROTATION_SPRINGS}")
+    hinges = sorted(found.hinges, key=lambda hinge: hinge.coordinate[:2])  # from branch by branch to link by link
+    return chain_of(root, root.attribute("model"), gravity, links, hinges, tree, coupled, springs, key="data")
+
+
+class _Found:
+    """What nested bodies hold, branch by branch."""
+
+    def __init__(self, own: Mapping[str, Node], links: Sequence[str]) -> None:
+        self.own, self.links = own, links
+        self.hinges, self.ends, self.base = list[Hinge](), list[End](), None
+
+    def read(self, parent: Node, hung_on: str) -> None:
+        """The bodies in one, which joint `hung_on` moves."""
+        for body in parent.all("body"):
+            joints, free = body.all("joint"), body.all("freejoint")
+            if free:
+                self.base = _read_body(body, free[0], self.own)
+            elif not joints:
+                self._read_end(body, hung_on)
+            before = hung_on
+            for joint in joints:
+                mass = _read_body(body, joint, self.own) if joint is joints[-1] else None
+                self.hinges.append(_read_hinge(joint, body, self.own, self.links)._replace(parent=before, body=mass))
+                before = joint.attribute("name")
+            self.read(body, before)
+
+    def _read_end(self, body: Node, hung_on: str) -> None:
+        exact = self.own.get(f"flexlink.tip.{body.attribute('name')}")
+        if exact is None:
+            self.ends.append(End(body, len(self.links), hung_on, *_read_place(body, self.own.get("flexlink.tip"))))
+            return
+        link, x, y, z, *rotation = exact.numbers(13, "data")
+        place = np.array([x, y, z]), exact.rotation_matrix(rotation)
+        self.ends.append(End(exact, require_link(exact, "data", link, self.links), hung_on, *place))
 
 
 def _read_tendon(tendon: Node) -> Coupled:
@@ -74,10 +112,10 @@ def _read_hinge(joint: Node, body: Node, own: Mapping[str, Node], links: Sequenc
     if whole := own.get(f"flexlink.springs.{joint.attribute('name')}"):  # of which the joint has a part
         numbers |= dict(zip(SHARED, whole.numbers(len(SHARED), "data"), strict=True))
     numbers |= limits_of(*(joint.numbers(2, "range") if "range" in joint.element.attrib else (-np.inf, np.inf)))
-    if numbers["axis"] not in {0, 1, 2}:
-        raise joint.error(f"axis {numbers['axis']} in user: must be 0, 1 or 2")
+    if numbers["axis"] not in range(2 * SLIDES):
+        raise joint.error(f"axis {numbers['axis']} in user: must be 0, 1, 2 or, of a slide, 3, 4, 5")
     place = _read_place(body, own.get(f"flexlink.placement.{joint.attribute('name')}"))
-    return Hinge(joint, *place, numbers, coordinate(joint, (link, segment, axis), links), None)
+    return Hinge(joint, "", *place, numbers, coordinate(joint, (link, segment, axis), links), None)
 
 
 def _read_place(body: Node, own: Node | None) -> tuple[Array, Array]:
@@ -88,7 +126,7 @@ def _read_place(body: Node, own: Node | None) -> tuple[Array, Array]:
     return np.array([x, y, z]), own.rotation_matrix(rotation)
 
 
-def _read_body(body: Node, last: Node, own: Mapping[str, Node]) -> tuple[float, Array, Array]:
+def _read_body(body: Node, last: Node, own: Mapping[str, Node]) -> Mass:
     inertial = body.one("inertial")
     moments, axes = inertial.numbers(3, "diaginertia"), matrix_from_quaternion(inertial.numbers(4, "quat"))
     exact = own.get(f"flexlink.inertia.{last.attribute('name')}")

@@ -8,6 +8,7 @@ that contradicts the exact one next to it.
 from __future__ import annotations
 
 import dataclasses
+import heapq
 import itertools
 import json
 import math
@@ -18,16 +19,21 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain import free_base
+from flexlink.chain.builder import Body, recorded
 from flexlink.chain.chain import Chain, Coordinate
+from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.safe_xml import numbers_of, parse
 from flexlink.common.types import Array
+from flexlink.describe.arm import BASE
 from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE, WIDE
 from flexlink.kernels.bodies.rotation_springs import SPRINGS
-from flexlink.kernels.layout import BODY, COUPLING, HINGE
+from flexlink.kernels.layout import COUPLING, HINGE
 
 ROUNDING = 1e-14  # of angles and quaternions, which depends on the machine's mathematical library
-NO_BODY = 0.0, np.zeros(3), np.zeros((3, 3))
+Mass = tuple[float, Array, Array]
+"""Mass, centre and inertia."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,15 +117,56 @@ class Hinge(NamedTuple):
     """A hinge of a file, and its body."""
 
     node: Node
+    parent: str  # name of the joint that it hangs on; "" the base
     translation: Array
     rotation: Array
     numbers: dict[str, float]  # the fields of HINGE
     coordinate: Coordinate
-    body: tuple[float, Array, Array] | None  # mass, centre, inertia; None: no body
+    body: Mass | None  # None: no body
 
     def follows(self, before: Hinge) -> bool:
-        """Whether it turns the same body as the hinge before it."""
+        """Whether it moves the same body as the hinge before it."""
         return before.body is None and before.coordinate[:2] == self.coordinate[:2]
+
+
+class End(NamedTuple):
+    """A tip frame of a file."""
+
+    node: Node
+    link: int  # number, from 1, of the link that ends there
+    parent: str  # as of a hinge
+    translation: Array
+    rotation: Array
+
+
+class Tree(NamedTuple):
+    """What a file says of the base and the branches."""
+
+    ends: list[End]
+    loaded: int  # number of the link at whose end the wrench acts
+    base: Array | None = None  # rotation of a free base
+    body: Mass | None = None  # and its mass
+
+
+def tree_of(own: Node, ends: list[End], links: Sequence[str], body: Mass | None, prefix: str = "") -> Tree:
+    """The same from the attributes of our own, `document.tree_said`."""
+    base = f"{prefix}{BASE}"
+    rotation = None if own.element.get(base) is None else own.rotation(base)
+    return Tree(ends, link_of(own, f"{prefix}loaded", links), rotation, body)
+
+
+def link_of(node: Node, key: str, links: Sequence[str]) -> int:
+    """Number of a link that an attribute says; without it that of the last."""
+    if node.element.get(key) is None:
+        return len(links)
+    return require_link(node, key, node.number(key), links)
+
+
+def require_link(node: Node, key: str, number: float, links: Sequence[str]) -> int:
+    """The number of a link."""
+    if number not in range(1, len(links) + 1):
+        raise node.error(f"{_plain(key)} = {number:g}: expected a link, 1 … {len(links)}")
+    return int(number)
 
 
 class Coupled(NamedTuple):
@@ -162,49 +209,87 @@ def inertia_matrix(moments: Sequence[float]) -> Array:
 
 def chain_of(
     root: Node, name: str, gravity: Sequence[float], links: tuple[str, ...], hinges: Sequence[Hinge],
-    tip: tuple[Array, Array], coupled: Iterable[Coupled] = (), own: Node | None = None, key: str = ROTATION_SPRINGS,
+    tree: Tree, coupled: Iterable[Coupled] = (), own: Node | None = None, key: str = ROTATION_SPRINGS,
 ) -> Chain:  # fmt: skip
-    """The chain of the hinges, of the placement of the tip, and of springs between hinges.
+    """The chain of the hinges, without those of a free base, of base and tip frames, and of springs between hinges.
 
     Attribute `key` of `own`, if it is there, says whose springs hold rotation vectors (`document.rotation_springs`).
 
     Raises
     ------
     DataFileError
-        There is no hinge, two hinges have the same coordinate, a mass, moment, spring or damper is negative, or springs
-        between hinges are stiffer than those of the hinges.
+        There is no hinge or no tip, two hinges have the same coordinate, a hinge or tip hangs on none before it, a mass, moment,
+        spring or damper is negative, or springs between hinges are stiffer than those of the hinges.
     """
-    if not hinges:
+    if not hinges and tree.base is None:
         raise root.error("no movable joint")
-    bodies, first = list[tuple[object, ...]](), 0
-    for stop in range(1, len(hinges) + 1):
-        if stop == len(hinges) or not hinges[stop].follows(hinges[stop - 1]):
-            place, body = hinges[first], hinges[stop - 1].body or NO_BODY
-            bodies.append((first, stop, _turned(place.rotation), 0, place.rotation, place.translation, *body))
-            first = stop
-    n = len(hinges)
-    bodies.append((n, n, _turned(tip[1]), 0, tip[1], tip[0], *NO_BODY))
     for hinge in hinges:
         _require_sound(hinge)
-    coordinates = tuple(hinge.coordinate for hinge in hinges)
-    if len(set(coordinates)) < n:
+    base = _base_hinges() if tree.base is not None else np.zeros(0, HINGE)
+    coordinates = tuple(Coordinate(0, 0, k) for k in range(1, len(base) + 1)) + tuple(h.coordinate for h in hinges)
+    if len(set(coordinates)) < len(coordinates):
         raise root.error("two joints have the same coordinate")
-    records = np.array(bodies, dtype=BODY)
+    bodies, ends = _bodies(tree, hinges)
+    if len(links) not in ends:
+        raise root.error("the tip frame of the arm is missing: not a file that flexlink has written")
+    records = recorded(bodies)
+    records["loaded"][ends.get(tree.loaded, -1)] = 1
     numbers = [tuple(hinge.numbers[field] for field in HINGE.names or ()) for hinge in hinges]
     if own is not None and own.element.get(key):
-        _put_rotation_springs(own, key, records, [int(hinge.numbers["axis"]) for hinge in hinges])
+        axes = [*base["axis"].tolist(), *(int(hinge.numbers["axis"]) for hinge in hinges)]
+        _put_rotation_springs(own, key, records, axes)
     return Chain(
         name=name,
         bodies=records,
-        hinges=np.array(numbers, dtype=HINGE),
+        hinges=np.append(base, np.array(numbers, dtype=HINGE)),
         gravity=np.array(gravity),
         coordinates=coordinates,
         link_names=links,
-        couplings=_couplings(coupled, hinges),
+        couplings=_couplings(coupled, hinges, len(base)),
+        tips={links[link - 1]: number for link, number in ends.items()},
     )
 
 
-def _couplings(coupled: Iterable[Coupled], hinges: Sequence[Hinge]) -> NDArray[np.void]:
+def _base_hinges() -> NDArray[np.void]:
+    """Those of a free base, without springs, friction and limits."""
+    hinges = np.zeros(free_base.JOINTS, HINGE)
+    hinges["axis"], hinges["coulomb_width"] = free_base.AXES, 1.0
+    hinges["lower"], hinges["upper"] = -np.inf, np.inf
+    return hinges
+
+
+def _bodies(tree: Tree, hinges: Sequence[Hinge]) -> tuple[list[Body], dict[int, int]]:
+    """The bodies, those of a link before its tip, and the numbers of tips, from 0, by that of the link."""
+    bodies, on, ends = list[Body](), {"": 0}, dict[int, int]()
+    if tree.base is not None:
+        half = free_base.JOINTS // 2
+        bodies = [Body(HERE, 0, half), Body(Pose(tree.base, np.zeros(3)), half, 2 * half, 1, _rigid(tree.body))]
+        on[""] = len(bodies)
+    stop = bodies[-1].stop if bodies else 0
+    begins = [k for k in range(len(hinges)) if k == 0 or not hinges[k].follows(hinges[k - 1])]
+    groups = [hinges[k:end] for k, end in itertools.pairwise([*begins, len(hinges)])]
+    tips = sorted(tree.ends, key=lambda tip: tip.link)
+    ranks = [(group[0].coordinate.link, 0, group) for group in groups], [(tip.link, 1, tip) for tip in tips]
+    for link, _, one in heapq.merge(*ranks, key=lambda rank: rank[:2]):
+        first = one if isinstance(one, End) else one[0]
+        if first.parent not in on:
+            raise first.node.error(f"hangs on {first.parent[:60]!r}, which is no joint before it")
+        body = Body(Pose(first.rotation, first.translation), stop, stop, on[first.parent])
+        bodies.append(body)
+        if isinstance(one, End):
+            ends[link] = len(bodies) - 1
+            continue
+        stop += len(one)
+        body.stop, body.rigid = stop, _rigid(one[-1].body)
+        on[one[-1].node.attribute("name")] = len(bodies)
+    return bodies, ends
+
+
+def _rigid(body: Mass | None) -> SpatialInertia:
+    return NOTHING if body is None else SpatialInertia(*body)
+
+
+def _couplings(coupled: Iterable[Coupled], hinges: Sequence[Hinge], before: int) -> NDArray[np.void]:
     """Records of dtype `COUPLING`; what a file says of the same two joints at several places is added."""
     number = {hinge.node.attribute("name"): k for k, hinge in enumerate(hinges)}
     found: dict[tuple[int, int], tuple[float, float]] = {}
@@ -212,7 +297,8 @@ def _couplings(coupled: Iterable[Coupled], hinges: Sequence[Hinge]) -> NDArray[n
         for name in (one.inner, one.outer):
             if name not in number:
                 raise one.node.error(f"joint {name[:60]!r}: no such joint")
-        pair = i, j = number[one.inner], number[one.outer]
+        i, j = number[one.inner], number[one.outer]
+        pair = before + i, before + j
         if i >= j:
             raise one.node.error(f"joint {one.outer[:60]!r} must follow {one.inner[:60]!r}")
         k, d = found.get(pair, (0.0, 0.0))
@@ -240,10 +326,6 @@ def _put_rotation_springs(own: Node, key: str, bodies: NDArray[np.void], axes: S
     leads = np.flatnonzero(bodies["springs"] == SPRINGS.cell)
     if (bodies["springs"][leads + 1] != SPRINGS.rotation).any():
         raise own.error(f"{own.attribute(key)[:60]!r}: after three joints with 2 must come three with 1")
-
-
-def _turned(rotation: Array) -> int:
-    return int(not np.array_equal(rotation, np.eye(3)))
 
 
 def _require_sound(hinge: Hinge) -> None:

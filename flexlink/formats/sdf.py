@@ -1,7 +1,8 @@
-"""Chain → SDFormat 1.10: one link and one revolute joint per coordinate, springs and dampers included.
+"""Chain → SDFormat 1.10: one link and one joint per coordinate, revolute or prismatic, springs and dampers included.
 
 All but the last link at a point are massless, which must be written: a link without `<inertial>` weighs 1 kg. Joints
-with several axes (`universal`, `ball`) are not used: Drake drops their springs without a warning.
+with several axes (`universal`, `ball`) are not used: Drake drops their springs without a warning. A free base is a link
+without a joint, which floats.
 
 Drake reads rotors as `drake:rotor_inertia`, and only if the joint has an actuator: driven joints and those with a rotor
 have one, all others an effort of 0. It ignores the world's gravity and dry friction. What SDFormat cannot represent is
@@ -19,22 +20,26 @@ import numpy as np
 from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.formats.capsules import Capsule, capsule_behind
+from flexlink.formats.capsules import Capsule, capsules_behind
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
+    base_joints,
     couplings,
     decimals,
+    joint_places,
     limits,
     links_text,
     own_rotation,
     own_values,
-    places,
     rotation_springs,
     text,
+    tips,
+    tree_said,
     valid,
 )
-from flexlink.kernels.layout import BODY
+from flexlink.kernels.layout import BODY, SLIDES
 
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb", "spring_reference": "rest", "spring_stiffness": "stiffness"}
@@ -56,13 +61,13 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     -------
     str
         The document: a world with gravity and one model. Joints are in sequential order and named as in
-        `Chain.joint_names`, where SDFormat allows it. Frame `tip` is the tip frame. Numbers read back exactly, but
-        rotations are written as roll, pitch and yaw.
+        `Chain.joint_names`, where SDFormat allows it. Frame `tip` is the tip frame; those of other branches are called
+        as the links that end there. Numbers read back exactly, but rotations are written as roll, pitch and yaw.
 
     Raises
     ------
     ArgumentError
-        `chain` is not a Chain.
+        `chain` is not a Chain; a tip frame stands still.
 
     Examples
     --------
@@ -72,42 +77,49 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     """
     require_type("chain", chain, Chain)
     name, *names = sdf_names(chain)
-    joints, links, tip = names[: chain.n], names[chain.n : -1], names[-1]
+    joints, links, frames = names[: chain.n], names[chain.n : 2 * chain.n], names[2 * chain.n :]
     sdf = ET.Element("sdf", {"version": "1.10", **NAMESPACES})
     world = ET.SubElement(sdf, "world", name=name)
     _values(world, {"gravity": decimals(chain.gravity)})
     model = ET.SubElement(
         world, "model", {"name": name, "flexlink:name": valid(chain.name), "flexlink:links": links_text(chain)}
     )
-    model.attrib.update({f"flexlink:{key}": said for key, said in rotation_springs(chain).items()})
-    parent = "world"
-    shown = capsule_behind(chain) if require_bool("shapes", shapes) else {}
-    for k, translation, rotation, body in places(chain):
-        link = ET.SubElement(model, "link", name=links[k])
+    model.attrib.update({f"flexlink:{key}": said for key, said in (rotation_springs(chain) | tree_said(chain)).items()})
+    shown = capsules_behind(chain) if require_bool("shapes", shapes) else {}
+    if own := base_joints(chain):
+        base = ET.SubElement(model, "link", name=links[own - 1])
+        _pose(base, np.zeros(3), chain.bodies["rotation"][1], {})
+        _contents(base, chain.bodies[1], shown.get(own - 1, []))
+    for k, before, translation, rotation, body in joint_places(chain):
+        link, parent = ET.SubElement(model, "link", name=links[k]), links[before] if before >= 0 else "world"
         _pose(link, translation, rotation, {} if parent == "world" else {"relative_to": parent})
-        _inertial(link, np.zeros(1, BODY)[0] if body is None else body)
-        if k in shown:
-            _shape(link, shown[k])
+        _contents(link, np.zeros(1, BODY)[0] if body is None else body, shown.get(k, []))
         _joint(model, chain, k, joints[k], (parent, links[k]))
-        parent = links[k]
-    end = chain.bodies[-1]
-    frame = ET.SubElement(model, "frame", name=tip, attached_to=parent)
-    _pose(frame, end["translation"], end["rotation"], {})
+    for tip, called in zip(tips(chain), frames, strict=True):
+        if tip.parent < 0:
+            raise ArgumentError(
+                f"link {chain.link_names[tip.link - 1]!r} does not move: a frame of SDFormat hangs on a link that does"
+            )
+        number = {"flexlink:link": str(tip.link)} if called != frames[-1] else {}
+        frame = ET.SubElement(model, "frame", {"name": called, "attached_to": links[tip.parent], **number})
+        _pose(frame, tip.translation, tip.rotation, {})
     for coupling in couplings(chain, joints):
         ET.SubElement(frame, "flexlink:coupling", coupling)
     return text(sdf)
 
 
 def sdf_names(chain: Chain) -> list[str]:
-    """Names of model, joints, links and tip, 2 n + 2: unique, without the delimiter "::" and reserved words.
+    """Names of model, joints, links and tips, 1 + 2 n and theirs: unique, without "::" and reserved words.
 
-    Drake adds a frame `…_child` behind every joint.
+    Drake adds a frame `…_child` behind every joint. Behind all joints of a free base is the base.
     """
     plain = [_allowed(valid(name)) for name in (chain.name, *chain.joint_names)]
-    joints = unique(["world", "", *plain[1:]])[2:]
+    joints, own = unique(["world", "", *plain[1:]])[2:], base_joints(chain)
     children = [f"{name}_child" for name in joints]
-    others = unique([*joints, *children, *(f"{name}_link" for name in joints), "tip"])
-    return [f"{plain[0]}_" if plain[0] == "world" else plain[0], *joints, *others[2 * chain.n :]]
+    ends = [_allowed(valid(name)) for name in chain.tips][:-1]
+    others = unique([*joints, *children, *(f"{name}_link" for name in joints[own:]), "tip", "base_link", *ends])
+    links, (tip, base, *ends) = others[2 * chain.n : 3 * chain.n - own], others[3 * chain.n - own :]
+    return [f"{plain[0]}_" if plain[0] == "world" else plain[0], *joints, *[base] * own, *links, *ends, tip]
 
 
 def _allowed(name: str) -> str:
@@ -127,6 +139,13 @@ def _pose(parent: ET.Element, translation: Array, rotation: Array, attributes: M
     pose.text = decimals([*translation, *rpy_from_matrix(rotation)])
 
 
+def _contents(link: ET.Element, body: np.void, shown: list[Capsule]) -> None:
+    """The inertia of a link, and what there is to be seen of it."""
+    _inertial(link, body)
+    for number, capsule in enumerate(shown):
+        _shape(link, capsule, f"capsule_{number + 1}" if number else "capsule")
+
+
 def _inertial(link: ET.Element, body: np.void) -> None:
     inertial = ET.SubElement(link, "inertial")
     _values(inertial, {"pose": decimals([*body["center"], 0, 0, 0]), "mass": decimals([body["mass"]])})
@@ -134,8 +153,8 @@ def _inertial(link: ET.Element, body: np.void) -> None:
     _values(ET.SubElement(inertial, "inertia"), moments)
 
 
-def _shape(link: ET.Element, capsule: Capsule) -> None:
-    visual = ET.SubElement(link, "visual", name="capsule")
+def _shape(link: ET.Element, capsule: Capsule, name: str) -> None:
+    visual = ET.SubElement(link, "visual", name=name)
     _values(visual, {"pose": decimals(capsule.pose)})
     dimensions = {"radius": decimals([capsule.radius]), "length": decimals([capsule.length])}
     _values(ET.SubElement(ET.SubElement(visual, "geometry"), "capsule"), dimensions)
@@ -145,10 +164,11 @@ def _shape(link: ET.Element, capsule: Capsule) -> None:
 def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, str]) -> None:
     hinge = chain.hinges[k]
     own = {f"flexlink:{key}": value for key, value in own_values(chain, k, STANDARD_FIELDS).items()}
-    joint = ET.SubElement(model, "joint", {"name": name, "type": "revolute", **own})
+    kind = "prismatic" if chain.slides[k] else "revolute"
+    joint = ET.SubElement(model, "joint", {"name": name, "type": kind, **own})
     _values(joint, dict(zip(("parent", "child"), ends, strict=True)))
     axis = ET.SubElement(joint, "axis")
-    _values(axis, {"xyz": decimals(np.eye(3)[hinge["axis"]])})
+    _values(axis, {"xyz": decimals(np.eye(3)[hinge["axis"] % SLIDES])})
     limit = limits(hinge) | ({"effort": "0"} if chain.coordinates[k].axis and not hinge["armature"] else {})
     if limit:
         _values(ET.SubElement(axis, "limit"), limit)

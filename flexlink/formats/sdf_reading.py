@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE
-from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, coupling_of, inertia_matrix, read
+from flexlink.formats.reading import (
+    End,
+    Hinge,
+    Mass,
+    Node,
+    chain_of,
+    coordinate,
+    coupling_of,
+    inertia_matrix,
+    link_of,
+    read,
+    tree_of,
+)
 from flexlink.formats.sdf import DYNAMICS, NAMESPACES, STANDARD_FIELDS, to_sdf
-from flexlink.kernels.layout import HINGE
+from flexlink.kernels.layout import HINGE, SLIDES
 
 OWN = f"{{{NAMESPACES['xmlns:flexlink']}}}"  # the prefix as parsers write it
 
@@ -24,14 +36,27 @@ def read_sdf(text: str | bytes, *, what: str = "the SDF") -> Chain:
 def _chain(sdf: Node) -> Chain:
     model = sdf.one("world").one("model")
     links, bodies, joints = model.links(f"{OWN}links"), model.all("link"), model.all("joint")
-    if len(bodies) != len(joints):
+    floating = bodies[: max(0, len(bodies) - len(joints))]
+    if len(bodies) < len(joints) or len(floating) > 1:
         raise model.error(f"{len(joints)} joints, {len(bodies)} links: not a file that flexlink has written")
-    hinges = [_read_hinge(joint, body, links) for joint, body in zip(joints, bodies, strict=True)]
-    gravity, tip = sdf.one("world").one("gravity").numbers(3), _read_place(model.one("frame"))
+    behind = {_text(joint, "child"): joint.attribute("name") for joint in joints}
+    hinges = [_read_hinge(*both, links, behind) for both in zip(joints, bodies[len(floating) :], strict=True)]
+    ends = [_read_end(frame, links, behind) for frame in model.all("frame")]
+    mass = _read_body(floating[0].one("inertial")) if floating else None
+    gravity, tree = sdf.one("world").one("gravity").numbers(3), tree_of(model, ends, links, mass, OWN)
     coupled = [coupling_of(one) for one in model.all(f"frame/{OWN}coupling")]
     return chain_of(
-        model, model.attribute(f"{OWN}name"), gravity, links, hinges, tip, coupled, model, f"{OWN}{ROTATION_SPRINGS}"
+        model, model.attribute(f"{OWN}name"), gravity, links, hinges, tree, coupled, model, f"{OWN}{ROTATION_SPRINGS}"
     )
+
+
+def _text(element: Node, path: str) -> str:
+    return element.one(path).element.text or ""
+
+
+def _read_end(frame: Node, links: Sequence[str], behind: Mapping[str, str]) -> End:
+    parent = behind.get(frame.attribute("attached_to"), "")
+    return End(frame, link_of(frame, f"{OWN}link", links), parent, *_read_place(frame))
 
 
 def _read_place(element: Node) -> tuple[Array, Array]:
@@ -39,19 +64,21 @@ def _read_place(element: Node) -> tuple[Array, Array]:
     return np.array(pose.numbers(6)[:3]), pose.rotation(f"{OWN}rotation")
 
 
-def _read_hinge(joint: Node, link: Node, links: Sequence[str]) -> Hinge:
+def _read_hinge(joint: Node, link: Node, links: Sequence[str], behind: Mapping[str, str]) -> Hinge:
     numbers = {key: joint.number(f"{OWN}{key}") for key in HINGE.names or () if key not in STANDARD_FIELDS}
     dynamics, axis = joint.one("axis").one("dynamics"), joint.one("axis").one("xyz")
     numbers |= {field: dynamics.one(key).number() for key, field in DYNAMICS.items()}
     lower, upper = joint.one("axis").all("limit/lower"), joint.one("axis").all("limit/upper")
     numbers |= {"lower": lower[0].number() if lower else -np.inf, "upper": upper[0].number() if upper else np.inf}
     rotor = joint.all(f"{{{NAMESPACES['xmlns:drake']}}}rotor_inertia")
-    numbers |= {"axis": axis.unit_axis(axis.numbers(3)), "armature": rotor[0].number() if rotor else 0.0}
+    slides = SLIDES * (joint.attribute("type") == "prismatic")
+    numbers |= {"axis": axis.unit_axis(axis.numbers(3)) + slides, "armature": rotor[0].number() if rotor else 0.0}
     place = coordinate(joint, joint.numbers(3, f"{OWN}coordinate"), links)
-    return Hinge(joint, *_read_place(link), numbers, place, _read_body(link.one("inertial")))
+    parent = behind.get(_text(joint, "parent"), "")
+    return Hinge(joint, parent, *_read_place(link), numbers, place, _read_body(link.one("inertial")))
 
 
-def _read_body(inertial: Node) -> tuple[float, Array, Array] | None:
+def _read_body(inertial: Node) -> Mass | None:
     mass, I = (
         inertial.one("mass").number(),
         inertia_matrix([inertial.one("inertia").one(key).number() for key in UPPER_TRIANGLE]),

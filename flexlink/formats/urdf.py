@@ -1,8 +1,12 @@
-"""Chain → URDF: one link and one revolute joint per coordinate; all but the last link at a point are massless.
+"""Chain → URDF: one link and one joint per coordinate, revolute or prismatic; of links at a point the last has mass.
+
+The base of an arm on the ground is a link without mass. A free base has its mass, and no joint: nothing else in URDF
+says that it floats, so a program that loads the file must be told.
 
 URDF has no springs. What it cannot represent is in elements of our own, which parsers ignore: `<flexlink>` in the robot
-(gravity, names of the arm's links, which springs hold rotation vectors; in it `<coupling>` for each spring and damper
-between two joints) and in each joint (stiffness, rest, coulomb_width, armature, …, and the coordinate).
+(gravity, names of the arm's links, which springs hold rotation vectors, the rotation of a free base; in it `<coupling>`
+for each spring and damper between two joints) and in each joint (stiffness, rest, coulomb_width, armature, …, and the
+coordinate).
 Viscous damping and Coulomb torque are the standard `<dynamics damping friction>`.
 """
 
@@ -12,29 +16,33 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from flexlink.chain import free_base
 from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.types import Array
-from flexlink.formats.capsules import Capsule, capsule_behind, colours
+from flexlink.formats.capsules import Capsule, capsules_behind, colours
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
     WIDE,
     couplings,
     decimals,
+    joint_places,
     limits,
     links_text,
     own_rotation,
     own_values,
-    places,
     rotation_springs,
     text,
+    tips,
+    tree_said,
     valid,
     xml_joint_names,
     xml_link_names,
 )
+from flexlink.kernels.layout import SLIDES
 
-# Joints are `revolute`, which requires limits: Pinocchio describes `continuous` ones by two numbers.
+# Joints that turn are `revolute`, which requires limits: Pinocchio describes `continuous` ones by two numbers.
 LIMIT = WIDE | {"effort": "1e9", "velocity": "1e9"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb"}
 """Attribute of <dynamics>: field of the hinge."""
@@ -55,8 +63,8 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     -------
     str
         The document. Joints are in sequential order and named as in `Chain.joint_names`; driven joints have a
-        transmission of that name. Link `tip` is the tip frame. Numbers read back exactly, but rotations are written as
-        roll, pitch and yaw.
+        transmission of that name. Link `tip` is the tip frame; tip frames of other branches are called as the links
+        that end there. Numbers read back exactly, but rotations are written as roll, pitch and yaw.
 
     Raises
     ------
@@ -73,27 +81,29 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     joints, links = xml_joint_names(chain), xml_link_names(chain)
     robot = ET.Element("robot", name=valid(chain.name))
     own = ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=links_text(chain))
-    own.attrib.update(rotation_springs(chain))
+    own.attrib.update(rotation_springs(chain) | tree_said(chain))
     for coupling in couplings(chain, joints):
         ET.SubElement(own, "coupling", coupling)
     if require_bool("shapes", shapes):
         for name, rgba in colours(chain):
             ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=rgba)
-    ET.SubElement(robot, "link", name=links[0])
-    shown = capsule_behind(chain) if shapes else {}
-    for k, translation, rotation, body in places(chain):
-        joint = _joint(robot, joints[k], "revolute", (links[k], links[k + 1]), (translation, rotation))
+    base = ET.SubElement(robot, "link", name=links[0])
+    shown = capsules_behind(chain) if shapes else {}
+    if chain.has_free_base:
+        _contents(base, chain.bodies[1], shown.get(free_base.JOINTS - 1, []))
+    for k, parent, translation, rotation, body in joint_places(chain):
+        kind = "prismatic" if chain.slides[k] else "revolute"
+        joint = _joint(robot, joints[k], kind, (links[parent + 1], links[k + 1]), (translation, rotation))
         _hinge(joint, chain, k)
         ET.SubElement(joint, "flexlink", own_values(chain, k, STANDARD_FIELDS) | own_rotation(rotation))
-        link = ET.SubElement(robot, "link", name=links[k + 1])
-        if body is not None:
-            _inertial(link, body)
-        if k in shown:
-            _shape(link, shown[k])
-    place = chain.bodies["translation"][-1], chain.bodies["rotation"][-1]
-    fixed = _joint(robot, unique([*joints, "tip_joint"])[-1], "fixed", (links[-2], links[-1]), place)
-    ET.SubElement(fixed, "flexlink", own_rotation(place[1]))
-    ET.SubElement(robot, "link", name=links[-1])
+        _contents(ET.SubElement(robot, "link", name=links[k + 1]), body, shown.get(k, []))
+    ends = tips(chain)
+    names = unique([*joints, "tip_joint", *(f"{tip.name}_joint" for tip in ends[:-1])])[chain.n :]
+    for tip, name in zip(ends, [*names[1:], names[0]], strict=True):
+        fixed = _joint(robot, name, "fixed", (links[tip.parent + 1], tip.name), (tip.translation, tip.rotation))
+        number = {} if tip is ends[-1] else {"link": str(tip.link)}
+        ET.SubElement(fixed, "flexlink", number | own_rotation(tip.rotation))
+        ET.SubElement(robot, "link", name=tip.name)
     for k in chain.active:
         _motor(robot, joints[k])
     return text(robot)
@@ -110,9 +120,17 @@ def _joint(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], place
 
 def _hinge(joint: ET.Element, chain: Chain, k: int) -> None:
     hinge = chain.hinges[k]
-    ET.SubElement(joint, "axis", xyz=decimals(np.eye(3)[hinge["axis"]]))
+    ET.SubElement(joint, "axis", xyz=decimals(np.eye(3)[hinge["axis"] % SLIDES]))
     ET.SubElement(joint, "limit", LIMIT | limits(hinge))
     ET.SubElement(joint, "dynamics", {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
+
+
+def _contents(link: ET.Element, body: np.void | None, shown: list[Capsule]) -> None:
+    """The inertia of a link, if it has any, and what there is to be seen of it."""
+    if body is not None:
+        _inertial(link, body)
+    for capsule in shown:
+        _shape(link, capsule)
 
 
 def _inertial(link: ET.Element, body: np.void) -> None:

@@ -9,9 +9,22 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.formats.document import UPPER_TRIANGLE
-from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, coupling_of, inertia_matrix, limits_of, read
+from flexlink.formats.reading import (
+    End,
+    Hinge,
+    Mass,
+    Node,
+    chain_of,
+    coordinate,
+    coupling_of,
+    inertia_matrix,
+    limits_of,
+    link_of,
+    read,
+    tree_of,
+)
 from flexlink.formats.urdf import DYNAMICS, STANDARD_FIELDS, to_urdf
-from flexlink.kernels.layout import HINGE
+from flexlink.kernels.layout import HINGE, SLIDES
 
 
 def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
@@ -41,17 +54,29 @@ def _chain(robot: Node) -> Chain:
     own = robot.one("flexlink")
     links = own.links("links")
     bodies = {link.attribute("name"): link for link in robot.all("link")}
-    hinges = [_read_hinge(joint, bodies, links) for joint in robot.all("joint[@type='revolute']")]
-    tip = _read_place(robot.one("joint[@type='fixed']"))
+    moving = [joint for joint in robot.all("joint") if joint.attribute("type") != "fixed"]
+    behind = {joint.one("child").attribute("link"): joint.attribute("name") for joint in moving}
+    hinges = [_read_hinge(joint, bodies, links, behind) for joint in moving]
+    ends = [_read_end(joint, links, behind) for joint in robot.all("joint[@type='fixed']")]
     coupled = [coupling_of(one) for one in own.all("coupling")]
-    return chain_of(robot, robot.attribute("name"), own.numbers(3, "gravity"), links, hinges, tip, coupled, own)
+    tree = tree_of(own, ends, links, _read_body(robot.one("link")))
+    return chain_of(robot, robot.attribute("name"), own.numbers(3, "gravity"), links, hinges, tree, coupled, own)
+
+
+def _read_end(joint: Node, links: Sequence[str], behind: Mapping[str, str]) -> End:
+    return End(joint, link_of(joint.one("flexlink"), "link", links), _parent(joint, behind), *_read_place(joint))
+
+
+def _parent(joint: Node, behind: Mapping[str, str]) -> str:
+    """The joint that moves the parent; "" for the base."""
+    return behind.get(joint.one("parent").attribute("link"), "")
 
 
 def _read_place(joint: Node) -> tuple[Array, Array]:
     return np.array(joint.one("origin").numbers(3, "xyz")), joint.one("flexlink").rotation("rotation")
 
 
-def _read_hinge(joint: Node, bodies: Mapping[str, Node], links: Sequence[str]) -> Hinge:
+def _read_hinge(joint: Node, bodies: Mapping[str, Node], links: Sequence[str], behind: Mapping[str, str]) -> Hinge:
     own, dynamics, child = joint.one("flexlink"), joint.one("dynamics"), joint.one("child").attribute("link")
     if child not in bodies:
         raise joint.error(f"child = {child[:60]!r}: no such link")
@@ -59,12 +84,14 @@ def _read_hinge(joint: Node, bodies: Mapping[str, Node], links: Sequence[str]) -
     numbers |= {field: dynamics.number(key) for key, field in DYNAMICS.items()}
     axis, limit = joint.one("axis"), joint.one("limit")
     numbers |= limits_of(limit.number("lower"), limit.number("upper"))
-    numbers["axis"] = axis.unit_axis(axis.numbers(3, "xyz"))
+    slides = joint.attribute("type") == "prismatic"
+    numbers["axis"] = axis.unit_axis(axis.numbers(3, "xyz")) + SLIDES * slides
     place = coordinate(own, own.numbers(3, "coordinate"), links)
-    return Hinge(joint, *_read_place(joint), numbers, place, _read_body(bodies[child]))
+    parent = _parent(joint, behind)
+    return Hinge(joint, parent, *_read_place(joint), numbers, place, _read_body(bodies[child]))
 
 
-def _read_body(link: Node) -> tuple[float, Array, Array] | None:
+def _read_body(link: Node) -> Mass | None:
     if not link.all("inertial"):
         return None
     inertial = link.one("inertial")

@@ -1,0 +1,143 @@
+"""How an engine's coordinates follow from ours: another order of joints, and another way to say where a free base is.
+
+We say it by a place in frame 0 and three angles, engines by a place and a quaternion, velocity and spin. Rates of the
+engine are v = T(q) q̇, where T reorders, and turns what is the base's:
+
+    M = Tᵀ M_e T        T_GC = Tᵀ (T_GC,e + M_e Ṫ q̇)        τ = Tᵀ τ_e        q̈ = T⁻¹ (v̇ − Ṫ q̇)
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.chain.base_motion import rotation_of, spin_drift, spin_matrix
+from flexlink.chain.free_base import JOINTS
+from flexlink.chain.rotation import quaternion_from_matrix
+from flexlink.common.types import Array, Indices
+from flexlink.describe.arm import BASE
+
+BASE_JOINTS = tuple(f"{BASE}.{name}" for name in ("x", "y", "z", "rx", "ry", "rz"))
+"""Names of ours of a free base's joints."""
+
+
+class Floating(NamedTuple):
+    """How an engine says where a free base is and how it moves, before all other joints."""
+
+    velocity_in_base: bool  # in axes of the base, not of frame 0
+    spin_in_base: bool
+    turn_first: bool  # quaternion and spin before place and velocity
+    scalar_first: bool  # w, x, y, z, not x, y, z, w
+
+
+class Coordinates:
+    """Of an engine with a chain or a file.
+
+    Attributes
+    ----------
+    order
+        The engine's degree of freedom of each of our joints, shape (n,).
+    reference
+        Rotation of a free base at angles of zero; None: the base stands on the ground.
+    """
+
+    def __init__(self, order: Indices, reference: Array | None = None, floating: Floating | None = None) -> None:
+        self.order, self.reference, self._floating = order, reference, floating
+        self._own = 0 if reference is None else JOINTS  # of the base
+        self.plain = reference is None and np.array_equal(order, np.arange(len(order)))
+
+    def position(self, q: Array) -> Array:
+        """The engine's coordinates."""
+        if self.plain:
+            return q
+        base = self._place(q)
+        place = np.empty(len(q) - self._own + len(base))
+        place[: len(base)] = base
+        place[self.order[self._own :] + len(base) - self._own] = q[self._own :]
+        return place
+
+    def rates(self, q: Array, qd: Array) -> Array:
+        """v = T q̇."""
+        v = self._theirs(qd)
+        if self._own:
+            v[:JOINTS] = self._turn(q) @ qd[:JOINTS]
+        return v
+
+    def torques(self, q: Array, tau: Array) -> Array:
+        """The engine's torques, T⁻ᵀ τ."""
+        found = self._theirs(tau)
+        if self._own:
+            found[:JOINTS] = np.linalg.solve(self._turn(q).T, tau[:JOINTS])
+        return found
+
+    def drift(self, q: Array, qd: Array) -> Array | None:
+        """Ṫ q̇ in the engine's order; None where T is constant."""
+        if not self._own:
+            return None
+        found, R, S = np.zeros(len(q)), self._rotation(q), spin_matrix(q[3:JOINTS])
+        turn = spin_drift(q[3:JOINTS], qd[3:JOINTS])
+        move = -np.cross(S @ qd[3:JOINTS], R.T @ qd[:3])
+        found[:JOINTS] = self._sorted(
+            move if self._layout.velocity_in_base else np.zeros(3), turn if self._layout.spin_in_base else R @ turn
+        )
+        return found
+
+    def own_torques(self, q: Array, tau: Array) -> Array:
+        """Our torques, Tᵀ τ_e."""
+        found = np.array(tau if self.plain else tau[self.order])
+        if self._own:
+            found[:JOINTS] = self._turn(q).T @ tau[:JOINTS]
+        return found
+
+    def own_matrix(self, q: Array, M: Array) -> Array:
+        """Tᵀ M_e T, symmetric as M_e is."""
+        found = np.array(M if self.plain else M[np.ix_(self.order, self.order)])
+        if self._own:
+            T = np.eye(len(M))
+            T[:JOINTS, :JOINTS] = self._turn(q)[self.order[:JOINTS]]
+            found = T.T @ found @ T
+            found = (found + found.T) / 2
+        return found
+
+    def own_accelerations(self, q: Array, qd: Array, a: Array) -> Array:
+        """q̈ = T⁻¹ (v̇ − Ṫ q̇)."""
+        drift = self.drift(q, qd)
+        found = np.array(a if self.plain else a[self.order])
+        if drift is not None:
+            found[:JOINTS] = np.linalg.solve(self._turn(q), (a - drift)[:JOINTS])
+        return found
+
+    @property
+    def _layout(self) -> Floating:
+        assert self._floating is not None
+        return self._floating
+
+    def _theirs(self, values: Array) -> Array:
+        """Numbers of joints in the engine's order."""
+        if self.plain:
+            return values
+        found = np.empty(len(values))
+        found[self.order] = values
+        return found
+
+    def _rotation(self, q: Array) -> Array:
+        assert self.reference is not None
+        return rotation_of(self.reference, q[3:JOINTS])
+
+    def _place(self, q: Array) -> Array:
+        """Place and quaternion of the base."""
+        if not self._own:
+            return np.zeros(0)
+        w, *xyz = quaternion_from_matrix(self._rotation(q))
+        return self._sorted(q[:3], np.array([w, *xyz] if self._layout.scalar_first else [*xyz, w]))
+
+    def _turn(self, q: Array) -> Array:
+        """T of the base, shape (6, 6)."""
+        R, S, nothing = self._rotation(q), spin_matrix(q[3:JOINTS]), np.zeros((3, 3))
+        move = R.T if self._layout.velocity_in_base else np.eye(3)
+        spin = S if self._layout.spin_in_base else R @ S
+        return self._sorted(np.hstack([move, nothing]), np.hstack([nothing, spin]))
+
+    def _sorted(self, move: Array, turn: Array) -> Array:
+        return np.concatenate([turn, move] if self._layout.turn_first else [move, turn])

@@ -1,0 +1,71 @@
+"""A scene's Runge-Kutta method as a plain loop over the accelerations that an engine finds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from flexlink.common.types import Array
+from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.engines.base import Samples, allocate_samples, divergence_error, drive_function, wrench_function
+from flexlink.kernels.inputs.drive_torque import follow
+
+
+class Accelerations(Protocol):
+    """What finds them, shape (n,), those of prescribed joints as in `prescribed`."""
+
+    def __call__(
+        self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
+    ) -> Array:
+        """Of joint torques, and of force and moment (6,) on the tip, in axes of frame 0, or of the tip if it follows."""
+
+
+def run_in_steps(engine: str, problem: InitialValueProblem, accelerations: Accelerations) -> Samples:
+    """The samples of a run with fixed steps.
+
+    Raises
+    ------
+    DivergenceError
+        The state is no longer finite; the error holds the samples before.
+    """
+    samples = t, q, qd = allocate_samples(problem)
+    run, n, step = problem.run, problem.chain.n, _step_function(problem, accelerations)
+    first_step = round(problem.start / run.fixed_step)
+    y = np.concatenate([q[0], qd[0]])
+    with np.errstate(all="ignore"):  # divergence raises an error below
+        for row in range(1, len(t)):
+            for number in range((row - 1) * run.steps_per_sample, row * run.steps_per_sample):
+                y = step(first_step + number, y)
+            if not np.isfinite(y).all():
+                raise divergence_error(engine, problem, samples, row)
+            q[row], qd[row] = y[:n], y[n:]
+    return samples
+
+
+def _step_function(problem: InitialValueProblem, accelerations: Accelerations) -> Callable[[int, Array], Array]:
+    """A function that returns the state (q, q̇) at (number + 1) h from the one at number · h."""
+    n, h, wrench = problem.chain.n, problem.run.fixed_step, wrench_function(problem)
+    A, b, c = method(problem.run.method).arrays
+    drive, motion = drive_function(problem), problem.inputs.motion
+    F, no_torque, prescribed = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)
+    follows = wrench is not None and wrench.follows
+
+    def step(number: int, y: Array) -> Array:
+        for function in (drive, wrench):
+            if function is not None:
+                function.begin(number, h, y[:n], y[n:])
+        for i in range(len(c)):
+            t, x = (number + c[i]) * h, y + h * A[i, :i] @ F[:i]
+            follow(motion, t, x[:n], x[n:], prescribed)
+            torque = no_torque if drive is None else drive(t, x[:n], x[n:])
+            F[i, :n] = x[n:]
+            force = None if wrench is None else wrench(t)
+            F[i, n:] = accelerations(x[:n], x[n:], torque, force, follows=follows, prescribed=prescribed)
+        y = y + h * b @ F
+        follow(motion, (number + 1) * h, y[:n], y[n:], prescribed)
+        return y
+
+    return step
