@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexlink.chain.branches import as_lines
 from flexlink.describe.own_units import in_own
 from flexlink.pages.colours import BLUE, CYCLE, GREEN, GREY, INK, VERMILION
 from flexlink.results.notebook_figure import NotebookFigure as Figure
@@ -126,9 +127,16 @@ def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
         path = found.paths[k].real
         bent = found.points + 0.12 * reach / (np.abs(path).max() or 1.0) * path
         view = view_of_motion(chain, found.points, bent)
-        panel.plot(*view.flat(found.points), color=GREY, linewidth=1.0, label="posture")
+        panel.plot(*view.flat(as_lines(chain, found.points, base=False)), color=GREY, linewidth=1.0, label="posture")
         colour, line, words = (BLUE, "-", "") if fine[k] else (VERMILION, "--", ", not resolved")
-        panel.plot(*view.flat(bent), line, color=colour, marker=".", markersize=4, label=f"mode {k + 1}")
+        panel.plot(
+            *view.flat(as_lines(chain, bent, base=False)),
+            line,
+            color=colour,
+            marker=".",
+            markersize=4,
+            label=f"mode {k + 1}",
+        )
         frequency = f"{found.hertz[k]:.4g} Hz" if np.isfinite(found.hertz[k]) else "falls, no frequency"
         panel.set_title(f"{k + 1}: {frequency}{words}", fontsize="medium")
         panel.set(xlabel=view.labels[0], ylabel=view.labels[1])

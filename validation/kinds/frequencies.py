@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from flexlink import engines
+from flexlink.chain import free_base
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
@@ -114,8 +115,9 @@ class _State(NamedTuple):
 def _state(scene: Scene, variant: Variant, settings: Settings) -> _State:
     chain = lump(scene)
     held = [chain.index(scene.arm.number(link), 0, 0) for link in variant.hold]
-    still = [k for k, c in enumerate(chain.coordinates) if c.axis and c.axis not in settings.axes]
-    return _State(chain, *initial_state(scene, chain), held + still, len(chain.active) - len(held))
+    still = [k for k, c in enumerate(chain.coordinates) if c.link and c.axis and c.axis not in settings.axes]
+    rigid = len(chain.active) - len(held) + free_base.JOINTS * chain.has_free_base
+    return _State(chain, *initial_state(scene, chain), held + still, rigid)
 
 
 def _frequencies(scene: Scene, variant: Variant, settings: Settings) -> Array:

@@ -92,6 +92,7 @@ class Drawing:
         self._links.set(verts=list(quads[order]), facecolor=colours, edgecolor=colours)
         places = zip(projected.joints[k, :, :2], projected.joint_radii, strict=True)
         self._joints.set_paths([Circle(tuple(place), radius) for place, radius in places])
+        self._base.set_xy(tuple(projected.base[k, :2] - projected.base_half))
         self._ball.center = tuple(projected.ball[k, :2])
         self._line.set_data(*projected.skeleton[k, :, :2].T)
         if film.view.spatial:

@@ -52,6 +52,11 @@ class Film:
     trace_t: Array
 
     @property
+    def bodies(self) -> Array:
+        """Origins of all that are part of the arm, (f, ·, 3) [m]: from the base outward, that of one that floats."""
+        return self.p[:, self.outline.base :]
+
+    @property
     def points(self) -> Array:
         """Stations of the outline in frame 0, shape (f, s, 3) [m]."""
         body = self.outline.body
@@ -70,7 +75,9 @@ class Film:
     @property
     def reach(self) -> float:
         """Length of the arm [m]: what is small beside it is drawn at a size that is seen."""
-        return sum(piece.length for piece in self.outline.pieces) or float(np.ptp(self.p, axis=(0, 1)).max()) or 1.0
+        return (
+            sum(piece.length for piece in self.outline.pieces) or float(np.ptp(self.bodies, axis=(0, 1)).max()) or 1.0
+        )
 
 
 def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, speed: float) -> Film:
@@ -139,7 +146,7 @@ def _rows(run: RunSamples, fps: float, speed: float) -> NDArray[np.intp]:
 
 def _magnified(run: RunSamples, magnify: float) -> Array:
     """Angles whose passive joints are bent so many times as far, shape (samples, n)."""
-    q, passive = run.q.copy(), np.ones(run.chain.n, dtype=bool)
+    q, passive = run.q.copy(), np.array([c.link > 0 for c in run.chain.coordinates])
     passive[run.chain.active] = False
     q[:, passive] = run.chain.rest[passive] + magnify * (run.q[:, passive] - run.chain.rest[passive])
     return q

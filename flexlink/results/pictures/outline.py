@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.branches import base_body, branches_of
 from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import pieces
@@ -37,12 +38,9 @@ class Outline(NamedTuple):
     ball: float  # radius of the payload [m], or 0
     center: Array  # (3,), its centre in the tip frame [m]
     pieces: list[Piece]
-
-    @property
-    def order(self) -> Whole:
-        """Along the arm: origins of the bodies, 0 the base, and, after these, stations, which count on from there."""
-        bodies = np.arange(self.bodies)
-        return np.argsort(np.concatenate([bodies, self.body]), kind="stable")
+    parents: Whole  # (bodies − 1,), of every body but the base the one that it hangs on
+    base: int  # the body that is the base: 0, or one that floats
+    order: Whole  # along the arm: bodies, and stations, which count on from there; −1 between two branches
 
 
 def outline_of(scene: Scene, chain: Chain) -> Outline:
@@ -53,12 +51,30 @@ def outline_of(scene: Scene, chain: Chain) -> Outline:
     steel = 7850.0  # kg/m³; a payload is drawn as a ball of steel of its mass
     ball = (3 * arm.tip.mass / (4 * math.pi * steel)) ** (1 / 3)
     joints = np.array([chain.body(int(k)) + 1 for k in chain.active], dtype=np.int64)
+    bodies, places = np.array(body, dtype=np.int64), np.reshape(place, (-1, 3))
     return Outline(
-        np.array(link, dtype=np.int64), np.array(body, dtype=np.int64), np.reshape(place, (-1, 3)),
+        np.array(link, dtype=np.int64), bodies, places,
         np.reshape(axes, (-1, 2, 3)), np.reshape(across, (-1, 2)), np.array(is_round, dtype=bool),
         np.array(number, dtype=np.int64), np.array(part, dtype=float),
         len(chain.bodies) + 1, joints, ball, np.array(arm.tip.center), found,
+        chain.bodies["parent"].astype(np.int64), base_body(chain), _order(chain, bodies, places),
     )  # fmt: skip
+
+
+def _order(chain: Chain, body: Whole, places: Array) -> Whole:
+    """`Outline.order`: every branch begins at the point of the body that it hangs on which is nearest to it."""
+    count, order = len(chain.bodies) + 1, []
+    for k, (parent, *bodies) in enumerate(branches_of(chain)):
+        if k:
+            there = np.append(parent, count + np.flatnonzero(body == parent))
+            away = np.linalg.norm(
+                np.concatenate([np.zeros((1, 3)), places[body == parent]]) - chain.bodies["translation"][bodies[0] - 1],
+                axis=1,
+            )
+            order += [-1, int(there[np.argmin(away)])]
+        for b in (parent, *bodies)[1 if k else 0 :]:
+            order += [b, *(count + np.flatnonzero(body == b)).tolist()]
+    return np.array(order, dtype=np.int64)
 
 
 def _stations(arm: Arm, found: list[Piece], k: int, piece: Piece) -> list[tuple[object, ...]]:

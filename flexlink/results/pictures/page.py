@@ -52,6 +52,7 @@ def data_of(film: Film) -> dict[str, Any]:
         "radii": projected.joint_radii.tolist(),
         "ball": projected.ball_radius,
         "base": projected.base_half,
+        "baseBody": outline.base,
         "center": outline.center.tolist(),
         "trace": _floats(film.trace),
         "traceT": _floats(film.trace_t),
@@ -80,7 +81,7 @@ def turned_window(projected: Projected) -> tuple[Array, list[float]]:
     film, view = projected.film, projected.view
     if not view.spatial:
         return np.zeros(3), list(projected.window)
-    found, v = np.concatenate([part.reshape(-1, 3) for part in (film.points, film.p, film.ball)]), view.vertical
+    found, v = np.concatenate([part.reshape(-1, 3) for part in (film.points, film.bodies, film.ball)]), view.vertical
     heights, level = found @ v, found - (found @ v)[:, None] * v
     pivot = (level.min(axis=0) + level.max(axis=0)) / 2
     r = float(np.linalg.norm(level - pivot, axis=1).max()) + projected.thickest

@@ -44,12 +44,16 @@ class Projected:
         self.film, self.view = film, film.view
         self.points = self.view(film.points)  # (f, s, 3): right, up, depth
         self.joints = self.view(film.p[:, film.outline.joints])
-        self.ball, self.trace, self.origin = self.view(film.ball), self.view(film.trace), np.zeros(3)
+        self.ball, self.trace, self.base = (
+            self.view(film.ball),
+            self.view(film.trace),
+            self.view(film.p[:, film.outline.base]),
+        )
 
     @functools.cached_property
     def window(self) -> Window:
         """All of the arm at all times, its widths counted, with some space around it."""
-        parts = [self.points, self.joints, self.ball, self.trace, self.view(self.film.p), self.origin]
+        parts = [self.points, self.joints, self.ball, self.trace, self.view(self.film.bodies)]
         found = np.concatenate([part.reshape(-1, 3)[:, :2] for part in parts])
         if self.view.spatial:
             found = np.concatenate([found, self.floor.reshape(-1, 3)[:, :2]])
@@ -74,9 +78,13 @@ class Projected:
 
     @property
     def skeleton_points(self) -> Array:
-        """What is drawn as a line where there is no section: bodies and stations, payload; frame 0, shape (f, m, 3)."""
+        """What is drawn as a line where there is no section: bodies and stations, payload; frame 0, shape (f, m, 3).
+
+        Not a number between two branches.
+        """
         film = self.film
-        every = np.concatenate([film.p, film.points], axis=1)[:, film.outline.order]
+        every = np.concatenate([film.p, film.points, np.full_like(film.p[:, :1], np.nan)], axis=1)
+        every = every[:, film.outline.order]
         return np.concatenate([every, film.ball[:, None]], axis=1) if film.outline.ball else every
 
     @functools.cached_property
@@ -153,7 +161,7 @@ def thickest(film: Film) -> float:
 
 def floor_level(film: Film) -> float:
     """Height below which nothing of the arm comes, in direction of the vertical [m]."""
-    heights = np.concatenate([(part @ film.view.vertical).ravel() for part in (film.points, film.p, film.ball)])
+    heights = np.concatenate([(part @ film.view.vertical).ravel() for part in (film.points, film.bodies, film.ball)])
     return float(heights.min()) - thickest(film) - 0.02 * film.reach
 
 
@@ -166,7 +174,7 @@ def dropped(points: Array, view: View, level: float) -> Array:
 def floor_of(film: Film) -> Array:
     """Lines of the grid in frame 0, shape (lines, 2, 3), a nice step apart."""
     a, v = _level(film.view), film.view.vertical
-    flat = np.concatenate([film.points.reshape(-1, 3), film.p.reshape(-1, 3)]) @ a.T
+    flat = np.concatenate([film.points.reshape(-1, 3), film.bodies.reshape(-1, 3)]) @ a.T
     step = nice(float(np.ptp(flat, axis=0).max()) / 5)
     low, high = np.floor(flat.min(axis=0) / step), np.ceil(flat.max(axis=0) / step)
     corner = floor_level(film) * v

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexlink.chain.branches import base_body
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.own_units import UNIT, in_own
 from flexlink.dynamics.placement import frames
@@ -48,12 +49,13 @@ def _postures(study: Study) -> Picture:
     run, chain = study.run, study.chain
     chosen = np.unique(np.linspace(0, len(run.t) - 1, 9).astype(int))
     points = np.array([frames(chain, run.q[k]).points for k in chosen])
-    views = views_of(chain, points)
-    figure, axes = panels(views, np.concatenate([points.reshape(-1, 3), run.tip]))
+    seen = points[:, max(base_body(chain) - 1, 0) :]
+    views = views_of(chain, seen)
+    figure, axes = panels(views, chain, np.concatenate([seen.reshape(-1, 3), run.tip]))
     for panel, view in zip(axes, views, strict=True):
         panel.plot(*view.flat(run.tip), color=GREY, linewidth=0.8, zorder=1)
         for posture, part in zip(points, np.linspace(0, 1, len(chosen)), strict=True):
-            draw_shadow(panel, view, posture, colour=colour_along(part))
+            draw_shadow(panel, view, posture, chain, colour=colour_along(part))
     heads = ("time [s]", "body", "x [m]", "y [m]", "z [m]")
     times = run.t[chosen].tolist()
     lines = [(t, k, *p) for t, posture in zip(times, points.tolist(), strict=True) for k, p in enumerate(posture)]

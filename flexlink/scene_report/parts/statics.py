@@ -104,9 +104,9 @@ def _picture(study: Study, size: float) -> Picture:
     shown = straight + scale * (bent - straight)
     both = np.stack([straight, shown])
     views = views_of(chain, both)
-    figure, axes = panels(views, both)
+    figure, axes = panels(views, chain, both)
     for panel, view in zip(axes, views, strict=True):
-        draw_shadow(panel, view, straight, "undeformed")
+        draw_shadow(panel, view, straight, chain, "undeformed")
         draw_arm(panel, view, shown, chain)
     legend_over(axes[0], figure=figure)
     csv = table_csv(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexlink.chain.branches import as_lines
 from flexlink.dynamics.vibration.at_rest import modes_at_rest
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.inputs.tip_wrench import initial_wrench
@@ -85,9 +86,15 @@ def _picture(study: Study, found: Modes, fine: tuple[bool, ...]) -> Picture:
         path = found.paths[k].real if np.abs(found.paths[k].real).max() > 0 else found.paths[k].imag
         bent = found.points + amplitude / (np.abs(path).max() or 1.0) * path
         view = view_of_motion(study.chain, found.points, bent)
-        panel.plot(*view.flat(found.points), color=GREY, linewidth=1.0)
+        panel.plot(*view.flat(as_lines(study.chain, found.points, base=False)), color=GREY, linewidth=1.0)
         line = "-" if fine[k] else "--"
-        panel.plot(*view.flat(bent), line, color=BLUE if fine[k] else VERMILION, marker=".", markersize=4)
+        panel.plot(
+            *view.flat(as_lines(study.chain, bent, base=False)),
+            line,
+            color=BLUE if fine[k] else VERMILION,
+            marker=".",
+            markersize=4,
+        )
         coarse = "" if fine[k] else ", not resolved"
         frequency = f"{number(float(found.hertz[k]))} Hz" if np.isfinite(found.hertz[k]) else "falls, no frequency"
         panel.set_title(f"{k + 1}: {frequency}{coarse}")
