@@ -47,13 +47,13 @@ def at(*keys: Any, **values: Any) -> Edit:
 @pytest.mark.parametrize(
     ("edit", "wanted"),
     [
-        (at("link", 1, joint={"type": "prismatic"}), "link.upper.joint.type = 'prismatic': sliding joints are not su"),
-        (at("link", 1, kind="telescopic"), "link.upper.kind = 'telescopic': sliding joints are not supported"),
-        (at("link", 1, joint="prismatic"), "expected table, got str: sliding joints are not supported"),
-        (at("link", 1, joint={"type": "revolute"}), "all joints are hinges: leave this out"),
+        (at("link", 1, joint={"type": "prismatic"}), "joint.type = 'prismatic': a joint that slides is written"),
+        (at("link", 1, kind="telescopic"), "link.upper.kind = 'telescopic': a joint that slides is written"),
+        (at("link", 1, joint="prismatic"), "expected table, got str: a joint that slides is written"),
+        (at("link", 1, joint={"type": "revolute"}), "a joint turns unless its kind is 'prismatic': leave this out"),
         (at(contact={"ground": 0.0}), "contact = .*: contact is not supported: give the force"),
         (at(loop=[{}]), "loop = .*: closed loops are not supported, .* cut the loop"),
-        (at("link", 2, parent="waist"), "link.fore.parent = 'waist': trees are not supported"),
+        (at("link", 2, parent="waist"), "link.fore.parent = 'waist': a link names the one that it hangs on, on = "),
         (at("link", 1, joint={"axis": "x"}), r"joint.axis = 'x': expected three numbers, such as \[1.0, 0.0, 0.0\]"),
         (at(gravity=-9.81), r"gravity = -9.81: expected three numbers \[m/s²\], such as \[0.0, 0.0, -9.81\]"),
         (at("link", 1, mount={"xyz": 0.3}), r"mount.xyz = 0.3: expected three numbers \[m\]"),

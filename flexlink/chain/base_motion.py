@@ -1,6 +1,6 @@
 """How a free base turns, in the terms of others: a rotation and an angular velocity for three angles and their rates.
 
-    R = R_reference Rx Ry Rz        ω = S(φ) φ̇        ω̇ = S φ̈ + Ṡ φ̇        in axes of the base
+R = R_reference Rx Ry Rz        ω = S(φ) φ̇        ω̇ = S φ̈ + Ṡ φ̇        in axes of the base
 """
 
 from __future__ import annotations

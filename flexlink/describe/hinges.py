@@ -61,8 +61,10 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
 
 
 def _stands_alone(link: Link) -> bool:
-    """Whether a hinge at the root of the beam has a fixed place or inertia on its other side."""
+    """Whether a hinge at the root of the beam has a fixed place or inertia on its other side, or this one slides."""
     joint = link.joint
+    if joint.slides and not joint.locked:
+        return True
     supported = joint.gear_stiffness is None and bool(joint.locked or joint.armature)
     return supported or link.hub.about(joint.direction) > 0
 

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, get_origin
 import msgspec
 
 from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.describe.own_units import IN_METRES, TWINS
 from flexlink.describe.spec import (
     Spec,
     bare_type,
@@ -209,7 +210,10 @@ class _Change:
         below = self.parts[depth + 1 :]
         free = [not get_in(link, "joint", "locked") for link in self.links]
         if above != "link":
-            return [True] * len(free) if above in {"initial.joint_deg", "initial.joint_m"} else free
+            where, _, key = above.rpartition(".")
+            every = [True] * len(free) if where == "initial" and key in {"joint_deg", "joint_m"} else free
+            slides = [get_in(link, "joint", "kind") == "prismatic" for link in self.links]
+            return [e and (key not in TWINS or s != (key in IN_METRES)) for e, s in zip(every, slides, strict=True)]
         if below and below[0] in {"flex", "segments", "lumping", "damping", "friction"}:
             return [(get_in(link, "flex") or "rigid") != "rigid" for link in self.links]
         if below and below[0] in {"material", "section", "section_tip", "up"}:

@@ -1,10 +1,10 @@
 """Internal loads: what the parts of an arm do to each other where it is cut, in motion or at rest.
 
-Cut before body i, at its hinge point. All that lies beyond, bodies j ≥ i, moves as gravity, the tip wrench, and force
-f_i and moment n_i of what lies before make it (Newton and Euler):
+Cut before body i, at its hinge point. All that lies beyond, the bodies that hang on it, moves as gravity, the tip
+wrench, and force f_i and moment n_i of what lies before make it (Newton and Euler):
 
-    F = m (a + α × c + ω × (ω × c) − g)        f_i = Σ F_j − f_tip
-    N = I α + ω × I ω + c × F                  n_i = Σ (N_j + r_j × f_{j+1}) − n_tip        r_j = p_{j+1} − p_j
+    F = m (a + α × c + ω × (ω × c) − g)        f_i = F_i + Σ f_j − f_tip
+    N = I α + ω × I ω + c × F                  n_i = N_i + Σ (n_j + r_j × f_j) − n_tip        r_j = p_j − p_i, j on i
 
 The loads of a section have the opposite sign: they act on the face that looks outward, as in beam theory.
 """
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
+from flexlink.chain.branches import of_parents, spans_of, sums_inward
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
@@ -34,12 +35,12 @@ class InternalLoads(Result):
 
     In axes of the body beyond. In a beam x runs along it: force[0] is the axial force, positive in tension, force[1],
     force[2] are shear; moment[0] is the torque, GJ φ', moment[1], moment[2] the bending moments about y and z, EI κ.
-    The last body is the tip frame, where the loads are the tip wrench.
+    The last body is the tip frame, where the loads are the tip wrench, unless this acts at another one.
     """
 
     force: Array  # (…, bodies, 3) [N]
     moment: Array  # (…, bodies, 3) [N m]
-    hinge_moment: Array  # (…, n), the moment about the axis of each hinge [N m]
+    hinge_moment: Array  # (…, n), the moment about the axis of each hinge [N m]; the force along one that slides [N]
 
     def __repr__(self) -> str:
         *states, bodies, _ = self.force.shape
@@ -108,20 +109,20 @@ def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> Intern
         F = bodies["mass"][:, None] * (a + np.cross(α, c) + np.cross(ω, np.cross(ω, c)) - chain.gravity)
         inertia = R @ bodies["inertia"] @ R.transpose(0, 2, 1)
         N = _each_by(inertia, α) + np.cross(ω, _each_by(inertia, ω)) + np.cross(c, F)
-        F[-1], N[-1] = -wrench[:3], -wrench[3:]  # the tip frame has no inertia
-        f = _from_the_tip(F)
-        N[:-1] += np.cross(np.diff(p, axis=0), f[1:])
-        n = _from_the_tip(N)
+        tip = chain.loaded
+        F[tip], N[tip] = -wrench[:3], -wrench[3:]  # the tip frame has no inertia
+        spans, parents = spans_of(chain), bodies["parent"]
+        f = sums_inward(spans, F)
+        moments = np.cross(p - of_parents(chain, p, np.zeros(3)), f)
+        hang = parents > 0
+        np.add.at(N, parents[hang] - 1, moments[hang])
+        n = sums_inward(spans, N)
         inward = -R.transpose(0, 2, 1)
-        about_axes = -(axes * n[hinge_bodies(chain)]).sum(axis=1)
+        own = hinge_bodies(chain)
+        about_axes = -(axes * np.where(chain.slides[:, None], f[own], n[own])).sum(axis=1)
         return InternalLoads(_each_by(inward, f), _each_by(inward, n), about_axes)
 
 
 def _each_by(matrices: Array, vectors: Array) -> Array:
     """Each vector by its matrix."""
     return np.asarray(np.einsum("ijk,ik->ij", matrices, vectors))
-
-
-def _from_the_tip(terms: Array) -> Array:
-    """Sums of all from each one on."""
-    return np.cumsum(terms[::-1], axis=0)[::-1]

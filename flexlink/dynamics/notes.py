@@ -71,7 +71,7 @@ def _stillness(scene: Scene) -> Iterator[str]:
         *scene.joint_rates, scene.wrench.acts, *(scene.drive.torque or ()),
         *np.ravel(scene.drive.torques or ()), *(scene.drive.kp or ()), len(scene.motion),
     ]  # fmt: skip
-    if any(pushed) or not g.any():
+    if any(pushed) or not g.any() or any(scene.arm.slides) or scene.arm.base.free:
         return
     chain = lump(scene)
     sprung = scene.initial.q is not None and bool(elastic_torque(chain, scene.initial.q).any())

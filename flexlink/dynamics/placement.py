@@ -62,8 +62,8 @@ def frames(chain: Chain, q: ArrayLike) -> Frames:
     return Frames(placed.rotations, placed.points)
 
 
-def tip_position(chain: Chain, q: ArrayLike) -> Array:
-    """Origin of the tip frame in frame 0.
+def tip_position(chain: Chain, q: ArrayLike, *, tip: str | int | None = None) -> Array:
+    """Origin of a tip frame in frame 0.
 
     Parameters
     ----------
@@ -71,6 +71,8 @@ def tip_position(chain: Chain, q: ArrayLike) -> Array:
         The chain.
     q
         Angles [rad], shape (n,), or (b, n) for b states.
+    tip
+        Name or number of a link that no other hangs on; default: the last link, whose end is the arm's tip.
 
     Returns
     -------
@@ -80,7 +82,7 @@ def tip_position(chain: Chain, q: ArrayLike) -> Array:
     Raises
     ------
     ArgumentError
-        As in `frames`.
+        As in `frames`; or other links hang on that of the tip.
 
     Examples
     --------
@@ -89,8 +91,9 @@ def tip_position(chain: Chain, q: ArrayLike) -> Array:
     >>> print(fl.tip_position(chain, [q, 0 * q]).shape)  # of several states at once
     (2, 3)
     """
-    if not is_batch(q):
-        return np.asarray(frames(chain, q).points[-1])
+    number = body_number(chain, -1, tip)
+    if not is_batch(q) or number != len(chain.bodies) - 1:
+        return np.asarray(frames(chain, q).points[..., number, :])
     (states,) = rows(require_type("chain", chain, Chain).n, {"q": q})
     tips = np.empty((len(states), 3))
     tip_points(chain.arrays, states, tips)
@@ -109,11 +112,14 @@ class Jacobian(Result):
         return f"<Jacobian: {n} joints{f' in {states[0]} states' if states else ''}>"
 
 
-def jacobian(chain: Chain, q: ArrayLike, *, body: int = -1, point: ArrayLike = (0.0, 0.0, 0.0)) -> Jacobian:
+def jacobian(
+    chain: Chain, q: ArrayLike, *, body: int = -1, tip: str | int | None = None, point: ArrayLike = (0.0, 0.0, 0.0)
+) -> Jacobian:
     """∂(place and turning of a body)/∂q: v = J_v q̇ of a point of it, ω = J_ω q̇, in axes of frame 0.
 
     The geometric Jacobian, Pinocchio's in `LOCAL_WORLD_ALIGNED`, MuJoCo's `mj_jac`. Column k is e_k × (p − p_k) and
-    e_k, for axis and point of the hinges before the body, 0 for those beyond it. By virtual work a force f and a
+    e_k, for axis and point of the hinges before the body, of one that slides e_k and 0, and 0 for those that are not
+    between the base and the body. By virtual work a force f and a
     moment m on the body, f at the point, are the torques J_vᵀ f + J_ωᵀ m.
 
     Parameters
@@ -124,6 +130,8 @@ def jacobian(chain: Chain, q: ArrayLike, *, body: int = -1, point: ArrayLike = (
         Angles [rad], shape (n,), or (b, n) for b states.
     body
         Number of the body in `chain.bodies`, as of `frames`, from −1, the tip frame, backwards or from 0 on.
+    tip
+        In place of the body: the name or number of a link that no other hangs on, whose tip frame is meant.
     point
         The point in axes of the body's frame, from its origin, shape (3,) [m].
 
@@ -144,15 +152,39 @@ def jacobian(chain: Chain, q: ArrayLike, *, body: int = -1, point: ArrayLike = (
     [1.032 5.186]
     """
     if is_batch(q):
-        return each(jacobian, chain, {"q": q}, body=body, point=point)
-    m = len(require_type("chain", chain, Chain).bodies)
-    number, offset = integer("body", body, -m, m - 1) % m, vector("point", point, 3)
+        return each(jacobian, chain, {"q": q}, body=body, tip=tip, point=point)
+    number, offset = body_number(chain, body, tip), vector("point", point, 3)
     placed = forward_kinematics(chain.arrays, vector("q", q, chain.n, many=True))
-    before = np.arange(chain.n) < chain.bodies["stop"][number]
-    axes = np.where(before[:, None], placed.axes, 0.0)
+    axes = np.where(hinges_before(chain, number)[:, None], placed.axes, 0.0)
     place = placed.points[number] + placed.rotations[number] @ offset
     linear = np.cross(axes, place - placed.points[hinge_bodies(chain)])
+    if chain.slides.any():
+        linear[chain.slides], axes[chain.slides] = axes[chain.slides], 0.0
     return Jacobian(np.ascontiguousarray(linear.T), np.ascontiguousarray(axes.T))
+
+
+def body_number(chain: Chain, body: int, tip: str | int | None) -> int:
+    """Number from 0 of a body, given by its number or as the tip frame of a link.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such body, or other links hang on that of the tip.
+    """
+    m = len(require_type("chain", chain, Chain).bodies)
+    return integer("body", body, -m, m - 1) % m if tip is None else chain.tip_body(tip)
+
+
+def hinges_before(chain: Chain, body: int) -> NDArray[np.bool_]:
+    """Which hinges are between the base and a body, its own included, shape (n,)."""
+    first, stop = chain.bodies["first"], chain.bodies["stop"]
+    if chain.is_serial:
+        return np.asarray(np.arange(chain.n) < stop[body])
+    before, number = np.zeros(chain.n, dtype=bool), body + 1
+    while number:
+        before[first[number - 1] : stop[number - 1]] = True
+        number = int(chain.bodies["parent"][number - 1])
+    return before
 
 
 def hinge_bodies(chain: Chain) -> NDArray[np.intp]:

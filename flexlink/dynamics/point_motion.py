@@ -1,8 +1,9 @@
 """How points of an arm move: velocity and acceleration, and what sensors on the arm read (see `terms` for shapes).
 
     ω_i = Σ e_k q̇_k        α_i = Σ (e_k q̈_k + ω × e_k q̇_k), ω before hinge k        over the hinges k up to body i
-    v_{i+1} = v_i + ω_i × r_i        a_{i+1} = a_i + α_i × r_i + ω_i × (ω_i × r_i)        r_i = p_{i+1} − p_i
+    v_j = v_i + ω_i × r_j        a_j = a_i + α_i × r_j + ω_i × (ω_i × r_j)        r_j = p_j − p_i, j hangs on i
 
+Where j slides along e, e q̇ adds to its velocity, and e q̈ + 2 ω_i × e q̇ to its acceleration; it does not turn.
 The forward half of recursive Newton-Euler (Luh, Walker & Paul 1980), as sums along the arm, in frame 0.
 """
 
@@ -14,10 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import beyond_float64, integer, require_type, vector
+from flexlink.chain.arguments import beyond_float64, require_type, vector
+from flexlink.chain.branches import Branch, of_parents, spans_of, sums_outward
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import each, is_batch
+from flexlink.dynamics.placement import body_number, hinge_bodies
 from flexlink.dynamics.result import Result
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.tools.finite import is_finite
@@ -38,21 +41,43 @@ class BodyMotion(NamedTuple):
 def body_motion(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
     """Motion of every body, of checked arguments; beyond float64 it is not finite."""
     R, p, axes = forward_kinematics(chain.arrays, q)
-    stop = chain.bodies["stop"]
+    spans, rest = spans_of(chain), np.zeros(3)
     with np.errstate(over="ignore", invalid="ignore"):
-        turned = axes * qd[:, None]
-        after = _sums(turned)
-        ω = after[stop]
-        α = _sums(axes * qdd[:, None] + np.cross(after[:-1], turned))[stop]
-        r = np.diff(p, axis=0)
-        v = _sums(np.cross(ω[:-1], r))
-        a = _sums(np.cross(α[:-1], r) + np.cross(ω[:-1], np.cross(ω[:-1], r)))
+        turned, faster = axes * qd[:, None], axes * qdd[:, None]
+        slid, slid_faster = (_slid(chain, part) for part in (turned, faster))
+        before, ω = _after_hinges(chain, spans, turned)
+        _, α = _after_hinges(chain, spans, faster + np.cross(before, turned))
+        ω_before, α_before = of_parents(chain, ω, rest), of_parents(chain, α, rest)
+        r = p - of_parents(chain, p, rest)
+        v = np.cross(ω_before, r)
+        a = np.cross(α_before, r) + np.cross(ω_before, np.cross(ω_before, r))
+        if chain.slides.any():
+            v += slid
+            a += slid_faster + 2 * np.cross(ω_before, slid)
+        v, a = sums_outward(spans, v), sums_outward(spans, a)
     return BodyMotion(R, p, axes, v, ω, a, α)
 
 
-def _sums(terms: Array) -> Array:
-    """Sum of the first k vectors, k = 0 … len(terms)."""
-    return np.vstack([np.zeros(3), np.cumsum(terms, axis=0)])
+def _slid(chain: Chain, rates: Array) -> Array:
+    """Take the rates along joints that slide out of those of all hinges (n, 3); returns their sums by body."""
+    slid = np.zeros((len(chain.bodies), 3))
+    if chain.slides.any():
+        np.add.at(slid, hinge_bodies(chain)[chain.slides], rates[chain.slides])
+        rates[chain.slides] = 0.0
+    return slid
+
+
+def _after_hinges(chain: Chain, spans: list[Branch], terms: Array) -> tuple[Array, Array]:
+    """Of terms of the hinges, (n, 3), the sums from the base up to before each one, and up to each body."""
+    before, at = np.empty_like(terms), np.empty((len(chain.bodies), 3))
+    first, stop = chain.bodies["first"], chain.bodies["stop"]
+    for parent, begin, end in spans:
+        start = at[parent] if parent >= 0 else np.zeros(3)
+        hinges = slice(first[begin], stop[end - 1])
+        sums = np.cumsum(np.concatenate([start[None], terms[hinges]]), axis=0)
+        before[hinges] = sums[:-1]
+        at[begin:end] = sums[stop[begin:end] - first[begin]]
+    return before, at
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -77,6 +102,7 @@ def point_motion(
     qdd: ArrayLike,
     *,
     body: int = -1,
+    tip: str | int | None = None,
     point: ArrayLike = (0.0, 0.0, 0.0),
 ) -> PointMotion:
     """Position, velocity and acceleration of a point of a body, and what an inertial sensor (IMU) fixed there reads.
@@ -93,6 +119,8 @@ def point_motion(
     body
         Number of the body in `chain.bodies`, from −1, the tip frame, backwards or from 0 on; of the one that hangs on a
         joint or hinge `chain.body("upper.2.z")`.
+    tip
+        In place of the body: the name or number of a link that no other hangs on, at whose tip frame the point is.
     point
         The point in axes of the body's frame, from its origin, shape (3,) [m].
 
@@ -114,9 +142,9 @@ def point_motion(
     [0.954 0.446] 9.81
     """
     if is_batch(q, qd, qdd):
-        return each(point_motion, chain, {"q": q, "qd": qd, "qdd": qdd}, body=body, point=point)
-    n, m = require_type("chain", chain, Chain).n, len(chain.bodies)
-    i, offset = integer("body", body, -m, m - 1), vector("point", point, 3)
+        return each(point_motion, chain, {"q": q, "qd": qd, "qdd": qdd}, body=body, tip=tip, point=point)
+    n = require_type("chain", chain, Chain).n
+    i, offset = body_number(chain, body, tip), vector("point", point, 3)
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     moving = body_motion(chain, q, qd, qdd)
     R, ω, α = moving.rotations[i], moving.angular_velocity[i], moving.angular_acceleration[i]

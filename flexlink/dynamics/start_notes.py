@@ -54,11 +54,11 @@ def unheld_joints(scene: Scene) -> Iterator[str]:
     moved = {scene.arm.number(motion.link) - 1 for motion in scene.motion}
     chain = lump(scene)
     pulled = np.abs(gravity_torque(chain, _angles(scene, chain)))
-    names, some = [], BALANCED * chain.weight * chain.reach
+    names, some = [], BALANCED * chain.weight * np.where(chain.slides, 1.0, chain.reach)
     for joint in chain.active:
         k = chain.coordinates[int(joint)].link - 1
         own = scene.arm.links[k].joint
-        if k not in moved and pulled[joint] > some and not (own.viscous or own.coulomb or _driven(scene, k)):
+        if k not in moved and pulled[joint] > some[joint] and not (own.viscous or own.coulomb or _driven(scene, k)):
             names.append(scene.arm.links[k].name)
     if names:
         yield (
@@ -75,9 +75,10 @@ def balance(scene: Scene) -> Iterator[str]:
         return
     chain = lump(scene)
     q = _angles(scene, chain)
-    if np.abs(gravity_torque(chain, q) + elastic_torque(chain, q)).max() > BALANCED * chain.weight * chain.reach:
+    some = BALANCED * chain.weight * np.where(chain.slides, 1.0, chain.reach)
+    if (np.abs(gravity_torque(chain, q) + elastic_torque(chain, q)) > some).any():
         return
-    if not (np.abs(gravity_torque(chain, q + 0.1)) > BALANCED * chain.weight * chain.reach).any():
+    if not (np.abs(gravity_torque(chain, q + 0.1)) > some).any():
         return  # gravity turns none of its joints, wherever they are
     how = "stands in unstable balance, and hardly moves for long" if _topples(chain, q) else "is in balance, and stays"
     yield f"initial.joint_deg = {list(initial.joint_deg)}: the arm {how}; start it at another angle, or push it"

@@ -187,8 +187,9 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
         if body["stop"] < floats:  # the slides of a free base: `freejoint` is both its bodies' joints
             opened.append(opened[0])
             continue
-        last = joints[body["stop"] - 1] if body["stop"] != floats else BASE
-        if last != BASE:
+        is_base = 0 < floats == body["stop"]
+        last = BASE if is_base else joints[body["stop"] - 1]
+        if not is_base:
             if body["turned"] or waiting or not heavy:
                 _exact(own, f"placement.{joints[body['first']]}", *place.p, *place.R.flat)
             waiting = [hinge.seen_from(place) for hinge in waiting]
@@ -202,7 +203,7 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
             _inertial(parent, body, moments, principal)
             if not np.array_equal(I := body["inertia"], np.diag(moments)):
                 _exact(own, f"inertia.{last}", *(I[place] for place in UPPER_TRIANGLE.values()))
-            if last == BASE:
+            if is_base:
                 ET.SubElement(parent, "freejoint", name=BASE, align="false")
             for hinge in waiting:
                 hinge.write(parent, joints[hinge.k], hinges[hinge.k], chain.coordinates[hinge.k])

@@ -83,7 +83,7 @@ def evaluation_time(problem: InitialValueProblem) -> float:
 
     def taken(steps: int) -> float:
         started = time.thread_time()
-        integrate(*steps_of_no_length, 0, 0, steps, NEVER, state, none)
+        integrate(*steps_of_no_length, 0, 0, steps, np.inf, NEVER, state, none)
         return time.thread_time() - started
 
     taken(1)  # compiles

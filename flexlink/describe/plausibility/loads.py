@@ -13,6 +13,8 @@ from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3
 
+FAR_OFF = 100.0
+"""Place along a sliding joint that is beyond what cranes reach [m]."""
 BRISK = 100.0
 """Angular acceleration that a drive may well give its rotor [rad/s²]."""
 SOFT = 5e9
@@ -61,6 +63,9 @@ def of_joints(scene: Scene, about: Situation) -> Iterator[str]:
     whole = about.inertia()
     for k, link in enumerate(arm.links):
         path, joint = arm.path(k + 1), link.joint
+        if joint.slides:
+            yield from _of_sliding_joint(scene, about, k)
+            continue
         if whole > 0:
             yield from told(f"{path}.joint.armature", joint.armature, "armature", joint.armature / whole)
         if joint.gear_stiffness is not None:
@@ -74,6 +79,23 @@ def of_joints(scene: Scene, about: Situation) -> Iterator[str]:
                 yield from told(arm.path(k + 1, key), row[k], "torque", abs(row[k]) / usual)
     if drive.rate is not None:
         yield from told("drive.rate", drive.rate, "rate", drive.rate)
+
+
+def _of_sliding_joint(scene: Scene, about: Situation, k: int) -> Iterator[str]:
+    """The same of one that slides: masses and forces, places far beyond the arm."""
+    arm, joint = scene.arm, scene.arm.links[k].joint
+    path, mass = arm.path(k + 1), about.mass(k)
+    if mass > 0:
+        usual = 9.81 * mass + BRISK * joint.armature
+        for key, row in _torques(scene):
+            yield from told(arm.path(k + 1, key), row[k], "force", abs(row[k]) / usual)
+    if joint.gear_stiffness is not None and about.reach > 0:
+        sag = about.force(k) / joint.gear_stiffness
+        yield from told(f"{path}.joint.gear_stiffness", joint.gear_stiffness, "gear_slip", sag, -1.0, f" {sag:.2g} m")
+    kept = {f"{path}.joint.limits_m": joint.limits_m or (), arm.path(k + 1, "initial.joint_m"): (scene.starts[k],)}
+    for key, places in kept.items():
+        if places and max(map(abs, places)) > FAR_OFF:
+            yield from told(key, places if len(places) > 1 else places[0], "place", max(map(abs, places)))
 
 
 def _torques(scene: Scene) -> list[tuple[str, Sequence[float]]]:

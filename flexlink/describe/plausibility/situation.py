@@ -38,6 +38,14 @@ class Situation(NamedTuple):
         """Of the weight that all from link k (from 0) on has on Earth, about its joint [N m]."""
         return 9.81 * self._first_moment(k)
 
+    def force(self, k: int) -> float:
+        """Of the weight, or handling, of all from link k (from 0) on, along its joint [N]."""
+        return self.pull * self.mass(k)
+
+    def mass(self, k: int = 0) -> float:
+        """Of all from link k (from 0) on [kg]."""
+        return sum(self.masses[k:]) + self.payload
+
     def inertia(self, k: int = 0) -> float:
         """Of all from link k (from 0) on, about its joint [kg m²]."""
         return self._first_moment(k) * max(sum(self.spans[k:]), 1e-3)

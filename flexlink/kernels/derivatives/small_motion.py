@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.bodies.branches import rows_of_forks
 from flexlink.kernels.bodies.rne import rne, rne_workspace
 from flexlink.kernels.derivatives.inverse_derivatives import (
     BODY_MOTION,
@@ -38,7 +39,6 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
     own_spin,
     spin,
 )
-from flexlink.kernels.bodies.branches import rows_of_forks
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
@@ -148,7 +148,9 @@ def weigh(work, by_angle, by_rate, by_acceleration):
         put_vec_of(rows, add_scaled(scale(by_angle, δω), by_rate, e), k, HINGE.j + PARTS.δω)
     for number in range(len(work.motion.slides)):
         k = work.motion.slides[number]
-        δa = add_scaled(scale(by_angle, of_hinge(motion, k, HINGE_MOTION.δa)), by_acceleration, vec_of(rows, k, HINGE.e))
+        δa = add_scaled(
+            scale(by_angle, of_hinge(motion, k, HINGE_MOTION.δa)), by_acceleration, vec_of(rows, k, HINGE.e)
+        )
         put_vec_of(rows, add_scaled(δa, 2.0 * by_rate, of_hinge(motion, k, HINGE_MOTION.δv)), k, HINGE.j + PARTS.δa)
         for column in range(PARTS.δφ, PARTS.size):
             rows[k, HINGE.j + column] = 0.0
