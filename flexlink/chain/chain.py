@@ -96,7 +96,7 @@ class Chain:
     tips: dict[str, int] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not self.tips:
+        if not self.tips and self.link_names:
             object.__setattr__(self, "tips", {self.link_names[-1]: len(self.bodies) - 1})
         for array in (self.bodies, self.hinges, self.gravity, self.couplings):
             array.flags.writeable = False

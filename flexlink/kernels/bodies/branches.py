@@ -8,8 +8,9 @@ from flexlink.kernels.tools.compiler import kernel
 
 @kernel
 def rows_of_forks(bodies):
-    """How many rows there are, that of the base included."""
-    most = 0
+    """How many rows there are, that of the base included; none of a chain without branches."""
+    rows = 0
     for i in range(len(bodies)):
-        most = max(most, bodies[i].fork)
-    return 1 + most
+        if bodies[i].begins:
+            rows = max(rows, 1 + bodies[i].slot)
+    return rows

@@ -1,6 +1,7 @@
 """Kinetic, gravity and elastic energy, body by body: an independent road beside ½ q̇ᵀ M q̇."""
 
-from flexlink.kernels.bodies.kinematics import forward_kinematics
+from flexlink.kernels.bodies.kinematics import forward_kinematics, motion_of
+from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cross, dot, scale, sub, vector
 
@@ -23,10 +24,16 @@ def energies_of(chain, q, qd, placed):
     ω, v, p = ZERO, ZERO, ZERO
     for i in range(len(bodies)):
         b = bodies[i]
+        if b.begins:
+            ω, v = motion_of(chain, b.parent, qd, placed)
+            p = vector(points[b.parent - 1]) if b.parent > 0 else ZERO
         v = add(v, cross(ω, sub(vector(points[i]), p)))
         p = vector(points[i])
         for k in range(b.first, b.stop):
-            ω = add(ω, scale(qd[k], vector(axes[k])))
+            if hinges[k].axis >= SLIDES:
+                v = add(v, scale(qd[k], vector(axes[k])))
+            else:
+                ω = add(ω, scale(qd[k], vector(axes[k])))
             kinetic += 0.5 * hinges[k].armature * qd[k] ** 2
             elastic += 0.5 * hinges[k].stiffness * (q[k] - hinges[k].rest) ** 2
         lever = apply(rotations[i], vector(b.center))

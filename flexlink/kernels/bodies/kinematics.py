@@ -1,22 +1,36 @@
 """Forward kinematics: where every body and hinge axis is, in frame 0.
 
-p ← p + R r        R ← R R_mount        axis_k = R e_k        R ← R R_k(q_k)
+p ← p + R r        R ← R R_mount        axis_k = R e_k        R ← R R_k(q_k), of a joint that slides p ← p + axis_k q_k
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.tools.compiler import kernel, recursion
-from flexlink.kernels.tools.lanes import cos_sin_of, put_vec_of, zero_of
-from flexlink.kernels.tools.vec3 import add, pick, place, place_axes, put, turn_axes, vector
+from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.lanes import at, cos_sin_of, position_of, put_vec_of, vec_of, zero_of
+from flexlink.kernels.tools.vec3 import (
+    ZERO,
+    add,
+    add_scaled,
+    cross,
+    pick,
+    place,
+    place_axes,
+    put,
+    scale,
+    sub,
+    turn_axes,
+    vector,
+)
 
 
 class KinematicsWork(NamedTuple):
     """What `kinematics` writes, in frame 0."""
 
     rotations: Any  # R of every body, (nb, 3, 3)
-    points: Any  # hinge point p of every body, (nb, 3)
+    points: Any  # hinge point p of every body, (nb, 3); of one that slides, where it has slid to
     axes: Any  # of every hinge, (n, 3)
 
 
@@ -54,14 +68,52 @@ def kinematics(chain, q, work):
     p = (o, o, o)
     for i in range(len(bodies)):
         b = bodies[i]
+        if b.begins:
+            x, y, z, p = (1.0 + o, o, o), (o, 1.0 + o, o), (o, o, 1.0 + o), (o, o, o)
+            if b.parent > 0:
+                x, y, z = columns_of(rotations[b.parent - 1])
+                p = vec_of(points, b.parent - 1, 0)
         p = add(p, place(vector(b.translation), x, y, z))
-        put_vec_of(points, p, i, 0)
         if b.turned:
             x, y, z = place_axes(b.rotation, x, y, z)
         for k in range(b.first, b.stop):
             axis = hinges[k].axis
+            if axis >= SLIDES:
+                e = pick(axis - SLIDES, x, y, z)
+                put_vec_of(axes, e, k, 0)
+                p = add_scaled(p, position_of(q, k), e)
+                continue
             put_vec_of(axes, pick(axis, x, y, z), k, 0)
             c, s = cos_sin_of(q, k)
             x, y, z = turn_axes(axis, c, s, x, y, z)
+        put_vec_of(points, p, i, 0)
         for row in range(3):
             put_vec_of(rotations[i], (x[row], y[row], z[row]), row, 0)
+
+
+@inlined
+def columns_of(R):
+    """Columns x, y, z of an array R of shape (3, 3), or of eight side by side."""
+    return (
+        (at(R, 0, 0), at(R, 1, 0), at(R, 2, 0)), (at(R, 0, 1), at(R, 1, 1), at(R, 2, 1)),
+        (at(R, 0, 2), at(R, 1, 2), at(R, 2, 2)),
+    )  # fmt: skip
+
+
+@recursion
+def motion_of(chain, body, qd, placed):
+    """ω of a body, given by its number from 1, 0 the base, and the velocity of its hinge point, where `kinematics` was.
+
+    Sums over the joints between it and the base: ω = Σ q̇ e of those that turn, v = Σ q̇ e × (p − p_k), or Σ q̇ e.
+    """
+    ω, v, i = ZERO, ZERO, body - 1
+    while i >= 0:
+        lever = sub(vector(placed.points[body - 1]), vector(placed.points[i]))
+        for k in range(chain.bodies[i].first, chain.bodies[i].stop):
+            e = vector(placed.axes[k])
+            if chain.hinges[k].axis >= SLIDES:
+                v = add_scaled(v, qd[k], e)
+            else:
+                ω, v = add_scaled(ω, qd[k], e), add(v, scale(qd[k], cross(e, lever)))
+        i = chain.bodies[i].parent - 1
+    return ω, v

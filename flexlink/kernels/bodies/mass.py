@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.bodies.branches import rows_of_forks
 from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics, kinematics_workspace
+from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import (
     LANES,
@@ -43,6 +45,7 @@ from flexlink.kernels.tools.vec3 import (
     apply_transposed,
     cos_sin,
     cross,
+    cross_unit,
     dot,
     put,
     scale,
@@ -64,10 +67,11 @@ def trace(M):
 
 @kernel
 def turns_of(q):
-    """Cosine and sine of every hinge, (n, 2)."""
-    turns = np.empty((len(q), 2))
+    """Cosine and sine of every hinge, and its coordinate, (n, 3)."""
+    turns = np.empty((len(q), 3))
     for k in range(len(q)):
         turns[k, 0], turns[k, 1] = cos_sin(q[k])
+        turns[k, 2] = q[k]
     return turns
 
 
@@ -76,45 +80,75 @@ def column(chain, start, j, last, M, turns, loads):
     """Column j of M, rows n − 1 … `last`: Newton-Euler with q̈_j = 1, hinge j on body `start`, and nothing else.
 
     What is zero is not there: gravity, rates and with them gyroscopic terms, springs, the tip wrench, and whatever lies
-    inward of hinge j, which is at rest. `turns` are those of q; `loads` is scratch, force and moment of every body.
+    inward of hinge j, which is at rest. `turns` are those of q; `loads` is scratch, force and moment of every body, and
+    its α and a.
     """
     bodies, hinges = chain.bodies, chain.hinges
-    α, a = unit(hinges[j].axis), ZERO
+    α, a = (ZERO, unit(hinges[j].axis - SLIDES)) if hinges[j].axis >= SLIDES else (unit(hinges[j].axis), ZERO)
+    for i in range(start):
+        put(loads[i, 0], ZERO)
+        put(loads[i, 1], ZERO)
     for i in range(start, len(bodies)):
         b = bodies[i]
         first = j + 1
         if i > start:
             first = b.first
+            if b.begins:
+                α = a = ZERO
+                if b.parent > start:
+                    α, a = vector(loads[b.parent - 1, 2]), vector(loads[b.parent - 1, 3])
             a = add(a, cross(α, vector(b.translation)))
             if b.turned:
                 α, a = apply_transposed(b.rotation, α), apply_transposed(b.rotation, a)
         for k in range(first, b.stop):
             axis, c, s = hinges[k].axis, turns[k, 0], turns[k, 1]
-            α, a = turn(axis, c, -s, α), turn(axis, c, -s, a)
+            if axis >= SLIDES:
+                a = add(a, scale(turns[k, 2], cross_unit(α, axis - SLIDES, 0.0)))
+            else:
+                α, a = turn(axis, c, -s, α), turn(axis, c, -s, a)
+        put(loads[i, 2], α)
+        put(loads[i, 3], a)
         F = scale(b.mass, add(a, cross(α, vector(b.center))))
         put(loads[i, 0], F)
         put(loads[i, 1], add(apply(b.inertia, α), cross(vector(b.center), F)))
     f, n = ZERO, ZERO
     for i in range(len(bodies) - 1, -1, -1):
         b = bodies[i]
-        if i >= start:
-            f, n = add(f, vector(loads[i, 0])), add(n, vector(loads[i, 1]))
+        f, n = add(f, vector(loads[i, 0])), add(n, vector(loads[i, 1]))
         for k in range(b.stop - 1, max(b.first, last) - 1, -1):
-            axis, c, s = hinges[k].axis, turns[k, 0], turns[k, 1]
-            M[k, j] = n[axis]
-            f, n = turn(axis, c, s, f), turn(axis, c, s, n)
+            M[k, j] = along(hinges[k].axis, f, n)
+            f, n = before(hinges[k].axis, turns[k], f, n)
         if b.first <= last:
             break
         if b.turned:
             f, n = apply(b.rotation, f), apply(b.rotation, n)
         n = add(n, cross(vector(b.translation), f))
+        if b.begins:
+            if b.parent > 0:
+                put(loads[b.parent - 1, 0], add(vector(loads[b.parent - 1, 0]), f))
+                put(loads[b.parent - 1, 1], add(vector(loads[b.parent - 1, 1]), n))
+            f = n = ZERO
     M[j, j] += hinges[j].armature
+
+
+@inlined
+def along(axis, f, n):
+    """What a force and a moment at its point ask of a joint."""
+    return f[axis - SLIDES] if axis >= SLIDES else n[axis]
+
+
+@inlined
+def before(axis, turned, f, n):
+    """A force and a moment behind a joint, in axes and about the point before it; `turned` a row of `turns_of`."""
+    if axis >= SLIDES:
+        return f, sub(n, scale(turned[2], cross_unit(f, axis - SLIDES, 0.0)))
+    return turn(axis, turned[0], turned[1], f), turn(axis, turned[0], turned[1], n)
 
 
 @kernel
 def mass_columns(chain, q, M):
     """M by n columns (Walker-Orin method 1)."""
-    turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
+    turns, loads = turns_of(q), np.empty((len(chain.bodies), 4, 3))
     for start in range(len(chain.bodies)):
         for j in range(chain.bodies[start].first, chain.bodies[start].stop):
             column(chain, start, j, 0, M, turns, loads)
@@ -124,7 +158,7 @@ def mass_columns(chain, q, M):
 @kernel
 def mass_lower(chain, q, M):
     """M by columns from the diagonal down (Walker-Orin method 2)."""
-    turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
+    turns, loads = turns_of(q), np.empty((len(chain.bodies), 4, 3))
     for start in range(len(chain.bodies)):
         for j in range(chain.bodies[start].first, chain.bodies[start].stop):
             column(chain, start, j, j, M, turns, loads)
@@ -138,37 +172,70 @@ def mass_upper(chain, q, M):
     """M by composite bodies in body frames (Walker-Orin method 3): the column above the diagonal, inward."""
     bodies, hinges, turns = chain.bodies, chain.hinges, turns_of(q)
     m, h, J = 0.0, ZERO, ZERO6  # mass, first moment, inertia of all bodies from here on, about the hinge point
+    beyond = np.zeros((len(bodies), 10))  # those of branches that begin on a body
+    M[:] = 0.0
     for start in range(len(bodies) - 1, -1, -1):
         b = bodies[start]
+        if b.fork > 0:
+            m, h, J = with_branches(beyond[start], m, h, J)
         c = vector(b.center)
         m += b.mass
         h = add(h, scale(b.mass, c))
         J = sym_add(J, sym_add(symmetric(b.inertia), point_inertia(b.mass, c)))
         for j in range(b.stop - 1, b.first - 1, -1):
             axis = hinges[j].axis
-            f = cross(unit(axis), h)
-            n = sym_apply(J, unit(axis))
-            k = j
-            for i in range(start, -1, -1):
+            if axis >= SLIDES:
+                e = unit(axis - SLIDES)
+                f, n = scale(m, e), cross(h, e)
+            else:
+                f, n = cross(unit(axis), h), sym_apply(J, unit(axis))
+            k, i = j, start
+            while i >= 0:
                 while k >= bodies[i].first:
-                    M[k, j] = M[j, k] = n[hinges[k].axis]
-                    c, s = turns[k, 0], turns[k, 1]
-                    f, n = turn(hinges[k].axis, c, s, f), turn(hinges[k].axis, c, s, n)
+                    M[k, j] = M[j, k] = along(hinges[k].axis, f, n)
+                    f, n = before(hinges[k].axis, turns[k], f, n)
                     k -= 1
                 if bodies[i].turned:
                     f, n = apply(bodies[i].rotation, f), apply(bodies[i].rotation, n)
                 n = add(n, cross(vector(bodies[i].translation), f))
+                i = bodies[i].parent - 1
+                k = bodies[i].stop - 1
             M[j, j] += hinges[j].armature
-            c, s = turns[j, 0], turns[j, 1]
-            h = turn(axis, c, s, h)
-            J = sym_turn(axis, c, s, J)
+            if axis >= SLIDES:
+                h, J = shifted(scale(turns[j, 2], unit(axis - SLIDES)), m, h, J)
+            else:
+                h, J = turn(axis, turns[j, 0], turns[j, 1], h), sym_turn(axis, turns[j, 0], turns[j, 1], J)
         if b.turned:
             h = apply(b.rotation, h)
             J = sym_rotate(b.rotation, J)
-        r = vector(b.translation)
-        J = sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
-        h = add(h, scale(m, r))
+        h, J = shifted(vector(b.translation), m, h, J)
+        if b.begins:
+            if b.parent > 0:
+                m, h, J = with_branches(beyond[b.parent - 1], m, h, J)
+                put_branches(beyond[b.parent - 1], m, h, J)
+            m, h, J = 0.0, ZERO, ZERO6
     return trace(M)
+
+
+@inlined
+def shifted(r, m, h, J):
+    """First moment and inertia about a point from which the present one is at r."""
+    return add(h, scale(m, r)), sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
+
+
+@inlined
+def with_branches(row, m, h, J):
+    """Mass, first moment and inertia with what is kept in a row."""
+    J = sym_add(J, (row[4], row[5], row[6], row[7], row[8], row[9]))
+    return m + row[0], add(h, (row[1], row[2], row[3])), J
+
+
+@inlined
+def put_branches(row, m, h, J):
+    """Keep them there."""
+    row[0] = m
+    row[1], row[2], row[3] = h
+    row[4], row[5], row[6], row[7], row[8], row[9] = J
 
 
 class CompositeWork(NamedTuple):
@@ -176,12 +243,28 @@ class CompositeWork(NamedTuple):
 
     placed: KinematicsWork
     pivots: Any  # hinge point of every hinge
+    masses: Any  # (rows,) m of branches
+    forks: Any  # (rows, 9) their C and J
+    starts: Any  # (bodies,) number of the body that a body's branch begins with
 
 
 @kernel
 def composite_workspace(chain):
     """Scratch of `composite` for a chain."""
-    return CompositeWork(kinematics_workspace(chain), np.empty((len(chain.hinges), 3)))
+    rows = rows_of_forks(chain.bodies)
+    return CompositeWork(
+        kinematics_workspace(chain), np.empty((len(chain.hinges), 3)), np.empty(rows), np.empty((rows, 9)),
+        starts_of_branches(chain.bodies),
+    )  # fmt: skip
+
+
+@kernel
+def starts_of_branches(bodies):
+    """Number of the body that each body's branch begins with, (bodies,)."""
+    starts = np.zeros(len(bodies), np.int64)
+    for i in range(1, len(bodies)):
+        starts[i] = i if bodies[i].begins else starts[i - 1]
+    return starts
 
 
 @kernel
@@ -196,7 +279,8 @@ def composite(chain, q, M, work):
     """M by composite bodies in inertial axes, at angles (n,), or `Turns` of eight states side by side, M (n, n, 8).
 
     With mass m, centre C and inertia J of all bodies beyond hinge k at p_k, unit acceleration about its axis gives
-    f = m axis_k × (C − p_k),  n = J axis_k + (C − p_k) × f,  and  M_jk = axis_j · (n + (p_k − p_j) × f),  j ≤ k.
+    f = m axis_k × (C − p_k),  n = J axis_k + (C − p_k) × f,  and  M_jk = axis_j · (n + (p_k − p_j) × f),  j ≤ k,
+    between k and the base. Of a joint that slides f = m axis_k, n = (C − p_k) × f; and M_jk = axis_j · f if j does.
     """
     bodies, hinges = chain.bodies, chain.hinges
     kinematics(chain, q, work.placed)
@@ -205,10 +289,15 @@ def composite(chain, q, M, work):
         for k in range(bodies[i].first, bodies[i].stop):
             put_vec_of(pivots, vec_of(points, i, 0), k, 0)
     o = zero_of(points, 0, 0)
+    if len(work.masses) > 0:
+        begin_branches(M, work, o)
     m, C, J = 0.0, (o, o, o), (o, o, o, o, o, o)
     for i in range(len(bodies) - 1, -1, -1):
         b = bodies[i]
         p = vec_of(points, i, 0)
+        if b.fork > 0:
+            m_b, C_b, J_b = branches_at(work, b.fork)
+            m, C, J = together(m, C, J, m_b, C_b, J_b)
         J = sym_add(J, sym_rotate(rotations[i], symmetric(b.inertia)))
         if b.mass > 0.0:
             d = sub(add(p, apply(rotations[i], vector(b.center))), C)
@@ -218,15 +307,71 @@ def composite(chain, q, M, work):
         for k in range(b.stop - 1, b.first - 1, -1):
             axis = vec_of(axes, k, 0)
             lever = sub(C, p)
-            f = scale(m, cross(axis, lever))
-            n = add(sym_apply(J, axis), cross(lever, f))
-            for j in range(k + 1):
-                n_j = add(n, cross(sub(p, vec_of(pivots, j, 0)), f))
-                put_at(M, dot(vec_of(axes, j, 0), n_j), k, j)
+            if hinges[k].axis >= SLIDES:
+                f = scale(m, axis)
+                n = cross(lever, f)
+            else:
+                f = scale(m, cross(axis, lever))
+                n = add(sym_apply(J, axis), cross(lever, f))
+            start, stop = work.starts[i], k + 1
+            while True:
+                for j in range(bodies[start].first, stop):
+                    if hinges[j].axis >= SLIDES:
+                        put_at(M, dot(vec_of(axes, j, 0), f), k, j)
+                    else:
+                        n_j = add(n, cross(sub(p, vec_of(pivots, j, 0)), f))
+                        put_at(M, dot(vec_of(axes, j, 0), n_j), k, j)
+                inward = bodies[start].parent - 1
+                if inward < 0:
+                    break
+                start, stop = work.starts[inward], bodies[inward].stop
             put_at(M, at(M, k, k) + hinges[k].armature, k, k)
+        if b.begins:
+            if b.slot > 0:
+                m_b, C_b, J_b = branches_at(work, b.slot)
+                keep_branches(work, b.slot, *together(m, C, J, m_b, C_b, J_b))
+            m, C, J = 0.0, (o, o, o), (o, o, o, o, o, o)
     for k in range(len(hinges)):
         for j in range(k):
             put_at(M, at(M, k, j), j, k)
+
+
+@inlined
+def begin_branches(M, work, o):
+    """Nothing is kept of branches; M of joints on different ones is zero."""
+    for row in range(len(work.masses)):
+        work.masses[row] = 0.0
+        for column in range(9):
+            put_at(work.forks, o, row, column)
+    for k in range(len(work.pivots)):
+        for j in range(k):
+            put_at(M, o, k, j)
+
+
+@inlined
+def together(m, C, J, m_other, C_other, J_other):
+    """Mass, centre and inertia about it of two bodies."""
+    if m + m_other == 0.0:
+        return 0.0, C, sym_add(J, J_other)
+    d = sub(C_other, C)
+    J = sym_add(sym_add(J, J_other), point_inertia(m * m_other / (m + m_other), d))
+    return m + m_other, add(C, scale(m_other / (m + m_other), d)), J
+
+
+@inlined
+def branches_at(work, row):
+    """Mass, centre and inertia that are kept for a fork."""
+    a, b = vec_of(work.forks, row, 3), vec_of(work.forks, row, 6)
+    return work.masses[row], vec_of(work.forks, row, 0), (a[0], a[1], a[2], b[0], b[1], b[2])
+
+
+@inlined
+def keep_branches(work, row, m, C, J):
+    """Keep them."""
+    work.masses[row] = m
+    put_vec_of(work.forks, C, row, 0)
+    put_vec_of(work.forks, (J[0], J[1], J[2]), row, 3)
+    put_vec_of(work.forks, (J[3], J[4], J[5]), row, 6)
 
 
 @kernel
@@ -235,7 +380,11 @@ def mass_of_many(chain, q):
     b, n, m = len(q), len(chain.hinges), len(chain.bodies)
     found, M, trig = np.empty((b, n, n)), np.empty((n, n, LANES)), np.empty((3, n, LANES))
     placed = KinematicsWork(np.empty((m, 3, 3, LANES)), np.empty((m, 3, LANES)), np.empty((n, 3, LANES)))
-    work, turns = CompositeWork(placed, np.empty((n, 3, LANES))), Turns(trig[1], trig[2], trig[0])
+    forks, starts = rows_of_forks(chain.bodies), starts_of_branches(chain.bodies)
+    kept = np.empty(forks), np.empty((forks, 9, LANES))
+    work, turns = (
+        CompositeWork(placed, np.empty((n, 3, LANES)), kept[0], kept[1], starts), Turns(trig[1], trig[2], trig[0]),
+    )  # fmt: skip
     rows, elements, flat = found.reshape(b, n * n), M.reshape(n * n, LANES), trig.reshape(3, n * LANES)
     for start in range(0, b, LANES):
         put_lanes(q, start, trig[0])

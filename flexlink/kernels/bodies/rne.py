@@ -4,21 +4,25 @@
     body        F = m (a + α × c + ω × (ω × c))        N = I α + ω × I ω + c × F
     backward    f ← f + F        n ← n + N        τ = e·n + armature q̈        n ← R n + r × R f
 
-Gravity is an upward acceleration −g of the base; the tip wrench is carried outward to the tip frame. One source serves
-one state and eight side by side (`lanes`).
+of a joint that slides by q, forward a ← a + α × e q + ω × (ω × e q) + 2 ω × e q̇ + e q̈, backward τ = e·f + armature q̈
+and n ← n + e q × f. Gravity is an upward acceleration −g of the base; the tip wrench is carried outward to the tip
+frame. One source serves one state and eight side by side (`lanes`).
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.tools.compiler import kernel, subroutine
+from flexlink.kernels.bodies.branches import rows_of_forks
+from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
 from flexlink.kernels.tools.lanes import (
     LANES,
     Turns,
     at,
     cos_sin_of,
     keep_lanes,
+    position_of,
     put_at,
     put_lanes,
     put_vec_of,
@@ -36,6 +40,7 @@ from flexlink.kernels.tools.vec3 import (
     cross_unit,
     dot,
     scale,
+    sub,
     turn,
     vector,
 )
@@ -44,14 +49,16 @@ from flexlink.kernels.tools.vec3 import (
 class RneWork(NamedTuple):
     """Scratch of `rne`."""
 
-    turns: Any  # (n, 2) cosine and sine of every hinge
+    turns: Any  # (n, 2) cosine and sine of every hinge; how far one that slides is out
     loads: Any  # (bodies, 6) force and moment of every body
+    forks: Any  # (rows, 15) ω, α, a, and the tip wrench, where branches begin
 
 
 @kernel
 def rne_workspace(chain):
     """Scratch of `rne` for a chain."""
-    return RneWork(np.empty((len(chain.hinges), 2)), np.empty((len(chain.bodies), 6)))
+    forks = np.empty((rows_of_forks(chain.bodies), 15))
+    return RneWork(np.empty((len(chain.hinges), 2)), np.empty((len(chain.bodies), 6)), forks)
 
 
 @kernel
@@ -68,7 +75,8 @@ def inverse_dynamics_of_many(chain, wrench, q, qd, qdd):
     b, n = q.shape
     tau, state, acting, trig = np.empty((b, n)), np.empty((4, n, LANES)), np.empty((6, LANES)), np.empty((2, n, LANES))
     angles, flat, turns = state[0].reshape(-1), trig.reshape(2, n * LANES), Turns(trig[0], trig[1], state[0])
-    work = RneWork(np.empty((n, 2, LANES)), np.empty((len(chain.bodies), 6, LANES)))
+    forks = np.empty((rows_of_forks(chain.bodies), 15, LANES))
+    work = RneWork(np.empty((n, 2, LANES)), np.empty((len(chain.bodies), 6, LANES)), forks)
     for start in range(0, b, LANES):
         put_lanes(wrench, start, acting)
         put_lanes(q, start, state[0])
@@ -89,14 +97,19 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
     Returns the power m·ω of the moment on the tip [W].
     """
     bodies, hinges = chain.bodies, chain.hinges
-    turns, loads = work
+    turns, loads, forks = work
 
     o = zero_of(qd)
     ω = α = (o, o, o)
     a = scale(-1.0 + o, gravity)
     f_tip, n_tip = vec(wrench, 0), vec(wrench, 3)
+    if len(forks) > 0:
+        keep_state(forks, 0, ω, α, a, f_tip, n_tip)
+    power = o
     for i in range(len(bodies)):
         b = bodies[i]
+        if b.begins:
+            ω, α, a, f_tip, n_tip = state_at(forks, b.slot)
         r = vector(b.translation)
         a = add(a, add(cross(α, r), cross(ω, cross(ω, r))))
         if b.turned:
@@ -107,6 +120,10 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
             n_tip = apply_transposed(b.rotation, n_tip)
         for k in range(b.first, b.stop):
             axis = hinges[k].axis
+            if axis >= SLIDES:
+                a = slide(axis - SLIDES, position_of(q, k), at(qd, k), at(qdd, k), ω, α, a)
+                put_at(turns, position_of(q, k) + o, k, 0)
+                continue
             c, s = cos_sin_of(q, k)
             put_at(turns, c, k, 0)
             put_at(turns, s, k, 1)
@@ -119,17 +136,24 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
         c = vector(b.center)
         F = scale(b.mass, add(a, add(cross(α, c), cross(ω, cross(ω, c)))))
         N = add(add(apply(b.inertia, α), cross(ω, apply(b.inertia, ω))), cross(c, F))
+        if b.loaded:
+            F, N, power = sub(F, f_tip), sub(N, n_tip), dot(n_tip, ω)
+        if b.fork > 0:
+            keep_state(forks, b.fork, ω, α, a, f_tip, n_tip)
         put_vec_of(loads, F, i, 0)
         put_vec_of(loads, N, i, 3)
 
-    power = dot(n_tip, ω)
-    f, n = scale(-1.0, f_tip), scale(-1.0, n_tip)
+    f = n = (o, o, o)
     for i in range(len(bodies) - 1, -1, -1):
         b = bodies[i]
         f = add(f, vec_of(loads, i, 0))
         n = add(n, vec_of(loads, i, 3))
         for k in range(b.stop - 1, b.first - 1, -1):
             axis = hinges[k].axis
+            if axis >= SLIDES:
+                put_at(tau, f[axis - SLIDES] + hinges[k].armature * at(qdd, k), k)
+                n = sub(n, scale(at(turns, k, 0), cross_unit(f, axis - SLIDES, o)))
+                continue
             c, s = at(turns, k, 0), at(turns, k, 1)
             put_at(tau, n[axis] + hinges[k].armature * at(qdd, k), k)
             f = turn(axis, c, s, f)
@@ -138,4 +162,36 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
             f = apply(b.rotation, f)
             n = apply(b.rotation, n)
         n = add(n, cross(vector(b.translation), f))
+        if b.begins:
+            if b.parent > 0:
+                put_vec_of(loads, add(vec_of(loads, b.parent - 1, 0), f), b.parent - 1, 0)
+                put_vec_of(loads, add(vec_of(loads, b.parent - 1, 3), n), b.parent - 1, 3)
+            f = n = (o, o, o)
     return power
+
+
+@inlined
+def slide(axis, q, qd, qdd, ω, α, a):
+    """Acceleration a of a hinge point that slides out along an axis."""
+    o = 0.0 * q
+    ωe = cross_unit(ω, axis, o)
+    return add_along(axis, qdd, add(a, add(scale(q, add(cross_unit(α, axis, o), cross(ω, ωe))), scale(2.0 * qd, ωe))))
+
+
+@inlined
+def keep_state(forks, row, ω, α, a, f_tip, n_tip):
+    """Keep what branches go on from."""
+    put_vec_of(forks, ω, row, 0)
+    put_vec_of(forks, α, row, 3)
+    put_vec_of(forks, a, row, 6)
+    put_vec_of(forks, f_tip, row, 9)
+    put_vec_of(forks, n_tip, row, 12)
+
+
+@inlined
+def state_at(forks, row):
+    """Read it."""
+    return (
+        vec_of(forks, row, 0), vec_of(forks, row, 3), vec_of(forks, row, 6),
+        vec_of(forks, row, 9), vec_of(forks, row, 12),
+    )  # fmt: skip

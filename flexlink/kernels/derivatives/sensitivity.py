@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import overload
 
+from flexlink.kernels.bodies.branches import rows_of_forks
 from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics
 from flexlink.kernels.bodies.plane import PlanarWork
 from flexlink.kernels.bodies.rne import RneWork, rne
@@ -102,7 +103,8 @@ def parameter_torques(varied, wrench, q, qd, qdd, δq, δqd, known):
     """δT_EX − δ(M q̈ + T_GC + T_FL + T_FR) of every joint and parameter, (n, p), the drive's feedback with it."""
     own, drive, n, m = varied.chain.hinges, varied.drive, len(q), len(varied.chain.bodies)
     torque, springs = np.empty(n, np.complex128), rotation_springs(varied.chain.bodies, own, varied.chain.couplings)
-    work = RneWork(np.empty((n, 2)), np.empty((m, 6), np.complex128))
+    forks = np.empty((rows_of_forks(varied.chain.bodies), 15), np.complex128)
+    work = RneWork(np.empty((n, 2)), np.empty((m, 6), np.complex128), forks)
     for j in range(len(varied.bodies)):
         hinges, slopes = varied.hinges[j], varied.drive_derivatives[j]
         chain = Arrays(varied.bodies[j], hinges, varied.chain.gravity, varied.couplings[j])
