@@ -35,7 +35,9 @@ from flexlink.kernels.forward.articulated_branches import (
     add_inertia_of_branch,
     add_load_of_branch,
     clear,
+    inertia_of_branches,
     keep_state,
+    load_of_branches,
     state_of,
 )
 from flexlink.kernels.forward.articulated_groups import (
@@ -43,14 +45,15 @@ from flexlink.kernels.forward.articulated_groups import (
     eliminate_along,
     eliminate_joint,
     eliminate_pair,
-    eliminate_slide,
     eliminate_triple,
     in_axes_before,
     in_full,
+    missing_torque,
     propagate_any,
     propagate_body,
     propagate_inertia,
-    transposed,
+    propagate_prescribed,
+    swung,
     with_bias,
 )
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
@@ -62,8 +65,8 @@ from flexlink.kernels.forward.articulated_rows import (
     axes_of,
     put_axes_of,
 )
-from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.forward.slides import accelerate_slides, eliminate_slides, put_slides
+from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec, vec_of, zero_of
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of, sym_turn
@@ -109,7 +112,8 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
     f, n = sub(zero, vec(wrench, 0)), sub(zero, vec(wrench, 3))
     x, y, z = (1.0 + o, o, o), (o, 1.0 + o, o), (o, o, 1.0 + o)
     ω, acting = (o, o, o), (f, n, o)
-    keep_state(forks, 0, x, y, z, ω, f, n)
+    if len(forks) > 0:
+        keep_state(forks, 0, x, y, z, ω, f, n)
     for i in range(len(layout)):
         if layout[i, LAYOUT.begins]:
             x, y, z, ω, f, n = state_of(forks, layout[i, LAYOUT.slot])
@@ -123,8 +127,7 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
             ω, f, n = components(ω, u, v, w), components(f, u, v, w), components(n, u, v, w)
         ζ = (o, o, o)
         if layout[i, LAYOUT.group] == GROUP.slides:
-            for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
-                slide(bodies, i, hinges, k, pick(axes[k] - SLIDES, x, y, z), ω, at(places, k), at(qd, k))
+            put_slides(layout, i, axes, bodies, hinges, x, y, z, ω, places, qd)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
                 axis, rate = axes[k], at(qd, k)
@@ -161,21 +164,6 @@ def put_body(bodies, i, ω, x, y, z):
     mc = place(vec_of(bodies, i, BODY_ROW.moment), x, y, z)
     put_vec_of(bodies, mc, i, BODY_ROW.mc)
     put_vec_of(bodies, swung(ω, mc), i, BODY_ROW.f)
-
-
-@inlined
-def swung(ω, r):
-    """ω × (ω × r)."""
-    return add_scaled(scale(dot(ω, r), ω), -dot(ω, ω), r)
-
-
-@recursion
-def slide(bodies, i, hinges, k, e, ω, position, rate):
-    """Hinge `k` of body `i` slides along e: it moves the body's hinge point, and asks for ω × (ω × e q) + 2 q̇ ω × e."""
-    put_vec_of(hinges, e, k, HINGE_ROW.axis)
-    r, b = vec_of(bodies, i, BODY_ROW.r), add(vec_of(bodies, i, BODY_ROW.b), swung(ω, scale(position, e)))
-    put_vec_of(bodies, add_scaled(r, position, e), i, BODY_ROW.r)
-    put_vec_of(bodies, add_scaled(b, 2.0 * rate, cross(ω, e)), i, BODY_ROW.b)
 
 
 @inlined
@@ -238,30 +226,32 @@ def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, c
     j, h, t = o, zero, zero  # J = j t tᵀ and H = t hᵀ of a pair outward
     outer = GROUP.tip
     for i in range(len(layout) - 1, -1, -1):
-        group, k, fork = layout[i, LAYOUT.group], layout[i, LAYOUT.first], layout[i, LAYOUT.fork]
+        group, k, following = layout[i, LAYOUT.group], layout[i, LAYOUT.first], layout[i, LAYOUT.next]
         if layout[i, LAYOUT.loaded]:
             n, f = n_tip, f_tip
+        if layout[i, LAYOUT.fork] > 0:
+            J, H = in_full(o, outer, J, H, j, h, t)
+            J, H, M, n, f = with_branches(bodies, following, forks, layout[i, LAYOUT.fork], J, H, M, n, f)
+            outer, following = GROUP.hinges, len(layout)
         if group == GROUP.triple:
             c = at(cosines, k + 1) * at(hinges, k + 2, THIRD_HINGE.sense)
-            if outer > GROUP.pair and fork == 0:
-                M, n, f = eliminate_triple(bodies, i, hinges, k, c, *propagate_body(bodies, i, M, n, f))
+            if outer > GROUP.pair:
+                M, n, f = eliminate_triple(bodies, i, hinges, k, c, *propagate_body(bodies, i, following, M, n, f))
             else:
                 J, H = in_full(o, outer, J, H, j, h, t)
-                body = propagate_any(bodies, i, forks, fork, J, H, M, n, f)
-                M, n, f = eliminate_triple(bodies, i, hinges, k, c, *body)
+                M, n, f = eliminate_triple(bodies, i, hinges, k, c, *propagate_any(bodies, i, following, J, H, M, n, f))
         elif group == GROUP.pair:
             if outer > GROUP.pair:  # nothing is passed
                 j, h = o, zero
-            if outer >= GROUP.pair and fork == 0:
-                body = add_pair(bodies, i, j, h, t, *propagate_body(bodies, i, M, n, f))
+            if outer >= GROUP.pair:
+                body = add_pair(bodies, i, following, j, h, t, *propagate_body(bodies, i, following, M, n, f))
                 j, h, t, M, n, f = eliminate_pair(bodies, i, hinges, k, *body)
             else:
-                J, H = in_full(o, outer, J, H, j, h, t)
-                body = propagate_any(bodies, i, forks, fork, J, H, M, n, f)
+                body = propagate_any(bodies, i, following, J, H, M, n, f)
                 j, h, t, M, n, f = eliminate_pair(bodies, i, hinges, k, *body)
         elif group != GROUP.tip:
             J, H = in_full(o, outer, J, H, j, h, t)
-            J, H, M, n, f = propagate_joints(layout, i, axes, prescribed, bodies, hinges, forks, qdd, J, H, M, n, f)
+            J, H, M, n, f = propagate_joints(layout, i, following, axes, prescribed, bodies, hinges, qdd, J, H, M, n, f)
         outer = group
         if layout[i, LAYOUT.begins]:
             J, H = in_full(o, outer, J, H, j, h, t)
@@ -270,28 +260,30 @@ def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, c
             outer = GROUP.tip
 
 
-@recursion
+@subroutine
 def add_branch(bodies, i, forks, slot, J, H, M, n, f):
-    """Add what a branch that begins with body `i` demands to the row of the fork, in the fork's working axes."""
+    """Add what a branch that begins with body `i` demands to the row of the fork, at the fork's hinge point."""
     if slot > 0:
         n, f = with_bias(bodies, i, H, M, n, f)
         add_load_of_branch(forks, slot, vec_of(bodies, i, BODY_ROW.r), n, f)
         add_inertia_of_branch(forks, slot, vec_of(bodies, i, BODY_ROW.r), J, H, M)
 
 
+@subroutine
+def with_branches(bodies, i, forks, k, J, H, M, n, f):
+    """What all that hangs on a fork demands at its hinge point: the branches, and, from here on, body `i` after it."""
+    add_branch(bodies, i, forks, k, J, H, M, n, f)
+    return inertia_of_branches(forks, k) + load_of_branches(forks, k)
+
+
 @inlined
-def propagate_joints(layout, i, axes, prescribed, bodies, hinges, forks, qdd, J, H, M, n, f):
+def propagate_joints(layout, i, following, axes, prescribed, bodies, hinges, qdd, J, H, M, n, f):
     """J, H, M, n, f before body `i`, whose hinges go one after another; where q̈ is given, it adds to n and f."""
-    J, H, M, n, f = propagate_inertia(bodies, i, forks, layout[i, LAYOUT.fork], J, H, M, n, f)
+    J, H, M, n, f = propagate_inertia(bodies, i, following, J, H, M, n, f)
     if layout[i, LAYOUT.group] == GROUP.along:
         J, H, M, n, f = eliminate_along(hinges, layout[i, LAYOUT.first], J, H, M, n, f)
     elif layout[i, LAYOUT.group] == GROUP.slides:
-        for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
-            if prescribed[k]:
-                n, f = propagate_prescribed_slide(hinges, k, at(qdd, k), H, M, n, f)
-            else:
-                again = k + 1 < layout[i, LAYOUT.stop] and axes[k] == axes[k + 1] and not prescribed[k + 1]
-                J, H, M, n, f = eliminate_slide(hinges, k, again, J, H, M, n, f)
+        J, H, M, n, f = eliminate_slides(layout, i, axes, prescribed, hinges, qdd, J, H, M, n, f)
     else:
         for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
             if prescribed[k]:
@@ -304,34 +296,6 @@ def propagate_joints(layout, i, axes, prescribed, bodies, hinges, forks, qdd, J,
     if layout[i, LAYOUT.restart]:
         J, H, M, n, f = in_axes_before(bodies, i, J, H, M, n, f)
     return J, H, M, n, f
-
-
-@inlined
-def propagate_prescribed(hinges, k, first, second, acceleration, J, H, n, f):
-    """n, f before a hinge whose q̈ is given; keeps J e, Hᵀ e and e·n for the torque that it takes."""
-    e = vec_of(hinges, k, HINGE_ROW.axis)
-    Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
-    put_vec_of(hinges, Je, k, first)
-    put_vec_of(hinges, He, k, second)
-    put_at(hinges, dot(e, n), k, HINGE_ROW.T)
-    return add_scaled(n, acceleration, Je), add_scaled(f, acceleration, He)
-
-
-@recursion
-def propagate_prescribed_slide(hinges, k, acceleration, H, M, n, f):
-    """The same of a hinge that slides, which keeps H e and M e for J e and Hᵀ e."""
-    f, n = propagate_prescribed(
-        hinges, k, HINGE_ROW.He, HINGE_ROW.Je, acceleration, M, transposed(H[0], H[1], H[2]), f, n
-    )
-    return n, f
-
-
-@inlined
-def missing_torque(hinges, k, acceleration, α, a):
-    """What a hinge whose q̈ is given takes, e·(J α + H a + n) + A q̈, beyond what drive, spring and friction give it."""
-    Je, He = vec_of(hinges, k, HINGE_ROW.Je), vec_of(hinges, k, HINGE_ROW.He)
-    moment = dot(Je, α) + dot(He, a) + at(hinges, k, HINGE_ROW.T)
-    return moment + at(hinges, k, HINGE_ROW.armature) * acceleration - at(hinges, k, HINGE_ROW.torque)
 
 
 @inlined
@@ -363,16 +327,17 @@ def accelerate(gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power)
             α = place((α1, α2, α3), x, y, z)
             put_at(qdd, α2 - dot(y, before), first)
             put_at(qdd, α1 - dot(x, before), first + 1)
+        elif group == GROUP.slides:
+            α = before
+            a, taken = accelerate_slides(layout, i, prescribed, hinges, qd, tau, qdd, α, a)
+            power += taken
         else:
             α = before
             for k in range(first, layout[i, LAYOUT.stop]):
                 if not prescribed[k]:
                     demand = dot(vec_of(hinges, k, HINGE_ROW.Je), α) + dot(vec_of(hinges, k, HINGE_ROW.He), a)
                     put_at(qdd, at(hinges, k, HINGE_ROW.inverse) * (at(hinges, k, HINGE_ROW.T) - demand), k)
-                if group == GROUP.slides:
-                    a = add_scaled(a, at(qdd, k), vec_of(hinges, k, HINGE_ROW.axis))
-                else:
-                    α = add_scaled(α, at(qdd, k), vec_of(hinges, k, HINGE_ROW.axis))
+                α = add_scaled(α, at(qdd, k), vec_of(hinges, k, HINGE_ROW.axis))
                 if prescribed[k]:
                     more = missing_torque(hinges, k, at(qdd, k), α, a)
                     put_at(tau, at(tau, k) + more, k)
@@ -382,7 +347,7 @@ def accelerate(gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power)
     return power
 
 
-@recursion
+@subroutine
 def motion_of(bodies, number, gravity):
     """α and a, with −g, of a body, counted from 1, or of the base, 0."""
     if number > 0:

@@ -1,14 +1,14 @@
 """Branches of a tree in recursions of articulated bodies: a row of numbers for every fork.
 
 Outward a row holds the state that branches go on from, inward the sum of what they demand at the fork's hinge point,
-in the working axes of its body (`layout`, `branches`). Rows of floats serve complex numbers, too, as `rows_like`.
+in the working axes of its body (`layout`, `branches`). Seen as complex numbers they serve complex ones, too.
 """
 
 import numpy as np
 
 from flexlink.kernels.bodies.branches import rows_of_forks
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
-from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
+from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
+from flexlink.kernels.tools.lanes import put_at, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sym3 import sym_add, sym_apply, sym_of
 from flexlink.kernels.tools.vec3 import add, cross, dot
@@ -24,13 +24,7 @@ def fork_rows(bodies):
     return np.zeros((rows_of_forks(bodies), 2 * DEMAND.size))
 
 
-@recursion
-def rows_like(forks, numbers):
-    """The rows as numbers of the kind that an array has."""
-    return forks.view(numbers.dtype)
-
-
-@recursion
+@subroutine
 def clear(forks):
     """Nothing is demanded yet; nobody asks what is demanded of the base, row 0."""
     for k in range(1, len(forks)):
@@ -38,7 +32,7 @@ def clear(forks):
             put_at(forks, zero_of(forks, 0, 0), k, j)
 
 
-@recursion
+@subroutine
 def keep_axes(forks, k, x, y, z):
     """Keep the axes of a fork."""
     put_vec_of(forks, x, k, STATE.x)
@@ -46,7 +40,7 @@ def keep_axes(forks, k, x, y, z):
     put_vec_of(forks, z, k, STATE.z)
 
 
-@recursion
+@subroutine
 def keep_motion(forks, k, α, a):
     """Keep how a fork and its hinge point accelerate, or move."""
     put_vec_of(forks, α, k, MOTION.α)
@@ -59,7 +53,7 @@ def motion_of(forks, k):
     return vec_of(forks, k, MOTION.α), vec_of(forks, k, MOTION.a)
 
 
-@recursion
+@subroutine
 def keep_state(forks, k, x, y, z, ω, f, n):
     """Keep axes, angular velocity and demand of the tip at a fork."""
     keep_axes(forks, k, x, y, z)
@@ -87,7 +81,7 @@ def over_lever(o, r, H, M):
     return ΔJ, (K1, K2, K3)
 
 
-@recursion
+@subroutine
 def add_inertia_of_branch(forks, k, r, J, H, M):
     """Add what a branch whose hinge point is r away from that of its fork demands per acceleration."""
     ΔJ, H = over_lever(zero_of(forks, 0, 0), r, H, M)
@@ -99,21 +93,7 @@ def add_inertia_of_branch(forks, k, r, J, H, M):
         put_at(forks, M[j], k, DEMAND.M + j)
 
 
-@recursion
-def with_inertia_of_branches(forks, k, J, H, M):
-    """J, H and M at a fork, with those of its branches."""
-    return (
-        sym_add(J, sym_of(forks, k, DEMAND.J)),
-        (
-            add(H[0], vec_of(forks, k, DEMAND.H)),
-            add(H[1], vec_of(forks, k, DEMAND.H + 3)),
-            add(H[2], vec_of(forks, k, DEMAND.H + 6)),
-        ),
-        sym_add(M, sym_of(forks, k, DEMAND.M)),
-    )
-
-
-@recursion
+@subroutine
 def add_load_of_branch(forks, k, r, n, f):
     """Add the moment and the force that a branch demands at rest."""
     n, f = with_load_of_branches(forks, k, add(n, cross(r, f)), f)
@@ -121,7 +101,28 @@ def add_load_of_branch(forks, k, r, n, f):
     put_vec_of(forks, f, k, DEMAND.f)
 
 
-@recursion
+@inlined
+def inertia_of_branches(forks, k):
+    """J, H and M that all branches at a fork have together."""
+    H = vec_of(forks, k, DEMAND.H), vec_of(forks, k, DEMAND.H + 3), vec_of(forks, k, DEMAND.H + 6)
+    return sym_of(forks, k, DEMAND.J), H, sym_of(forks, k, DEMAND.M)
+
+
+@inlined
+def load_of_branches(forks, k):
+    """n and f that all branches at a fork have together."""
+    return vec_of(forks, k, DEMAND.n), vec_of(forks, k, DEMAND.f)
+
+
+@subroutine
+def with_inertia_of_branches(forks, k, J, H, M):
+    """J, H and M at a fork, with those of its branches."""
+    J1, H1, M1 = inertia_of_branches(forks, k)
+    return sym_add(J, J1), (add(H[0], H1[0]), add(H[1], H1[1]), add(H[2], H1[2])), sym_add(M, M1)
+
+
+@subroutine
 def with_load_of_branches(forks, k, n, f):
-    """Moment and force at a fork, with those of its branches."""
-    return add(n, vec_of(forks, k, DEMAND.n)), add(f, vec_of(forks, k, DEMAND.f))
+    """n and f at a fork, with those of its branches."""
+    n1, f1 = load_of_branches(forks, k)
+    return add(n, n1), add(f, f1)

@@ -1,7 +1,7 @@
 """What a body and all beyond it demand (see `articulated`): inertia is propagated, then joints are eliminated.
 
     group           propagated by                                        eliminated by
-    slides          `propagate_inertia`                                  `eliminate_slide`, for each
+    slides          `propagate_inertia`                                  `eliminate_slides`
     hinges          `propagate_inertia`                                  `eliminate_joint`, for each
     along           `propagate_inertia`                                  `eliminate_along`
     pair            `propagate_body` and `add_pair`, or `propagate_any`  `eliminate_pair`
@@ -10,28 +10,24 @@
 The first two work with J and H in working axes, the others along the axes x_j of the body (`AXES`), which stay
 perpendicular where hinges line up: J_jk = x_j·J x_k, h_j = Hᵀ x_j, n_j = x_j·n.
 
-A hinge that slides is eliminated as one that turns, with force for moment and acceleration for angular acceleration.
+Hinges that slide are eliminated as those that turn, with force for moment (`slides`).
 """
 
-from flexlink.kernels.forward.articulated_branches import (
-    over_lever,
-    with_inertia_of_branches,
-    with_load_of_branches,
-)
+from flexlink.kernels.forward.articulated_branches import over_lever
 from flexlink.kernels.forward.articulated_layout import GROUP
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of
-from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.tools.compiler import inlined
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.sym3 import sym_add, sym_add_dyad, sym_apply, sym_from_axes, sym_of
 from flexlink.kernels.tools.vec3 import add, add_scaled, combine, cross, dot, place, scale, sub
 
 
 @inlined
-def propagate_inertia(bodies, i, forks, fork, J, H, M, n, f):
-    """J, H, M, n, f at the body's hinge point, body and branches included, from those at the next hinge point."""
+def propagate_inertia(bodies, i, outer, J, H, M, n, f):
+    """J, H, M, n, f at the body's hinge point, body included, from those at the next hinge point, of row `outer`."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
-    r, mc, m = vec_of(bodies, i + 1, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
-    n, f = with_bias(bodies, i + 1, H, M, n, f)
+    r, mc, m = vec_of(bodies, outer, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
+    n, f = with_bias(bodies, outer, H, M, n, f)
     n = add(add(n, cross(r, f)), place(vec_of(bodies, i, BODY_ROW.n), x, y, z))
     f = add(f, vec_of(bodies, i, BODY_ROW.f))
     o = zero_of(bodies, i, BODY_ROW.mass)
@@ -41,11 +37,7 @@ def propagate_inertia(bodies, i, forks, fork, J, H, M, n, f):
     H = (
         add(K1, (o, -mc[2], mc[1])), add(K2, (mc[2], o, -mc[0])), add(K3, (-mc[1], mc[0], o)),
     )  # fmt: skip
-    M = with_mass(M, m)
-    if fork > 0:
-        J, H, M = with_inertia_of_branches(forks, fork, J, H, M)
-        n, f = with_load_of_branches(forks, fork, n, f)
-    return J, H, M, n, f
+    return J, H, with_mass(M, m), n, f
 
 
 @inlined
@@ -54,6 +46,12 @@ def with_bias(bodies, i, H, M, n, f):
     bias = vec_of(bodies, i, BODY_ROW.b)
     n = add(n, (dot(H[0], bias), dot(H[1], bias), dot(H[2], bias)))
     return n, add(f, sym_apply(M, bias))
+
+
+@inlined
+def swung(ω, r):
+    """ω × (ω × r)."""
+    return add_scaled(scale(dot(ω, r), ω), -dot(ω, ω), r)
 
 
 @inlined
@@ -96,21 +94,6 @@ def eliminate_joint(hinges, k, again, first, second, J, H, M, n, f):
     return J, H, M, add_scaled(n, ν, e), f
 
 
-@recursion
-def eliminate_slide(hinges, k, again, J, H, M, n, f):
-    """The same of a hinge that slides, which keeps H e and M e for J e and Hᵀ e."""
-    M, H, J, f, n = eliminate_joint(
-        hinges, k, again, HINGE_ROW.He, HINGE_ROW.Je, M, transposed(H[0], H[1], H[2]), J, f, n
-    )
-    return J, transposed(H[0], H[1], H[2]), M, n, f
-
-
-@inlined
-def transposed(a, b, c):
-    """Columns of the matrix whose rows are a, b, c."""
-    return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
-
-
 @inlined
 def eliminate_along(hinges, k, J, H, M, n, f):
     """The same where the hinge's axis is the working axis z: what is left along it is exact."""
@@ -122,6 +105,25 @@ def eliminate_along(hinges, k, J, H, M, n, f):
     H = add_scaled(H[0], -u, He), add_scaled(H[1], -v, He), scale(rotor, He)
     n = n[0] + T * u, n[1] + T * v, τ - rotor * T
     return J, H, sym_add_dyad(M, -inverse, He), n, add_scaled(f, T * inverse, He)
+
+
+@inlined
+def propagate_prescribed(hinges, k, first, second, acceleration, J, H, n, f):
+    """n, f before a hinge whose q̈ is given; keeps J e, Hᵀ e and e·n for the torque that it takes."""
+    e = vec_of(hinges, k, HINGE_ROW.axis)
+    Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
+    put_vec_of(hinges, Je, k, first)
+    put_vec_of(hinges, He, k, second)
+    put_at(hinges, dot(e, n), k, HINGE_ROW.T)
+    return add_scaled(n, acceleration, Je), add_scaled(f, acceleration, He)
+
+
+@inlined
+def missing_torque(hinges, k, acceleration, α, a):
+    """What a hinge whose q̈ is given takes, e·(J α + H a + n) + A q̈, beyond what drive, spring and friction give it."""
+    Je, He = vec_of(hinges, k, HINGE_ROW.Je), vec_of(hinges, k, HINGE_ROW.He)
+    moment = dot(Je, α) + dot(He, a) + at(hinges, k, HINGE_ROW.T)
+    return moment + at(hinges, k, HINGE_ROW.armature) * acceleration - at(hinges, k, HINGE_ROW.torque)
 
 
 @inlined
@@ -145,12 +147,12 @@ def in_axes_before(bodies, i, J, H, M, n, f):
 
 
 @inlined
-def propagate_body(bodies, i, M, n, f):
+def propagate_body(bodies, i, outer, M, n, f):
     """J, h, n along the body's axes, M, f, at its hinge point, body included, where J = H = 0 at the next."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
-    r, mc, m = vec_of(bodies, i + 1, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
+    r, mc, m = vec_of(bodies, outer, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
     I = sym_of(bodies, i, BODY_ROW.inertia)
-    f = add(f, sym_apply(M, vec_of(bodies, i + 1, BODY_ROW.b)))
+    f = add(f, sym_apply(M, vec_of(bodies, outer, BODY_ROW.b)))
     d1, d2, d3 = cross(x, r), cross(y, r), cross(z, r)
     n = add((dot(x, n) + dot(d1, f), dot(y, n) + dot(d2, f), dot(z, n) + dot(d3, f)), vec_of(bodies, i, BODY_ROW.n))
     M1, M2, M3 = sym_apply(M, d1), sym_apply(M, d2), sym_apply(M, d3)
@@ -163,11 +165,11 @@ def propagate_body(bodies, i, M, n, f):
 
 
 @inlined
-def add_pair(bodies, i, j, h, t, J, h_body, n, M, f):
+def add_pair(bodies, i, outer, j, h, t, J, h_body, n, M, f):
     """What `propagate_body` gives, with J = j t tᵀ and H = t hᵀ at the next hinge point added."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
-    r = vec_of(bodies, i + 1, BODY_ROW.r)
-    s = dot(h, vec_of(bodies, i + 1, BODY_ROW.b))
+    r = vec_of(bodies, outer, BODY_ROW.r)
+    s = dot(h, vec_of(bodies, outer, BODY_ROW.b))
     t1, t2, t3 = dot(x, t), dot(y, t), dot(z, t)
     g1, g2, g3 = dot(cross(x, r), h), dot(cross(y, r), h), dot(cross(z, r), h)
     p1, p2, p3 = j * t1 + g1, j * t2 + g2, j * t3 + g3
@@ -181,10 +183,10 @@ def add_pair(bodies, i, j, h, t, J, h_body, n, M, f):
 
 
 @inlined
-def propagate_any(bodies, i, forks, fork, J, H, M, n, f):
-    """The same as `propagate_body` with any J and H at the next hinge point, and with branches."""
+def propagate_any(bodies, i, outer, J, H, M, n, f):
+    """The same as `propagate_body` with any J and H at the next hinge point."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
-    J, H, M, n, f = propagate_inertia(bodies, i, forks, fork, J, H, M, n, f)
+    J, H, M, n, f = propagate_inertia(bodies, i, outer, J, H, M, n, f)
     Jx, Jy, Jz = sym_apply(J, x), sym_apply(J, y), sym_apply(J, z)
     J = dot(x, Jx), dot(y, Jy), dot(z, Jz), dot(y, Jz), dot(x, Jz), dot(x, Jy)
     return J, (place(x, *H), place(y, *H), place(z, *H)), (dot(x, n), dot(y, n), dot(z, n)), M, f

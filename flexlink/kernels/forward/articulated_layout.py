@@ -21,9 +21,10 @@ from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.numbered import numbered
 
-LAYOUT = numbered("first stop turned restart group parent begins slot fork loaded")
-"""Whole numbers of a body: its hinges are first … stop − 1; turned by a mount; working axes restart here; its group; its
-place in the tree, and whether the tip wrench acts on it, as in `BODY`."""
+LAYOUT = numbered("first stop turned restart group parent begins slot fork loaded next")
+"""Whole numbers of a body: its hinges are first … stop − 1; turned by a mount; working axes restart here; its group;
+place in the tree, and whether the tip wrench acts on it, as in `BODY`; number of the body after it if that hangs on it,
+otherwise how many bodies there are."""
 GROUP = numbered("slides hinges along pair triple tip")
 
 
@@ -47,9 +48,10 @@ def layout_of(bodies, hinges):
         layout[i, LAYOUT.first], layout[i, LAYOUT.stop], layout[i, LAYOUT.turned] = b.first, b.stop, b.turned
         layout[i, LAYOUT.parent], layout[i, LAYOUT.begins], layout[i, LAYOUT.slot] = b.parent, b.begins, b.slot
         layout[i, LAYOUT.fork], layout[i, LAYOUT.loaded] = b.fork, b.loaded
-        leaf = b.fork == 0 and (i == len(bodies) - 1 or bodies[i + 1].begins)
+        last = i == len(bodies) - 1 or bodies[i + 1].begins
+        layout[i, LAYOUT.next] = len(bodies) if last else i + 1
         massless = b.first == b.stop and b.mass == 0.0 and not np.any(b.inertia)
-        layout[i, LAYOUT.group] = GROUP.tip if leaf and massless else group_of(b, hinges)
+        layout[i, LAYOUT.group] = GROUP.tip if last and b.fork == 0 and massless else group_of(b, hinges)
     return layout
 
 

@@ -16,8 +16,8 @@ from flexlink.kernels.tools.sym3 import point_inertia, sym_add, symmetric
 from flexlink.kernels.tools.vec3 import scale, vector
 
 BODY_ROW = numbered(
-    # Fixed: columns of the mount's rotation and reach, the hinge point, in axes of the body that this one hangs on; mass,
-    # m c and inertia about the hinge point in its own.
+    # Fixed: columns of the mount's rotation, and reach, its hinge point, in axes of what it hangs on; mass, m c and
+    # inertia about the hinge point in its own.
     "mount:9 mass moment:3 own_inertia:6 reach:3",
     # Of the state, working axes: x_j, m c, ζ = Σ q̇_k ω × e_k, f = m ω × (ω × c); inertia and n = ω × I ω along x_j.
     # These are the axes of the body, but of a pair e₂, e₁, e₂ × e₁. In the working axes before those that may begin at
@@ -42,7 +42,7 @@ class ArticulatedWork(NamedTuple):
     layout: Any
     axes: Any
     prescribed: Any
-    bodies: Any  # rows of numbers of the bodies
+    bodies: Any  # rows of numbers of the bodies, and one of zeros: nothing hangs on the last
     hinges: Any  # and of the hinges
     dry: Any
     flat: Any  # angles, cosines and sines, for the loop over all of them
@@ -58,10 +58,7 @@ def articulated_workspace(bodies, hinges, gravity, couplings):
     """Scratch of `articulated` with the chain's constants."""
     n = len(hinges)
     layout, axes = layout_of(bodies, hinges), np.empty(n, np.int64)
-    rows, joints = (
-        np.zeros((len(bodies) + 1, BODY_ROW.size)),
-        np.zeros((n, HINGE_ROW.size)),
-    )  # nothing hangs on the last
+    rows, joints = np.zeros((len(bodies) + 1, BODY_ROW.size)), np.zeros((n, HINGE_ROW.size))
     for i in range(len(bodies)):
         b = bodies[i]
         for j in range(9):

@@ -15,7 +15,7 @@ on; outward the loads' rows keep its accelerations for them.
 from flexlink.kernels.forward.articulated import spread
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of
-from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.vec3 import add, add_scaled, combine, combine2, cross, dot, place, sub
 
@@ -35,13 +35,11 @@ def solve_on_articulated(r, loads, x, work):
         if layout[i, LAYOUT.group] == GROUP.triple or layout[i, LAYOUT.group] == GROUP.pair:
             triple = layout[i, LAYOUT.group] == GROUP.triple
             n, f = load_group(bodies, i, hinges, layout[i, LAYOUT.first], triple, r, x, n, f)
+        elif layout[i, LAYOUT.group] == GROUP.slides:
+            n, f = load_slides(layout, i, prescribed, hinges, r, x, n, f)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
-                if prescribed[k]:
-                    continue
-                if layout[i, LAYOUT.group] == GROUP.slides:
-                    f, n = load_hinge(hinges, k, HINGE_ROW.He, HINGE_ROW.Je, r, x, f, n)
-                else:
+                if not prescribed[k]:
                     n, f = load_hinge(hinges, k, HINGE_ROW.Je, HINGE_ROW.He, r, x, n, f)
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
@@ -59,6 +57,8 @@ def solve_on_articulated(r, loads, x, work):
             α, a = (dot(u, α), dot(v, α), dot(w, α)), (dot(u, a), dot(v, a), dot(w, a))
         if layout[i, LAYOUT.group] == GROUP.triple or layout[i, LAYOUT.group] == GROUP.pair:
             α = move_group(bodies, i, hinges, layout[i, LAYOUT.first], layout[i, LAYOUT.group] == GROUP.triple, x, α, a)
+        elif layout[i, LAYOUT.group] == GROUP.slides:
+            a = move_slides(layout, i, prescribed, hinges, x, α, a)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
                 if prescribed[k]:
@@ -66,16 +66,13 @@ def solve_on_articulated(r, loads, x, work):
                 else:
                     demand = dot(vec_of(hinges, k, HINGE_ROW.Je), α) + dot(vec_of(hinges, k, HINGE_ROW.He), a)
                     put_at(x, at(x, k) - hinges[k, HINGE_ROW.inverse] * demand, k)
-                if layout[i, LAYOUT.group] == GROUP.slides:
-                    a = add_scaled(a, at(x, k), vec_of(hinges, k, HINGE_ROW.axis))
-                else:
-                    α = add_scaled(α, at(x, k), vec_of(hinges, k, HINGE_ROW.axis))
+                α = add_scaled(α, at(x, k), vec_of(hinges, k, HINGE_ROW.axis))
         if layout[i, LAYOUT.fork] > 0:
             put_vec_of(loads, α, i, 0)
             put_vec_of(loads, a, i, 3)
 
 
-@recursion
+@subroutine
 def add_branch(loads, number, r, n, f):
     """Load body `number`, counted from 1, with what a branch demands at a hinge point r away; 0 is the base."""
     if number > 0:
@@ -83,7 +80,7 @@ def add_branch(loads, number, r, n, f):
         put_vec_of(loads, add(f, vec_of(loads, number - 1, 3)), number - 1, 3)
 
 
-@recursion
+@subroutine
 def motion_of(loads, number):
     """α and a of such a body, which its row keeps."""
     if number > 0:
@@ -100,6 +97,28 @@ def load_hinge(hinges, k, first, second, r, x, n, f):
     put_at(x, T, k)
     n, f = add_scaled(n, T, vec_of(hinges, k, first)), add_scaled(f, T, vec_of(hinges, k, second))
     return add_scaled(n, torque - hinges[k, HINGE_ROW.armature] * T - dot(e, n), e), f
+
+
+@subroutine
+def load_slides(layout, i, prescribed, hinges, r, x, n, f):
+    """n and f before the hinges of body `i`, which slide."""
+    for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+        if not prescribed[k]:
+            f, n = load_hinge(hinges, k, HINGE_ROW.He, HINGE_ROW.Je, r, x, f, n)
+    return n, f
+
+
+@subroutine
+def move_slides(layout, i, prescribed, hinges, x, α, a):
+    """a behind such hinges, and their x."""
+    for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+        if prescribed[k]:
+            put_at(x, zero_of(x), k)
+        else:
+            demand = dot(vec_of(hinges, k, HINGE_ROW.Je), α) + dot(vec_of(hinges, k, HINGE_ROW.He), a)
+            put_at(x, at(x, k) - hinges[k, HINGE_ROW.inverse] * demand, k)
+        a = add_scaled(a, at(x, k), vec_of(hinges, k, HINGE_ROW.axis))
+    return a
 
 
 @inlined

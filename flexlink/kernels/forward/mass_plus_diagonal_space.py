@@ -20,19 +20,23 @@ from flexlink.kernels.forward.articulated_branches import (
     add_inertia_of_branch,
     add_load_of_branch,
     clear,
-    fork_rows,
     keep_axes,
     keep_motion,
     motion_of,
-    rows_like,
     with_inertia_of_branches,
     with_load_of_branches,
 )
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, articulated_workspace, axes_of
 from flexlink.kernels.forward.mass_plus_cells import rows_beside
-from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.forward.mass_plus_slides import (
+    displace_slides,
+    factor_slides,
+    load_slides,
+    move_slides,
+    place_slides,
+)
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
@@ -101,23 +105,21 @@ def place_in_space(q, posture):
         trig[0, k] = q[k]
     cos_sin_all(trig[0], trig[1], trig[2])
     x, y, z = X, Y, Z
-    keep_axes(posture.forks, 0, x, y, z)
+    if len(posture.forks) > 0:
+        keep_axes(posture.forks, 0, x, y, z)
     for i in range(len(layout)):
         if layout[i, LAYOUT.begins]:
             x, y, z = axes_of(posture.forks, layout[i, LAYOUT.slot], 0)
-        r = place(vec_of(rows, i, BODY_ROW.reach), x, y, z)
+        put_vec_of(rs, place(vec_of(rows, i, BODY_ROW.reach), x, y, z), i, 0)
         if layout[i, LAYOUT.turned]:
             u, v, w = axes_of(rows, i, BODY_ROW.mount)
             x, y, z = place(u, x, y, z), place(v, x, y, z), place(w, x, y, z)
-        for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
-            if axes[k] >= SLIDES:
-                e = pick(axes[k] - SLIDES, x, y, z)
-                put_vec_of(es, e, k, 0)
-                r = add_scaled(r, q[k], e)
-            else:
+        if layout[i, LAYOUT.group] == GROUP.slides:
+            place_slides(q, posture, i, x, y, z)
+        else:
+            for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
                 put_vec_of(es, pick(axes[k], x, y, z), k, 0)
                 x, y, z = turn_axes(axes[k], trig[1, k], trig[2, k], x, y, z)
-        put_vec_of(rs, r, i, 0)
         put_vec_of(moments, place(vec_of(rows, i, BODY_ROW.moment), x, y, z), i, 0)
         I = sym_from_axes(x, y, z, sym_of(rows, i, BODY_ROW.own_inertia))
         put_vec_of(inertias, (I[0], I[1], I[2]), i, 0)
@@ -132,37 +134,30 @@ def factor_in_space(factors, posture):
     layout, prescribed, es = posture.layout, posture.prescribed, posture.e
     o = factors.dtype.type(0)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
-    forks = rows_like(posture.forks, factors)
+    forks = posture.forks.view(factors.dtype)
     clear(forks)
     for i in range(len(layout) - 1, -1, -1):
         J, H, M = add_body(posture, i, J, H, M)
         if layout[i, LAYOUT.fork] > 0:
             J, H, M = with_inertia_of_branches(forks, layout[i, LAYOUT.fork], J, H, M)
-        for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
-            if not prescribed[k]:
-                e = vec_of(es, k, 0)
-                Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
-                inertia = dot(e, Je)
-                if layout[i, LAYOUT.group] == GROUP.slides:
-                    Je, He = of_slide(e, H, M)
-                    inertia = dot(e, He)
-                inverse = 1.0 / (inertia + factors[k, FACTORS.A])
-                put_vec_of(factors, Je, k, FACTORS.Je)
-                put_vec_of(factors, He, k, FACTORS.He)
-                factors[k, FACTORS.inverse] = inverse
-                u = scale(inverse, Je)
-                J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
-                H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
+        if layout[i, LAYOUT.group] == GROUP.slides:
+            J, H, M = factor_slides(factors, posture, i, J, H, M)
+        else:
+            for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+                if not prescribed[k]:
+                    e = vec_of(es, k, 0)
+                    Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
+                    inverse = 1.0 / (dot(e, Je) + factors[k, FACTORS.A])
+                    put_vec_of(factors, Je, k, FACTORS.Je)
+                    put_vec_of(factors, He, k, FACTORS.He)
+                    factors[k, FACTORS.inverse] = inverse
+                    u = scale(inverse, Je)
+                    J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
+                    H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
         if layout[i, LAYOUT.begins]:
             if layout[i, LAYOUT.slot] > 0:
                 add_inertia_of_branch(forks, layout[i, LAYOUT.slot], vec_of(posture.r, i, 0), J, H, M)
             J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
-
-
-@inlined
-def of_slide(e, H, M):
-    """H e and M e."""
-    return (dot(H[0], e), dot(H[1], e), dot(H[2], e)), sym_apply(M, e)
 
 
 @inlined
@@ -187,38 +182,41 @@ def solve_in_space(factors, r, x, posture):
     layout, prescribed, es, rs = posture.layout, posture.prescribed, posture.e, posture.r
     o = factors.dtype.type(0)
     n, f = (o, o, o), (o, o, o)
-    forks = rows_like(posture.forks, factors)
+    forks = posture.forks.view(factors.dtype)
     clear(forks)
     for i in range(len(layout) - 1, -1, -1):
         n = add(n, cross(vec_of(rs, i + 1, 0), f))
         if layout[i, LAYOUT.fork] > 0:
             n, f = with_load_of_branches(forks, layout[i, LAYOUT.fork], n, f)
-        for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
-            if not prescribed[k]:
-                pull = f if layout[i, LAYOUT.group] == GROUP.slides else n
-                T = (r[k] - dot(vec_of(es, k, 0), pull)) * factors[k, FACTORS.inverse]
-                x[k] = T
-                n = add_scaled(n, T, vec_of(factors, k, FACTORS.Je))
-                f = add_scaled(f, T, vec_of(factors, k, FACTORS.He))
+        if layout[i, LAYOUT.group] == GROUP.slides:
+            n, f = load_slides(factors, r, x, posture, i, n, f)
+        else:
+            for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+                if not prescribed[k]:
+                    T = (r[k] - dot(vec_of(es, k, 0), n)) * factors[k, FACTORS.inverse]
+                    x[k] = T
+                    n = add_scaled(n, T, vec_of(factors, k, FACTORS.Je))
+                    f = add_scaled(f, T, vec_of(factors, k, FACTORS.He))
         if layout[i, LAYOUT.begins]:
             if layout[i, LAYOUT.slot] > 0:
                 add_load_of_branch(forks, layout[i, LAYOUT.slot], vec_of(rs, i, 0), n, f)
             n, f = (o, o, o), (o, o, o)
     α, a = (o, o, o), (o, o, o)
-    keep_motion(forks, 0, α, a)
+    if len(forks) > 0:
+        keep_motion(forks, 0, α, a)
     for i in range(len(layout)):
         if layout[i, LAYOUT.begins]:
             α, a = motion_of(forks, layout[i, LAYOUT.slot])
         a = add(a, cross(α, vec_of(rs, i, 0)))
-        for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
-            if prescribed[k]:
-                x[k] = o
-            else:
-                Je, He = vec_of(factors, k, FACTORS.Je), vec_of(factors, k, FACTORS.He)
-                x[k] -= factors[k, FACTORS.inverse] * (dot(Je, α) + dot(He, a))
-                if layout[i, LAYOUT.group] == GROUP.slides:
-                    a = add_scaled(a, x[k], vec_of(es, k, 0))
+        if layout[i, LAYOUT.group] == GROUP.slides:
+            a = move_slides(factors, x, posture, i, α, a)
+        else:
+            for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+                if prescribed[k]:
+                    x[k] = o
                 else:
+                    Je, He = vec_of(factors, k, FACTORS.Je), vec_of(factors, k, FACTORS.He)
+                    x[k] -= factors[k, FACTORS.inverse] * (dot(Je, α) + dot(He, a))
                     α = add_scaled(α, x[k], vec_of(es, k, 0))
         if layout[i, LAYOUT.fork] > 0:
             keep_motion(forks, layout[i, LAYOUT.fork], α, a)
@@ -226,21 +224,32 @@ def solve_in_space(factors, r, x, posture):
 
 @recursion
 def displacement_in_space(δ, posture):
-    """Largest displacement [m] that small changes δ (n,) of angles, and of where slides are, give to any hinge point."""
+    """Largest displacement [m] that small changes δ (n,) of angles and of slides give to any hinge point."""
     layout, es, rs, forks = posture.layout, posture.e, posture.r, posture.forks
     φ, p, largest, doubt = ZERO, ZERO, 0.0, 0.0
-    keep_motion(forks, 0, φ, p)
+    if len(forks) > 0:
+        keep_motion(forks, 0, φ, p)
     for i in range(len(layout)):
         if layout[i, LAYOUT.begins]:
-            φ, p = motion_of(forks, layout[i, LAYOUT.slot])
-        p = add(p, cross(φ, vec_of(rs, i, 0)))
-        for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
-            if layout[i, LAYOUT.group] == GROUP.slides:
-                p = add_scaled(p, δ[k], vec_of(es, k, 0))
-            else:
+            doubt += φ[0] - φ[0]
+            φ, p = displace_branch(forks, layout[i, LAYOUT.slot], vec_of(rs, i, 0))
+            largest = max(largest, dot(p, p))
+        if layout[i, LAYOUT.group] == GROUP.slides:
+            p = displace_slides(δ, posture, i, p)
+            doubt += p[0] - p[0]
+            largest = max(largest, dot(p, p))
+        else:
+            for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
                 φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
-            doubt += δ[k] - δ[k]  # nan, which `max` passes by, if it is not finite
-        largest = max(largest, dot(p, p))
         if layout[i, LAYOUT.fork] > 0:
             keep_motion(forks, layout[i, LAYOUT.fork], φ, p)
-    return math.sqrt(largest + doubt)
+        p = add(p, cross(φ, vec_of(rs, layout[i, LAYOUT.next], 0)))
+        largest = max(largest, dot(p, p))
+    return math.sqrt(largest + (φ[0] - φ[0]) + doubt)  # nan, which `max` passes by, if a δ is not finite
+
+
+@subroutine
+def displace_branch(forks, k, r):
+    """How a branch is turned, and displaced at its hinge point r away from that of its fork, where it begins."""
+    φ, p = motion_of(forks, k)
+    return φ, add(p, cross(φ, r))
