@@ -28,4 +28,4 @@ def spin_drift(angles: Array, rates: Array) -> Array:
     (cy, cz), (sy, sz) = np.cos(angles[1:]), np.sin(angles[1:])
     x, y, z = rates
     about_x = np.array([-sy * cz * y - cy * sz * z, sy * sz * y - cy * cz * z, cy * y])
-    return about_x * x + np.array([cz, -sz, 0.0]) * y * z
+    return np.asarray(about_x * x + np.array([cz, -sz, 0.0]) * y * z)
