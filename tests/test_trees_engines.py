@@ -12,7 +12,7 @@ import pytest
 from test_reading import assert_same
 
 import flexlink as fl
-from flexlink.chain.base_motion import rotation_of, spin_drift, spin_matrix
+from flexlink.chain.free_base import rates_matrices, rates_matrices_changing, rotations_of
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import mixed_states
 from flexlink.dynamics.placement import frames
@@ -75,13 +75,13 @@ def chain() -> fl.Chain:
 
 def test_angular_velocity_and_its_drift_are_those_of_the_turn(rng: np.random.Generator) -> None:
     """Of an attitude along φ(t) = φ₀ + φ̇ t: Rᵀ Ṙ = [S φ̇]×, and d/dt S φ̇ = Ṡ φ̇, by differences."""
-    reference, φ, rates, h = np.eye(3), rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3), 1e-5
-    before, after = (rotation_of(reference, φ + t * rates) for t in (-h, h))
-    turn = rotation_of(reference, φ).T @ (after - before) / (2 * h)
-    spin = spin_matrix(φ) @ rates
+    φ, rates, h = rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3), 1e-5
+    before, after = (rotations_of(φ + t * rates) for t in (-h, h))
+    turn = rotations_of(φ).T @ (after - before) / (2 * h)
+    spin = rates_matrices(φ) @ rates
     assert np.array([turn[2, 1], turn[0, 2], turn[1, 0]]) == pytest.approx(spin, abs=1e-9)
-    change = (spin_matrix(φ + h * rates) - spin_matrix(φ - h * rates)) @ rates / (2 * h)
-    assert change == pytest.approx(spin_drift(φ, rates), abs=1e-9)
+    change = (rates_matrices(φ + h * rates) - rates_matrices(φ - h * rates)) @ rates / (2 * h)
+    assert change == pytest.approx(rates_matrices_changing(φ, rates) @ rates, abs=1e-9)
 
 
 @EVERY_FORMAT

@@ -321,7 +321,7 @@ class Chain:
 
     @property
     def lengths(self) -> Array:
-        """From what each body hangs on to its hinges, shape (bodies,) [m]; those that slide as far out as limits say."""
+        """From what each body hangs on to its hinges, (bodies,) [m]; those that slide as far out as limits say."""
         lengths: Array = np.linalg.norm(self.bodies["translation"], axis=1)
         if self.slides.any():
             limits = np.abs([self.hinges["lower"], self.hinges["upper"]]).max(axis=0)
