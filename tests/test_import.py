@@ -22,8 +22,8 @@ from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_tor
 from flexlink.robots.cut import cut, largest_mass
 from flexlink.robots.flexible import FlexibleLink, _prism, bent, payload
 from flexlink.robots.importing import ImportResult, import_urdf
+from flexlink.robots.positions import positions_of
 from flexlink.robots.robot_file import read_robot
-from flexlink.robots.serial import _positions
 from flexlink.robots.tuning import clamped_frequency
 from validation.physics.source_urdf import Original
 
@@ -327,4 +327,4 @@ def test_a_joint_of_which_nothing_is_said_is_at_zero_or_in_the_middle_of_limits_
 ) -> None:
     joint = SimpleNamespace(name="j", limits=(lower, upper), mimic=None)
     robot = SimpleNamespace(joints={"j": joint}, position=lambda joint, leaders: leaders[joint.name])
-    assert _positions(cast("Any", robot), {}) == {"j": stays}
+    assert positions_of(cast("Any", robot), {}) == {"j": stays}

@@ -1,4 +1,4 @@
-"""Random trees of arms, and Newton's and Euler's equations of them, written down once more: body by body, in frame 0."""
+"""Random trees of arms, and Newton's and Euler's equations of them once more: body by body, in frame 0."""
 
 from __future__ import annotations
 
@@ -30,12 +30,18 @@ def random_tree(rng: np.random.Generator, links: int = 4, *, free: bool = False)
         fields = {"mount": fl.Mount(rpy_deg=three(rng, 180.0), xyz=three(rng, 0.3)), "joint": joint, "hub": hub}
         fields |= {} if on is None else {"on": on}
         if flex == "rigid":
-            link = fl.Link(name=f"l{number}", length=rng.uniform(0.1, 1.0), material="aluminium", section="square", **fields)
+            link = fl.Link(
+                name=f"l{number}", length=rng.uniform(0.1, 1.0), material="aluminium", section="square", **fields
+            )
         else:
             link = flexible(f"l{number}", flex, int(rng.integers(2, 4)), **fields)
         parts.append(link)
-    base = Base(kind="free", mass=rng.uniform(1, 3), center=three(rng, 0.1), inertia=(1.0, 1.1, 1.2)) if free else Base()
-    scene = make_scene(*parts, tip=fl.RigidBody(mass=rng.uniform(), inertia=(0.01, 0.02, 0.02)), gravity=three(rng, 10.0))
+    base = (
+        Base(kind="free", mass=rng.uniform(1, 3), center=three(rng, 0.1), inertia=(1.0, 1.1, 1.2)) if free else Base()
+    )
+    scene = make_scene(
+        *parts, tip=fl.RigidBody(mass=rng.uniform(), inertia=(0.01, 0.02, 0.02)), gravity=three(rng, 10.0)
+    )
     scene = replace(scene, arm=replace(scene.arm, base=base))
     return fl.lump(replace(scene, wrench=fl.Wrench(on=str(rng.choice(list(fl.lump(scene).tips))))))
 
@@ -46,7 +52,9 @@ def three(rng: np.random.Generator, size: float) -> tuple[float, float, float]:
     return float(x), float(y), float(z)
 
 
-def torques(chain: fl.Chain, q: Numbers, qd: Numbers, qdd: Numbers, wrench: Array, *, follower: bool = False) -> Numbers:
+def torques(
+    chain: fl.Chain, q: Numbers, qd: Numbers, qdd: Numbers, wrench: Array, *, follower: bool = False
+) -> Numbers:
     """M q̈ + T_GC of angles, rates and accelerations that may be complex."""
     frames, loads = [(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), -chain.gravity)], []
     axes, places = [], []

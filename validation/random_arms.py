@@ -1,12 +1,14 @@
-"""Random serial arms of 1 to 6 links, which use every key that a link has: the same seed, the same arm."""
+"""Random arms of 1 to 6 links, which use every key that a link has, one on another or as trees: same seed, same arm."""
 
 from __future__ import annotations
 
 from typing import Any, Literal
 
+import msgspec
 import numpy as np
 
 import flexlink as fl
+from flexlink.describe.arm import BASE
 from flexlink.describe.spec import Vector3
 
 Convention = Literal["standard", "modified"]
@@ -67,6 +69,47 @@ def random_arm(seed: int) -> fl.Scene:
         initial=fl.InitialState(joint_deg=tuple(dice.linear(-90, 90) for _ in links)),
         run=fl.RunSettings(step=1e-4),
     )  # fmt: skip
+
+
+def random_tree(seed: int) -> fl.Scene:
+    """An arm whose links branch and slide, on the ground or on a base that floats, at some posture."""
+    dice = Dice(seed)
+    names = [f"link{k}" for k in range(dice.one_of(2, 3, 4, 5, 6))]
+    links: list[fl.Link] = []
+    for k, name in enumerate(names):
+        link = _link(dice, name, None)
+        on = dice.one_of("", BASE, *names[:k])
+        links.append(msgspec.structs.replace(link, on=on, joint=_sliding(dice, link.joint)))
+    if all(link.joint.locked and not link.elastic for link in links):
+        links[0] = msgspec.structs.replace(links[0], joint=fl.Joint())
+    hung_on = {link.on or before for link, before in zip(links, ["", *names], strict=False)}
+    free, base = dice.chance(0.5), fl.BaseState(xyz=dice.three(1.0), quaternion=(dice.linear(-1, 1), *dice.three(1.0)))
+    body = _body(dice)
+    return fl.Scene(
+        name=f"random tree {seed}",
+        arm=fl.Arm(
+            links=tuple(links), sections=_sections(dice), tip=_body(dice) if dice.chance(0.5) else fl.RigidBody(),
+            materials={"stuff": fl.Material(young=dice.decades(8, 11.5), density=dice.decades(3, 3.9),
+                                            poisson=dice.linear(0.0, 0.5), loss_time=dice.one_of(0.0, 1e-4))},
+            base=fl.Base(kind="free", mass=body.mass, center=body.center, inertia=body.inertia) if free else fl.Base(),
+        ),
+        gravity=dice.three(9.81),
+        initial=fl.InitialState(
+            joint_deg=tuple(0.0 if link.joint.slides else dice.linear(-90, 90) for link in links),
+            joint_m=tuple(dice.linear(-0.5, 0.5) if link.joint.slides else 0.0 for link in links),
+            base=base if free else fl.BaseState(),
+        ),
+        wrench=fl.Wrench(on=dice.one_of(*(name for name in names if name not in hung_on))),
+        run=fl.RunSettings(step=1e-4),
+    )  # fmt: skip
+
+
+def _sliding(dice: Dice, joint: fl.Joint) -> fl.Joint:
+    """Two in five of the joints slide."""
+    if not dice.chance(0.4):
+        return joint
+    limits = (-dice.linear(0.5, 1.0), dice.linear(0.5, 1.0)) if joint.limits_deg else None
+    return msgspec.structs.replace(joint, kind="prismatic", limits_deg=None, limits_m=limits)
 
 
 def _sections(dice: Dice) -> dict[str, fl.Section]:

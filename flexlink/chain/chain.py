@@ -319,14 +319,19 @@ class Chain:
             return _reach(self.bodies["translation"].tobytes(), self.bodies["center"].tobytes())
         return self._reach_of_tree()
 
+    @property
+    def lengths(self) -> Array:
+        """From what each body hangs on to its hinges, (bodies,) [m]; those that slide as far out as limits say."""
+        lengths: Array = np.linalg.norm(self.bodies["translation"], axis=1)
+        if self.slides.any():
+            limits = np.abs([self.hinges["lower"], self.hinges["upper"]]).max(axis=0)
+            slid = np.append(0.0, np.cumsum(np.where(self.slides & np.isfinite(limits), limits, 0.0)))
+            lengths += slid[self.bodies["stop"]] - slid[self.bodies["first"]]
+        return lengths
+
     def _reach_of_tree(self) -> float:
-        """Along every branch, joints that slide at the limit that is further away, or at zero."""
-        limits = np.abs([self.hinges["lower"], self.hinges["upper"]]).max(axis=0)
-        slid = np.append(0.0, np.cumsum(np.where(self.slides & np.isfinite(limits), limits, 0.0)))
-        own = (
-            np.linalg.norm(self.bodies["translation"], axis=1) + slid[self.bodies["stop"]] - slid[self.bodies["first"]]
-        )
-        away = np.zeros(len(own) + 1)
+        """Along every branch."""
+        own, away = self.lengths, np.zeros(len(self.bodies) + 1)
         for i, parent in enumerate(self.bodies["parent"].tolist(), 1):
             away[i] = away[parent] + own[i - 1]
         return float((away[1:] + np.linalg.norm(self.bodies["center"], axis=1)).max())

@@ -1,6 +1,7 @@
-"""`flexlink import`: Make a scene of a robot's URDF: the arm between two links, some of them flexible.
+"""`flexlink import`: Make a scene of a robot's URDF, whole or the paths to some links, some of which bend.
 
-flexlink import robot.urdf --base base_link --tip tool0 -o robot.toml
+flexlink import robot.urdf -o robot.toml
+flexlink import robot.urdf --base torso --tip left_hand --tip right_hand --locked torso_lift=0.2 -o arms.toml
 flexlink import ur5 --posture elbow_joint=90 --flexible 'forearm_link={ frequency_hz = 12 }' -o ur5.toml
 """
 
@@ -20,8 +21,8 @@ from flexlink.robots.collection import KnownArm, known_arm
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.robots.importing import import_urdf
 from flexlink.robots.kinematic_tree import Robot
+from flexlink.robots.positions import finite
 from flexlink.robots.robot_file import read_robot
-from flexlink.robots.serial import finite
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -29,12 +30,17 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("robot", help="URDF file, or the name of an arm that `flexlink robots` lists")
     command.add_argument("-o", "--out", type=Path, help="scene file to write (.toml); default: only print the arm")
     command.add_argument("--base", help="link where the arm begins; default: the root of the robot")
-    command.add_argument("--tip", help="link where the arm ends; default: the end, if the robot has one arm")
+    command.add_argument(
+        "--tip",
+        action="append",
+        help="link where a path ends, all else is rigid; may be repeated; default: the whole robot",
+    )
+    command.add_argument("--free-base", action="store_true", help="the base floats, a rigid body with its own mass")
     for option, form, text in (
         ("posture", "JOINT=DEG", "initial angle of a joint [deg], or position of a slide [m]"),
         ("locked", "JOINT=DEG", "lock a joint of the arm at this angle [deg], or a slide at this position [m]"),
         ("flexible", "LINK={…}", "make a link flexible: { section, material, mass, frequency_hz, line, segments, … }"),
-        ("armature", "JOINT=I", "rotor inertia seen at the joint [kg m²]"),
+        ("armature", "JOINT=I", "rotor inertia seen at the joint [kg m²; kg of a slide]"),
     ):
         command.add_argument(f"--{option}", action="append", default=[], metavar=form, help=f"{text}; may be repeated")
 
@@ -67,6 +73,7 @@ def _asked(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[s
     return {
         "base": known.base if options.base is None else options.base,
         "tip": known.tip if options.tip is None else options.tip,
+        "free_base": options.free_base,
         "posture": known.posture | _positions(robot, "--posture", options.posture),
         "locked": known.locked | _positions(robot, "--locked", options.locked),
         "flexible": known.flexible | {k: decode(v, FlexibleLink, f"flexible.{k}") for k, v in flexible.items()},

@@ -287,7 +287,7 @@ def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | Non
 
 
 BASE = "base"
-"""What a link hangs on that hangs on none; no link is called so."""
+"""What a link hangs on that hangs on none, unless one before it is called so."""
 
 
 class Base(RigidBody, frozen=True):
@@ -355,8 +355,6 @@ class Arm(Spec, frozen=True):
         for k, link in enumerate(self.links, 1):
             if link.name in seen:
                 yield f"link.{k}.name = {link.name!r}: names of links must differ"
-            if link.name == BASE:
-                yield f"link.{k}.name = {link.name!r}: means what the first link hangs on; take another name"
             if link.on and link.on != BASE and link.on not in seen:
                 before = ", ".join([BASE, *seen])
                 meant = did_you_mean(link.on, [BASE, *seen])
@@ -382,8 +380,11 @@ class Arm(Spec, frozen=True):
     @property
     def parents(self) -> tuple[int, ...]:
         """Of every link the number, from 1, of the one that it hangs on; 0: the base."""
-        numbers = {BASE: 0, **{link.name: k for k, link in enumerate(self.links, 1)}}
-        return tuple(numbers[link.on] if link.on else k for k, link in enumerate(self.links))
+        numbers, parents = {BASE: 0}, list[int]()
+        for before, link in enumerate(self.links):
+            parents.append(numbers[link.on] if link.on else before)
+            numbers[link.name] = before + 1
+        return tuple(parents)
 
     @property
     def slides(self) -> tuple[bool, ...]:

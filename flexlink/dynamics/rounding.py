@@ -41,8 +41,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import vector, wrench_vector
+from flexlink.chain.branches import spans_of, sums_inward, sums_outward
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
+from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.bodies.rotation_springs import stretches
@@ -172,9 +174,21 @@ def _along(chain: Chain) -> float:
 def _inertial(chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None) -> float:
     """M* (Σ|q̈| + ω²) + T_G* + T_W*: size of the parts that recursive Newton-Euler adds up."""
     size, force = _sizes(chain, q), np.linalg.norm(wrench_vector(tip_wrench).reshape(2, 3), axis=1)
-    ω = np.cumsum(vector("qd", qd, chain.n)[:, None] * size.axes, axis=0)
-    turning = np.abs(vector("qdd", qdd, chain.n)).sum() + (ω**2).sum(axis=1).max()
+    rates, slides = vector("qd", qd, chain.n), chain.slides
+    squares = (_spins(chain, rates[:, None] * size.axes) ** 2).sum(axis=1)
+    turning = np.abs(vector("qdd", qdd, chain.n)).sum() + squares.max()
+    if slides.any():  # 2 ω × v
+        turning += 2 * np.sqrt(squares.max()) * np.abs(rates[slides]).sum()
     return float(size.inertia * turning + size.weight + force[0] * size.lever + force[1])
+
+
+def _spins(chain: Chain, turned: Array) -> Array:
+    """ω behind every hinge that turns so much, (n, 3), or, of a tree, in every body."""
+    if chain.is_serial and not chain.slides.any():
+        return np.cumsum(turned, axis=0)
+    own = np.zeros((len(chain.bodies), 3))
+    np.add.at(own, hinge_bodies(chain)[~chain.slides], turned[~chain.slides])
+    return sums_outward(spans_of(chain), own)
 
 
 def _sizes(chain: Chain, q: ArrayLike) -> Sizes:
@@ -186,8 +200,10 @@ def _sizes(chain: Chain, q: ArrayLike) -> Sizes:
     levers = r + away[:, None]
     own = np.linalg.norm(bodies["inertia"], axis=(1, 2))
     inertia, moment = (np.triu(part).sum(axis=1).max() for part in (mass * r * levers + own, mass * levers))
+    if chain.slides.any():  # forces, too
+        inertia, moment = max(inertia, moment, mass.sum()), max(moment, mass.sum())
     rotor = np.abs(chain.hinges["armature"]).max()
-    tip = (np.linalg.norm(points[-1] - points, axis=1) + away).max()
+    tip = (np.linalg.norm(points[chain.loaded] - points, axis=1) + away).max()
     return Sizes(float(inertia + rotor), float(moment * np.linalg.norm(chain.gravity)), float(tip), axes)
 
 
@@ -201,13 +217,16 @@ def largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
     """
     bodies, hinges = chain.bodies, chain.bodies["stop"] - chain.bodies["first"]
     Ω = np.abs(qd).sum()
-    at = np.cumsum(np.linalg.norm(bodies["translation"], axis=1))  # way from the base to each body's hinges
+    spans = spans_of(chain)
+    at = sums_outward(spans, chain.lengths)  # way from the base to each body's hinges
     far = at + np.linalg.norm(bodies["center"], axis=1)
     force = bodies["mass"] * (np.linalg.norm(chain.gravity) + Ω**2 * far)
     moment = force * far + Ω**2 * np.linalg.norm(bodies["inertia"], axis=(1, 2))
-    beyond_force, beyond_moment = (np.cumsum(part[::-1])[::-1] for part in (force, moment))
+    beyond_force, beyond_moment = (sums_inward(spans, part) for part in (force, moment))
     tip_force, tip_moment = (np.linalg.norm(part) for part in np.split(wrench, 2))
-    load = beyond_moment - at * beyond_force + (at[-1] - at) * tip_force + tip_moment
+    load = beyond_moment - at * beyond_force + np.maximum(at[chain.loaded] - at, 0.0) * tip_force + tip_moment
+    if chain.slides.any():
+        load = np.maximum(load, beyond_force + tip_force)
     return np.repeat(np.maximum(load, 0.0), hinges)
 
 

@@ -5,13 +5,16 @@ has no springs between joints. Gravity is set; the smooth Coulomb law c tanh(q̇
 between joints, and of springs of rotation vectors, which are computed by us, and the drive are an output of a
 `LeafSystem`, which Drake's integrators evaluate at every stage. The tip wrench is an external force on the last link,
 another output of it.
+
+A free base is Drake's floating base with a quaternion, whose coordinates are turned into ours (`coordinates`); an arm
+with one runs in our coordinates, by the scene's Runge-Kutta method over Drake's accelerations.
 """
 
 from __future__ import annotations
 
 import importlib.metadata
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 from xml.etree import ElementTree as ET
 
@@ -31,10 +34,16 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base, couplings, drake_reader
+from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
 from flexlink.engines.read_back import ReadBack
 from flexlink.engines.rotation_springs import Excess, excess_of, refuse_in_files
+from flexlink.engines.steps import run_in_steps
+from flexlink.formats.document import loaded_tip, tips
 from flexlink.formats.sdf import sdf_names, to_sdf
 from flexlink.formats.sdf_reading import read_sdf
+
+FLOATING = Floating(velocity_in_base=False, spin_in_base=False, turn_first=True, scalar_first=True)
+OWN = "{urn:flexlink}"
 
 
 class DrakeEngine:
@@ -46,6 +55,8 @@ class DrakeEngine:
         The exported file.
     plant, context
         Drake's own.
+    coordinates
+        How they follow from ours.
     rest, coulomb, coulomb_width
         As read from the file, shape (n,).
     couplings
@@ -62,12 +73,12 @@ class DrakeEngine:
         base.refuse_prescribed_motion("Drake", chain)
         try:
             exported = to_sdf(chain, shapes=False)
-            names = self._parse(exported)
+            names = sdf_names(chain)[1:]
+            frame = [tip.link for tip in tips(chain)].index(loaded_tip(chain).link)
+            self._parse(exported, names[: chain.n], names[2 * chain.n + frame])
         except RuntimeError as error:
             reason = " ".join(str(error).split())  # in one line
             raise ArgumentError(f"Drake cannot load {chain.name!r}: {reason}; use another engine") from error
-        if names != sdf_names(chain)[1 : chain.n + 1]:
-            raise ArgumentError(f"Drake orders the joints of {chain.name!r} as {names}; expected the order of the file")
         self._excess = excess_of(chain, exported, read_sdf)
 
     @classmethod
@@ -87,35 +98,40 @@ class DrakeEngine:
             raise ArgumentError(f"Drake cannot load the file: {error}") from error
         return engine
 
-    def _parse(self, text: str) -> list[str]:
-        """Load a document; return the names of its joints in Drake's order."""
+    def _parse(self, text: str, names: Sequence[str] = (), tip: str = "") -> None:
+        """Load a document, with joints in the order of their names, Drake's by default."""
         self.text, root = text, ET.fromstring(text)
-        width = "{urn:flexlink}coulomb_width"
+        width, model = f"{OWN}coulomb_width", root.find(".//model")
         gravity = root.findtext("world/gravity")
         self.gravity = None if gravity is None else vector("gravity", [float(x) for x in gravity.split()], 3)
         self.plant = self._load(MultibodyPlant(time_step=0.0))
-        joints = drake_reader.hinges(self.plant)
-        by_name = {joint.get("name"): joint for joint in root.iter("joint")}
-        elements = [by_name[joint.name()] for joint in joints]
+        degrees = drake_reader.degrees_of_freedom(self.plant)
+        self.names = tuple(names or degrees)
+        nothing, by_name = ET.Element("joint"), {joint.get("name"): joint for joint in root.iter("joint")}
+        elements = [nothing if name in BASE_JOINTS else by_name[name] for name in self.names]
         self.coulomb = np.array([float(element.findtext("axis/dynamics/friction", "0")) for element in elements])
         self.coulomb_width = np.array([float(element.get(width, "1")) for element in elements])
-        own = width in elements[0].attrib
+        own = any(width in element.attrib for element in elements)
         specified = {"coulomb_width": own, "gravity": gravity is not None} | dict.fromkeys(
             couplings.COUPLED_FIELDS, own
         )
         self.unspecified = frozenset(name for name, there in specified.items() if not there)
-        self.n, self.context = len(joints), self.plant.CreateDefaultContext()
-        self.couplings = couplings.of_elements(root.iter("{urn:flexlink}coupling"), [joint.name() for joint in joints])
+        self.n, self.context = self.plant.num_velocities(), self.plant.CreateDefaultContext()
+        floats, said = BASE_JOINTS[0] in degrees, "" if model is None else model.get(f"{OWN}base", "")
+        reference = np.reshape([float(x) for x in said.split()], (3, 3)) if said else np.eye(3)
+        order = np.array([degrees[name] for name in self.names])
+        self.coordinates = Coordinates(order, reference if floats else None, FLOATING)
+        self.couplings = couplings.of_elements(root.iter(f"{OWN}coupling"), self.names)
         self.rest = self.read_back().rest
         frames = root.findall(".//model/frame")
-        self.tip = self.plant.GetFrameByName(frames[-1].attrib["name"]) if frames else joints[-1].frame_on_child()
-        return [joint.name() for joint in joints]
+        last = drake_reader.moving_joints(self.plant)[-1].frame_on_child()
+        self.tip = self.plant.GetFrameByName(tip or frames[-1].attrib["name"]) if frames else last
 
     def read_back(self) -> ReadBack:
         """The arm as Drake has read it."""
         own = {"coulomb": self.coulomb, "coulomb_width": self.coulomb_width}
         own |= couplings.to_matrices(self.couplings, self.n)
-        return drake_reader.read(self.plant, self.context, own, self.unspecified)
+        return drake_reader.read(self.plant, self.context, self.coordinates, self.names, own, self.unspecified)
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
         """Set fields of `ReadBack` that the file does not specify."""
@@ -133,7 +149,7 @@ class DrakeEngine:
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by composite rigid bodies (`CalcMassMatrix`)."""
         self._place(q, np.zeros(self.n))
-        return np.array(self.plant.CalcMassMatrix(self.context))
+        return self.coordinates.own_matrix(q, self.plant.CalcMassMatrix(self.context))
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
         """T_GC: `CalcBiasTerm`, less gravity and Jᵀ F."""
@@ -146,12 +162,14 @@ class DrakeEngine:
                 context, JacobianWrtVariable.kV, self.tip, np.zeros(3), world, world
             )  # angular part first
             torque -= J[3:].T @ tip_wrench[:3] + J[:3].T @ tip_wrench[3:]
-        return np.array(torque)
+        if (drift := self.coordinates.drift(q, qd)) is not None:
+            torque += plant.CalcMassMatrix(context) @ drift
+        return self.coordinates.own_torques(q, torque)
 
     def gravity_torque(self, q: Array) -> Array:
         """T_G: `CalcGravityGeneralizedForces`, which has the opposite sign."""
         self._place(q, np.zeros(self.n))
-        return -np.array(self.plant.CalcGravityGeneralizedForces(self.context))
+        return -self.coordinates.own_torques(q, self.plant.CalcGravityGeneralizedForces(self.context))
 
     def elastic_torque(self, q: Array) -> Array:
         """T_FL: the forces of Drake's force elements on the joints at rest, negative, and springs between joints."""
@@ -169,24 +187,28 @@ class DrakeEngine:
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by the articulated-body algorithm (`get_generalized_acceleration_output_port`)."""
         self._place(q, qd)
-        plant, context = self.plant, self.context
-        plant.get_applied_generalized_force_input_port().FixValue(context, tau - self.added_torque(q, qd))
+        plant, context, theirs = self.plant, self.context, self.coordinates
+        torque = theirs.torques(q, tau - self.added_torque(q, qd))
+        plant.get_applied_generalized_force_input_port().FixValue(context, torque)
         force = self.tip_force(np.zeros(6) if tip_wrench is None else tip_wrench)
         plant.get_applied_spatial_force_input_port().FixValue(context, [force])
-        return np.array(plant.get_generalized_acceleration_output_port().Eval(context))
+        return theirs.own_accelerations(q, qd, plant.get_generalized_acceleration_output_port().Eval(context))
 
     def integrate(self, scene: Scene) -> base.Samples:
         """`Simulator.AdvanceTo` with Drake's own Runge-Kutta method at fixed steps."""
-        run = scene.run
+        run, order = scene.run, self.coordinates.order
         problem = base.fixed_steps_problem(scene)
         base.refuse_prescribed_motion("Drake", problem.chain)
+        if self.coordinates.reference is not None:
+            return run_in_steps(self.name, problem, self._accelerations)
         base.refuse_sampled_inputs("Drake", scene)
         methods = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}  # ours: Drake's
         base.refuse_method("Drake", run.method, methods)
         samples = t, q, qd = base.allocate_samples(problem)
         simulator, plant = self._simulator(problem)
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-        plant.SetPositionsAndVelocities(state, np.concatenate([q[0], qd[0]]))
+        inverse = np.argsort(order)
+        plant.SetPositionsAndVelocities(state, np.concatenate([q[0][inverse], qd[0][inverse]]))
         integrator = ResetIntegratorFromFlags(simulator, methods[run.method], run.fixed_step)
         integrator.set_fixed_step_mode(True)
         simulator.Initialize()
@@ -197,10 +219,17 @@ class DrakeEngine:
                 if re.search("NaN|hinge inertia", str(error)):  # Drake's errors of a state that is not finite
                     raise base.divergence_error(self.name, problem, samples, row) from error
                 raise
-            q[row], qd[row] = plant.GetPositions(state), plant.GetVelocities(state)
+            q[row], qd[row] = plant.GetPositions(state)[order], plant.GetVelocities(state)[order]
             if not np.isfinite([q[row], qd[row]]).all():
                 raise base.divergence_error(self.name, problem, samples, row)
         return samples
+
+    def _accelerations(
+        self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
+    ) -> Array:
+        if follows and wrench is not None:
+            wrench = base.rotate_wrench(self.tip_rotation(q), wrench)
+        return self.forward_dynamics(q, qd, tau, tip_wrench=wrench)
 
     def _load(self, plant: MultibodyPlant) -> MultibodyPlant:
         Parser(plant).AddModelsFromString(self.text, "sdf")
@@ -223,14 +252,15 @@ class DrakeEngine:
         return Simulator(builder.Build()), plant
 
     def _place(self, q: Array, qd: Array) -> None:
-        self.plant.SetPositionsAndVelocities(self.context, np.concatenate([q, qd]))
+        theirs = self.coordinates
+        self.plant.SetPositionsAndVelocities(self.context, np.concatenate([theirs.position(q), theirs.rates(q, qd)]))
 
     def _joint_forces(self, q: Array, qd: Array) -> Array:
         """Generalized forces of springs and dampers, shape (n,)."""
         self._place(q, qd)
         forces = MultibodyForces(self.plant)
         self.plant.CalcForceElementsContribution(self.context, forces)
-        return np.array(forces.generalized_forces())
+        return self.coordinates.own_torques(q, forces.generalized_forces())
 
     def tip_force(self, wrench: Array) -> ExternallyAppliedSpatialForce:
         """Force and moment on the tip, in axes of frame 0."""
@@ -269,16 +299,18 @@ class _Inputs(LeafSystem):  # type: ignore[misc]  # pydrake is not type-checked
         self.force = self.DeclareAbstractOutputPort("forces", forces, self._write_force)
 
     def _write_torque(self, context: Context, output: BasicVector) -> None:
-        q, qd = np.split(self.state.Eval(context), 2)
+        order = self._engine.coordinates.order
+        q, qd = (part[order] for part in np.split(self.state.Eval(context), 2))
         torque = -self._engine.added_torque(q, qd)
         if self._drive is not None:
             torque += self._drive(context.get_time(), q, qd)
-        output.SetFromVector(torque)
+        output.SetFromVector(self._engine.coordinates.torques(q, torque))
 
     def _write_force(self, context: Context, output: Any) -> None:
         wrench, engine = np.zeros(6), self._engine
         if self._wrench is not None:
             wrench = self._wrench(context.get_time())
             if self._wrench.follows:
-                wrench = base.rotate_wrench(engine.tip_rotation(self.state.Eval(context)[: engine.n]), wrench)
+                q = self.state.Eval(context)[: engine.n][engine.coordinates.order]
+                wrench = base.rotate_wrench(engine.tip_rotation(q), wrench)
         output.set_value([engine.tip_force(wrench)])

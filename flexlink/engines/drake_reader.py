@@ -2,40 +2,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.multibody.tree import BodyIndex, ForceElementIndex, RevoluteJoint, RevoluteSpring
+from pydrake.multibody.tree import (
+    BodyIndex,
+    ForceElementIndex,
+    PrismaticJoint,
+    PrismaticSpring,
+    QuaternionFloatingJoint,
+    RevoluteJoint,
+    RevoluteSpring,
+)
 
 from flexlink.common.types import Array, Indices
-from flexlink.engines.read_back import ReadBack, merge_bodies, no_actuators, require_hinges
+from flexlink.engines.coordinates import BASE_JOINTS, Coordinates
+from flexlink.engines.read_back import ReadBack, merge_bodies, no_actuators, require_joints
+
+ONE_AXIS = (RevoluteJoint, PrismaticJoint)
+KNOWN = (*ONE_AXIS, QuaternionFloatingJoint)
 
 
-def hinges(plant: Any) -> list[Any]:
+def moving_joints(plant: Any) -> list[Any]:
     """The joints that move, in Drake's order.
 
     Raises
     ------
     ArgumentError
-        A joint is not a hinge, for instance the floating base of a model without a fixed joint.
+        A joint is of another type than `require_joints` allows.
     """
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     moving = sorted((joint for joint in joints if joint.num_velocities()), key=lambda joint: joint.velocity_start())
-    kinds = ["" if isinstance(joint, RevoluteJoint) else joint.type_name() for joint in moving]
-    require_hinges([(joint.name(), kind) for joint, kind in zip(moving, kinds, strict=True)])
+    require_joints([(joint.name(), "" if isinstance(joint, KNOWN) else joint.type_name()) for joint in moving])
     return moving
 
 
-def read(plant: Any, context: Any, own: Mapping[str, Array], unspecified: frozenset[str]) -> ReadBack:
-    """The record of a plant of hinges, with the fields `own` that the adapter keeps: coulomb, coulomb_width."""
-    joints = hinges(plant)
+def degrees_of_freedom(plant: Any) -> dict[str, int]:
+    """Drake's number of each joint, by name; a floating base has six, spin first, by our names."""
+    found = {}
+    for joint in moving_joints(plant):
+        floats = isinstance(joint, QuaternionFloatingJoint)
+        names = (*BASE_JOINTS[3:], *BASE_JOINTS[:3]) if floats else (joint.name(),)
+        found |= {name: joint.velocity_start() + k for k, name in enumerate(names)}
+    return {name: found[name] for name in (*(name for name in BASE_JOINTS if name in found), *found)}
+
+
+def read(
+    plant: Any, context: Any, theirs: Coordinates, names: Sequence[str], own: Mapping[str, Array],
+    unspecified: frozenset[str],
+) -> ReadBack:  # fmt: skip
+    """The record of a plant, joints in the order of `names`, with the fields `own` that the adapter keeps."""
+    joints = [joint for joint in moving_joints(plant) for _ in range(joint.num_velocities())]
     n = len(joints)
-    plant.SetPositions(context, np.zeros(n))
+    plant.SetPositions(context, theirs.position(np.zeros(n)))
     frames = [joint.frame_on_child().CalcPoseInWorld(context) for joint in joints]
     points = np.array([frame.translation() for frame in frames])
     R = np.array([frame.rotation().matrix() for frame in frames])
-    axes = np.array([turned @ joint.revolute_axis() for turned, joint in zip(R, joints, strict=True)])
+    slides = np.array([isinstance(joint, PrismaticJoint) for joint in joints])
+    floats = theirs.reference is not None
+    axes = np.array([turned @ _axis(joint) for turned, joint in zip(R, joints, strict=True)])
+    if floats:  # our three slides and three turns, in Drake's order
+        slides[3:6], axes[:3], axes[3:6] = True, R[0].T, np.eye(3)
     behind = _behind(plant, joints)
     springs = {spring.joint().name(): spring for spring in _springs(plant)}
     limits = {actuator.joint().name(): actuator.effort_limit() for actuator in _actuators(plant)}
@@ -45,24 +74,47 @@ def read(plant: Any, context: Any, own: Mapping[str, Array], unspecified: frozen
     )  # the input of an actuator is the joint's torque
     rotors = {actuator.joint().name(): actuator.default_reflected_inertia() for actuator in _actuators(plant)}
     values: dict[str, Any] = {
-        "stiffness": [springs[j.name()].default_stiffness() if j.name() in springs else 0.0 for j in joints],
-        "rest": [springs[j.name()].default_nominal_angle() if j.name() in springs else 0.0 for j in joints],
-        "damping": [joint.default_damping() for joint in joints],
+        "stiffness": [_stiffness(springs[j.name()]) if j.name() in springs else 0.0 for j in joints],
+        "rest": [_rest(springs[j.name()]) if j.name() in springs else 0.0 for j in joints],
+        "damping": [joint.default_damping() if isinstance(joint, ONE_AXIS) else 0.0 for joint in joints],
         "armature": [rotors.get(joint.name(), 0.0) for joint in joints],
     }
-    fields: dict[str, Any] = {field: np.array(numbers, float) for field, numbers in values.items()} | dict(own)
-    parents = np.array([behind[int(joint.parent_body().index())] for joint in joints])
+    fields: dict[str, Any] = {field: np.array(numbers, float) for field, numbers in values.items()}
+    fields |= {name: np.zeros_like(given) for name, given in own.items()}
+    before = np.array([behind[int(joint.parent_body().index())] for joint in joints])
+    first = np.array([k == 0 or joint is not joints[k - 1] for k, joint in enumerate(joints)])
+    parents = np.where(first, before, np.arange(n) - 1)
+    if floats:  # turns hang on slides
+        parents[3:6], parents[:3] = [-1, 3, 4], [5, 0, 1]
     fields |= _bodies(plant, context, behind, points)
-    return ReadBack(
-        tuple(joint.name() for joint in joints), parents, axes, points, R,
+    record = ReadBack(
+        names=("",) * n, parents=parents, axes=axes, points=points, frames=R, slides=slides,
         **no_actuators(n) | {"gear": driven, "effort": np.stack([-most, most], axis=1)}, **fields,
         gravity=np.array(plant.gravity_field().gravity_vector()), tip=_tip(plant, context), unspecified=unspecified,
     )  # fmt: skip
+    return dataclasses.replace(record.in_order(theirs.order), names=tuple(names), **own)
+
+
+def _axis(joint: Any) -> Array:
+    """In the joint's frame; of a floating base none."""
+    if isinstance(joint, RevoluteJoint):
+        return np.asarray(joint.revolute_axis())
+    return np.asarray(joint.translation_axis()) if isinstance(joint, PrismaticJoint) else np.zeros(3)
+
+
+def _stiffness(spring: Any) -> float:
+    return float(spring.stiffness() if isinstance(spring, PrismaticSpring) else spring.default_stiffness())
+
+
+def _rest(spring: Any) -> float:
+    slides = isinstance(spring, PrismaticSpring)
+    return float(spring.nominal_position() if slides else spring.default_nominal_angle())
 
 
 def _behind(plant: Any, joints: list[Any]) -> Indices:
-    """The hinge that moves each body, −1 for fixed bodies."""
+    """The last degree of freedom that moves each body, −1 for fixed bodies; of a floating base the last turn."""
     carrier = {int(joint.child_body().index()): k for k, joint in enumerate(joints)}
+    carrier |= {int(joint.child_body().index()): 2 for joint in joints if isinstance(joint, QuaternionFloatingJoint)}
     every = [plant.get_joint(index) for index in plant.GetJointIndices()]
     parent = {int(joint.child_body().index()): int(joint.parent_body().index()) for joint in every}
     behind = np.full(plant.num_bodies(), -1, dtype=np.intp)
@@ -87,7 +139,7 @@ def _bodies(plant: Any, context: Any, behind: Indices, points: Array) -> dict[st
 
 def _springs(plant: Any) -> list[Any]:
     elements = [plant.get_force_element(ForceElementIndex(k)) for k in range(plant.num_force_elements())]
-    return [element for element in elements if isinstance(element, RevoluteSpring)]
+    return [element for element in elements if isinstance(element, RevoluteSpring | PrismaticSpring)]
 
 
 def _actuators(plant: Any) -> list[Any]:

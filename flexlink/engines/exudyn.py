@@ -6,6 +6,8 @@ matrices; the tip wrench is two loads on a marker. The smooth Coulomb law c tanh
 take beyond those of angles, both computed by us, and the drive come from a user function, which its Runge-Kutta methods
 call at every stage.
 
+A free base is six joints of the tree, three that slide and three that turn, as it is ours.
+
 Exudyn returns f = M q̈, the sum of all torques. The single terms come from two more trees: one without springs and
 dampers (f = −T_GC), one without masses (f = −T_FL − d q̇).
 """
@@ -22,9 +24,11 @@ import numpy as np
 from exudyn.itemInterface import (
     LoadForceVector,
     LoadTorqueVector,
+    MarkerBodyRigid,
     MarkerKinematicTreeRigid,
     NodeGenericODE2,
     ObjectGenericODE2,
+    ObjectGround,
     ObjectKinematicTree,
 )
 
@@ -38,7 +42,7 @@ from flexlink.engines.couplings import to_matrices
 from flexlink.engines.read_back import ReadBack, of_chain
 from flexlink.engines.rotation_springs import excess_of
 from flexlink.formats import read_urdf, to_urdf
-from flexlink.formats.document import places
+from flexlink.formats.document import loaded_tip, places
 
 METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}  # of those that we have
 TorqueFunction = Callable[..., Array]
@@ -152,9 +156,13 @@ class _System:
         self.tree = mbs.AddObject(_kinematic_tree(chain, node))
         rotors = np.diag(chain.hinges["armature"])
         mbs.AddObject(ObjectGenericODE2(nodeNumbers=[node], massMatrix=rotors, **_between_joints(chain)))
-        place, self.tip_rotation = chain.bodies[-1]["translation"], np.array(chain.bodies[-1]["rotation"])
-        tip = MarkerKinematicTreeRigid(objectNumber=self.tree, linkNumber=n - 1, localPosition=place)
-        marker = mbs.AddMarker(tip)
+        tip = loaded_tip(chain)
+        self.tip_rotation = np.array(tip.rotation)
+        if tip.parent >= 0:
+            place = {"linkNumber": tip.parent, "localPosition": tip.translation}
+            marker = mbs.AddMarker(MarkerKinematicTreeRigid(objectNumber=self.tree, **place))
+        else:  # the wrench acts on the ground
+            marker = mbs.AddMarker(MarkerBodyRigid(bodyNumber=mbs.AddObject(ObjectGround())))
         self.force = mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=np.zeros(3)))
         self.moment = mbs.AddLoad(LoadTorqueVector(markerNumber=marker, loadVector=np.zeros(3)))
         mbs.Assemble()
@@ -253,10 +261,11 @@ def _kinematic_tree(chain: Chain, node: Any) -> Any:
     n, hinges, massless = chain.n, chain.hinges, np.zeros((), chain.bodies.dtype)
     placements = list(places(chain))
     bodies = [massless if place.body is None else place.body for place in placements]
-    revolute = (exu.JointType.RevoluteX, exu.JointType.RevoluteY, exu.JointType.RevoluteZ)
+    kind = exu.JointType
+    kinds = (kind.RevoluteX, kind.RevoluteY, kind.RevoluteZ, kind.PrismaticX, kind.PrismaticY, kind.PrismaticZ)
     return ObjectKinematicTree(
-        nodeNumber=node, gravity=chain.gravity, linkParents=np.arange(-1, n - 1),
-        jointTypes=[revolute[axis] for axis in hinges["axis"]],
+        nodeNumber=node, gravity=chain.gravity, linkParents=np.array([place.parent for place in placements]),
+        jointTypes=[kinds[axis] for axis in hinges["axis"]],
         jointTransformations=exu.Matrix3DList([place.rotation for place in placements]),
         jointOffsets=exu.Vector3DList([place.translation for place in placements]),
         linkMasses=[float(body["mass"]) for body in bodies],

@@ -26,7 +26,6 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines import base, couplings, mujoco_reader, mujoco_tendons
-from flexlink.engines.coordinates import Coordinates
 from flexlink.engines.read_back import ReadBack
 from flexlink.engines.rotation_springs import Excess, excess_of, refuse_in_files
 from flexlink.engines.steps import run_in_steps

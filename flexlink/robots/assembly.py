@@ -1,79 +1,114 @@
-"""The parts of a robot's path as the links of a scene."""
+"""What moves of a robot as the links of a scene."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
+import msgspec
 import numpy as np
 
+from flexlink.chain.chain import unique
 from flexlink.chain.rigid import Pose
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.describe.arm import Arm, Link
-from flexlink.describe.conditions import InitialState, RunSettings
+from flexlink.describe.arm import BASE, Arm, Base, Link
+from flexlink.describe.conditions import BaseState, InitialState, RunSettings
 from flexlink.describe.joint import Joint, Mount
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short_list, truncated
 from flexlink.robots.flexible import FlexibleLink, ImportedLink, bent, payload
-from flexlink.robots.serial import Part, SerialPath
-
-
-def origins_beyond(way: SerialPath) -> list[Array]:
-    """By part, where the next joint, or of the last part the tip, is in its frame [m]."""
-    return [*(part.origin.p for part in way.parts[1:]), way.end.p]
+from flexlink.robots.paths import Part, Paths
 
 
 def assembled(
     name: str,
-    way: SerialPath,
+    way: Paths,
     flexible: Mapping[str, FlexibleLink],
     armature: Mapping[str, float],
     gravity: Vector3,
 ) -> tuple[Scene, list[ImportedLink]]:
-    """The scene, and the links that it is made of; their Young's modulus is still that of their material.
+    """The scene, and the links that its parts became; their Young's modulus is still that of their material.
 
     Raises
     ------
     DataFileError
-        A part's inertia is none that a body can have, or nothing has inertia that the last joint moves.
+        A part's inertia, or that of a free base, is none that a body can have.
     SceneError, ArgumentError
         As in `bent`; or a negative armature.
     """
-    parts = list(_imported_links(way, flexible, armature))
-    _check_last(parts[-1].link, [part.joint.parent for part in way.parts[1:]])
-    links = [one.link for one in parts]
-    links += _tip(way, _stop(links[-1]))
-    starts = [math.degrees(way.positions[part.joint.name]) for part in way.parts]
+    names = _names(way)
+    parts = list(_imported_links(way, names, flexible, armature))
+    links: list[Link] = []
+    starts: list[float] = []
+    for number, (part, imported) in enumerate(zip(way.parts, parts, strict=True), 1):
+        links.append(_hung(imported.link, names[part.parent], links))
+        starts.append(way.positions[part.joint.name])
+        for frame in _tip_frames(way, number, names, imported.link):
+            links.append(_hung(frame, names[number], links))
+            starts.append(0.0)
+    slides = [link.joint.slides for link in links]
+    angles = tuple(0.0 if slid else math.degrees(start) for start, slid in zip(starts, slides, strict=True))
+    metres = tuple(start if slid else 0.0 for start, slid in zip(starts, slides, strict=True))
+    base, pose = _base(way)
     scene = Scene(
         name=name,
-        about=f"{name} from {way.base} to {way.tip}, imported from URDF",
+        about=f"{name} from {way.base} to {short_list([tip.link for tip in way.tips])}, imported from URDF",
         arm=Arm(
             links=tuple(links),
             materials={one.link.name: one.material for one in parts if one.material is not None},
             sections={one.link.name: one.section for one in parts if one.section is not None},
+            base=base,
         ),
         gravity=gravity,
-        initial=InitialState(joint_deg=tuple(starts + [0.0] * (len(links) - len(starts)))),
+        initial=InitialState(joint_deg=angles, joint_m=metres if any(slides) else None, base=pose),
         run=RunSettings(relative_tolerance=1e-4),
     )
     return scene, parts
 
 
+def _names(way: Paths) -> list[str]:
+    """Of the base, the parts and the tips, all different; parts have those of their links."""
+    links = [part.link for part in way.parts]
+    tips = [tip.link if tip.link not in links else f"{tip.link} frame" for tip in way.tips]
+    return unique([BASE, *links, *tips])
+
+
+def _hung(link: Link, on: str, before: list[Link]) -> Link:
+    """A link that says what it hangs on, unless that is the link before it, or the base of the first."""
+    default = before[-1].name if before else BASE
+    return link if on == default else msgspec.structs.replace(link, on=on)
+
+
+def _base(way: Paths) -> tuple[Base, BaseState]:
+    """What the first link hangs on, and where that starts."""
+    if way.free_base is None:
+        return Base(), BaseState()
+    place, body, folded = way.free_base
+    mount = _mount(place, np.zeros(3))
+    try:
+        own = payload(body)
+        base = Base(kind="free", mass=own.mass, center=own.center, inertia=own.inertia)
+    except SceneError as error:
+        raise _odd_body(way.base, folded, error) from None
+    return base, BaseState(xyz=mount.xyz, rpy_deg=mount.rpy_deg)
+
+
 def _imported_links(
-    way: SerialPath, flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float]
+    way: Paths, names: list[str], flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float]
 ) -> Iterator[ImportedLink]:
     """Link by link."""
-    at = np.zeros(3)  # where the link before ends, in the frame of its part
-    for part, beyond in zip(way.parts, origins_beyond(way), strict=True):
-        imported = ImportedLink(_rigid(part, at, armature.get(part.joint.name, 0.0)))
+    stops = [np.zeros(3)]  # where the base and each link end, in the frame of their part
+    for number, (part, beyond) in enumerate(zip(way.parts, way.beyond(), strict=True), 1):
+        rigid = _rigid(part, names[number], stops[part.parent], armature.get(part.joint.name, 0.0))
+        imported = ImportedLink(rigid)
         if part.link in flexible:
             try:
-                imported = bent(part, imported.link, flexible[part.link], beyond)
+                imported = bent(part, imported.link, flexible[part.link], beyond.p)
             except SceneError as error:
                 raise SceneError(f"flexible: link {truncated(part.link)}: {error}") from None
-        at = _stop(imported.link)
+        stops.append(_stop(imported.link))
         yield imported
 
 
@@ -82,27 +117,34 @@ def _stop(link: Link) -> Array:
     return np.array(link.line[1] if link.line else (0.0, 0.0, 0.0))
 
 
-def _rigid(part: Part, before: Array, armature: float) -> Link:
+def _rigid(part: Part, name: str, before: Array, armature: float) -> Link:
     joint = part.joint
     try:
         hub = payload(part.body)
     except SceneError as error:
-        folded = f" with {short_list(part.folded)}" if part.folded else ""
-        raise DataFileError(f"link {truncated(part.link)}{folded}: {error}") from None
+        raise _odd_body(part.link, part.folded, error) from None
     x, y, z = joint.axis.tolist()
-    lower, upper = map(math.degrees, joint.limits or (0.0, 0.0))
+    lower, upper = joint.limits or (0.0, 0.0)
+    limited = lower < upper  # many files say 0 and 0 for none
     return Link(
-        name=part.link,
+        name=name,
         mount=_mount(part.origin, before),
         joint=Joint(
+            kind="revolute" if joint.turns else "prismatic",
             axis=(x, y, z),
             viscous=joint.damping,
             coulomb=joint.friction,
             armature=armature,
-            limits_deg=(lower, upper) if lower < upper else None,  # many files say 0 and 0 for none
+            limits_deg=(math.degrees(lower), math.degrees(upper)) if limited and joint.turns else None,
+            limits_m=(lower, upper) if limited and not joint.turns else None,
         ),
         hub=hub,
     )
+
+
+def _odd_body(link: str, folded: tuple[str, ...], error: SceneError) -> DataFileError:
+    others = f" with {short_list(folded)}" if folded else ""
+    return DataFileError(f"link {truncated(link)}{others}: {error}")
 
 
 def _mount(origin: Pose, before: Array) -> Mount:
@@ -118,21 +160,9 @@ def _tidy(degrees: float) -> float:
     return (near if abs(degrees - near) < rounding else degrees) + 0.0
 
 
-def _tip(way: SerialPath, before: Array) -> list[Link]:
-    """A rigid link that leads to the tip's frame, unless the last part is already there."""
-    mount = _mount(way.end, before)
-    if mount == Mount():
-        return []
-    taken = [part.link for part in way.parts]
-    name = way.tip if way.tip not in taken else f"{way.tip} frame"
-    return [Link(name=name, mount=mount, joint=Joint(locked=True))]
-
-
-def _check_last(link: Link, before: Sequence[str]) -> None:
-    """What the last joint moves has inertia; `before` are the links on which all joints but the first hang."""
-    moved = link.hub.about(link.joint.direction) + link.joint.armature
-    if moved == 0 and link.flex == "rigid":
-        raise DataFileError(
-            f"link {truncated(link.name)}: nothing beyond its joint has inertia; choose a tip before it"
-            + "".join(f", as by --tip {name}" for name in before[-1:])
-        )
+def _tip_frames(way: Paths, number: int, names: list[str], link: Link) -> Iterator[Link]:
+    """Rigid links that lead to the frames of a part's tips; none where the part ends there, and bears nothing else."""
+    for k, tip in way.tips_on(number):
+        mount = _mount(tip.place, _stop(link))
+        if mount != Mount() or way.bears(number) > 1:
+            yield Link(name=names[1 + len(way.parts) + k], mount=mount, joint=Joint(locked=True))

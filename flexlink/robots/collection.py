@@ -25,8 +25,8 @@ class KnownArm(Spec, frozen=True):
     """URDF file, below the package's folder of robots."""
     base: str | None = None
     """Link at which the arm starts. Default: the root of the robot."""
-    tip: str | None = None
-    """Link at which the arm ends. Default: the end of the only arm."""
+    tip: str | tuple[str, ...] | None = None
+    """Link at which the arm ends, or several. Default: the ends of the whole robot."""
     posture: dict[str, float] = msgspec.field(default_factory=dict)
     """Where joints are, by name [rad]; slides [m]."""
     locked: dict[str, float] = msgspec.field(default_factory=dict)

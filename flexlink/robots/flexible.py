@@ -16,7 +16,7 @@ from flexlink.describe.directions import Line, line_of
 from flexlink.describe.rigid_body import ROUNDING, RigidBody
 from flexlink.describe.spec import Positive, Spec, Vector3, truncated
 from flexlink.robots.cut import cut, largest_mass
-from flexlink.robots.serial import Part
+from flexlink.robots.paths import Part
 
 
 class FlexibleLink(Spec, frozen=True):
@@ -133,8 +133,8 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
         segments=flexible.segments,
         lumping=flexible.lumping,
         damping=flexible.damping,
-        material=part.link,
-        section=part.link,
+        material=rigid.name,
+        section=rigid.name,
         hub=payload(root),
         end=payload(end.moved(Pose(np.eye(3), -np.array(ends[1])))),
     )

@@ -1,9 +1,9 @@
-"""A robot's URDF → a scene: the path between two links as an arm, some of whose links bend."""
+"""A robot's URDF → a scene: the whole tree, or the paths to some links, as an arm, some of whose links bend."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -12,11 +12,13 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import html_lines
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short_list, truncated
-from flexlink.robots.assembly import assembled, origins_beyond
+from flexlink.robots.assembly import assembled
 from flexlink.robots.flexible import FlexibleLink, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Robot
+from flexlink.robots.lifeless import living_paths
+from flexlink.robots.paths import Paths
+from flexlink.robots.positions import finite
 from flexlink.robots.robot_file import read_robot
-from flexlink.robots.serial import SerialPath, finite, serial
 from flexlink.robots.tuning import tuned
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -41,14 +43,13 @@ class ImportResult:
     """
 
     scene: Scene
-    path: SerialPath
+    path: Paths
     largest_beams: Mapping[str, float]
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
 
     def __repr__(self) -> str:
-        path = self.path
-        return f"<ImportResult {self.scene.name!r}: {len(path.parts)} joints from {path.base} to {path.tip}>"
+        return f"<ImportResult {self.scene.name!r}: {_span(self.path)}>"
 
     def __str__(self) -> str:
         return "\n".join(self.notes)
@@ -61,33 +62,41 @@ def import_urdf(
     path: str | Path | Robot,
     *,
     base: str | None = None,
-    tip: str | None = None,
+    tip: str | Sequence[str] | None = None,
+    free_base: bool = False,
     posture: Mapping[str, float] = NOTHING,
     locked: Mapping[str, float] = NOTHING,
     flexible: Mapping[str, FlexibleLink] = NOTHING,
     armature: Mapping[str, float] = NOTHING,
     gravity: Vector3 = (0.0, 0.0, -9.81),
 ) -> ImportResult:
-    """Read a robot from a URDF file and make a scene of the path between two of its links.
+    """Read a robot from a URDF file and make a scene of it, whole, or of the paths to some of its links.
 
-    The hinges of the path are the joints of the arm. Whatever hangs on it, side branches, grippers, followers, is rigid
-    at the stated posture, and fixed joints are folded: mass, centre and inertia are kept.
+    All joints that turn or slide are joints of the scene, each after the one that it hangs on, path by path in the
+    file's order; where several hang on a link, links say what they hang `on`. Fixed joints are folded: mass, centre and
+    inertia are kept. Where `tip` is given, only what is on the way there moves, and whatever hangs on it, side
+    branches, grippers, is rigid at the stated posture, as followers, joints that mimic others, always are.
 
     Parameters
     ----------
     path
         The file; it alone is read. Or what `read_robot` has made of it.
-    base, tip
-        Links where the path begins and ends; by default the root, and the end of the only arm. Frame 0 is the root's.
+    base
+        Link where the paths begin; by default the root. Frame 0 is the root's.
+    tip
+        Link where a path ends, or several. By default the ends of the whole robot, beyond the last joint of each path.
+    free_base
+        Whether the base floats: its link and what is fixed to it are the scene's `base`, and what is not beyond it is
+        left out.
     posture
         Positions by joint [rad; m of a slide]: at which free joints start, and at which others stay. Unless stated 0,
         or, where the limits exclude it, their middle. A joint that mimics another follows it.
     locked
-        Positions by joint of the path that stay there; all joints of the path that are no hinges must be among them.
+        Positions by joint on the way [rad; m of a slide] that stay there.
     flexible
-        Links of the path that bend, by name.
+        Links on the way that bend, by name; what hangs on such a link hangs on the end of its beam.
     armature
-        Rotor inertias by joint [kg m²], seen at the joint; URDF has none.
+        Rotor inertias by joint [kg m²; kg of a slide], seen at the joint; URDF has none.
     gravity
         Acceleration [m/s²] in the root's frame, whose Z points up.
 
@@ -99,10 +108,12 @@ def import_urdf(
     Raises
     ------
     ArgumentError
-        No dict, a name that the robot does not have, no such path, a joint on it that is no hinge, a position
-        beyond limits, a joint in `posture` and in `locked`, or a beam that does not fit into its link.
+        No dict, a name that the robot does not have, no such path, a joint on it that floats, moves in a plane or
+        follows another, a position beyond limits, a joint in `posture` and in `locked`, or a beam that does not fit
+        into its link.
     DataFileError
-        The file is no URDF, or says what cannot be; or the inertia of a folded link is none that a body can have.
+        The file is no URDF, or says what cannot be; or the inertia of a folded link is none that a body can have, or
+        that of a free base; or nothing has inertia that a joint moves on the way to a tip that is named.
     SceneError
         A value of `flexible` or `armature` that cannot be.
 
@@ -119,24 +130,22 @@ def import_urdf(
         if not isinstance(table, Mapping):
             raise ArgumentError(f"{key} = {truncated(table)}: expected a dict, got {type(table).__name__}")
     robot = path if isinstance(path, Robot) else read_robot(path)
-    way = serial(robot, base, tip, posture, locked)
+    way, lifeless = living_paths(robot, base, tip, posture, locked, free_base=free_base, rotors=_rotors(armature))
     _check_links(way, flexible)
     _check_joints(way, armature)
     scene, parts = assembled(robot.name, way, flexible, armature, gravity)
-    for part in way.parts:
+    for part, one in zip(way.parts, parts, strict=True):
         hertz = flexible[part.link].frequency_hz if part.link in flexible else None
         if hertz is not None:
-            scene = tuned(scene, part.link, hertz)
-    largest = {
-        part.link: slender_mass(part, beyond) for part, beyond in zip(way.parts, origins_beyond(way), strict=True)
-    }
+            scene = tuned(scene, one.link.name, hertz)
+    largest = {part.link: slender_mass(part, beyond.p) for part, beyond in zip(way.parts, way.beyond(), strict=True)}
     stated = {*posture, *locked}
-    notes = [*_notes(robot, way, stated), *filter(None, (one.remark for one in parts)), *_beams(way, largest)]
+    notes = [*_notes(robot, way, stated, lifeless), *filter(None, (one.remark for one in parts)), *_beams(way, largest)]
     warnings = [*filter(None, (one.warning for one in parts)), *_left_behind(robot, way)]
     return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
 
 
-def _check_links(way: SerialPath, flexible: Mapping[str, FlexibleLink]) -> None:
+def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
     for link, asked in flexible.items():
         holders = [part.link for part in way.parts if link in part.folded]
         if holders:
@@ -150,7 +159,12 @@ def _check_links(way: SerialPath, flexible: Mapping[str, FlexibleLink]) -> None:
             raise ArgumentError(f"flexible: {truncated(link)} = {truncated(asked)}: expected a FlexibleLink")
 
 
-def _check_joints(way: SerialPath, armature: Mapping[str, float]) -> None:
+def _rotors(armature: Mapping[str, object]) -> set[str]:
+    """Joints that have one."""
+    return {joint for joint, value in armature.items() if finite(value)}
+
+
+def _check_joints(way: Paths, armature: Mapping[str, float]) -> None:
     free = [part.joint.name for part in way.parts]
     for joint, value in armature.items():
         if joint not in free:
@@ -161,18 +175,28 @@ def _check_joints(way: SerialPath, armature: Mapping[str, float]) -> None:
             raise ArgumentError(f"armature: {truncated(joint)} = {truncated(value)}: expected a number >= 0 [kg m²]")
 
 
-def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
+def _span(way: Paths) -> str:
+    return f"{len(way.parts)} joints from {way.base} to {short_list([tip.link for tip in way.tips])}"
+
+
+def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]) -> list[str]:
     """What was done to the robot, a line each."""
     moving = sum(part.body.mass for part in way.parts)
-    notes = [f"{robot.name}: {len(way.parts)} joints from {way.base} to {way.tip}; moving mass {moving:.6g} kg"]
+    notes = [f"{robot.name}: {_span(way)}; moving mass {moving:.6g} kg"]
+    if way.free_base is not None:
+        others = short_list([*way.free_base.folded]) or "nothing else"
+        notes.append(f"{way.base}: the base, free, {way.free_base.body.mass:.6g} kg; includes {others}")
     for part in way.parts:
         if part.folded:
             notes.append(f"{part.link}: includes {short_list(part.folded)}, which do not move relative to it")
         start, limits = way.positions[part.joint.name], part.joint.limits
         if start and part.joint.name not in stated:
-            notes.append(f"{part.joint.name}: starts at {start:.4g} rad, the middle of its limits, which exclude 0")
+            unit = "rad" if part.joint.turns else "m"
+            notes.append(f"{part.joint.name}: starts at {start:.4g} {unit}, the middle of its limits, which exclude 0")
         if limits is not None and limits[0] == limits[1]:
             notes.append(f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} are equal: ignored")
+    if lifeless:
+        notes.append(f"nothing beyond them has inertia, they do not move: {short_list(lifeless)}")
     if way.held:
         positions = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
         notes.append(f"fixed at [rad, m]: {short_list(positions)}")
@@ -181,7 +205,7 @@ def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
     return notes
 
 
-def _left_behind(robot: Robot, way: SerialPath) -> list[str]:
+def _left_behind(robot: Robot, way: Paths) -> list[str]:
     """Followers of joints that move."""
     free = [part.joint.name for part in way.parts]
     leaders = {name: robot.leader(robot.joints[name]).name for name in way.held}
@@ -189,7 +213,7 @@ def _left_behind(robot: Robot, way: SerialPath) -> list[str]:
     return [f"{name}: mimics {leader}, which moves; here {name} does not" for name, leader in moving.items()]
 
 
-def _beams(way: SerialPath, largest: Mapping[str, float]) -> list[str]:
+def _beams(way: Paths, largest: Mapping[str, float]) -> list[str]:
     """The largest beam of each link."""
     least = 0.01  # below, the joints are too close, or not beside the body's mass
     share = {part.link: largest[part.link] / part.body.mass for part in way.parts if part.body.mass}

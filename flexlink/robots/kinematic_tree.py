@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import Literal
 
 import numpy as np
@@ -50,6 +50,11 @@ class TreeJoint:
     def turns(self) -> bool:
         """Whether it is a hinge."""
         return self.kind in {"revolute", "continuous"}
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is not fixed."""
+        return self.kind != "fixed"
 
     def pose(self, position: float) -> Pose:
         """The child's frame in the parent's at a position; floating and planar joints stay where they are at 0."""
@@ -133,12 +138,20 @@ class Robot:
         """The link that hangs on no joint."""
         return next(link for link in self.links if link not in self.above)
 
-    def outward(self, base: str, stop: Sequence[str] = ()) -> list[str]:
+    def outward(self, base: str, stop: Collection[str] = ()) -> list[str]:
         """`base` and all links beyond it, each after the one that it hangs on, but not beyond the joints `stop`."""
         links = [base]
         for link in links:  # grows on the way
             links += [joint.child for joint in self.below[link] if joint.name not in stop]
         return links
+
+    def beyond(self, base: str) -> list[TreeJoint]:
+        """All joints beyond a link, path by path, in the file's order where several hang on one link."""
+        joints, open_ends = [], self.below[base][::-1]
+        while open_ends:
+            joints.append(open_ends.pop())
+            open_ends += self.below[joints[-1].child][::-1]
+        return joints
 
     def path(self, base: str, tip: str) -> list[TreeJoint] | None:
         """Joints from `base` outward to `tip`; None if `tip` does not lie beyond `base`."""

@@ -13,7 +13,7 @@ hinge point p_j) before hinge j, a material point x beyond it is asked for the f
 
 A hinge that slides takes them along as they are, the wrench with them:
 
-    along q_j       δa = α × e_j + ω × (ω × e_j)            along q̇_j       δa = 2 ω × e_j            along q̈_j       δa = e_j
+    along q_j       δa = α × e_j + ω × (ω × e_j)        along q̇_j       δa = 2 ω × e_j        along q̈_j       δa = e_j
 
 What all bodies beyond hinge i demand for it at p_i, with u = v_x − v_i and ρ = x − p_i, follows from their composite
 
@@ -73,7 +73,7 @@ from flexlink.kernels.tools.vec3 import (
 )
 
 HINGE_MOTION = numbered("e:3 p:3 v:3 δa:3 η:3 δω:3 δF:3 δm:3 δv:3")
-"""Numbers of a hinge: e, p, v, then what a turn of it asks for. Of one that slides: δa, and δv = ω × e, the others 0."""
+"""Numbers of a hinge: e, p, v, then what a turn of it asks for; of one that slides δa, and δv = ω × e, the others 0."""
 BODY_MOTION = numbered("r:3 u:3 mc:3 ω:3 F:3 N:3 I:6 p:3 v:3")
 """Numbers of a body: r from the body that it hangs on and u = dr/dt, m c, ω, force and moment that its motion takes, I
 about the hinge point, and p and v of this point."""
@@ -400,7 +400,12 @@ def inward(chain, force, moment, work):
         G = add(G[0], turned[0]), add(G[1], turned[1]), add(G[2], turned[2])
         f, n = add(f, vec_of(rows, i, BODY_MOTION.F)), add(n, vec_of(rows, i, BODY_MOTION.N))
         for k in range(b.stop - 1, b.first - 1, -1):
-            derivatives_of_hinge(k, chain.hinges[k].axis >= SLIDES, m, s, I, P, G, f, n, d, loaded, work)
+            if loaded == 0.0:
+                unload(work.motion.hinges, k)
+            if chain.hinges[k].axis >= SLIDES:
+                derivatives_of_slide(k, m, s, P, f, loaded, work)
+            else:
+                derivatives_of_turn(k, m, s, I, P, G, f, n, d, loaded, work)
             work.by_acceleration[k // LANES, k, k % LANES] += chain.hinges[k].armature
         if b.parent > 0:
             u = vec_of(rows, i, BODY_MOTION.u)
@@ -455,29 +460,51 @@ def add_branch(forks, row, m, s, I, P, G, f, n, d, loaded):
     put_vec_of(forks, d, row, COMPOSITE.d)
 
 
+@subroutine
+def unload(hinges, k):
+    """The wrench does not act beyond hinge `k`."""
+    put_of_hinge(hinges, k, HINGE_MOTION.δF, ZERO)
+    put_of_hinge(hinges, k, HINGE_MOTION.δm, ZERO)
+
+
 @recursion
-def derivatives_of_hinge(i, slides, m, s, I, P, G, f, n, d, loaded, work):
+def derivatives_of_turn(i, m, s, I, P, G, f, n, d, loaded, work):
     """Rows of hinge i, whose composite this is."""
     hinges = work.motion.hinges
-    e, p = of_hinge(hinges, i, HINGE_MOTION.e), of_hinge(hinges, i, HINGE_MOTION.p)
-    v = of_hinge(hinges, i, HINGE_MOTION.v)
-    δa, η = of_hinge(hinges, i, HINGE_MOTION.δa), of_hinge(hinges, i, HINGE_MOTION.η)
+    e, δa, η = (
+        of_hinge(hinges, i, HINGE_MOTION.e),
+        of_hinge(hinges, i, HINGE_MOTION.δa),
+        of_hinge(hinges, i, HINGE_MOTION.η),
+    )
     δω = of_hinge(hinges, i, HINGE_MOTION.δω)
-    δF = scale(loaded, of_hinge(hinges, i, HINGE_MOTION.δF))
-    δm = scale(loaded, of_hinge(hinges, i, HINGE_MOTION.δm))
-    # e·δn, or e·δf, for any δa, η, δω, δm, δF
-    by_a, by_η, by_ω = cross(e, s), sym_apply(I, e), spin_transposed(G, e)
-    by_m, by_F = scale(loaded, e), scale(loaded, cross(e, d))
+    δF, δm = of_hinge(hinges, i, HINGE_MOTION.δF), of_hinge(hinges, i, HINGE_MOTION.δm)
+    # e·δn for any δa, η, δω, δF, δm
+    by_a, by_η, by_ω, by_F = cross(e, s), sym_apply(I, e), spin_transposed(G, e), cross(e, d)
+    by_m = e if loaded > 0.0 else ZERO
     f_q = sub(add(add(scale(m, δa), cross(η, s)), add(scale(2.0, cross(δω, P)), cross(e, f))), δF)
     n_q = add(add(cross(s, δa), sym_apply(I, η)), add(spin(G, δω), cross(e, n)))
     n_q = sub(n_q, add(δm, cross(d, δF)))
     f_qd = scale(2.0, add(cross(δω, s), cross(e, P)))
     n_qd = add(scale(2.0, sym_apply(I, δω)), spin(G, e))
-    if slides:
-        by_a, by_η, by_ω, by_m, by_F = scale(m, e), cross(s, e), scale(2.0, cross(P, e)), ZERO, by_m
-        f_q, n_q = scale(m, δa), add(cross(s, δa), cross(e, f))
-        δa_qd = scale(2.0, of_hinge(hinges, i, HINGE_MOTION.δv))
-        f_qd, n_qd = scale(m, δa_qd), cross(s, δa_qd)
+    put_row(i, by_a, by_η, by_ω, by_F, by_m, f_q, n_q, f_qd, n_qd, work)
+
+
+@subroutine
+def derivatives_of_slide(i, m, s, P, f, loaded, work):
+    """Of one that slides: e·δf for any δa, η, δω, δF; force and moment that itself asks for."""
+    hinges = work.motion.hinges
+    e, δa = of_hinge(hinges, i, HINGE_MOTION.e), of_hinge(hinges, i, HINGE_MOTION.δa)
+    by_a, by_η, by_ω, by_F = scale(m, e), cross(s, e), scale(2.0, cross(P, e)), scale(loaded, e)
+    f_q, n_q = scale(m, δa), add(cross(s, δa), cross(e, f))
+    δa_qd = scale(2.0, of_hinge(hinges, i, HINGE_MOTION.δv))
+    put_row(i, by_a, by_η, by_ω, by_F, ZERO, f_q, n_q, scale(m, δa_qd), cross(s, δa_qd), work)
+
+
+@inlined
+def put_row(i, by_a, by_η, by_ω, by_F, by_m, f_q, n_q, f_qd, n_qd, work):
+    """The slopes of joint i and all before it, eight by eight as if these turned."""
+    hinges = work.motion.hinges
+    p, v = of_hinge(hinges, i, HINGE_MOTION.p), of_hinge(hinges, i, HINGE_MOTION.v)
     for b in range(i // LANES + 1):
         e_j, δω_j = vec_of(hinges, b, HINGE_MOTION.e), vec_of(hinges, b, HINGE_MOTION.δω)
         Δp, Δv = sub(p, vec_of(hinges, b, HINGE_MOTION.p)), sub(v, vec_of(hinges, b, HINGE_MOTION.v))
@@ -491,8 +518,16 @@ def derivatives_of_hinge(i, slides, m, s, I, P, G, f, n, d, loaded, work):
         put_at(work.by_rate, 2.0 * dot(by_η_j, δω_j) + dot(by_ω_j, e_j), b, i)
         put_at(work.by_rate_inner, dot(e_j, n_qd) + dot(lever, f_qd), b, i)
         put_at(work.by_acceleration, dot(by_η_j, e_j), b, i)
-    for number in range(len(work.motion.slides)):
-        j = work.motion.slides[number]
+    if len(work.motion.slides) > 0:
+        put_slides(i, by_a, f_q, f_qd, work)
+
+
+@subroutine
+def put_slides(i, by_a, f_q, f_qd, work):
+    """What is else where those before it slide."""
+    hinges, slides = work.motion.hinges, work.motion.slides
+    for number in range(len(slides)):
+        j = slides[number]
         if j <= i:
             b, lane = j // LANES, j % LANES
             e_j, δv_j = of_hinge(hinges, j, HINGE_MOTION.e), of_hinge(hinges, j, HINGE_MOTION.δv)

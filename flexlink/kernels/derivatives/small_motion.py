@@ -148,7 +148,9 @@ def weigh(work, by_angle, by_rate, by_acceleration):
         put_vec_of(rows, add_scaled(scale(by_angle, δω), by_rate, e), k, HINGE.j + PARTS.δω)
     for number in range(len(work.motion.slides)):
         k = work.motion.slides[number]
-        δa = add_scaled(scale(by_angle, of_hinge(motion, k, HINGE_MOTION.δa)), by_acceleration, vec_of(rows, k, HINGE.e))
+        δa = add_scaled(
+            scale(by_angle, of_hinge(motion, k, HINGE_MOTION.δa)), by_acceleration, vec_of(rows, k, HINGE.e)
+        )
         put_vec_of(rows, add_scaled(δa, 2.0 * by_rate, of_hinge(motion, k, HINGE_MOTION.δv)), k, HINGE.j + PARTS.δa)
         for column in range(PARTS.δφ, PARTS.size):
             rows[k, HINGE.j + column] = 0.0

@@ -1,0 +1,263 @@
+"""The paths through a robot from a link to its tips, with all else as rigid parts of them or of what does not move."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
+
+from flexlink.chain.rigid import HERE, Pose, SpatialInertia
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.spec import short_list, truncated
+from flexlink.robots.kinematic_tree import Robot, TreeJoint
+from flexlink.robots.positions import check_stated, known, positions_of
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """What moves with one free joint: the link behind it and all that hangs rigidly on that.
+
+    It hangs on the part number `parent`, from 1, or on the base, 0. `origin` is the frame of `link`, at position 0, in
+    the frame of that part (on a fixed base: in the root's frame, on a free one in the frame of its link), `body` is in
+    that frame; `folded` are the other links that it is made of.
+    """
+
+    joint: TreeJoint
+    link: str
+    parent: int
+    origin: Pose
+    body: SpatialInertia
+    folded: tuple[str, ...]
+
+
+class Tip(NamedTuple):
+    """A link where a path ends: its frame in that of the part, numbered from 1, that it belongs to."""
+
+    link: str
+    part: int
+    place: Pose
+
+
+class FreeBase(NamedTuple):
+    """The base's link with all that hangs rigidly on it: its frame in the root's, its body in that frame."""
+
+    place: Pose
+    body: SpatialInertia
+    folded: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Paths:
+    """What moves of a robot: its parts from the base outward, path by path, and the tips.
+
+    `positions` [rad, m] are those of all joints of the robot; `held` names the joints of it that could move, do not,
+    and matter: those before the base, and those between links of one part. `free_base` is None of one that is fixed.
+    """
+
+    base: str
+    tips: tuple[Tip, ...]
+    parts: tuple[Part, ...]
+    positions: Mapping[str, float]
+    held: tuple[str, ...]
+    free_base: FreeBase | None = None
+
+    @functools.cached_property
+    def _tips_on(self) -> dict[int, list[tuple[int, Tip]]]:
+        found: dict[int, list[tuple[int, Tip]]] = {}
+        for k, tip in enumerate(self.tips):
+            found.setdefault(tip.part, []).append((k, tip))
+        return found
+
+    @functools.cached_property
+    def _parents(self) -> Counter[int]:
+        return Counter(part.parent for part in self.parts)
+
+    def tips_on(self, number: int) -> list[tuple[int, Tip]]:
+        """Tips of a part, by its number from 1, each with its own from 0."""
+        return self._tips_on.get(number, [])
+
+    def bears(self, number: int) -> int:
+        """How many parts hang on one, and tips are on it."""
+        return self._parents[number] + len(self.tips_on(number))
+
+    def beyond(self) -> list[Pose]:
+        """By part, the next joint, or where none is the tip, in its frame; of several joints the one with most beyond.
+
+        That is where a beam from joint to joint ends.
+        """
+        joints = [1] * (len(self.parts) + 1)
+        for number in range(len(self.parts), 0, -1):
+            joints[self.parts[number - 1].parent] += joints[number]
+        nexts: list[int] = [0] * (len(self.parts) + 1)
+        for number, part in enumerate(self.parts, 1):
+            if not nexts[part.parent] or joints[number] > joints[nexts[part.parent]]:
+                nexts[part.parent] = number
+        places = {tip.part: tip.place for tip in reversed(self.tips)}
+        return [self.parts[after - 1].origin if after else places[k] for k, after in enumerate(nexts[1:], 1)]
+
+
+def paths(
+    robot: Robot,
+    base: str | None,
+    tip: str | Sequence[str] | None,
+    posture: Mapping[str, float],
+    locked: Mapping[str, float],
+    *,
+    free_base: bool = False,
+    still: Collection[str] = (),
+) -> Paths:
+    """What moves of a robot.
+
+    Parameters
+    ----------
+    robot
+        The robot.
+    base
+        A link; by default the root.
+    tip
+        A link or several: what is on the way to them moves. By default all joints beyond the base do but those that
+        mimic others, and tips are the ends.
+    posture
+        Positions [rad; prismatic m] of joints: where free ones start, and where others stay. Unless stated 0, or, if
+        the limits exclude that, their middle. A joint that mimics another follows it.
+    locked
+        Positions of joints on the way that stay there, too.
+    free_base
+        Whether the base's link floats; what is not beyond it is then left out.
+    still
+        Other joints on the way that stay where they are.
+
+    Raises
+    ------
+    ArgumentError
+        A name that the robot does not have, a position beyond limits, of what has none, or stated twice, no path from
+        base outward to tip, no free joint on it, or one that cannot be.
+    """
+    base = robot.root if base is None else known("base", base, robot.links)
+    check_stated(robot, posture, locked)
+    tips = None if tip is None else _named(robot, tip)
+    way = _way(robot, base, tips)
+    span = f"beyond {base!r}" if tips is None else f"between {base!r} and {short_list([repr(name) for name in tips])}"
+    for name in locked:
+        if robot.joints[name] not in way:
+            raise ArgumentError(f"locked: joint {truncated(name)} is not {span}; put it into posture")
+    loose = [joint for joint in way if joint.moves and joint.name not in locked and joint.name not in still]
+    for joint in loose:
+        if joint.mimic is None or tips is not None:
+            _check_fit(joint, span)
+    free = {joint.name: None for joint in loose if joint.mimic is None}
+    ways = {span: way} if tips is None else {f"between {base!r} and {end!r}": robot.path(base, end) for end in tips}
+    for where, one in ways.items():
+        if not any(joint.name in free for joint in one or []):
+            raise ArgumentError(f"no movable joint {where}; the arm needs at least one")
+    positions = positions_of(robot, {**posture, **locked})
+    place = _along(robot.path(robot.root, base) or [], positions)
+    parts, places = _parts(robot, way, free, positions, {base: (0, HERE if free_base else place)})
+    ends = tips or _ends(robot, parts, {joint.name for joint in loose})
+    floating = FreeBase(place, *_folded(robot, base, free, positions)) if free_base else None
+    found = Paths(base, tuple(Tip(end, *places[end]) for end in ends), parts, positions, (), floating)
+    return dataclasses.replace(found, held=_held(robot, found))
+
+
+def _named(robot: Robot, tip: str | Sequence[str]) -> list[str]:
+    """Tips that a user names, each once."""
+    several = isinstance(tip, Sequence) and not isinstance(tip, str)
+    names = [known("tip", name, robot.links) for name in (tip if several else [tip])]
+    if not names:
+        raise ArgumentError(f"tip = {tip!r}: name a link, or leave it out for the whole robot")
+    return list(dict.fromkeys(names))
+
+
+def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]:
+    """The joints from the base to the tips, or to all links, each path to its end."""
+    if tips is None:
+        return robot.beyond(base)
+    wanted: dict[str, None] = {}
+    for tip in tips:
+        path = robot.path(base, tip)
+        if path is None:
+            raise ArgumentError(
+                f"tip = {truncated(tip)}: is not reached from base = {truncated(base)} outward; choose a link beyond it"
+            )
+        wanted |= {joint.name: None for joint in path}
+    if len(tips) == 1:
+        return [robot.joints[name] for name in wanted]
+    return [joint for joint in robot.beyond(base) if joint.name in wanted]
+
+
+def _check_fit(joint: TreeJoint, span: str) -> None:
+    """A joint can be a free one of an arm."""
+    if joint.kind in {"floating", "planar"}:
+        base = f"--base {joint.child}{' --free-base' * (joint.kind == 'floating')}"
+        raise ArgumentError(
+            f"joint {truncated(joint.name)}, {span}, is {joint.kind}; only hinges and slides can move: begin beyond "
+            f"it, as by {base}, or name tips that are not beyond it"
+        )
+    if joint.mimic is not None:
+        raise ArgumentError(
+            f"joint {truncated(joint.name)}, {span}, mimics {truncated(joint.mimic.leader)}; it cannot move by "
+            f"itself: fix it, as by --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}"
+        )
+
+
+def _parts(
+    robot: Robot,
+    way: Sequence[TreeJoint],
+    free: Collection[str],
+    positions: Mapping[str, float],
+    places: dict[str, tuple[int, Pose]],
+) -> tuple[tuple[Part, ...], dict[str, tuple[int, Pose]]]:
+    """Parts, and the links of the way, each with the number of its part and its frame in that."""
+    parts: list[Part] = []
+    for joint in way:
+        number, pose = places[joint.parent]
+        if joint.name in free:
+            body, others = _folded(robot, joint.child, free, positions)
+            parts.append(Part(joint, joint.child, number, pose.then(joint.origin), body, others))
+            places[joint.child] = len(parts), HERE
+        else:
+            places[joint.child] = number, pose.then(joint.pose(positions[joint.name]))
+    return tuple(parts), places
+
+
+def _ends(robot: Robot, parts: Sequence[Part], moving: Collection[str]) -> list[str]:
+    """Of each part on which none hangs, the last link of it that no other joint could move."""
+    stems = {part.parent for part in parts}
+    return [robot.outward(part.link, moving)[-1] for k, part in enumerate(parts, 1) if k not in stems]
+
+
+def _held(robot: Robot, found: Paths) -> tuple[str, ...]:
+    """Joints that could move, do not, and matter: before the parts, or between links of one part or of a free base."""
+    start = robot.root if found.free_base is None else found.base
+    before: dict[str, None] = {}
+    for part in found.parts:
+        if not part.parent:
+            way = robot.path(start, robot.above[part.link].parent) or []
+            before |= {joint.name: None for joint in way if joint.moves}
+    bodies = [part.folded for part in found.parts] + [found.free_base.folded if found.free_base else ()]
+    inside = [robot.above[link] for links in bodies for link in links]
+    return tuple({**before, **{joint.name: None for joint in inside if joint.moves}})
+
+
+def _along(way: Sequence[TreeJoint], positions: Mapping[str, float]) -> Pose:
+    pose = HERE
+    for joint in way:
+        pose = pose.then(joint.pose(positions[joint.name]))
+    return pose
+
+
+def _folded(
+    robot: Robot, first: str, free: Collection[str], positions: Mapping[str, float]
+) -> tuple[SpatialInertia, tuple[str, ...]]:
+    """A link and all beyond it that no free joint moves, as one body in its frame, and their names without its own.
+
+    Each is joined to that on which it hangs, outermost first.
+    """
+    links = robot.outward(first, free)
+    bodies = {link: robot.links[link] for link in links}
+    for link in reversed(links[1:]):
+        joint = robot.above[link]
+        bodies[joint.parent] = bodies[joint.parent].plus(bodies[link].moved(joint.pose(positions[joint.name])))
+    return bodies[first], tuple(links[1:])
