@@ -194,7 +194,7 @@ def test_names_survive_the_engines(name: str) -> None:
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_names_that_collide_are_told_apart(engine: str) -> None:
-    names = ("upper", "upper.1.z", "universe", "world", "tip", "base", "tip_joint")
+    names = ("upper", "upper.1.z", "universe", "world", "tip", "base_link", "tip_joint")
     chain = lump(make_scene(*(flexible(name, segments=2) for name in names)))
     assert load(engine, chain).n == chain.n == 2 * len(names)
 

@@ -34,11 +34,6 @@ def about_axis_deg(axis: int, angle: float) -> Array:
     return _about_axis(axis, *cos_sin_deg(angle))
 
 
-def about_axis(axis: int, angle: float) -> Array:
-    """The same by an angle [rad]."""
-    return _about_axis(axis, math.cos(angle), math.sin(angle))
-
-
 def _about_axis(axis: int, c: float, s: float) -> Array:
     R, (j, k) = np.eye(3), ((axis + 1) % 3, (axis + 2) % 3)
     R[j, j] = R[k, k] = c

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.chain.base_motion import rotation_of, spin_drift, spin_matrix
-from flexlink.chain.free_base import JOINTS
+from flexlink.chain.free_base import JOINTS, rates_matrices, rates_matrices_changing, rotations_of
 from flexlink.chain.rotation import quaternion_from_matrix
+from flexlink.common.products import product
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
 
@@ -75,8 +75,8 @@ class Coordinates:
         """Ṫ q̇ in the engine's order; None where T is constant."""
         if not self._own:
             return None
-        found, R, S = np.zeros(len(q)), self._rotation(q), spin_matrix(q[3:JOINTS])
-        turn = spin_drift(q[3:JOINTS], qd[3:JOINTS])
+        found, R, S = np.zeros(len(q)), self._rotation(q), rates_matrices(q[3:JOINTS])
+        turn = product(rates_matrices_changing(q[3:JOINTS], qd[3:JOINTS]), qd[3:JOINTS])
         move = -np.cross(S @ qd[3:JOINTS], R.T @ qd[:3])
         found[:JOINTS] = self._sorted(
             move if self._layout.velocity_in_base else np.zeros(3), turn if self._layout.spin_in_base else R @ turn
@@ -123,7 +123,7 @@ class Coordinates:
 
     def _rotation(self, q: Array) -> Array:
         assert self.reference is not None
-        return rotation_of(self.reference, q[3:JOINTS])
+        return product(self.reference, rotations_of(q[3:JOINTS]))
 
     def _place(self, q: Array) -> Array:
         """Place and quaternion of the base."""
@@ -134,7 +134,7 @@ class Coordinates:
 
     def _turn(self, q: Array) -> Array:
         """T of the base, shape (6, 6)."""
-        R, S, nothing = self._rotation(q), spin_matrix(q[3:JOINTS]), np.zeros((3, 3))
+        R, S, nothing = self._rotation(q), rates_matrices(q[3:JOINTS]), np.zeros((3, 3))
         move = R.T if self._layout.velocity_in_base else np.eye(3)
         spin = S if self._layout.spin_in_base else R @ S
         return self._sorted(np.hstack([move, nothing]), np.hstack([nothing, spin]))

@@ -114,9 +114,7 @@ def _rest(spring: Any) -> float:
 def _behind(plant: Any, joints: list[Any]) -> Indices:
     """The last degree of freedom that moves each body, −1 for fixed bodies; of a floating base the last turn."""
     carrier = {int(joint.child_body().index()): k for k, joint in enumerate(joints)}
-    carrier |= {
-        int(joint.child_body().index()): 2 for joint in joints if isinstance(joint, QuaternionFloatingJoint)
-    }
+    carrier |= {int(joint.child_body().index()): 2 for joint in joints if isinstance(joint, QuaternionFloatingJoint)}
     every = [plant.get_joint(index) for index in plant.GetJointIndices()]
     parent = {int(joint.child_body().index()): int(joint.parent_body().index()) for joint in every}
     behind = np.full(plant.num_bodies(), -1, dtype=np.intp)

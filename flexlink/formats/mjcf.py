@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_bool, require_type, sequence, vector
-from flexlink.chain.base_motion import rotation_of, spin_matrix
 from flexlink.chain.chain import Chain, Coordinate
+from flexlink.chain.free_base import rates_matrices, rotations_of
 from flexlink.chain.rigid import HERE, Pose
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
@@ -247,9 +247,9 @@ def _keyframe(parent: ET.Element, chain: Chain, initial: tuple[ArrayLike, ArrayL
     order, own = depth_first(chain), base_joints(chain)
     q, qd, place, rates = q[order], qd[order], q[:own], qd[:own]
     if own:  # place and quaternion, velocity in frame 0 and spin in axes of the base
-        R = rotation_of(chain.bodies["rotation"][1], place[3:])
+        R = product(chain.bodies["rotation"][1], rotations_of(place[3:]))
         place = np.array([*place[:3], *quaternion_from_matrix(R)])
-        rates = np.append(rates[:3], spin_matrix(q[3:6]) @ rates[3:])
+        rates = np.append(rates[:3], rates_matrices(q[3:6]) @ rates[3:])
     qpos, qvel = np.append(place, q[own:]), np.append(rates, qd[own:])
     ET.SubElement(parent, "key", name="initial", qpos=decimals(qpos), qvel=decimals(qvel))
 

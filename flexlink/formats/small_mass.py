@@ -12,12 +12,14 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import positive, require_type
+from flexlink.chain.builder import Body, recorded
 from flexlink.chain.chain import Chain
+from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import ArgumentError
-from flexlink.common.types import Array
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.formats.document import places
-from flexlink.kernels.layout import BODY
+from flexlink.formats.document import base_joints
+
+OF_BODY = "mass", "center", "inertia"
 
 
 def with_small_mass(chain: Chain, *, mass: float) -> Chain:
@@ -59,7 +61,7 @@ def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
     chain
         The chain before `with_small_mass`.
     q
-        Joint angles, shape (n,) [rad].
+        Joint coordinates, shape (n,) [rad, m].
     mass
         As for `with_small_mass` [kg].
 
@@ -81,17 +83,28 @@ def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
 
 
 def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
-    """One body a hinge, with mass in massless ones; without `keep` nothing else has inertia, rotors included."""
+    """One body a hinge, with mass in massless ones; without `keep` nothing else has inertia, rotors included.
+
+    The two bodies of a free base stay: in files they are one joint.
+    """
     radius = 0.1  # of gyration [m]
-    bodies = np.zeros(chain.n + 1, BODY)
-    for k, translation, rotation, body in places(chain):
-        if body is None:
-            weight: tuple[float, Array, Array] = (mass, np.zeros(3), mass * radius**2 * np.eye(3))
-        else:
-            weight = (body["mass"], body["center"], body["inertia"]) if keep else (0.0, np.zeros(3), np.zeros((3, 3)))
-        bodies[k] = (k, k + 1, int(not np.array_equal(rotation, np.eye(3))), 0, rotation, translation, *weight)
-    bodies[-1] = chain.bodies[-1]
-    hinges = chain.hinges.copy()
+    light = SpatialInertia(mass, np.zeros(3), mass * radius**2 * np.eye(3))
+    bodies, numbers, own = list[Body](), [0], base_joints(chain)
+    for body in chain.bodies:
+        k, stop, on = int(body["first"]), int(body["stop"]), numbers[body["parent"]]
+        place, rigid = Pose(body["rotation"], body["translation"]), SpatialInertia(*(body[name] for name in OF_BODY))
+        while own <= k < stop - 1:
+            bodies.append(Body(place, k, k + 1, on, light))
+            k, on, place = k + 1, len(bodies), HERE
+        if own <= k < stop and not rigid.mass and not rigid.inertia.any():
+            rigid = light
+        elif not keep:
+            rigid = NOTHING
+        bodies.append(Body(place, k, stop, on, rigid))
+        numbers.append(len(bodies))
+    records, hinges = recorded(bodies), chain.hinges.copy()
+    records["loaded"][np.array(numbers[1:]) - 1] = chain.bodies["loaded"]
     if not keep:
         hinges["armature"] = 0.0
-    return dataclasses.replace(chain, bodies=bodies, hinges=hinges)
+    tips = {name: numbers[number + 1] - 1 for name, number in chain.tips.items()}
+    return dataclasses.replace(chain, bodies=records, hinges=hinges, tips=tips)

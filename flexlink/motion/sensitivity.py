@@ -11,6 +11,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.floating_base import ANGLES
 from flexlink.dynamics.placement import jacobian
 from flexlink.dynamics.result import Result
 from flexlink.inputs.problem import problem_of
@@ -19,6 +20,10 @@ from flexlink.motion.parameters import parametric
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
+
+MOST = np.pi / 3
+"""Angle about Y of a free base [rad] up to which its coordinates are differentiated: their rates are then twice the
+angular velocity, at most."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -96,6 +101,7 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
             "as 1e-4, and run.method = 'RK4'"
         )
     trajectory = simulate(scene)
+    _check_base(trajectory)
     varied, (δq, δqd) = parametric(scene, chain, paths)
     _check_drive(scene, trajectory, varied.drive)
     found = np.empty((2, len(trajectory.t), chain.n, len(paths)))
@@ -120,6 +126,15 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     ]
     values = np.array([float(scene.values_at(path)[0]) for path in paths])
     return Sensitivities(trajectory, tuple(paths), values, found[0], found[1], np.array(tip))
+
+
+def _check_base(run: Trajectory) -> None:
+    """A free base stays where its angles from the start, which are differentiated, are far from 90° about Y."""
+    if run.base is not None and (most := float(np.abs(run.q[:, ANGLES][:, 1]).max())) > MOST:
+        raise ArgumentError(
+            f"{run.chain.name}: the free base turns to base.ry = {np.degrees(most):.0f}° from where it starts; "
+            f"sensitivities go up to {np.degrees(MOST):.0f}°; shorten the run"
+        )
 
 
 def _check_drive(scene: Scene, run: Trajectory, drive: Array) -> None:

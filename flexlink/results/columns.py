@@ -11,7 +11,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.own_units import SI, TORQUE
-from flexlink.results.samples import RunSamples
+from flexlink.results.samples import BaseMotion, RunSamples
 
 Source = Callable[[Any], Array]
 """Of `RunSamples`, or of what has their fields with runs as a last axis."""
@@ -21,6 +21,23 @@ OF_BALANCED: Mapping[str, Source] = {
     "imbalance [J]": lambda run: run.imbalance,
 }
 """Of flexlink's own runs."""
+
+
+def _of_base(part: Callable[[BaseMotion], Array], k: int) -> Source:
+    return lambda run: part(run.base)[:, k]
+
+
+OF_A_FREE_BASE: Mapping[str, Source] = {
+    f"{name} {axis} [{unit}]": _of_base(part, k)
+    for name, axes, unit, part in (
+        ("attitude", "wxyz", "1", lambda base: base.attitude),
+        ("spin", "xyz", "rad/s", lambda base: base.spin),
+        ("momentum", "xyz", "N s", lambda base: base.momentum.linear),
+        ("angular momentum", "xyz", "N m s", lambda base: base.momentum.angular),
+    )
+    for k, axis in enumerate(axes)
+}
+"""Attitude as a unit quaternion, angular velocity in axes of the base, momentum of all bodies in frame 0."""
 
 
 class Columns(Mapping[str, Array]):
@@ -41,7 +58,8 @@ class Columns(Mapping[str, Array]):
 
 def sources_of(chain: Chain, balanced: bool = True) -> Mapping[str, Source]:
     """Where each column of runs of a chain comes from, in the order of the CSV file; of flexlink's own: `balanced`."""
-    return _sources(chain.joint_names, tuple(chain.slides.tolist()), tuple(chain.active.tolist()), balanced)
+    found = _sources(chain.joint_names, tuple(chain.slides.tolist()), tuple(chain.active.tolist()), balanced)
+    return {**found, **OF_A_FREE_BASE} if chain.has_free_base else found
 
 
 @functools.lru_cache(maxsize=64)

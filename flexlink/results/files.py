@@ -46,7 +46,16 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
         "chain_name": chain.name, "chain_bodies": chain.bodies, "chain_hinges": chain.hinges,
         "chain_gravity": chain.gravity, "chain_coordinates": np.array(chain.coordinates),
         "chain_links": np.array(chain.link_names), "chain_couplings": chain.couplings,
+        "chain_tips": np.array([[chain.link_names.index(link), body] for link, body in chain.tips.items()]),
+        **_of_base(run),
     }  # fmt: skip
+
+
+def _of_base(run: RunSamples) -> dict[str, Any]:
+    if run.base is None:
+        return {}
+    moving = {f"momentum_{name}": value for name, value in run.base.momentum._asdict().items()}
+    return {"attitude": run.base.attitude, "spin": run.base.spin, **moving}
 
 
 def picture_format(path: Path) -> str:

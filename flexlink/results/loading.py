@@ -14,11 +14,15 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.describe.scene import scene_from
+from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.result import read_archive
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.layout import BODY, COUPLING, HINGE
-from flexlink.results.samples import Steps
+from flexlink.results.samples import BaseMotion, Steps
 from flexlink.results.trajectory import Trajectory
+
+LATER = {"springs", "parent", "begins", "slot", "fork", "loaded"}
+"""Fields that archives of older versions do not have."""
 
 
 def load_trajectory(path: str | Path) -> Trajectory:
@@ -64,28 +68,40 @@ def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
         warnings=tuple(arrays["warnings"].tolist()),
         steps=Steps(*steps) if steps else None,
         scene=scene_from(scene) if scene else None,
+        base=_base(arrays) if "attitude" in arrays else None,
     )
 
 
+def _base(arrays: Mapping[str, Any]) -> BaseMotion:
+    momentum = Momentum(*(arrays[f"momentum_{name}"] for name in Momentum._fields))
+    return BaseMotion(arrays["attitude"], arrays["spin"], momentum)
+
+
 def _chain(arrays: Mapping[str, Any]) -> Chain:
+    bodies, links = _records(arrays["chain_bodies"], BODY), arrays["chain_links"].tolist()
+    if "parent" not in (arrays["chain_bodies"].dtype.names or ()):  # of an older one, whose arms do not branch
+        bodies["parent"] = np.arange(len(bodies))
+        bodies["loaded"][-1] = 1
+    tips = arrays.get("chain_tips", np.array([[len(links) - 1, len(bodies) - 1]]))
     return Chain(
         name=str(arrays["chain_name"]),
-        bodies=_records(arrays["chain_bodies"], BODY),
+        bodies=bodies,
         hinges=_records(arrays["chain_hinges"], HINGE),
         gravity=np.ascontiguousarray(arrays["chain_gravity"]),
         coordinates=tuple(Coordinate(*row) for row in arrays["chain_coordinates"].tolist()),
-        link_names=tuple(arrays["chain_links"].tolist()),
+        link_names=tuple(links),
         couplings=_records(arrays.get("chain_couplings", np.zeros(0, COUPLING)), COUPLING),
+        tips={links[link]: body for link, body in tips.tolist()},
     )
 
 
 def _records(rows: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
     """Rows of the very dtype that kernels are compiled for; an archive knows only names and formats.
 
-    Older ones have bodies without `springs`, which then hold angles.
+    Older ones have bodies without `springs`, which then hold angles, or without what says how they branch.
     """
     there = rows.dtype.names or ()
-    if there != tuple(name for name in dtype.names or () if name != "springs" or name in there):
+    if there != tuple(name for name in dtype.names or () if name not in LATER or name in there):
         raise ValueError(f"its chain has the fields {rows.dtype.names}, not {dtype.names}")
     found = np.zeros(len(rows), dtype)
     for name in there:

@@ -8,6 +8,10 @@ Inward, one hinge axis e with rotor A and torque T after another is eliminated, 
 
     D = e·J e + A      q̈ = (T − e·n₀ − e·(J α + H a)) / D      J ← J − J e (J e)ᵀ/D, …
 
+Of a hinge that slides force and moment change places, α and a, too: D = e·M e + A, and J ← J − H e (H e)ᵀ/D, …. Its
+body's hinge point moves with it, at r + Σ e q from the one before. Where branches begin, what they demand at their
+hinge points is brought to that of the body they hang on, and added up there (`articulated_branches`).
+
 Behind a triple, three axes without rotors, the moment is known from the torques alone, t with e_k·t = τ_k: only M and
 f₀ travel inward, and the body's own axes x_j are eliminated, which stay perpendicular where hinges line up (gimbal
 lock). If the next body outward passes no J and H either, with d_j = x_j × r,
@@ -27,6 +31,15 @@ hinge's axis z; all vectors are in the working axes of their body. One source se
 from flexlink.kernels.bodies.couplings import subtract_couplings
 from flexlink.kernels.bodies.joint_torques import smooth_torques, subtract_dry_friction
 from flexlink.kernels.bodies.rotation_springs import subtract_excess
+from flexlink.kernels.forward.articulated_branches import (
+    add_inertia_of_branch,
+    add_load_of_branch,
+    clear,
+    inertia_of_branches,
+    keep_state,
+    load_of_branches,
+    state_of,
+)
 from flexlink.kernels.forward.articulated_groups import (
     add_pair,
     eliminate_along,
@@ -35,9 +48,13 @@ from flexlink.kernels.forward.articulated_groups import (
     eliminate_triple,
     in_axes_before,
     in_full,
+    missing_torque,
     propagate_any,
     propagate_body,
     propagate_inertia,
+    propagate_prescribed,
+    swung,
+    with_bias,
 )
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
 from flexlink.kernels.forward.articulated_rows import (
@@ -46,13 +63,13 @@ from flexlink.kernels.forward.articulated_rows import (
     RESTART,
     THIRD_HINGE,
     axes_of,
-    inertia_of,
     put_axes_of,
 )
-from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.forward.slides import accelerate_slides, eliminate_slides, put_slides
+from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec, vec_of, zero_of
 from flexlink.kernels.tools.sincos import cos_sin_all
-from flexlink.kernels.tools.sym3 import sym_apply, sym_turn
+from flexlink.kernels.tools.sym3 import sym_apply, sym_of, sym_turn
 from flexlink.kernels.tools.vec3 import add, add_along, add_scaled, cross, dot, pick, place, scale, sub, turn_axes
 
 
@@ -67,8 +84,8 @@ def articulated(wrench, q, qd, tau, qdd, work):
     if len(work.rotation.hinges) > 0:
         subtract_excess(hinges, q, work.rotation, HINGE_ROW.torque)
     cos_sin_all(work.flat[0], work.flat[1], work.flat[2])
-    f, n, turning = outward(layout, work.axes, bodies, hinges, wrench, qd, trig[1], trig[2])
-    inward(layout, work.axes, prescribed, bodies, hinges, n, f, qdd, trig[1])
+    f, n, turning = outward(layout, work.axes, bodies, hinges, work.forks, wrench, qd, trig[0], trig[1], trig[2])
+    inward(layout, work.axes, prescribed, bodies, hinges, work.forks, n, f, qdd, trig[1])
     return turning + accelerate(work.gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power) - lost
 
 
@@ -85,14 +102,22 @@ def prepare(q, qd, tau, hinges, angles):
 
 
 @inlined
-def outward(layout, axes, bodies, hinges, wrench, qd, cosines, sines):
-    """Axes, and what the rates alone ask for; returns −wrench in the last working axes, and its moment's power m·ω."""
+def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, sines):
+    """Axes, and what the rates alone ask for; returns −wrench in the working axes where it acts, and its power m·ω.
+
+    `places`: angles, and where hinges that slide are.
+    """
     o = zero_of(qd)
     zero = (o, o, o)
     f, n = sub(zero, vec(wrench, 0)), sub(zero, vec(wrench, 3))
     x, y, z = (1.0 + o, o, o), (o, 1.0 + o, o), (o, o, 1.0 + o)
-    ω = (o, o, o)
+    ω, acting = (o, o, o), (f, n, o)
+    if len(forks) > 0:
+        keep_state(forks, 0, x, y, z, ω, f, n)
     for i in range(len(layout)):
+        if layout[i, LAYOUT.begins]:
+            x, y, z, ω, f, n = state_of(forks, layout[i, LAYOUT.slot])
+        put_lever(bodies, i, ω, x, y, z)
         if layout[i, LAYOUT.turned]:
             u, v, w = axes_of(bodies, i, BODY_ROW.mount)
             x, y, z = place(u, x, y, z), place(v, x, y, z), place(w, x, y, z)
@@ -101,13 +126,16 @@ def outward(layout, axes, bodies, hinges, wrench, qd, cosines, sines):
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
             ω, f, n = components(ω, u, v, w), components(f, u, v, w), components(n, u, v, w)
         ζ = (o, o, o)
-        for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
-            axis, rate = axes[k], at(qd, k)
-            e = pick(axis, x, y, z)
-            put_vec_of(hinges, e, k, HINGE_ROW.axis)
-            ζ = add_scaled(ζ, rate, cross(ω, e))
-            ω = add_scaled(ω, rate, e)
-            x, y, z = turn_axes(axis, at(cosines, k), at(sines, k), x, y, z)
+        if layout[i, LAYOUT.group] == GROUP.slides:
+            put_slides(layout, i, axes, bodies, hinges, x, y, z, ω, places, qd)
+        else:
+            for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+                axis, rate = axes[k], at(qd, k)
+                e = pick(axis, x, y, z)
+                put_vec_of(hinges, e, k, HINGE_ROW.axis)
+                ζ = add_scaled(ζ, rate, cross(ω, e))
+                ω = add_scaled(ω, rate, e)
+                x, y, z = turn_axes(axis, at(cosines, k), at(sines, k), x, y, z)
         put_vec_of(bodies, ζ, i, BODY_ROW.ζ)
         put_body(bodies, i, ω, x, y, z)
         if layout[i, LAYOUT.group] == GROUP.pair:
@@ -115,18 +143,27 @@ def outward(layout, axes, bodies, hinges, wrench, qd, cosines, sines):
             put_axes(bodies, i, ω, u, v, w)
         else:
             put_axes(bodies, i, ω, x, y, z)
-    return f, n, -dot(n, ω)
+        if layout[i, LAYOUT.loaded]:
+            acting = f, n, -dot(n, ω)
+        if layout[i, LAYOUT.fork] > 0:
+            keep_state(forks, layout[i, LAYOUT.fork], x, y, z, ω, f, n)
+    return acting
+
+
+@inlined
+def put_lever(bodies, i, ω, x, y, z):
+    """Keep r to the hinge point of body `i`, from that of a body with axes x, y, z, and what its ω asks for."""
+    r = place(vec_of(bodies, i, BODY_ROW.reach), x, y, z)
+    put_vec_of(bodies, r, i, BODY_ROW.r)
+    put_vec_of(bodies, swung(ω, r), i, BODY_ROW.b)
 
 
 @inlined
 def put_body(bodies, i, ω, x, y, z):
-    """Keep r and m c of body `i` with axes x, y, z, and what its rate ω asks for."""
-    r, mc = place(vec_of(bodies, i, BODY_ROW.reach), x, y, z), place(vec_of(bodies, i, BODY_ROW.moment), x, y, z)
-    ωω = dot(ω, ω)
-    put_vec_of(bodies, r, i, BODY_ROW.r)
+    """Keep m c of body `i` with axes x, y, z, and what its rate ω asks for."""
+    mc = place(vec_of(bodies, i, BODY_ROW.moment), x, y, z)
     put_vec_of(bodies, mc, i, BODY_ROW.mc)
-    put_vec_of(bodies, add_scaled(scale(dot(ω, r), ω), -ωω, r), i, BODY_ROW.b)
-    put_vec_of(bodies, add_scaled(scale(dot(ω, mc), ω), -ωω, mc), i, BODY_ROW.f)
+    put_vec_of(bodies, swung(ω, mc), i, BODY_ROW.f)
 
 
 @inlined
@@ -134,7 +171,7 @@ def put_axes(bodies, i, ω, x, y, z):
     """Keep the axes of body `i` for its joint group, and ω × I ω along them."""
     put_axes_of(bodies, x, y, z, i, BODY_ROW.axes)
     ω = components(ω, x, y, z)
-    put_vec_of(bodies, cross(ω, sym_apply(inertia_of(bodies, i, BODY_ROW.inertia), ω)), i, BODY_ROW.n)
+    put_vec_of(bodies, cross(ω, sym_apply(sym_of(bodies, i, BODY_ROW.inertia), ω)), i, BODY_ROW.n)
 
 
 @inlined
@@ -166,7 +203,7 @@ def mixed(μ, x, y, z, ν):
 def pair_axes(bodies, i, hinges, k, axes, cosines, sines):
     """e₂, e₁, e₂ × e₁ of a pair of hinges Y, Z or Z, Y; turns the body's inertia into them."""
     e1, e2 = vec_of(hinges, k, HINGE_ROW.axis), vec_of(hinges, k + 1, HINGE_ROW.axis)
-    c, s, I = at(cosines, k + 1), at(sines, k + 1), inertia_of(bodies, i, BODY_ROW.own_inertia)
+    c, s, I = at(cosines, k + 1), at(sines, k + 1), sym_of(bodies, i, BODY_ROW.own_inertia)
     if axes[k + 1] == 2:
         xx, yy, zz, yz, xz, xy = sym_turn(2, c, s, I)
         first, second = (zz, yy, xx), (-xy, -xz, yz)
@@ -179,49 +216,81 @@ def pair_axes(bodies, i, hinges, k, axes, cosines, sines):
 
 
 @inlined
-def inward(layout, axes, prescribed, bodies, hinges, n, f, qdd, cosines):
-    """What each body and all beyond it demand at its hinge point, from the n and f that the tip demands."""
+def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, cosines):
+    """What each body and all beyond it demand at its hinge point, from the n and f that the loaded tip demands."""
     o = zero_of(qdd)
     zero = (o, o, o)
+    clear(forks)
+    n, f = zero, zero
     J, H, M = (o, o, o, o, o, o), (zero, zero, zero), (o, o, o, o, o, o)
     j, h, t = o, zero, zero  # J = j t tᵀ and H = t hᵀ of a pair outward
     outer = GROUP.tip
     for i in range(len(layout) - 1, -1, -1):
-        group, k = layout[i, LAYOUT.group], layout[i, LAYOUT.first]
+        group, k, following = layout[i, LAYOUT.group], layout[i, LAYOUT.first], layout[i, LAYOUT.next]
+        if layout[i, LAYOUT.loaded]:
+            n, f = n_tip, f_tip
+        if layout[i, LAYOUT.fork] > 0:
+            J, H = in_full(o, outer, J, H, j, h, t)
+            J, H, M, n, f = with_branches(bodies, following, forks, layout[i, LAYOUT.fork], J, H, M, n, f)
+            outer, following = GROUP.hinges, len(layout)
         if group == GROUP.triple:
             c = at(cosines, k + 1) * at(hinges, k + 2, THIRD_HINGE.sense)
             if outer > GROUP.pair:
-                M, n, f = eliminate_triple(bodies, i, hinges, k, c, *propagate_body(bodies, i, M, n, f))
+                M, n, f = eliminate_triple(bodies, i, hinges, k, c, *propagate_body(bodies, i, following, M, n, f))
             else:
                 J, H = in_full(o, outer, J, H, j, h, t)
-                M, n, f = eliminate_triple(bodies, i, hinges, k, c, *propagate_any(bodies, i, J, H, M, n, f))
+                M, n, f = eliminate_triple(bodies, i, hinges, k, c, *propagate_any(bodies, i, following, J, H, M, n, f))
         elif group == GROUP.pair:
             if outer > GROUP.pair:  # nothing is passed
                 j, h = o, zero
             if outer >= GROUP.pair:
-                body = add_pair(bodies, i, j, h, t, *propagate_body(bodies, i, M, n, f))
+                body = add_pair(bodies, i, following, j, h, t, *propagate_body(bodies, i, following, M, n, f))
                 j, h, t, M, n, f = eliminate_pair(bodies, i, hinges, k, *body)
             else:
-                j, h, t, M, n, f = eliminate_pair(bodies, i, hinges, k, *propagate_any(bodies, i, J, H, M, n, f))
+                body = propagate_any(bodies, i, following, J, H, M, n, f)
+                j, h, t, M, n, f = eliminate_pair(bodies, i, hinges, k, *body)
         elif group != GROUP.tip:
             J, H = in_full(o, outer, J, H, j, h, t)
-            J, H, M, n, f = propagate_joints(layout, i, axes, prescribed, bodies, hinges, qdd, J, H, M, n, f)
+            J, H, M, n, f = propagate_joints(layout, i, following, axes, prescribed, bodies, hinges, qdd, J, H, M, n, f)
         outer = group
+        if layout[i, LAYOUT.begins]:
+            J, H = in_full(o, outer, J, H, j, h, t)
+            add_branch(bodies, i, forks, layout[i, LAYOUT.slot], J, H, M, n, f)
+            M, n, f = (o, o, o, o, o, o), zero, zero
+            outer = GROUP.tip
+
+
+@subroutine
+def add_branch(bodies, i, forks, slot, J, H, M, n, f):
+    """Add what a branch that begins with body `i` demands to the row of the fork, at the fork's hinge point."""
+    if slot > 0:
+        n, f = with_bias(bodies, i, H, M, n, f)
+        add_load_of_branch(forks, slot, vec_of(bodies, i, BODY_ROW.r), n, f)
+        add_inertia_of_branch(forks, slot, vec_of(bodies, i, BODY_ROW.r), J, H, M)
+
+
+@subroutine
+def with_branches(bodies, i, forks, k, J, H, M, n, f):
+    """What all that hangs on a fork demands at its hinge point: the branches, and, from here on, body `i` after it."""
+    add_branch(bodies, i, forks, k, J, H, M, n, f)
+    return inertia_of_branches(forks, k) + load_of_branches(forks, k)
 
 
 @inlined
-def propagate_joints(layout, i, axes, prescribed, bodies, hinges, qdd, J, H, M, n, f):
+def propagate_joints(layout, i, following, axes, prescribed, bodies, hinges, qdd, J, H, M, n, f):
     """J, H, M, n, f before body `i`, whose hinges go one after another; where q̈ is given, it adds to n and f."""
-    J, H, M, n, f = propagate_inertia(bodies, i, J, H, M, n, f)
+    J, H, M, n, f = propagate_inertia(bodies, i, following, J, H, M, n, f)
     if layout[i, LAYOUT.group] == GROUP.along:
         J, H, M, n, f = eliminate_along(hinges, layout[i, LAYOUT.first], J, H, M, n, f)
+    elif layout[i, LAYOUT.group] == GROUP.slides:
+        J, H, M, n, f = eliminate_slides(layout, i, axes, prescribed, hinges, qdd, J, H, M, n, f)
     else:
         for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
             if prescribed[k]:
-                n, f = propagate_prescribed(hinges, k, at(qdd, k), J, H, n, f)
+                n, f = propagate_prescribed(hinges, k, HINGE_ROW.Je, HINGE_ROW.He, at(qdd, k), J, H, n, f)
             else:
                 again = k + 1 < layout[i, LAYOUT.stop] and axes[k] == axes[k + 1] and not prescribed[k + 1]
-                J, H, M, n, f = eliminate_joint(hinges, k, again, J, H, M, n, f)
+                J, H, M, n, f = eliminate_joint(hinges, k, again, HINGE_ROW.Je, HINGE_ROW.He, J, H, M, n, f)
     ζ = vec_of(bodies, i, BODY_ROW.ζ)
     n, f = add(n, sym_apply(J, ζ)), add(f, place(ζ, H[0], H[1], H[2]))
     if layout[i, LAYOUT.restart]:
@@ -230,34 +299,19 @@ def propagate_joints(layout, i, axes, prescribed, bodies, hinges, qdd, J, H, M, 
 
 
 @inlined
-def propagate_prescribed(hinges, k, acceleration, J, H, n, f):
-    """n, f before a hinge whose q̈ is given; keeps J e, Hᵀ e and e·n for the torque that it takes."""
-    e = vec_of(hinges, k, HINGE_ROW.axis)
-    Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
-    put_vec_of(hinges, Je, k, HINGE_ROW.Je)
-    put_vec_of(hinges, He, k, HINGE_ROW.He)
-    put_at(hinges, dot(e, n), k, HINGE_ROW.T)
-    return add_scaled(n, acceleration, Je), add_scaled(f, acceleration, He)
-
-
-@inlined
-def missing_torque(hinges, k, acceleration, α, a):
-    """What a hinge whose q̈ is given takes, e·(J α + H a + n) + A q̈, beyond what drive, spring and friction give it."""
-    Je, He = vec_of(hinges, k, HINGE_ROW.Je), vec_of(hinges, k, HINGE_ROW.He)
-    moment = dot(Je, α) + dot(He, a) + at(hinges, k, HINGE_ROW.T)
-    return moment + at(hinges, k, HINGE_ROW.armature) * acceleration - at(hinges, k, HINGE_ROW.torque)
-
-
-@inlined
 def accelerate(gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power):
     """Absolute accelerations, and their differences at the hinges; where these are given, the torque they take.
 
-    Returns the power with that of these torques. The rows of the bodies keep α for ζ and a, with −g, for b.
+    Returns the power with that of these torques. The rows of the bodies keep α for ζ and a, with −g, for b, from which
+    branches go on.
     """
     o = zero_of(qdd)
     α, a = (o, o, o), scale(-1.0, vec(gravity, 0))
     for i in range(len(layout)):
         group, first = layout[i, LAYOUT.group], layout[i, LAYOUT.first]
+        if layout[i, LAYOUT.begins]:
+            α, a = motion_of(bodies, layout[i, LAYOUT.parent], gravity)
+        a = add(add(a, cross(α, vec_of(bodies, i, BODY_ROW.r))), vec_of(bodies, i, BODY_ROW.b))
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
             α, a = components(α, u, v, w), components(a, u, v, w)
@@ -273,6 +327,10 @@ def accelerate(gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power)
             α = place((α1, α2, α3), x, y, z)
             put_at(qdd, α2 - dot(y, before), first)
             put_at(qdd, α1 - dot(x, before), first + 1)
+        elif group == GROUP.slides:
+            α = before
+            a, taken = accelerate_slides(layout, i, prescribed, hinges, qd, tau, qdd, α, a)
+            power += taken
         else:
             α = before
             for k in range(first, layout[i, LAYOUT.stop]):
@@ -284,11 +342,18 @@ def accelerate(gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power)
                     more = missing_torque(hinges, k, at(qdd, k), α, a)
                     put_at(tau, at(tau, k) + more, k)
                     power += at(qd, k) * more
-        b = vec_of(bodies, i, BODY_ROW.b)
         put_vec_of(bodies, α, i, BODY_ROW.ζ)
         put_vec_of(bodies, a, i, BODY_ROW.b)
-        a = add(add(a, cross(α, vec_of(bodies, i, BODY_ROW.r))), b)
     return power
+
+
+@subroutine
+def motion_of(bodies, number, gravity):
+    """α and a, with −g, of a body, counted from 1, or of the base, 0."""
+    if number > 0:
+        return vec_of(bodies, number - 1, BODY_ROW.ζ), vec_of(bodies, number - 1, BODY_ROW.b)
+    o = zero_of(bodies, 0, 0)
+    return (o, o, o), scale(-1.0 + o, vec(gravity, 0))
 
 
 @inlined

@@ -1,6 +1,7 @@
 """What a body and all beyond it demand (see `articulated`): inertia is propagated, then joints are eliminated.
 
     group           propagated by                                        eliminated by
+    slides          `propagate_inertia`                                  `eliminate_slides`
     hinges          `propagate_inertia`                                  `eliminate_joint`, for each
     along           `propagate_inertia`                                  `eliminate_along`
     pair            `propagate_body` and `add_pair`, or `propagate_any`  `eliminate_pair`
@@ -8,38 +9,49 @@
 
 The first two work with J and H in working axes, the others along the axes x_j of the body (`AXES`), which stay
 perpendicular where hinges line up: J_jk = x_j·J x_k, h_j = Hᵀ x_j, n_j = x_j·n.
+
+Hinges that slide are eliminated as those that turn, with force for moment (`slides`).
 """
 
+from flexlink.kernels.forward.articulated_branches import over_lever
 from flexlink.kernels.forward.articulated_layout import GROUP
-from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of, inertia_of
+from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of
 from flexlink.kernels.tools.compiler import inlined
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
-from flexlink.kernels.tools.sym3 import sym_add, sym_add_dyad, sym_apply, sym_from_axes
+from flexlink.kernels.tools.sym3 import sym_add, sym_add_dyad, sym_apply, sym_from_axes, sym_of
 from flexlink.kernels.tools.vec3 import add, add_scaled, combine, cross, dot, place, scale, sub
 
 
 @inlined
-def propagate_inertia(bodies, i, J, H, M, n, f):
-    """J, H, M, n, f at the body's hinge point, body included, from those at the next hinge point."""
+def propagate_inertia(bodies, i, outer, J, H, M, n, f):
+    """J, H, M, n, f at the body's hinge point, body included, from those at the next hinge point, of row `outer`."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
-    r, mc, m = vec_of(bodies, i, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
-    bias = vec_of(bodies, i, BODY_ROW.b)
-    n = add(n, (dot(H[0], bias), dot(H[1], bias), dot(H[2], bias)))
-    f = add(f, sym_apply(M, bias))
+    r, mc, m = vec_of(bodies, outer, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
+    n, f = with_bias(bodies, outer, H, M, n, f)
     n = add(add(n, cross(r, f)), place(vec_of(bodies, i, BODY_ROW.n), x, y, z))
     f = add(f, vec_of(bodies, i, BODY_ROW.f))
     o = zero_of(bodies, i, BODY_ROW.mass)
-    d1, d2, d3 = (o, -r[2], r[1]), (r[2], o, -r[0]), (-r[1], r[0], o)  # unit vectors × r
-    K1, K2, K3 = add(H[0], sym_apply(M, d1)), add(H[1], sym_apply(M, d2)), add(H[2], sym_apply(M, d3))
-    J = sym_add(J, sym_from_axes(x, y, z, inertia_of(bodies, i, BODY_ROW.inertia)))
-    J = sym_add(J, (
-        dot(d1, H[0]) + dot(d1, K1), dot(d2, H[1]) + dot(d2, K2), dot(d3, H[2]) + dot(d3, K3),
-        dot(d3, H[1]) + dot(d2, K3), dot(d3, H[0]) + dot(d1, K3), dot(d2, H[0]) + dot(d1, K2),
-    ))  # fmt: skip
+    ΔJ, (K1, K2, K3) = over_lever(o, r, H, M)
+    J = sym_add(J, sym_from_axes(x, y, z, sym_of(bodies, i, BODY_ROW.inertia)))
+    J = sym_add(J, ΔJ)
     H = (
         add(K1, (o, -mc[2], mc[1])), add(K2, (mc[2], o, -mc[0])), add(K3, (-mc[1], mc[0], o)),
     )  # fmt: skip
     return J, H, with_mass(M, m), n, f
+
+
+@inlined
+def with_bias(bodies, i, H, M, n, f):
+    """n and f with what the acceleration b of hinge point `i` against the one before asks for."""
+    bias = vec_of(bodies, i, BODY_ROW.b)
+    n = add(n, (dot(H[0], bias), dot(H[1], bias), dot(H[2], bias)))
+    return n, add(f, sym_apply(M, bias))
+
+
+@inlined
+def swung(ω, r):
+    """ω × (ω × r)."""
+    return add_scaled(scale(dot(ω, r), ω), -dot(ω, ω), r)
 
 
 @inlined
@@ -49,8 +61,10 @@ def with_mass(M, m):
 
 
 @inlined
-def eliminate_joint(hinges, k, again, J, H, M, n, f):
+def eliminate_joint(hinges, k, again, first, second, J, H, M, n, f):
     """J, H, M, n, f before a hinge from those behind it; `again`: the one behind it turns about the same axis.
+
+    `first` and `second` say where J e and Hᵀ e are kept.
 
     Along that axis, of a motor before its elastic gear, J is what the gear's rotor leaves, A / D of what it was, or
     nothing: as what is left of J it would be the rounding of the arm's inertia, to which a rotor is small.
@@ -59,9 +73,9 @@ def eliminate_joint(hinges, k, again, J, H, M, n, f):
     Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
     if again:
         left = at(hinges, k + 1, HINGE_ROW.armature) * at(hinges, k + 1, HINGE_ROW.inverse)
-        Je, He = scale(left, vec_of(hinges, k + 1, HINGE_ROW.Je)), scale(left, vec_of(hinges, k + 1, HINGE_ROW.He))
+        Je, He = scale(left, vec_of(hinges, k + 1, first)), scale(left, vec_of(hinges, k + 1, second))
     T, inverse = at(hinges, k, HINGE_ROW.torque) - dot(e, n), 1.0 / (dot(e, Je) + at(hinges, k, HINGE_ROW.armature))
-    keep_joint(hinges, k, Je, He, T, inverse)
+    keep_joint(hinges, k, first, second, Je, He, T, inverse)
     u = scale(inverse, Je)
     J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
     H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
@@ -85,7 +99,7 @@ def eliminate_along(hinges, k, J, H, M, n, f):
     """The same where the hinge's axis is the working axis z: what is left along it is exact."""
     Je, He, τ, A = (J[4], J[3], J[2]), H[2], at(hinges, k, HINGE_ROW.torque), at(hinges, k, HINGE_ROW.armature)
     T, inverse = τ - n[2], 1.0 / (J[2] + A)
-    keep_joint(hinges, k, Je, He, T, inverse)
+    keep_joint(hinges, k, HINGE_ROW.Je, HINGE_ROW.He, Je, He, T, inverse)
     u, v, rotor = inverse * J[4], inverse * J[3], inverse * A
     J = (J[0] - u * J[4], J[1] - v * J[3], rotor * J[2], rotor * J[3], rotor * J[4], J[5] - u * J[3])
     H = add_scaled(H[0], -u, He), add_scaled(H[1], -v, He), scale(rotor, He)
@@ -94,10 +108,29 @@ def eliminate_along(hinges, k, J, H, M, n, f):
 
 
 @inlined
-def keep_joint(hinges, k, Je, He, T, inverse):
+def propagate_prescribed(hinges, k, first, second, acceleration, J, H, n, f):
+    """n, f before a hinge whose q̈ is given; keeps J e, Hᵀ e and e·n for the torque that it takes."""
+    e = vec_of(hinges, k, HINGE_ROW.axis)
+    Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
+    put_vec_of(hinges, Je, k, first)
+    put_vec_of(hinges, He, k, second)
+    put_at(hinges, dot(e, n), k, HINGE_ROW.T)
+    return add_scaled(n, acceleration, Je), add_scaled(f, acceleration, He)
+
+
+@inlined
+def missing_torque(hinges, k, acceleration, α, a):
+    """What a hinge whose q̈ is given takes, e·(J α + H a + n) + A q̈, beyond what drive, spring and friction give it."""
+    Je, He = vec_of(hinges, k, HINGE_ROW.Je), vec_of(hinges, k, HINGE_ROW.He)
+    moment = dot(Je, α) + dot(He, a) + at(hinges, k, HINGE_ROW.T)
+    return moment + at(hinges, k, HINGE_ROW.armature) * acceleration - at(hinges, k, HINGE_ROW.torque)
+
+
+@inlined
+def keep_joint(hinges, k, first, second, Je, He, T, inverse):
     """What q̈ of a hinge follows from, once the accelerations before it are known."""
-    put_vec_of(hinges, Je, k, HINGE_ROW.Je)
-    put_vec_of(hinges, He, k, HINGE_ROW.He)
+    put_vec_of(hinges, Je, k, first)
+    put_vec_of(hinges, He, k, second)
     put_at(hinges, T, k, HINGE_ROW.T)
     put_at(hinges, inverse, k, HINGE_ROW.inverse)
 
@@ -114,12 +147,12 @@ def in_axes_before(bodies, i, J, H, M, n, f):
 
 
 @inlined
-def propagate_body(bodies, i, M, n, f):
+def propagate_body(bodies, i, outer, M, n, f):
     """J, h, n along the body's axes, M, f, at its hinge point, body included, where J = H = 0 at the next."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
-    r, mc, m = vec_of(bodies, i, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
-    I = inertia_of(bodies, i, BODY_ROW.inertia)
-    f = add(f, sym_apply(M, vec_of(bodies, i, BODY_ROW.b)))
+    r, mc, m = vec_of(bodies, outer, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
+    I = sym_of(bodies, i, BODY_ROW.inertia)
+    f = add(f, sym_apply(M, vec_of(bodies, outer, BODY_ROW.b)))
     d1, d2, d3 = cross(x, r), cross(y, r), cross(z, r)
     n = add((dot(x, n) + dot(d1, f), dot(y, n) + dot(d2, f), dot(z, n) + dot(d3, f)), vec_of(bodies, i, BODY_ROW.n))
     M1, M2, M3 = sym_apply(M, d1), sym_apply(M, d2), sym_apply(M, d3)
@@ -132,11 +165,11 @@ def propagate_body(bodies, i, M, n, f):
 
 
 @inlined
-def add_pair(bodies, i, j, h, t, J, h_body, n, M, f):
+def add_pair(bodies, i, outer, j, h, t, J, h_body, n, M, f):
     """What `propagate_body` gives, with J = j t tᵀ and H = t hᵀ at the next hinge point added."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
-    r = vec_of(bodies, i, BODY_ROW.r)
-    s = dot(h, vec_of(bodies, i, BODY_ROW.b))
+    r = vec_of(bodies, outer, BODY_ROW.r)
+    s = dot(h, vec_of(bodies, outer, BODY_ROW.b))
     t1, t2, t3 = dot(x, t), dot(y, t), dot(z, t)
     g1, g2, g3 = dot(cross(x, r), h), dot(cross(y, r), h), dot(cross(z, r), h)
     p1, p2, p3 = j * t1 + g1, j * t2 + g2, j * t3 + g3
@@ -150,10 +183,10 @@ def add_pair(bodies, i, j, h, t, J, h_body, n, M, f):
 
 
 @inlined
-def propagate_any(bodies, i, J, H, M, n, f):
+def propagate_any(bodies, i, outer, J, H, M, n, f):
     """The same as `propagate_body` with any J and H at the next hinge point."""
     x, y, z = axes_of(bodies, i, BODY_ROW.axes)
-    J, H, M, n, f = propagate_inertia(bodies, i, J, H, M, n, f)
+    J, H, M, n, f = propagate_inertia(bodies, i, outer, J, H, M, n, f)
     Jx, Jy, Jz = sym_apply(J, x), sym_apply(J, y), sym_apply(J, z)
     J = dot(x, Jx), dot(y, Jy), dot(z, Jz), dot(y, Jz), dot(x, Jz), dot(x, Jy)
     return J, (place(x, *H), place(y, *H), place(z, *H)), (dot(x, n), dot(y, n), dot(z, n)), M, f

@@ -7,6 +7,7 @@ import numpy as np
 from flexlink.kernels.bodies.couplings import CONSTANT, coupled_joints
 from flexlink.kernels.bodies.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
 from flexlink.kernels.bodies.rotation_springs import rotation_springs, rotation_springs_side_by_side
+from flexlink.kernels.forward.articulated_branches import DEMAND, fork_rows
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT, common_layout, layout_of
 from flexlink.kernels.tools.compiler import inlined, kernel
 from flexlink.kernels.tools.lanes import LANES, put_vec_of, vec_of
@@ -15,10 +16,13 @@ from flexlink.kernels.tools.sym3 import point_inertia, sym_add, symmetric
 from flexlink.kernels.tools.vec3 import scale, vector
 
 BODY_ROW = numbered(
-    # Fixed, body axes: columns of the mount's rotation, mass, m c, inertia about the hinge point, r to the next one.
+    # Fixed: columns of the mount's rotation, and reach, its hinge point, in axes of what it hangs on; mass, m c and
+    # inertia about the hinge point in its own.
     "mount:9 mass moment:3 own_inertia:6 reach:3",
-    # Of the state, working axes: x_j, r, m c, b = ω × (ω × r), ζ = Σ q̇_k ω × e_k, f = m ω × (ω × c); inertia and
-    # n = ω × I ω along x_j. These are the axes of the body, but of a pair e₂, e₁, e₂ × e₁.
+    # Of the state, working axes: x_j, m c, ζ = Σ q̇_k ω × e_k, f = m ω × (ω × c); inertia and n = ω × I ω along x_j.
+    # These are the axes of the body, but of a pair e₂, e₁, e₂ × e₁. In the working axes before those that may begin at
+    # this body: r, from the hinge point that it hangs on to its own, and b = ω × (ω × r), with ω of what it hangs on;
+    # where it slides, too, b has 2 q̇ ω × e of each hinge.
     "axes:9 r:3 mc:3 b:3 ζ:3 f:3 inertia:6 n:3",
     # Of a pair or triple, once J is eliminated: h_j / D_j, the factors of J, α and 1 / D_j.
     "h_D:9 factors:3 α:3 inverses:3",
@@ -38,11 +42,12 @@ class ArticulatedWork(NamedTuple):
     layout: Any
     axes: Any
     prescribed: Any
-    bodies: Any  # rows of numbers of the bodies
+    bodies: Any  # rows of numbers of the bodies, and one of zeros: nothing hangs on the last
     hinges: Any  # and of the hinges
     dry: Any
     flat: Any  # angles, cosines and sines, for the loop over all of them
     trig: Any  # the same memory, for the hinges
+    forks: Any  # rows of what branches go on from, and of what they demand
     pairs: Any  # coupled joints, and the couplings' constants
     coupled: Any
     rotation: Any  # springs of rotation vectors
@@ -53,7 +58,7 @@ def articulated_workspace(bodies, hinges, gravity, couplings):
     """Scratch of `articulated` with the chain's constants."""
     n = len(hinges)
     layout, axes = layout_of(bodies, hinges), np.empty(n, np.int64)
-    rows, joints = np.zeros((len(bodies), BODY_ROW.size)), np.zeros((n, HINGE_ROW.size))
+    rows, joints = np.zeros((len(bodies) + 1, BODY_ROW.size)), np.zeros((n, HINGE_ROW.size))
     for i in range(len(bodies)):
         b = bodies[i]
         for j in range(9):
@@ -63,8 +68,7 @@ def articulated_workspace(bodies, hinges, gravity, couplings):
         inertia = sym_add(symmetric(b.inertia), point_inertia(b.mass, vector(b.center)))
         for j in range(6):
             rows[i, BODY_ROW.own_inertia + j] = rows[i, BODY_ROW.inertia + j] = inertia[j]
-        if i > 0:
-            put_vec_of(rows, vector(b.translation), i - 1, BODY_ROW.reach)
+        put_vec_of(rows, vector(b.translation), i, BODY_ROW.reach)
     for k in range(n):
         put_joint(joints, k, hinges[k])
         joints[k, HINGE_ROW.armature], axes[k] = hinges[k].armature, hinges[k].axis
@@ -78,8 +82,9 @@ def articulated_workspace(bodies, hinges, gravity, couplings):
     )
     rotation = rotation_springs(bodies, hinges, couplings)
     return ArticulatedWork(
-        gravity.copy(), layout, axes, prescribed, rows, joints, dry, trig, trig, pairs, coupled, rotation
-    )
+        gravity.copy(), layout, axes, prescribed, rows, joints, dry, trig, trig, fork_rows(bodies), pairs, coupled,
+        rotation,
+    )  # fmt: skip
 
 
 @kernel
@@ -89,7 +94,8 @@ def articulated_lanes_workspace(bodies, hinges, gravity, couplings):
     one = articulated_workspace(bodies[0], hinges[0], gravity[0], couplings[0])
     pairs, coupled = one.pairs, np.empty((couplings.shape[1], CONSTANT.size, LANES))
     axes, coulomb, layouts = one.axes, np.zeros(n), np.empty((LANES, m, LAYOUT.size), np.int64)
-    base, rows, joints = np.empty((3, LANES)), np.empty((m, BODY_ROW.size, LANES)), np.empty((n, HINGE_ROW.size, LANES))
+    base, rows = np.empty((3, LANES)), np.empty((m + 1, BODY_ROW.size, LANES))
+    joints, forks = np.empty((n, HINGE_ROW.size, LANES)), np.empty((len(one.forks), DEMAND.size, LANES))
     trig = np.empty((3, n * LANES))
     for lane in range(LANES):
         one = articulated_workspace(bodies[lane], hinges[lane], gravity[lane], couplings[lane])
@@ -101,15 +107,8 @@ def articulated_lanes_workspace(bodies, hinges, gravity, couplings):
     layout, dry = common_layout(layouts), dry_joints(coulomb)
     rotation = rotation_springs_side_by_side(bodies, hinges, couplings)
     return ArticulatedWork(
-        base, layout, axes, prescribed, rows, joints, dry, trig, trig_lanes, pairs, coupled, rotation
+        base, layout, axes, prescribed, rows, joints, dry, trig, trig_lanes, forks, pairs, coupled, rotation
     )
-
-
-@inlined
-def inertia_of(bodies, i, first):
-    """Symmetric tensor that starts at `first` of row `i`."""
-    a, b = vec_of(bodies, i, first), vec_of(bodies, i, first + 3)
-    return a[0], a[1], a[2], b[0], b[1], b[2]
 
 
 @inlined

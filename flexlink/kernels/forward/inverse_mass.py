@@ -3,18 +3,20 @@
     group      load, inward                                              outward
     one hinge  T = r − e·n          n ← n + T J e / D                    x = (T − J e·α − Hᵀe·a) / D
                f ← f + T Hᵀe / D    then e·n ← r − A T / D               α ← α + x e
+    a slide    the same with f for n, a for α, H e and M e for J e and Hᵀ e
     triple     t with e_k·t = r_k   T = L⁻¹ (x_j·t − x_j·n)              Lᵀα = D⁻¹ (T − h·a)
     pair       t = r₁ e₁ + r₂ e₂    f ← f + Σ T_j h_j / D_j              x from the step of α over the group
 
 n ← n + r × f and a ← a + α × r from point to point, as in `articulated` at rest and without gravity. The factors are
-floats, r and x floats or eight side by side (`lanes`).
+floats, r and x floats or eight side by side (`lanes`). What branches demand becomes a load of the body that they begin
+on; outward the loads' rows keep its accelerations for them.
 """
 
 from flexlink.kernels.forward.articulated import spread
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of
-from flexlink.kernels.tools.compiler import inlined, recursion
-from flexlink.kernels.tools.lanes import at, put_at, vec_of, zero_of
+from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
+from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.vec3 import add, add_scaled, combine, combine2, cross, dot, place, sub
 
 
@@ -22,30 +24,41 @@ from flexlink.kernels.tools.vec3 import add, add_scaled, combine, combine2, cros
 def solve_on_articulated(r, loads, x, work):
     """Write x (n,) with M x + Jᵀ(loads) = r, 0 at prescribed joints; `work` as `articulated` leaves it.
 
-    `loads` (bodies, 6): moment and force that bodies demand at their hinge points, working axes.
+    `loads` (bodies, 6): moment and force that bodies demand at their hinge points, working axes; scratch afterwards.
     """
     layout, prescribed, bodies, hinges = work.layout, work.prescribed, work.bodies, work.hinges
     o = zero_of(x)
     n, f = (o, o, o), (o, o, o)
     for i in range(len(layout) - 1, -1, -1):
-        n, f = add(add(n, cross(vec_of(bodies, i, BODY_ROW.r), f)), vec_of(loads, i, 0)), add(f, vec_of(loads, i, 3))
+        n = add(add(n, cross(vec_of(bodies, i + 1, BODY_ROW.r), f)), vec_of(loads, i, 0))
+        f = add(f, vec_of(loads, i, 3))
         if layout[i, LAYOUT.group] == GROUP.triple or layout[i, LAYOUT.group] == GROUP.pair:
             triple = layout[i, LAYOUT.group] == GROUP.triple
             n, f = load_group(bodies, i, hinges, layout[i, LAYOUT.first], triple, r, x, n, f)
+        elif layout[i, LAYOUT.group] == GROUP.slides:
+            n, f = load_slides(layout, i, prescribed, hinges, r, x, n, f)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
                 if not prescribed[k]:
-                    n, f = load_hinge(hinges, k, r, x, n, f)
+                    n, f = load_hinge(hinges, k, HINGE_ROW.Je, HINGE_ROW.He, r, x, n, f)
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
             n, f = place(n, u, v, w), place(f, u, v, w)
+        if layout[i, LAYOUT.begins]:
+            add_branch(loads, layout[i, LAYOUT.parent], vec_of(bodies, i, BODY_ROW.r), n, f)
+            n, f = (o, o, o), (o, o, o)
     α, a = (o, o, o), (o, o, o)
     for i in range(len(layout)):
+        if layout[i, LAYOUT.begins]:
+            α, a = motion_of(loads, layout[i, LAYOUT.parent])
+        a = add(a, cross(α, vec_of(bodies, i, BODY_ROW.r)))
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
             α, a = (dot(u, α), dot(v, α), dot(w, α)), (dot(u, a), dot(v, a), dot(w, a))
         if layout[i, LAYOUT.group] == GROUP.triple or layout[i, LAYOUT.group] == GROUP.pair:
             α = move_group(bodies, i, hinges, layout[i, LAYOUT.first], layout[i, LAYOUT.group] == GROUP.triple, x, α, a)
+        elif layout[i, LAYOUT.group] == GROUP.slides:
+            a = move_slides(layout, i, prescribed, hinges, x, α, a)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
                 if prescribed[k]:
@@ -54,17 +67,58 @@ def solve_on_articulated(r, loads, x, work):
                     demand = dot(vec_of(hinges, k, HINGE_ROW.Je), α) + dot(vec_of(hinges, k, HINGE_ROW.He), a)
                     put_at(x, at(x, k) - hinges[k, HINGE_ROW.inverse] * demand, k)
                 α = add_scaled(α, at(x, k), vec_of(hinges, k, HINGE_ROW.axis))
-        a = add(a, cross(α, vec_of(bodies, i, BODY_ROW.r)))
+        if layout[i, LAYOUT.fork] > 0:
+            put_vec_of(loads, α, i, 0)
+            put_vec_of(loads, a, i, 3)
+
+
+@subroutine
+def add_branch(loads, number, r, n, f):
+    """Load body `number`, counted from 1, with what a branch demands at a hinge point r away; 0 is the base."""
+    if number > 0:
+        put_vec_of(loads, add(add(n, cross(r, f)), vec_of(loads, number - 1, 0)), number - 1, 0)
+        put_vec_of(loads, add(f, vec_of(loads, number - 1, 3)), number - 1, 3)
+
+
+@subroutine
+def motion_of(loads, number):
+    """α and a of such a body, which its row keeps."""
+    if number > 0:
+        return vec_of(loads, number - 1, 0), vec_of(loads, number - 1, 3)
+    o = zero_of(loads, 0, 0)
+    return (o, o, o), (o, o, o)
 
 
 @inlined
-def load_hinge(hinges, k, r, x, n, f):
-    """n and f before a hinge; x keeps T / D."""
+def load_hinge(hinges, k, first, second, r, x, n, f):
+    """n and f before a hinge; x keeps T / D. `first` and `second` say where J e and Hᵀ e are kept."""
     e, torque = vec_of(hinges, k, HINGE_ROW.axis), at(r, k)
     T = (torque - dot(e, n)) * hinges[k, HINGE_ROW.inverse]
     put_at(x, T, k)
-    n, f = add_scaled(n, T, vec_of(hinges, k, HINGE_ROW.Je)), add_scaled(f, T, vec_of(hinges, k, HINGE_ROW.He))
+    n, f = add_scaled(n, T, vec_of(hinges, k, first)), add_scaled(f, T, vec_of(hinges, k, second))
     return add_scaled(n, torque - hinges[k, HINGE_ROW.armature] * T - dot(e, n), e), f
+
+
+@subroutine
+def load_slides(layout, i, prescribed, hinges, r, x, n, f):
+    """n and f before the hinges of body `i`, which slide."""
+    for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+        if not prescribed[k]:
+            f, n = load_hinge(hinges, k, HINGE_ROW.He, HINGE_ROW.Je, r, x, f, n)
+    return n, f
+
+
+@subroutine
+def move_slides(layout, i, prescribed, hinges, x, α, a):
+    """a behind such hinges, and their x."""
+    for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+        if prescribed[k]:
+            put_at(x, zero_of(x), k)
+        else:
+            demand = dot(vec_of(hinges, k, HINGE_ROW.Je), α) + dot(vec_of(hinges, k, HINGE_ROW.He), a)
+            put_at(x, at(x, k) - hinges[k, HINGE_ROW.inverse] * demand, k)
+        a = add_scaled(a, at(x, k), vec_of(hinges, k, HINGE_ROW.axis))
+    return a
 
 
 @inlined

@@ -6,6 +6,8 @@ Articulated bodies as in `articulated`, hinge by hinge, at rest and without forc
                 D = e·J e + A         J ← J − J e (J e)ᵀ / D    H ← H − J e (Hᵀ e)ᵀ / D    M ← M − Hᵀ e (Hᵀ e)ᵀ / D
     load        n ← n + r × f         T = (r − e·n) / D         n ← n + T J e              f ← f + T Hᵀ e
     outward     x = T − (J e·α + Hᵀ e·a) / D                    α ← α + x e                a ← a + α × r
+
+Of a hinge that slides D = e·M e + A, H e and M e stand for J e and Hᵀ e, f for n, a for α.
 """
 
 import math
@@ -14,14 +16,31 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.bodies.couplings import cells_of
-from flexlink.kernels.forward.articulated_layout import LAYOUT
-from flexlink.kernels.forward.articulated_rows import BODY_ROW, articulated_workspace, axes_of, inertia_of
+from flexlink.kernels.forward.articulated_branches import (
+    add_inertia_of_branch,
+    add_load_of_branch,
+    clear,
+    keep_axes,
+    keep_motion,
+    motion_of,
+    with_inertia_of_branches,
+    with_load_of_branches,
+)
+from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
+from flexlink.kernels.forward.articulated_rows import BODY_ROW, articulated_workspace, axes_of
 from flexlink.kernels.forward.mass_plus_cells import rows_beside
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.forward.mass_plus_slides import (
+    displace_slides,
+    factor_slides,
+    load_slides,
+    move_slides,
+    place_slides,
+)
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
-from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply, sym_from_axes
+from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply, sym_from_axes, sym_of
 from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, pick, place, scale, turn_axes
 
 FACTORS = numbered("A inverse Je:3 He:3")  # of a hinge: A, 1 / D, J e and Hᵀ e
@@ -36,11 +55,12 @@ class SpacePosture(NamedTuple):
     prescribed: Any
     trig: Any  # angles, cosines, sines
     e: Any  # (n, 3) hinge axes
-    r: Any  # (bodies, 3) to the next hinge point
+    r: Any  # (bodies + 1, 3) to the hinge point, from that of the body before; one more row of zeros
     moments: Any  # (bodies, 3) m c
     inertias: Any  # (bodies, 6) about the hinge point
     first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings
     beside: Any  # (n, w, 2) K and D of those before it in its cell
+    forks: Any  # rows of what branches go on from, and of what they demand; scratch
 
 
 @kernel
@@ -50,19 +70,19 @@ def space_posture(bodies, hinges, gravity, couplings):
     first = cells_of(n, couplings)
     return SpacePosture(
         work.layout, work.axes, work.bodies, work.prescribed, work.trig,
-        np.zeros((n, 3)), np.zeros((m, 3)), np.zeros((m, 3)), np.zeros((m, 6)),
-        first, rows_beside(first, couplings),
+        np.zeros((n, 3)), np.zeros((m + 1, 3)), np.zeros((m, 3)), np.zeros((m, 6)),
+        first, rows_beside(first, couplings), work.forks,
     )  # fmt: skip
 
 
 @kernel
 def space_postures(s, posture):
     """Scratch of `s` postures of the same chain, whose arrays have a leading dimension (s,)."""
-    n, m = len(posture.e), len(posture.r)
+    n, m = len(posture.e), len(posture.moments)
     return SpacePosture(
         posture.layout, posture.axes, posture.rows, posture.prescribed, np.zeros((s, 3, n)),
-        np.zeros((s, n, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 6)),
-        posture.first, posture.beside,
+        np.zeros((s, n, 3)), np.zeros((s, m + 1, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 6)),
+        posture.first, posture.beside, posture.forks,
     )  # fmt: skip
 
 
@@ -72,7 +92,7 @@ def space_posture_of(i, postures):
     return SpacePosture(
         postures.layout, postures.axes, postures.rows, postures.prescribed, postures.trig[i],
         postures.e[i], postures.r[i], postures.moments[i], postures.inertias[i],
-        postures.first, postures.beside,
+        postures.first, postures.beside, postures.forks,
     )  # fmt: skip
 
 
@@ -85,18 +105,27 @@ def place_in_space(q, posture):
         trig[0, k] = q[k]
     cos_sin_all(trig[0], trig[1], trig[2])
     x, y, z = X, Y, Z
+    if len(posture.forks) > 0:
+        keep_axes(posture.forks, 0, x, y, z)
     for i in range(len(layout)):
+        if layout[i, LAYOUT.begins]:
+            x, y, z = axes_of(posture.forks, layout[i, LAYOUT.slot], 0)
+        put_vec_of(rs, place(vec_of(rows, i, BODY_ROW.reach), x, y, z), i, 0)
         if layout[i, LAYOUT.turned]:
             u, v, w = axes_of(rows, i, BODY_ROW.mount)
             x, y, z = place(u, x, y, z), place(v, x, y, z), place(w, x, y, z)
-        for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
-            put_vec_of(es, pick(axes[k], x, y, z), k, 0)
-            x, y, z = turn_axes(axes[k], trig[1, k], trig[2, k], x, y, z)
-        put_vec_of(rs, place(vec_of(rows, i, BODY_ROW.reach), x, y, z), i, 0)
+        if layout[i, LAYOUT.group] == GROUP.slides:
+            place_slides(q, posture, i, x, y, z)
+        else:
+            for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+                put_vec_of(es, pick(axes[k], x, y, z), k, 0)
+                x, y, z = turn_axes(axes[k], trig[1, k], trig[2, k], x, y, z)
         put_vec_of(moments, place(vec_of(rows, i, BODY_ROW.moment), x, y, z), i, 0)
-        I = sym_from_axes(x, y, z, inertia_of(rows, i, BODY_ROW.own_inertia))
+        I = sym_from_axes(x, y, z, sym_of(rows, i, BODY_ROW.own_inertia))
         put_vec_of(inertias, (I[0], I[1], I[2]), i, 0)
         put_vec_of(inertias, (I[3], I[4], I[5]), i, 3)
+        if layout[i, LAYOUT.fork] > 0:
+            keep_axes(posture.forks, layout[i, LAYOUT.fork], x, y, z)
 
 
 @recursion
@@ -105,26 +134,37 @@ def factor_in_space(factors, posture):
     layout, prescribed, es = posture.layout, posture.prescribed, posture.e
     o = factors.dtype.type(0)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
+    forks = posture.forks.view(factors.dtype)
+    clear(forks)
     for i in range(len(layout) - 1, -1, -1):
         J, H, M = add_body(posture, i, J, H, M)
-        for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
-            if not prescribed[k]:
-                e = vec_of(es, k, 0)
-                Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
-                inverse = 1.0 / (dot(e, Je) + factors[k, FACTORS.A])
-                put_vec_of(factors, Je, k, FACTORS.Je)
-                put_vec_of(factors, He, k, FACTORS.He)
-                factors[k, FACTORS.inverse] = inverse
-                u = scale(inverse, Je)
-                J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
-                H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
+        if layout[i, LAYOUT.fork] > 0:
+            J, H, M = with_inertia_of_branches(forks, layout[i, LAYOUT.fork], J, H, M)
+        if layout[i, LAYOUT.group] == GROUP.slides:
+            J, H, M = factor_slides(factors, posture, i, J, H, M)
+        else:
+            for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+                if not prescribed[k]:
+                    e = vec_of(es, k, 0)
+                    Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
+                    inverse = 1.0 / (dot(e, Je) + factors[k, FACTORS.A])
+                    put_vec_of(factors, Je, k, FACTORS.Je)
+                    put_vec_of(factors, He, k, FACTORS.He)
+                    factors[k, FACTORS.inverse] = inverse
+                    u = scale(inverse, Je)
+                    J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
+                    H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
+        if layout[i, LAYOUT.begins]:
+            if layout[i, LAYOUT.slot] > 0:
+                add_inertia_of_branch(forks, layout[i, LAYOUT.slot], vec_of(posture.r, i, 0), J, H, M)
+            J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
 
 
 @inlined
 def add_body(posture, i, J, H, M):
     """J, H, M at the hinge point of body i, from those at the next one."""
-    r, mc, m = vec_of(posture.r, i, 0), vec_of(posture.moments, i, 0), posture.rows[i, BODY_ROW.mass]
-    I = inertia_of(posture.inertias, i, 0)
+    r, mc, m = vec_of(posture.r, i + 1, 0), vec_of(posture.moments, i, 0), posture.rows[i, BODY_ROW.mass]
+    I = sym_of(posture.inertias, i, 0)
     d1, d2, d3 = (0.0, -r[2], r[1]), (r[2], 0.0, -r[0]), (-r[1], r[0], 0.0)  # unit vectors × r
     K1, K2, K3 = add(H[0], sym_apply(M, d1)), add(H[1], sym_apply(M, d2)), add(H[2], sym_apply(M, d3))
     J = (
@@ -142,34 +182,74 @@ def solve_in_space(factors, r, x, posture):
     layout, prescribed, es, rs = posture.layout, posture.prescribed, posture.e, posture.r
     o = factors.dtype.type(0)
     n, f = (o, o, o), (o, o, o)
+    forks = posture.forks.view(factors.dtype)
+    clear(forks)
     for i in range(len(layout) - 1, -1, -1):
-        n = add(n, cross(vec_of(rs, i, 0), f))
-        for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
-            if not prescribed[k]:
-                T = (r[k] - dot(vec_of(es, k, 0), n)) * factors[k, FACTORS.inverse]
-                x[k] = T
-                n = add_scaled(n, T, vec_of(factors, k, FACTORS.Je))
-                f = add_scaled(f, T, vec_of(factors, k, FACTORS.He))
+        n = add(n, cross(vec_of(rs, i + 1, 0), f))
+        if layout[i, LAYOUT.fork] > 0:
+            n, f = with_load_of_branches(forks, layout[i, LAYOUT.fork], n, f)
+        if layout[i, LAYOUT.group] == GROUP.slides:
+            n, f = load_slides(factors, r, x, posture, i, n, f)
+        else:
+            for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+                if not prescribed[k]:
+                    T = (r[k] - dot(vec_of(es, k, 0), n)) * factors[k, FACTORS.inverse]
+                    x[k] = T
+                    n = add_scaled(n, T, vec_of(factors, k, FACTORS.Je))
+                    f = add_scaled(f, T, vec_of(factors, k, FACTORS.He))
+        if layout[i, LAYOUT.begins]:
+            if layout[i, LAYOUT.slot] > 0:
+                add_load_of_branch(forks, layout[i, LAYOUT.slot], vec_of(rs, i, 0), n, f)
+            n, f = (o, o, o), (o, o, o)
     α, a = (o, o, o), (o, o, o)
+    if len(forks) > 0:
+        keep_motion(forks, 0, α, a)
     for i in range(len(layout)):
-        for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
-            if prescribed[k]:
-                x[k] = o
-            else:
-                Je, He = vec_of(factors, k, FACTORS.Je), vec_of(factors, k, FACTORS.He)
-                x[k] -= factors[k, FACTORS.inverse] * (dot(Je, α) + dot(He, a))
-                α = add_scaled(α, x[k], vec_of(es, k, 0))
+        if layout[i, LAYOUT.begins]:
+            α, a = motion_of(forks, layout[i, LAYOUT.slot])
         a = add(a, cross(α, vec_of(rs, i, 0)))
+        if layout[i, LAYOUT.group] == GROUP.slides:
+            a = move_slides(factors, x, posture, i, α, a)
+        else:
+            for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+                if prescribed[k]:
+                    x[k] = o
+                else:
+                    Je, He = vec_of(factors, k, FACTORS.Je), vec_of(factors, k, FACTORS.He)
+                    x[k] -= factors[k, FACTORS.inverse] * (dot(Je, α) + dot(He, a))
+                    α = add_scaled(α, x[k], vec_of(es, k, 0))
+        if layout[i, LAYOUT.fork] > 0:
+            keep_motion(forks, layout[i, LAYOUT.fork], α, a)
 
 
 @recursion
 def displacement_in_space(δ, posture):
-    """Largest displacement [m] that small changes δ (n,) of the angles give to the far end of any segment."""
-    layout, es, rs = posture.layout, posture.e, posture.r
-    φ, p, largest = ZERO, ZERO, 0.0
+    """Largest displacement [m] that small changes δ (n,) of angles and of slides give to any hinge point."""
+    layout, es, rs, forks = posture.layout, posture.e, posture.r, posture.forks
+    φ, p, largest, doubt = ZERO, ZERO, 0.0, 0.0
+    if len(forks) > 0:
+        keep_motion(forks, 0, φ, p)
     for i in range(len(layout)):
-        for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
-            φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
-        p = add(p, cross(φ, vec_of(rs, i, 0)))
+        if layout[i, LAYOUT.begins]:
+            doubt += φ[0] - φ[0]
+            φ, p = displace_branch(forks, layout[i, LAYOUT.slot], vec_of(rs, i, 0))
+            largest = max(largest, dot(p, p))
+        if layout[i, LAYOUT.group] == GROUP.slides:
+            p = displace_slides(δ, posture, i, p)
+            doubt += p[0] - p[0]
+            largest = max(largest, dot(p, p))
+        else:
+            for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+                φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
+        if layout[i, LAYOUT.fork] > 0:
+            keep_motion(forks, layout[i, LAYOUT.fork], φ, p)
+        p = add(p, cross(φ, vec_of(rs, layout[i, LAYOUT.next], 0)))
         largest = max(largest, dot(p, p))
-    return math.sqrt(largest + (φ[0] - φ[0]))  # nan, which `max` passes by, if a δ is not finite
+    return math.sqrt(largest + (φ[0] - φ[0]) + doubt)  # nan, which `max` passes by, if a δ is not finite
+
+
+@subroutine
+def displace_branch(forks, k, r):
+    """How a branch is turned, and displaced at its hinge point r away from that of its fork, where it begins."""
+    φ, p = motion_of(forks, k)
+    return φ, add(p, cross(φ, r))

@@ -24,6 +24,7 @@ from flexlink.kernels.forward.articulated_rows import (
 )
 from flexlink.kernels.forward.planar import planar
 from flexlink.kernels.inputs.tip_wrench import put_wrench
+from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import INLINED, by_type, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import LANES, keep_lanes, put_lanes
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
@@ -84,11 +85,29 @@ def dense(wrench, q, qd, tau, qdd, work):
     else:
         solve_cholesky(M, qdd, work.probe)
     take_torques(chain, wrench, q, qd, qdd, tau, bias, work)
+    turning_of_tip(chain, qd, known)
     ω, power = ZERO, 0.0
     for k in range(len(qd)):
-        ω = add_scaled(ω, qd[k], vector(work.composite.placed.axes[k]))
+        ω = add_scaled(ω, known[k], vector(work.composite.placed.axes[k]))
         power += qd[k] * (tau[k] - friction(chain.hinges[k], qd[k]))
     return power - lost + dot(ω, (wrench[3], wrench[4], wrench[5]))
+
+
+@recursion
+def turning_of_tip(chain, qd, rates):
+    """Write the rates of the hinges that turn the body on which the tip wrench acts, of all others zero."""
+    i = 0
+    for k in range(len(qd)):
+        rates[k] = 0.0
+    for j in range(len(chain.bodies)):
+        if chain.bodies[j].loaded:
+            i = j + 1
+    while i > 0:
+        b = chain.bodies[i - 1]
+        for k in range(b.first, b.stop):
+            if chain.hinges[k].axis < SLIDES:
+                rates[k] = qd[k]
+        i = b.parent if b.begins else i - 1
 
 
 @recursion

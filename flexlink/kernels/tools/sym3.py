@@ -14,6 +14,13 @@ def symmetric(J):
 
 
 @inlined
+def sym_of(rows, i, first):
+    """From an array of rows of shape (m, p), xx at `first` of row `i`."""
+    a, b = vec_of(rows, i, first), vec_of(rows, i, first + 3)
+    return a[0], a[1], a[2], b[0], b[1], b[2]
+
+
+@inlined
 def sym_add(A, B):
     """A + B."""
     return (A[0] + B[0], A[1] + B[1], A[2] + B[2], A[3] + B[3], A[4] + B[4], A[5] + B[5])

@@ -1,0 +1,78 @@
+"""Hinges that slide in (M + A) x = r, a body's in one call: see `mass_plus_diagonal_space` and `mass_plus_cells_space`.
+
+No springs are coupled with theirs, so that both treat them alike.
+"""
+
+from flexlink.kernels.forward.articulated_layout import LAYOUT
+from flexlink.kernels.forward.mass_plus_cells import COUPLED
+from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.compiler import subroutine
+from flexlink.kernels.tools.lanes import put_vec_of, vec_of
+from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply
+from flexlink.kernels.tools.vec3 import add_scaled, dot, pick, scale
+
+FACTORS = numbered("A inverse He:3 Me:3")  # of a hinge that slides: A, 1 / D, H e and M e
+
+
+@subroutine
+def place_slides(q, posture, i, x, y, z):
+    """Axes of the hinges of body `i` with axes x, y, z, and its hinge point where they are at q."""
+    r = vec_of(posture.r, i, 0)
+    for k in range(posture.layout[i, LAYOUT.first], posture.layout[i, LAYOUT.stop]):
+        e = pick(posture.axes[k] - SLIDES, x, y, z)
+        put_vec_of(posture.e, e, k, 0)
+        r = add_scaled(r, q[k], e)
+    put_vec_of(posture.r, r, i, 0)
+
+
+@subroutine
+def factor_slides(factors, posture, i, J, H, M):
+    """J, H and M before the hinges of body `i`, whose factors are kept."""
+    for k in range(posture.layout[i, LAYOUT.stop] - 1, posture.layout[i, LAYOUT.first] - 1, -1):
+        if not posture.prescribed[k]:
+            e = vec_of(posture.e, k, 0)
+            U, G = (dot(H[0], e), dot(H[1], e), dot(H[2], e)), sym_apply(M, e)
+            inertia = dot(e, G)
+            inverse = 1.0 / (inertia + factors[k, FACTORS.A])
+            put_vec_of(factors, U, k, FACTORS.He)
+            put_vec_of(factors, G, k, FACTORS.Me)
+            factors[k, FACTORS.inverse] = inverse
+            if factors.shape[1] > COUPLED.inertia:
+                factors[k, COUPLED.inertia] = inertia
+            u = scale(inverse, U)
+            J, M = sym_add_dyad(J, -inverse, U), sym_add_dyad(M, -inverse, G)
+            H = (add_scaled(H[0], -u[0], G), add_scaled(H[1], -u[1], G), add_scaled(H[2], -u[2], G))
+    return J, H, M
+
+
+@subroutine
+def load_slides(factors, r, x, posture, i, n, f):
+    """n and f before the hinges of body `i`; x keeps T."""
+    for k in range(posture.layout[i, LAYOUT.stop] - 1, posture.layout[i, LAYOUT.first] - 1, -1):
+        if not posture.prescribed[k]:
+            T = (r[k] - dot(vec_of(posture.e, k, 0), f)) * factors[k, FACTORS.inverse]
+            x[k] = T
+            n = add_scaled(n, T, vec_of(factors, k, FACTORS.He))
+            f = add_scaled(f, T, vec_of(factors, k, FACTORS.Me))
+    return n, f
+
+
+@subroutine
+def move_slides(factors, x, posture, i, α, a):
+    """a behind the hinges of body `i`, and their x."""
+    for k in range(posture.layout[i, LAYOUT.first], posture.layout[i, LAYOUT.stop]):
+        x[k] = 0.0 if posture.prescribed[k] else x[k]
+        if not posture.prescribed[k]:
+            pull = dot(vec_of(factors, k, FACTORS.He), α) + dot(vec_of(factors, k, FACTORS.Me), a)
+            x[k] -= factors[k, FACTORS.inverse] * pull
+            a = add_scaled(a, x[k], vec_of(posture.e, k, 0))
+    return a
+
+
+@subroutine
+def displace_slides(δ, posture, i, p):
+    """How far the hinge point of body `i` moves, from how far it moves by all before it."""
+    for k in range(posture.layout[i, LAYOUT.first], posture.layout[i, LAYOUT.stop]):
+        p = add_scaled(p, δ[k], vec_of(posture.e, k, 0))
+    return p

@@ -1,0 +1,65 @@
+"""Hinges that slide, in recursions of articulated bodies: a body's hinges in one call, apart from those that turn.
+
+Force and moment change places, acceleration and angular acceleration, too. With U = H e and G = M e, for J e and Hᵀ e
+
+    D = e·G + A      q̈ = (T − e·f − U·α − G·a) / D      J ← J − U Uᵀ/D      H ← H − U Gᵀ/D      M ← M − G Gᵀ/D
+
+The body's hinge point moves with it: r ← r + e q, and b ← b + ω × (ω × e q) + 2 q̇ ω × e.
+"""
+
+from flexlink.kernels.forward.articulated_groups import eliminate_joint, missing_torque, propagate_prescribed, swung
+from flexlink.kernels.forward.articulated_layout import LAYOUT
+from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW
+from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.compiler import inlined, subroutine
+from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
+from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, pick, scale
+
+
+@subroutine
+def put_slides(layout, i, axes, bodies, hinges, x, y, z, ω, places, qd):
+    """Keep the axes of the hinges of body `i` with axes x, y, z, and what they change in its r and b."""
+    r, b = vec_of(bodies, i, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.b)
+    for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+        e = pick(axes[k] - SLIDES, x, y, z)
+        put_vec_of(hinges, e, k, HINGE_ROW.axis)
+        r = add_scaled(r, at(places, k), e)
+        b = add_scaled(add(b, swung(ω, scale(at(places, k), e))), 2.0 * at(qd, k), cross(ω, e))
+    put_vec_of(bodies, r, i, BODY_ROW.r)
+    put_vec_of(bodies, b, i, BODY_ROW.b)
+
+
+@subroutine
+def eliminate_slides(layout, i, axes, prescribed, hinges, qdd, J, H, M, n, f):
+    """J, H, M, n, f before the hinges of body `i`, from those behind them; where q̈ is given, it adds to n and f."""
+    H = transposed(H)
+    for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+        if prescribed[k]:
+            f, n = propagate_prescribed(hinges, k, HINGE_ROW.He, HINGE_ROW.Je, at(qdd, k), M, H, f, n)
+        else:
+            again = k + 1 < layout[i, LAYOUT.stop] and axes[k] == axes[k + 1] and not prescribed[k + 1]
+            M, H, J, f, n = eliminate_joint(hinges, k, again, HINGE_ROW.He, HINGE_ROW.Je, M, H, J, f, n)
+    return J, transposed(H), M, n, f
+
+
+@inlined
+def transposed(A):
+    """Rows of Aᵀ, from those of A."""
+    a, b, c = A
+    return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
+
+
+@subroutine
+def accelerate_slides(layout, i, prescribed, hinges, qd, tau, qdd, α, a):
+    """Write q̈ of the hinges of body `i`, or the torques they take; returns a behind them, and the torques' power."""
+    power = zero_of(qdd)
+    for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+        if not prescribed[k]:
+            demand = dot(vec_of(hinges, k, HINGE_ROW.Je), α) + dot(vec_of(hinges, k, HINGE_ROW.He), a)
+            put_at(qdd, at(hinges, k, HINGE_ROW.inverse) * (at(hinges, k, HINGE_ROW.T) - demand), k)
+        a = add_scaled(a, at(qdd, k), vec_of(hinges, k, HINGE_ROW.axis))
+        if prescribed[k]:
+            more = missing_torque(hinges, k, at(qdd, k), α, a)
+            put_at(tau, at(tau, k) + more, k)
+            power += at(qd, k) * more
+    return a, power
