@@ -2,10 +2,10 @@
 
 In frame 0 every body i has a centre c_i, a rotation R_i and the Jacobians of its centre and of its turning,
 
-    v_ik = e_k × (c_i − p_k)        w_ik = e_k        for the hinges k before it, 0 for the others,
+    v_ik = e_k × (c_i − p_k)        w_ik = e_k        for the hinges k between it and the base, 0 for the others,
 
-with e_k the axis of hinge k and p_k its point. With a_i, α_i the accelerations at q̈ = 0 and J_i = R_i I_i R_iᵀ, the
-principle of virtual power (Kane) reads, with rotors A_k,
+with e_k the axis of hinge k and p_k its point; of one that slides v_ik = e_k and w_ik = 0. With a_i, α_i the
+accelerations at q̈ = 0 and J_i = R_i I_i R_iᵀ, the principle of virtual power (Kane) reads, with rotors A_k,
 
     M_jk = Σ_i m_i v_ij·v_ik + w_ij·J_i w_ik + A_k δ_jk
     T_GC_j = Σ_i v_ij·m_i (a_i − g) + w_ij·(J_i α_i + ω_i × J_i ω_i)
@@ -40,11 +40,38 @@ class Body(NamedTuple):
     rate: Vector
     acceleration: Vector
     angular: Vector
-    hinges: int  # number of hinges before it
+    hinges: tuple[int, ...]  # numbers of those between it and the base
+
+
+class Frame(NamedTuple):
+    """Where a body is and how it moves with q̈ = 0, in frame 0."""
+
+    R: Matrix
+    p: Vector
+    ω: Vector
+    α: Vector
+    a: Vector
+    hinges: tuple[int, ...]
+
+
+class Hinges(NamedTuple):
+    """Axes of all hinges in frame 0, their points, and whether they slide."""
+
+    axes: list[Vector]
+    points: list[Vector]
+    slide: list[bool]
+
+    def moves(self, k: int, place: Vector) -> Vector:
+        """Velocity of a place at a rate of 1 of hinge k."""
+        return self.axes[k] if self.slide[k] else cross(self.axes[k], sub(place, self.points[k]))
+
+    def turns(self, k: int) -> Vector:
+        """Angular velocity at that rate."""
+        return [mpf(0)] * 3 if self.slide[k] else self.axes[k]
 
 
 class SpatialChain:
-    """A chain of any layout, without tip wrench.
+    """A chain or tree of any layout, without tip wrench.
 
     Every method takes and returns mpmath numbers; call them inside `mp.workdps(DIGITS)`.
     """
@@ -56,18 +83,19 @@ class SpatialChain:
 
     def equations(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[Any, Vector]:
         """M(q) [kg m²], an mpmath matrix (n, n), and T_GC(q, q̇) [N m]."""
-        axes, points, bodies, _ = self._place(q, qd)
+        hinges, bodies, _ = self._place(q, qd)
         M, bias = mp.zeros(self.n, self.n), [mpf(0)] * self.n
         for body in bodies:
-            v = [cross(e, sub(body.center, p)) for e, p in zip(axes[: body.hinges], points, strict=False)]
-            Jw = [times(body.inertia, e) for e in axes[: body.hinges]]
+            v = {k: hinges.moves(k, body.center) for k in body.hinges}
+            w = {k: hinges.turns(k) for k in body.hinges}
+            Jw = {k: times(body.inertia, w[k]) for k in body.hinges}
             force = [body.mass * (a - g) for a, g in zip(body.acceleration, self.g, strict=True)]
             spin = times(body.inertia, body.rate)
             moment = add(times(body.inertia, body.angular), cross(body.rate, spin))
-            for j in range(body.hinges):
-                bias[j] += mp.fdot(v[j], force) + mp.fdot(axes[j], moment)
-                for k in range(j + 1):
-                    M[j, k] += body.mass * mp.fdot(v[j], v[k]) + mp.fdot(axes[j], Jw[k])
+            for j in body.hinges:
+                bias[j] += mp.fdot(v[j], force) + mp.fdot(w[j], moment)
+                for k in (k for k in body.hinges if k <= j):
+                    M[j, k] += body.mass * mp.fdot(v[j], v[k]) + mp.fdot(w[j], Jw[k])
         for j in range(self.n):
             M[j, j] += self.joints[j]["armature"]
             for k in range(j):
@@ -76,9 +104,11 @@ class SpatialChain:
 
     def load(self, q: Sequence[Any], wrench: Sequence[Any]) -> Vector:
         """Jᵀ w of a wrench on the tip, axes of frame 0 [N m]."""
-        axes, points, _, tip = self._place(q, [mpf(0)] * self.n)
-        force, moment = list(wrench[:3]), list(wrench[3:])
-        return [mp.fdot(e, add(moment, cross(sub(tip, p), force))) for e, p in zip(axes, points, strict=True)]
+        hinges, _, tip = self._place(q, [mpf(0)] * self.n)
+        force, moment, load = list(wrench[:3]), list(wrench[3:]), [mpf(0)] * self.n
+        for k in tip.hinges:
+            load[k] = mp.fdot(hinges.moves(k, tip.p), force) + mp.fdot(hinges.turns(k), moment)
+        return load
 
     def slopes(self, q: Vector, qd: Vector, qdd: Vector, wrench: Vector) -> tuple[Any, Any]:
         """∂T/∂q and ∂T/∂q̇ of T = M q̈ + T_GC − Jᵀ w + T_FL + T_FR, (n, n): central differences, error STEP²."""
@@ -110,31 +140,40 @@ class SpatialChain:
         rest = [t - b - s for t, b, s in zip(tau, bias, joint_torques(self.joints, q, qd), strict=True)]
         return list(mp.lu_solve(M, mp.matrix(rest)))
 
-    def _place(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[list[Vector], list[Vector], list[Body], Vector]:
-        """Axes and points of the hinges, the bodies that have inertia, and the tip."""
+    def _place(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[Hinges, list[Body], Frame]:
+        """The hinges, the bodies that have inertia, and the tip that the wrench acts on."""
         zero, one = mpf(0), mpf(1)
-        R: Matrix = [[one, zero, zero], [zero, one, zero], [zero, zero, one]]
-        p, ω, α, a = ([zero] * 3 for _ in range(4))
-        axes, points, bodies = [], [], []
+        rest = [zero] * 3
+        frames = [Frame([[one, zero, zero], [zero, one, zero], [zero, zero, one]], rest, rest, rest, rest, ())]
+        hinges, bodies = Hinges([], [], []), []
         for row in self.chain.bodies:
+            R, p, ω, α, a, before = frames[int(row["parent"])]
             r = times(R, exactly(row["translation"]))
             p, a = add(p, r), add(a, add(cross(α, r), cross(ω, cross(ω, r))))
             R = product(R, [exactly(line) for line in row["rotation"]])
             for k in range(int(row["first"]), int(row["stop"])):
-                axis = int(self.chain.hinges["axis"][k])
+                slides, axis = divmod(int(self.chain.hinges["axis"][k]), 3)
                 e = [R[line][axis] for line in range(3)]
-                axes.append(e)
-                points.append(p)
+                hinges.axes.append(e)
+                hinges.points.append(p)
+                hinges.slide.append(bool(slides))
+                before = (*before, k)
+                if slides:
+                    out = [q[k] * x for x in e]
+                    p, a = add(p, out), add(a, add(cross(α, out), cross(ω, cross(ω, out))))
+                    a = add(a, [2 * qd[k] * x for x in cross(ω, e)])
+                    continue
                 α = add(α, [qd[k] * x for x in cross(ω, e)])
                 ω = add(ω, [qd[k] * x for x in e])
                 R = product(R, turn(axis, q[k]))
+            frames.append(Frame(R, p, ω, α, a, before))
             c = times(R, exactly(row["center"]))
             if row["mass"] or row["inertia"].any():
                 turned = product(R, [exactly(line) for line in row["inertia"]])
                 inertia = product(turned, [list(column) for column in zip(*R, strict=True)])
                 acceleration = add(a, add(cross(α, c), cross(ω, cross(ω, c))))
-                bodies.append(Body(mpf(float(row["mass"])), inertia, add(p, c), ω, acceleration, α, len(axes)))
-        return axes, points, bodies, p
+                bodies.append(Body(mpf(float(row["mass"])), inertia, add(p, c), ω, acceleration, α, before))
+        return hinges, bodies, frames[1 + self.chain.loaded]
 
 
 def accelerations(chain: Chain, *states: Sequence[Any]) -> list[NDArray[np.float64]]:
