@@ -218,8 +218,8 @@ def chain_of(
     Raises
     ------
     DataFileError
-        There is no hinge or no tip, two hinges have the same coordinate, a hinge or tip hangs on none before it, a mass,
-        moment, spring or damper is negative, or springs between hinges are stiffer than those of the hinges.
+        There is no hinge or no tip, two hinges have the same coordinate, a hinge or tip hangs on none before it, a
+        mass, moment, spring or damper is negative, or springs between hinges are stiffer than those of the hinges.
     """
     if not hinges and tree.base is None:
         raise root.error("no movable joint")
