@@ -129,8 +129,8 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "no type": (edited('type="continuous"', ""), "<joint type>: missing"),
     "screw": (edited("continuous", "screw"), "type = 'screw': allowed are revolute"),
     "capital": (edited("continuous", "Continuous"), "did you mean 'continuous'"),
-    "floating": (edited("continuous", "floating"), "no movable joint"),
-    "planar": (edited("continuous", "planar"), "no movable joint"),
+    "floating": (edited("continuous", "floating"), "joint 'j', beyond 'a', is floating; only hinges and slides"),
+    "planar": (edited("continuous", "planar"), "joint 'j', beyond 'a', is planar; only hinges and slides"),
     "zero axis": (edited("</joint>", '<axis xyz="0 0 0"/></joint>'), "<axis xyz> = (0.0, 0.0, 0.0): must not be zero"),
     "no limit": (edited("continuous", "revolute"), "<limit>: missing"),
     "limits turned round": (

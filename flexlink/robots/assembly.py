@@ -69,10 +69,13 @@ def assembled(
 
 
 def _names(way: Paths) -> list[str]:
-    """Of the base, the parts and the tips, all different; parts have those of their links."""
+    """Of the base, the parts and the tips, all different; parts have those of their links.
+
+    One called base is renamed where another part is to say that it hangs on the base.
+    """
     links = [part.link for part in way.parts]
     tips = [tip.link if tip.link not in links else f"{tip.link} frame" for tip in way.tips]
-    return unique([BASE, *links, *tips])
+    return unique([BASE, *links, *tips]) if way.bears(0) > 1 else [BASE, *unique([*links, *tips])]
 
 
 def _hung(link: Link, on: str, before: list[Link]) -> Link:

@@ -51,19 +51,23 @@ def _original(scene: fl.Scene) -> Original:
 
 
 def _against_original(scene: fl.Scene, original: Original, samples: int) -> Iterator[Measured]:
-    """M and T_GC over their largest element, q̈ in units of what rounding explains."""
-    chain, largest = fl.lump(scene), np.zeros(3)
+    """M and T_GC over their largest element and joint by joint, q̈ in units of what rounding explains."""
+    chain, largest = fl.lump(scene), np.zeros(5)
     for s in random_states(chain, samples):
         M, T = original.mass_matrix(s.q), original.bias_torque(s.q, s.qd)
         theirs = original.acceleration(s.q, s.qd, s.tau - fl.friction_torque(chain, s.qd))
         pair = fl.forward_dynamics(chain, s.q, s.qd, s.tau), theirs
+        size = original.sizes(s.q)
+        ΔM, ΔT = fl.mass_matrix(chain, s.q) - M, fl.bias_torque(chain, s.q, s.qd) - T
         found = (
-            _apart(fl.mass_matrix(chain, s.q), M),
-            _apart(fl.bias_torque(chain, s.q, s.qd), T),
+            np.abs(ΔM).max() / np.abs(M).max(),
+            np.abs(ΔM / np.outer(size, size)).max(),
+            np.abs(ΔT).max() / np.abs(T).max(),
+            np.abs(ΔT / size).max() / np.abs(T / size).max(),
             acceleration_error(chain, s.q, s.qd, s.tau, solutions=pair).max(),
         )
         largest = np.maximum(largest, found)
-    for quantity, value in zip(("M", "T_GC", "q̈"), largest, strict=True):
+    for quantity, value in zip(("M", "M by joints", "T_GC", "T_GC by joints", "q̈"), largest, strict=True):
         yield Measured(quantity, float(value), scene.name, "pinocchio", {"states": samples})
 
 

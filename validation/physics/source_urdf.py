@@ -41,6 +41,20 @@ class Original:
         full = np.triu(M) + np.triu(M, 1).T
         return np.asarray(full[np.ix_(self.order, self.order)])
 
+    def sizes(self, q: Array) -> Array:
+        """√ of what each joint moves: the largest moment of inertia about its point, of one that slides the mass.
+
+        |M_ij| ≤ s_i s_j; unlike √(M_ii M_jj) no axis makes that small by what cancels.
+        """
+        pin.crba(self.model, self.data, self._posture(q), pin.Convention.LOCAL)
+        bodies = [self.data.Ycrb[joint.id] for joint in self.joints]
+        slides = [joint.shortname().removeprefix("JointModel").startswith("P") for joint in self.joints]
+        moved = [
+            body.mass if slid else np.linalg.eigvalsh(body.matrix()[3:, 3:])[-1]
+            for body, slid in zip(bodies, slides, strict=True)
+        ]
+        return np.sqrt(moved)
+
     def bias_torque(self, q: Array, qd: Array) -> Array:
         """T_GC by recursive Newton-Euler."""
         return np.asarray(pin.nle(self.model, self.data, self._posture(q), self._sorted(qd))[self.order])

@@ -1,0 +1,272 @@
+"""Robots imported whole: every joint that turns or slides moves as it does in the robot's own file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_robots import installed, with_files
+from urdf_texts import RandomRobot
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.common.errors import ArgumentError, DataFileError
+from flexlink.dynamics.rounding import in_units, of_bias_torque, of_mass_matrix
+from flexlink.robots.collection import folder
+from flexlink.robots.importing import ImportResult
+from flexlink.robots.robot_file import read_robot
+from validation.physics.source_urdf import Original
+
+FILES = sorted(file.relative_to(folder()).as_posix() for file in folder().rglob("*.urdf")) if installed() else []
+QUICK = ["panda_description/urdf/panda.urdf", "baxter_description/urdf/baxter.urdf"]
+NO_ROBOTS = {
+    "hector_description/robots/quadrotor_base.urdf": "no movable joint",
+    "iris_description/robots/iris_simple.urdf": "no movable joint",
+    "ur_description/urdf/ur3.urdf": "no link",
+    "alex_description/urdf/alex_psyonic_hands.urdf": "mimics 'index_q1', which does not exist",
+    "romeo_description/urdf/romeo_small.urdf": "no body can have it",
+    "romeo_description/urdf/romeo_laas_small.urdf": "no body can have it",
+}
+"""Files of example-robot-data without joints, links, a leader, or an inertia that can be."""
+FREE = ["j1", "j3", "j4", "j5", "j7", "j8", *(f"b{k}" for k in range(1, 10))]
+"""Joints of a random robot that move; j4 slides, and d1 … d9 follow b1 … b9."""
+
+
+@pytest.fixture
+def random_robot(tmp_path: Path) -> tuple[RandomRobot, Path]:
+    described, path = RandomRobot(5), tmp_path / "random.urdf"
+    path.write_text(described.text(), encoding="utf-8")
+    return described, path
+
+
+def written(tmp_path: Path, *joints: str, masses: dict[str, float] | None = None) -> Path:
+    """A robot of such joints, "name kind parent child …", whose links are balls of 1 kg unless stated."""
+    words = [joint.split(maxsplit=4) for joint in joints]
+    links = dict.fromkeys(link for _, _, parent, child, *_ in words for link in (parent, child))
+    text = ""
+    for link in links:
+        mass = (masses or {}).get(link, 1.0)
+        inertia = "".join(
+            f'i{axes}="{0.01 * mass * (axes[0] == axes[1])}" ' for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
+        )
+        body = f'<inertial><mass value="{mass}"/><inertia {inertia}/></inertial>' if mass else ""
+        text += f'<link name="{link}">{body}</link>'
+    for name, kind, parent, child, *more in words:
+        limit = '<limit lower="-1" upper="2" effort="1" velocity="1"/>' if kind in {"revolute", "prismatic"} else ""
+        text += f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        text += f'<origin xyz="0.1 0 0.2"/>{limit}{"".join(more)}</joint>'
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<robot name="robot">{text}</robot>', encoding="utf-8")
+    return path
+
+
+def original(path: Path, found: ImportResult) -> Original:
+    joints = [part.joint.name for part in found.path.parts]
+    return Original(path, joints, found.path.positions, np.array(found.scene.gravity))
+
+
+def check_against_file(path: Path, *, states: int) -> None:
+    """M to 1e-14 and T_GC to 1e-13 of what the joints move: fingers of some grams count as much as torsos."""
+    found = fl.import_urdf(path)
+    chain, theirs, random = fl.lump(found.scene), original(path, found), np.random.default_rng(0)
+    for _ in range(states):
+        q, qd = random.uniform(-3, 3, chain.n), random.uniform(-10, 10, chain.n)
+        M, T, size = theirs.mass_matrix(q), theirs.bias_torque(q, qd), theirs.sizes(q)
+        ΔM, ΔT = fl.mass_matrix(chain, q) - M, fl.bias_torque(chain, q, qd) - T
+        assert np.abs(ΔM).max() <= 1e-14 * np.abs(M).max()
+        assert np.abs(ΔM / np.outer(size, size)).max() <= 1e-14
+        assert np.abs(ΔT).max() <= 1e-13 * np.abs(T).max()
+        assert np.abs(ΔT / size).max() <= 1e-13 * np.abs(T / size).max()
+
+
+def test_there_are_forty_robots() -> None:
+    assert not FILES or len(set(FILES) - set(NO_ROBOTS)) >= 60
+
+
+@with_files
+@pytest.mark.parametrize("file", [pytest.param(f, marks=() if f in QUICK else pytest.mark.slow) for f in FILES])
+def test_a_whole_robot_moves_as_in_its_own_file(file: str) -> None:
+    if file in NO_ROBOTS:
+        with pytest.raises((ArgumentError, DataFileError), match=re.escape(NO_ROBOTS[file])):
+            fl.import_urdf(folder() / file)
+    else:
+        check_against_file(folder() / file, states=5)
+
+
+def test_a_random_tree_moves_as_in_pinocchio_followers_held(random_robot) -> None:
+    described, path = random_robot
+    found = fl.import_urdf(path, posture=described.posture)
+    chain, theirs, random = fl.lump(found.scene), original(path, found), np.random.default_rng(1)
+    assert sorted(part.joint.name for part in found.path.parts) == sorted(FREE)
+    for _ in range(5):
+        q, qd = random.uniform(-3, 3, (2, chain.n))
+        assert in_units(fl.mass_matrix(chain, q) - theirs.mass_matrix(q), of_mass_matrix(chain, q)).max() <= 1
+        ΔT = fl.bias_torque(chain, q, qd) - theirs.bias_torque(q, qd)
+        assert in_units(ΔT, of_bias_torque(chain, q, qd)).max() <= 1
+
+
+def test_every_tip_is_where_its_link_is_in_pinocchio(random_robot) -> None:
+    import pinocchio as pin  # noqa: PLC0415
+
+    described, path = random_robot
+    found = fl.import_urdf(path, posture=described.posture)
+    chain, theirs = fl.lump(found.scene), original(path, found)
+    q = np.random.default_rng(2).uniform(-2, 2, chain.n)
+    pin.framesForwardKinematics(theirs.model, theirs.data, theirs._posture(q))
+    assert [tip.link for tip in found.path.tips] == [f"a{k}" for k in range(1, 10)]
+    for tip in found.path.tips:
+        place = theirs.data.oMf[theirs.model.getFrameId(f"{tip.link} link")].translation
+        assert fl.tip_position(chain, q, tip=tip.link) == pytest.approx(place, abs=1e-13)
+
+
+def test_coordinates_go_path_by_path_in_the_order_of_the_file(tmp_path: Path) -> None:
+    path = written(
+        tmp_path, "lift prismatic base torso", "left revolute torso l1", "right revolute torso r1",
+        "head continuous base h", "elbow revolute l1 l2", "tool fixed l2 tool0", "grip prismatic r1 r2",
+    )  # fmt: skip
+    found = fl.import_urdf(path, posture={"lift": 0.5, "left": np.pi / 2})
+    names = ["torso", "l1", "l2", "tool0", "r1", "r2", "h"]
+    assert [link.name for link in found.scene.arm.links] == names
+    assert [link.on for link in found.scene.arm.links] == ["", "", "", "", "torso", "", "base"]
+    assert found.scene.initial.joint_m == (0.5, 0, 0, 0, 0, 0, 0)
+    assert found.scene.initial.joint_deg == (0, 90.0, 0, 0, 0, 0, 0)
+    assert found.scene.arm.links[0].joint.limits_m == (-1.0, 2.0)
+    assert fl.lump(found.scene).joint_units == ("m", "rad", "rad", "rad", "m", "rad")
+    assert repr(found) == "<ImportResult 'robot': 6 joints from base to tool0, r2, h>"
+    (tmp_path / "scene.toml").write_text(found.scene.to_toml(), encoding="utf-8")
+    assert fl.load_scene(tmp_path / "scene.toml") == found.scene
+
+
+def test_of_tips_that_are_named_only_the_ways_there_move(tmp_path: Path) -> None:
+    joints = ["lift prismatic base torso", "left revolute torso l1", "elbow revolute l1 l2", "right revolute torso r1"]
+    path = written(tmp_path, *joints, "head revolute base h")
+    found = fl.import_urdf(path, tip=["r1", "l1"], locked={"lift": 0.25})
+    assert [part.joint.name for part in found.path.parts] == ["left", "right"]
+    assert [part.folded for part in found.path.parts] == [("l2",), ()]
+    assert found.path.held == ("lift", "elbow")
+    assert found.scene.arm.links[0].mount.xyz == pytest.approx((0.2 + 0.25, 0.0, 0.4))
+    assert fl.import_urdf(path, tip=["l1"]).scene == fl.import_urdf(path, tip="l1").scene
+
+
+def test_a_tip_on_the_way_to_another_has_a_frame_of_its_own(tmp_path: Path) -> None:
+    path = written(tmp_path, "a revolute base l1", "b revolute l1 l2", "c fixed l2 tool")
+    found = fl.import_urdf(path, tip=["l1", "l2", "tool"])
+    assert [link.name for link in found.scene.arm.links] == ["l1", "l1 frame", "l2", "l2 frame", "tool"]
+    assert set(fl.lump(found.scene).tips) == {"l1 frame", "l2 frame", "tool"}
+
+
+def test_a_part_that_is_called_base_makes_room_for_what_hangs_on_the_base(tmp_path: Path) -> None:
+    path = written(tmp_path, "a revolute world base", "b revolute world other")
+    found = fl.import_urdf(path)
+    assert [(link.name, link.on) for link in found.scene.arm.links] == [("base_2", ""), ("other", "base")]
+    assert found.scene.arm.parents == (0, 0)
+    alone = fl.import_urdf(path, tip="base")
+    assert [link.name for link in alone.scene.arm.links] == ["base"]
+
+
+def test_a_free_base_has_the_body_of_its_link_and_the_arms_stay_what_they_are(random_robot) -> None:
+    described, path = random_robot
+    posture = described.posture | described.locked
+    fixed, free = (fl.import_urdf(path, posture=posture, free_base=free) for free in (False, True))
+    one, other = fl.lump(fixed.scene), fl.lump(free.scene)
+    assert other.has_free_base
+    assert other.n == one.n + 6
+    assert other.mass == pytest.approx(sum(body.mass for body in read_robot(path).links.values()), rel=1e-14)
+    q = np.random.default_rng(3).uniform(-2, 2, one.n)
+    M = fl.mass_matrix(other, np.append(np.zeros(6), q))[6:, 6:]
+    assert in_units(M - fl.mass_matrix(one, q), of_mass_matrix(one, q)).max() <= 1
+
+
+def test_a_free_base_starts_where_its_link_is_and_leaves_the_rest_out(tmp_path: Path) -> None:
+    path = written(
+        tmp_path, "drift floating world hull", "arm revolute hull l1", "mast fixed hull m", "other revolute world o"
+    )
+    found = fl.import_urdf(path, base="hull", free_base=True)
+    assert found.scene.initial.base.xyz == (0.1, 0.0, 0.2)
+    assert found.scene.arm.base.mass == 2.0
+    assert fl.lump(found.scene).mass == pytest.approx(3.0)
+    assert "hull: the base, free, 2 kg; includes m" in found.notes
+
+
+def test_a_free_base_without_inertia_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, "arm revolute hull l1", masses={"hull": 0.0})
+    with pytest.raises(DataFileError, match=r"link 'hull': mass = 0.0.*: a free base needs mass, and inertia"):
+        fl.import_urdf(path, free_base=True)
+
+
+def test_joints_beyond_which_nothing_has_inertia_stay_and_are_told(tmp_path: Path) -> None:
+    joints = ["arm revolute base l1", "a revolute l1 l2", "b prismatic l2 l3", "c fixed l3 tool", "d revolute l1 l4"]
+    path = written(tmp_path, *joints, masses={"l2": 0.0, "l3": 0.0, "tool": 0.0})
+    found = fl.import_urdf(path)
+    assert [part.joint.name for part in found.path.parts] == ["arm", "d"]
+    assert "nothing beyond them has inertia, they do not move: a, b" in found.notes
+    assert [part.joint.name for part in fl.import_urdf(path, armature={"b": 0.1}).path.parts] == ["arm", "a", "b", "d"]
+    with pytest.raises(DataFileError, match="link 'l3': nothing beyond its joint has inertia; choose a tip before it"):
+        fl.import_urdf(path, tip="tool")
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_joints_of_other_kinds_are_refused_by_name(kind: str, tmp_path: Path) -> None:
+    path = written(tmp_path, f"drift {kind} world hull", "arm revolute hull l1", "other revolute world o")
+    with pytest.raises(ArgumentError, match=f"joint 'drift', beyond 'world', is {kind}; .* --base hull"):
+        fl.import_urdf(path)
+    assert [part.joint.name for part in fl.import_urdf(path, tip="o").path.parts] == ["other"]
+    assert [part.joint.name for part in fl.import_urdf(path, base="hull").path.parts] == ["arm"]
+
+
+def test_what_hangs_on_a_link_that_bends_hangs_on_the_end_of_its_beam(tmp_path: Path) -> None:
+    """Springs slack, M is that of the rigid robot."""
+    joints = ["lift prismatic base torso", "left revolute torso l1", "right revolute torso r1", "elbow revolute l1 l2"]
+    path = written(tmp_path, *joints)
+    beam = fl.FlexibleLink(frequency_hz=9.0, line=((0.0, 0.0, 0.0), (0.03, 0.0, 0.05)))
+    rigid, bent = (fl.import_urdf(path, flexible=links, gravity=(0.0, 0.0, 0.0)) for links in ({}, {"torso": beam}))
+    one, other = fl.lump(rigid.scene), fl.lump(bent.scene)
+    q = np.zeros(other.n)
+    q[other.active] = np.random.default_rng(4).uniform(-1, 1, one.n)
+    ours = fl.mass_matrix(other, q)[np.ix_(other.active, other.active)]
+    assert ours == pytest.approx(fl.mass_matrix(one, q[other.active]), abs=1e-14)
+    found = fl.modes(other, np.zeros(other.n), locked=[n for n in other.joint_names if not n.startswith("torso.")])
+    assert found.hertz[0] == pytest.approx(9.0, rel=1e-9)
+
+
+def test_the_command_line_takes_several_tips_slides_in_metres_and_a_free_base(tmp_path: Path, capsys) -> None:
+    path = written(
+        tmp_path, "lift prismatic base torso", "left revolute torso l1", "right revolute torso r1", "h fixed r1 h"
+    )
+    out = tmp_path / "out.toml"
+    words = [
+        "import",
+        str(path),
+        "--tip",
+        "l1",
+        "--tip",
+        "h",
+        "--locked",
+        "lift=0.5",
+        "--posture",
+        "left=90",
+        "--free-base",
+    ]
+    assert main([*words, "-o", str(out)]) == 0
+    assert "robot: 2 joints from base to l1, h; moving mass" in capsys.readouterr().out
+    same = fl.import_urdf(path, tip=("l1", "h"), locked={"lift": 0.5}, posture={"left": np.pi / 2}, free_base=True)
+    assert fl.load_scene(out) == same.scene
+    assert main(["import", str(path), "--tip", "x"]) == 2
+    assert "tip = 'x': unknown; allowed are base, torso" in capsys.readouterr().err
+
+
+def test_tips_that_cannot_be_are_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, "lift prismatic base torso", "left revolute torso l1", "foot fixed base f")
+    for tip, message in {
+        (): r"tip = \(\): name a link, or leave it out for the whole robot",
+        ("l1", 3): "tip = 3: unknown",
+        ("l1", "f"): "no movable joint between 'base' and 'f'; the arm needs at least one",
+    }.items():
+        with pytest.raises(ArgumentError, match=message):
+            fl.import_urdf(path, tip=tip)
+    with pytest.raises(
+        ArgumentError, match="locked: joint 'left' is not between 'base' and 'torso'; put it into posture"
+    ):
+        fl.import_urdf(path, tip="torso", locked={"left": 0.0})
