@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -59,13 +60,13 @@ def outline_of(scene: Scene, chain: Chain) -> Outline:
     steel = 7850.0  # kg/m³; a payload is drawn as a ball of steel of its mass
     ball = (3 * arm.tip.mass / (4 * math.pi * steel)) ** (1 / 3)
     joints = np.array([chain.body(int(k)) + 1 for k in chain.active], dtype=np.int64)
-    bodies, places = np.array(body, dtype=np.int64), np.reshape(place, (-1, 3))
+    bodies, numbers, cuts = np.array(body, dtype=np.int64), np.array(number, dtype=np.int64), _cuts(arm, chain, found)
     return Outline(
-        np.array(link, dtype=np.int64), bodies, places,
+        np.array(link, dtype=np.int64), bodies, np.reshape(place, (-1, 3)),
         np.reshape(axes, (-1, 2, 3)), np.reshape(across, (-1, 2)), np.array(is_round, dtype=bool),
-        np.array(number, dtype=np.int64), np.array(part, dtype=float),
+        numbers, np.array(part, dtype=float),
         len(chain.bodies) + 1, joints, ball, np.array(arm.tip.center), found,
-        _cuts(arm, chain, found), base_body(chain), _rails(chain), _order(chain, bodies, places),
+        cuts, base_body(chain), _rails(chain), _order(chain, bodies, numbers, cuts),
     )  # fmt: skip
 
 
@@ -82,20 +83,16 @@ def _rails(chain: Chain) -> tuple[Whole, Array]:
     return chain.bodies["parent"][sliding].astype(np.int64), chain.bodies["translation"][sliding]
 
 
-def _order(chain: Chain, body: Whole, places: Array) -> Whole:
-    """`Outline.order`: every branch begins at the point of the body that it hangs on which is nearest to it."""
+def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts]) -> Whole:
+    """`Outline.order`: along every branch, from the body that it hangs on, what leads to the next body."""
     count, order = len(chain.bodies) + 1, list[int]()
     rails = {k + 1: [count + len(body) + row] for row, k in enumerate(_sliding(chain))}
-    for k, (parent, *bodies) in enumerate(branches_of(chain)):
-        if k:
-            there = np.append(parent, count + np.flatnonzero(body == parent))
-            away = np.linalg.norm(
-                np.concatenate([np.zeros((1, 3)), places[body == parent]]) - chain.bodies["translation"][bodies[0] - 1],
-                axis=1,
-            )
-            order += [-1, int(there[np.argmin(away)])]
-        for b in (parent, *bodies)[1 if k else 0 :]:
-            order += [*rails.get(b, []), b, *(count + np.flatnonzero(body == b)).tolist()]
+    for branch in branches_of(chain):
+        order += [-1, branch[0]] if order else [branch[0]]
+        for b, following in pairwise(branch):
+            here = np.flatnonzero(body == b).tolist()
+            order += [count + s for s in here if following - 1 in cuts[piece[s]].beyond]
+            order += [*rails.get(following, []), following]
     return np.array(order, dtype=np.int64)
 
 
