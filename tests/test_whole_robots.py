@@ -185,6 +185,7 @@ def test_a_free_base_starts_where_its_link_is_and_leaves_the_rest_out(tmp_path: 
     )
     found = fl.import_urdf(path, base="hull", free_base=True)
     assert found.scene.initial.base.xyz == (0.1, 0.0, 0.2)
+    assert found.scene.arm.links[0].mount.xyz == (0.1, 0.0, 0.2)
     assert found.scene.arm.base.mass == 2.0
     assert fl.lump(found.scene).mass == pytest.approx(3.0)
     assert "hull: the base, free, 2 kg; includes m" in found.notes
