@@ -22,7 +22,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 from flexlink.describe.schemes.methods import Method
 from flexlink.describe.shaping import ShaperRule
-from flexlink.describe.spec import ONE_PER_LINK, default_of, fields_of
+from flexlink.describe.spec import ONE_PER_LINK, Spec, default_of, fields_of
 from flexlink.describe.writing import toml_of
 from flexlink.robots.collection import KnownArm
 from flexlink.robots.flexible import FlexibleLink
@@ -42,9 +42,11 @@ def scene_page(_: Path) -> str:
     """Keys of a scene."""
     intro = """\
 Everything that a scene file, or :class:`flexlink.Scene` in Python, can say. SI units; angles in degrees where a key
-ends in ``_deg``, else radians. A path is also what ``--set``, :meth:`flexlink.Scene.varied` and sweeps take:
-``--set link.upper.segments=9``; links go by name or by number from 1, ``*`` is every link on which the key has an
-effect. Unknown keys, wrong types and values that cannot be are refused by name.
+ends in ``_deg``, else radians. Of joints that slide, the key with ``_m`` beside it says the same in metres; torques,
+gains and friction of such a joint are forces, N/m and so on. A path is also what ``--set``,
+:meth:`flexlink.Scene.varied` and sweeps take: ``--set link.upper.segments=9``; links go by name or by number from 1,
+``*`` is every link on which the key has an effect. Unknown keys, wrong types and values that cannot be are refused by
+name.
 """
     return _page("Keys of a scene", intro, [("", Scene)])
 
@@ -105,7 +107,9 @@ def records(kind: Record, path: str, known: set[Record]) -> Iterator[tuple[str, 
 
 def entries(kind: Record) -> list[tuple[msgspec.structs.FieldInfo, str]]:
     """Fields of a record as they stand in a file, each with the sentence below it in the source."""
-    told = sentences(kind)
+    told: dict[str, str] = {}
+    for each in (part for part in reversed(kind.__mro__) if issubclass(part, Spec)):
+        told |= sentences(each)
     found = [(field, told[field.name]) for field in fields_of(kind)]
     if kind is Scene:  # an arm has no table of its own in a file
         found = [pair for pair in found if pair[0].name != "arm"] + entries(Arm)

@@ -250,11 +250,9 @@ class Scene(Spec, frozen=True):
         """Where nothing else is said; but of a whole state nobody has said where a reference starts."""
         if self.initial.q is not None and self.drive.reference is not None:
             for slides in set(self.arm.slides):
-                unit = UNIT[slides]
-                if self.drive.reference.starts_at_initial(slides=slides) and not getattr(self.initial, f"joint_{unit}"):
-                    raise SceneError(
-                        f"drive.reference.from_{unit}: missing; initial.joint_{unit}, its default, is not given"
-                    )
+                key, default = f"from_{UNIT[slides]}", f"joint_{UNIT[slides]}"
+                if self.drive.reference.starts_at_initial(slides=slides) and not getattr(self.initial, default):
+                    raise SceneError(f"drive.reference.{key}: missing; initial.{default}, its default, is not given")
         joint_deg = (0.0,) * len(self.arm.links)
         msgspec.structs.force_setattr(self, "initial", replace(self.initial, joint_deg=joint_deg))
 

@@ -41,7 +41,7 @@ def moving_joints(plant: Any) -> list[Any]:
 
 def degrees_of_freedom(plant: Any) -> dict[str, int]:
     """Drake's number of each joint, by name; a floating base has six, spin first, by our names."""
-    found = {}
+    found = dict[str, int]()
     for joint in moving_joints(plant):
         floats = isinstance(joint, QuaternionFloatingJoint)
         names = (*BASE_JOINTS[3:], *BASE_JOINTS[:3]) if floats else (joint.name(),)
@@ -50,7 +50,7 @@ def degrees_of_freedom(plant: Any) -> dict[str, int]:
 
 
 def read(
-    plant: Any, context: Any, theirs: Coordinates, names: Sequence[str], own: Mapping[str, Array],
+    plant: Any, context: Any, theirs: Coordinates, names: Sequence[str], own: Mapping[str, Any],
     unspecified: frozenset[str],
 ) -> ReadBack:  # fmt: skip
     """The record of a plant, joints in the order of `names`, with the fields `own` that the adapter keeps."""

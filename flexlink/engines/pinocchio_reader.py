@@ -31,7 +31,7 @@ def require_joints_of(model: Any) -> None:
 
 def degrees_of_freedom(model: Any) -> dict[str, int]:
     """The model's number of each joint, by name; a floating base has six, by our names."""
-    found = {}
+    found = dict[str, int]()
     for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
         names = BASE_JOINTS if joint.shortname() == FREE_FLYER else (name,)
         found |= {each: joint.idx_v + k for k, each in enumerate(names)}

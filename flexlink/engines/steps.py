@@ -20,7 +20,7 @@ class Accelerations(Protocol):
     def __call__(
         self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
     ) -> Array:
-        """Of joint torques, and of force and moment (6,) on the tip, in axes of frame 0, or of the tip if it follows."""
+        """Of joint torques, and of force and moment (6,) on the tip in axes of frame 0; if it follows, in the tip's."""
 
 
 def run_in_steps(engine: str, problem: InitialValueProblem, accelerations: Accelerations) -> Samples:

@@ -38,8 +38,8 @@ def places(chain: Chain) -> Iterator[Place]:
 
     A free base's last hinge is what others hang on.
     """
-    for body, parent in zip(chain.bodies, _hung_on(chain), strict=True):
-        translation, rotation = body["translation"], body["rotation"]
+    for body, on in zip(chain.bodies, _hung_on(chain), strict=True):
+        parent, translation, rotation = on, body["translation"], body["rotation"]
         for k in range(body["first"], body["stop"]):
             last = k == body["stop"] - 1 and (body["mass"] or body["inertia"].any())
             yield Place(k, parent, translation, rotation, body if last else None)
@@ -97,7 +97,7 @@ def tree_said(chain: Chain) -> dict[str, str]:
 def _hung_on(chain: Chain) -> list[int]:
     """Of every body the last hinge of the one that it hangs on, −1 for the base."""
     stops = np.append(0, chain.bodies["stop"])
-    return (stops[chain.bodies["parent"]] - 1).tolist()
+    return [int(stop) - 1 for stop in stops[chain.bodies["parent"]]]
 
 
 def own_values(chain: Chain, k: int, standard: Iterable[str]) -> dict[str, str]:

@@ -69,7 +69,8 @@ class _Found:
 
     def __init__(self, own: Mapping[str, Node], links: Sequence[str]) -> None:
         self.own, self.links = own, links
-        self.hinges, self.ends, self.base = list[Hinge](), list[End](), None
+        self.hinges, self.ends = list[Hinge](), list[End]()
+        self.base: Mass | None = None
 
     def read(self, parent: Node, hung_on: str) -> None:
         """The bodies in one, which joint `hung_on` moves."""

@@ -218,8 +218,8 @@ def chain_of(
     Raises
     ------
     DataFileError
-        There is no hinge or no tip, two hinges have the same coordinate, a hinge or tip hangs on none before it, a mass, moment,
-        spring or damper is negative, or springs between hinges are stiffer than those of the hinges.
+        There is no hinge or no tip, two hinges have the same coordinate, a hinge or tip hangs on none before it, a
+        mass, moment, spring or damper is negative, or springs between hinges are stiffer than those of the hinges.
     """
     if not hinges and tree.base is None:
         raise root.error("no movable joint")
@@ -258,6 +258,14 @@ def _base_hinges() -> NDArray[np.void]:
     return hinges
 
 
+class _Item(NamedTuple):
+    """A body to be, in the order of links, tips last."""
+
+    rank: tuple[int, int]
+    first: Hinge | End
+    group: Sequence[Hinge]  # its hinges; none of a tip
+
+
 def _bodies(tree: Tree, hinges: Sequence[Hinge]) -> tuple[list[Body], dict[int, int]]:
     """The bodies, those of a link before its tip, and the numbers of tips, from 0, by that of the link."""
     bodies, on, ends = list[Body](), {"": 0}, dict[int, int]()
@@ -269,19 +277,20 @@ def _bodies(tree: Tree, hinges: Sequence[Hinge]) -> tuple[list[Body], dict[int, 
     begins = [k for k in range(len(hinges)) if k == 0 or not hinges[k].follows(hinges[k - 1])]
     groups = [hinges[k:end] for k, end in itertools.pairwise([*begins, len(hinges)])]
     tips = sorted(tree.ends, key=lambda tip: tip.link)
-    ranks = [(group[0].coordinate.link, 0, group) for group in groups], [(tip.link, 1, tip) for tip in tips]
-    for link, _, one in heapq.merge(*ranks, key=lambda rank: rank[:2]):
-        first = one if isinstance(one, End) else one[0]
+    moving = [_Item((group[0].coordinate.link, 0), group[0], group) for group in groups]
+    for (link, _), first, group in heapq.merge(
+        moving, [_Item((tip.link, 1), tip, []) for tip in tips], key=lambda item: item.rank
+    ):
         if first.parent not in on:
             raise first.node.error(f"hangs on {first.parent[:60]!r}, which is no joint before it")
         body = Body(Pose(first.rotation, first.translation), stop, stop, on[first.parent])
         bodies.append(body)
-        if isinstance(one, End):
+        if not group:
             ends[link] = len(bodies) - 1
             continue
-        stop += len(one)
-        body.stop, body.rigid = stop, _rigid(one[-1].body)
-        on[one[-1].node.attribute("name")] = len(bodies)
+        stop += len(group)
+        body.stop, body.rigid = stop, _rigid(group[-1].body)
+        on[group[-1].node.attribute("name")] = len(bodies)
     return bodies, ends
 
 

@@ -47,10 +47,11 @@ def check_start(scene: Scene, chain: Chain) -> None:
         link = chain.coordinates[k].link - 1
         slides = scene.arm.slides[link]
         starts, said, unit = float(in_own([slides], [initial.q[k]])[0]), scene.starts[link], UNIT[slides]
+        missing, default = f"from_{unit}", f"joint_{unit}"
         if reference.starts_at_initial(slides=slides) and abs(starts - said) > close:
             raise SceneError(
-                f"drive.reference.from_{unit}: missing; for the joint of {chain.link_names[link]!r} initial.q gives "
-                f"{starts:.9g} {unit} and initial.joint_{unit} {said:.9g}"
+                f"drive.reference.{missing}: missing; for the joint of {chain.link_names[link]!r} initial.q gives "
+                f"{starts:.9g} {unit} and initial.{default} {said:.9g}"
             )
 
 

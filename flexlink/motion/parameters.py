@@ -32,7 +32,7 @@ from flexlink.kernels.layout import BODY, COUPLING, HINGE
 POINTS = 9
 PARTS = 1 / 16, 1 / 128, 1 / 1024
 """Of the number, or of 1 where it is 0: Δ, the first with which the numbers of the run are smooth."""
-VARIED = "material", "section", "link", "tip", "drive", "initial"
+VARIED = "material", "section", "link", "tip", "base", "drive", "initial"
 """Tables whose numbers are parameters; those of a run change its steps."""
 
 
@@ -191,6 +191,9 @@ def _numbers(scene: Scene, chain: Chain) -> Numbers:
         target = spread(chain, scene.joint_targets)
         affine[AFFINE.u], affine[AFFINE.v], affine[AFFINE.w] = torque + kp * target, -kp, -kd
     start = np.array([spread(chain, scene.joint_positions), spread(chain, scene.joint_rates)])
+    if chain.has_free_base:
+        base = scene.initial.base
+        start[0, :3], start[1, :3], start[1, 3:6] = base.xyz, base.velocity, base.rates
     hinges, couplings = (
         {name: rows[name] for name in fields}
         for rows, fields in ((chain.hinges, names), (chain.couplings, ("stiffness", "damping")))

@@ -20,6 +20,7 @@ from flexlink.dynamics.batches import each
 from flexlink.dynamics.loads import InternalLoads, internal_loads
 from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.notes import defaults, notes
+from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.terms import Energy
 from flexlink.results import balance
@@ -153,6 +154,18 @@ class RunSamples(Result):
         """
         k = integer("k", k, -len(self.t), len(self.t) - 1)
         return State(float(self.t[k]), self.q[k].copy(), self.qd[k].copy())
+
+    def tip_of(self, link: str | int) -> Array:
+        """Where the tip of a link is that no other hangs on, in frame 0 at the samples [m], shape (samples, 3).
+
+        `tip` is that of the last link.
+
+        Raises
+        ------
+        ArgumentError
+            There is no such link, or others hang on it.
+        """
+        return read_only(tip_position(self.chain, self.q, tip=link))
 
     @functools.cached_property
     def qdd(self) -> Array:

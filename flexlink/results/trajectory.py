@@ -40,9 +40,10 @@ class Trajectory(RunSamples):
     def columns(self) -> Mapping[str, Array]:
         """Every sampled quantity as a column, shape (samples,), by its name with unit, in the order of the CSV file.
 
-        "t [s]", then by the names of joints "q upper [rad]", "qd upper [rad/s]", of driven ones "tau upper [N m]", then
-        "tip x [m]", "tip y [m]", "tip z [m]", "kinetic [J]", "gravity [J]", "elastic [J]", and, of flexlink's own runs,
-        "work [J]", "imbalance [J]".
+        "t [s]", then by the names of joints "q upper [rad]", "qd upper [rad/s]", of driven ones "tau upper [N m]", of
+        those that slide in m, m/s and N, then "tip x [m]", "tip y [m]", "tip z [m]", "kinetic [J]", "gravity [J]",
+        "elastic [J]", of flexlink's own runs "work [J]", "imbalance [J]", and of a free base "attitude w [1]" and so on
+        to z, "spin x [rad/s]" in axes of the base, "momentum x [N s]" and "angular momentum x [N m s]".
         """
         return Columns(self)
 

@@ -10,7 +10,8 @@ The bodies beyond hinge j demand, about their hinge points, with ρ = p − p_j 
     f = m δa + η_j × m c + 2 δω_j × (ω × m c)          n = m c × δa + I η_j − 2 G δω_j
 
 and where an angle changes, the body before the hinge meets e_j × f_j and e_j × n_j, what the hinge transmits, turned.
-An acceleration that is given, of joints with prescribed motion, asks with η_j = e_j alone.
+An acceleration that is given, of joints with prescribed motion, asks with η_j = e_j alone. A hinge that slides asks for
+δa alone, and shifts what it transmits: the body before it meets the moment e_j × f_j.
 """
 
 import math
@@ -39,12 +40,13 @@ from flexlink.kernels.forward.articulated_rows import (
 )
 from flexlink.kernels.forward.inverse_mass import solve_on_articulated
 from flexlink.kernels.forward.solvers import forward_dynamics
+from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite, is_finite
 from flexlink.kernels.tools.lanes import LANES, put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sym3 import sym_apply
-from flexlink.kernels.tools.vec3 import X, Y, Z, add, cross, dot, place, scale, sub
+from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, cross, dot, place, scale, sub
 
 VARIABLE = numbered("q qd tau")  # along which the derivatives are taken
 
@@ -114,13 +116,39 @@ def begin(tau, torque, qdd):
 @recursion
 def transmit(chain, force, moment, work):
     """Force and moment through the hinges of every body, as in `rne`."""
-    rows = work.motion.bodies
-    f, n = scale(-1.0, force), scale(-1.0, moment)
+    rows, transmitted = work.motion.bodies, work.transmitted
+    f = n = ZERO
+    clear_forks(chain.bodies, transmitted)
     for i in range(len(chain.bodies) - 1, -1, -1):
+        b = chain.bodies[i]
+        if b.fork > 0:
+            n, f = add(n, vec_of(transmitted, i, 0)), add(f, vec_of(transmitted, i, 3))
+        if b.loaded:
+            f, n = scale(-1.0, force), scale(-1.0, moment)
         f, n = add(f, vec_of(rows, i, BODY_MOTION.F)), add(n, vec_of(rows, i, BODY_MOTION.N))
-        put_vec_of(work.transmitted, n, i, 0)
-        put_vec_of(work.transmitted, f, i, 3)
+        put_vec_of(transmitted, n, i, 0)
+        put_vec_of(transmitted, f, i, 3)
         n = add(n, cross(vec_of(rows, i, BODY_MOTION.r), f))
+        if b.begins:
+            add_to_body(transmitted, b.parent, n, f)
+            f = n = ZERO
+
+
+@recursion
+def clear_forks(bodies, transmitted):
+    """No branch has brought anything to the bodies that they begin on."""
+    for i in range(len(bodies)):
+        if bodies[i].fork > 0:
+            for k in range(6):
+                transmitted[i, k] = 0.0
+
+
+@recursion
+def add_to_body(transmitted, number, n, f):
+    """Add what a branch brings to the row of a body, counted from 1; 0 is the base."""
+    if number > 0:
+        put_vec_of(transmitted, add(vec_of(transmitted, number - 1, 0), n), number - 1, 0)
+        put_vec_of(transmitted, add(vec_of(transmitted, number - 1, 3), f), number - 1, 3)
 
 
 @recursion
@@ -128,6 +156,8 @@ def keep_solution(factors, axes, accelerations):
     """Working axes of `articulated` at every body, and the accelerations that it has found, in frame 0."""
     x, y, z = X, Y, Z
     for i in range(len(axes)):
+        if factors.layout[i, LAYOUT.begins]:
+            x, y, z = axes_on(axes, factors.layout[i, LAYOUT.parent])
         if factors.layout[i, LAYOUT.restart]:
             u, v, w = axes_of(factors.bodies, i, RESTART.axes_before)
             x, y, z = place(u, x, y, z), place(v, x, y, z), place(w, x, y, z)
@@ -139,12 +169,24 @@ def keep_solution(factors, axes, accelerations):
 
 
 @recursion
+def axes_on(axes, number):
+    """Working axes of a body, counted from 1, or of the base, 0."""
+    if number > 0:
+        return vec_of(axes, number - 1, 0), vec_of(axes, number - 1, 3), vec_of(axes, number - 1, 6)
+    return X, Y, Z
+
+
+@recursion
 def write_loads(chain, qd, variable, first, work):
     """Write what the columns from `first` on ask of joints and bodies."""
     joint_loads(chain.hinges, qd, variable, first, work.r)
     if variable != VARIABLE.tau:
         coupling_loads(chain.couplings, variable, first, work.r)
     body_loads(chain, variable, first // LANES, work)
+    if len(work.motion.slides) > 0 and variable != VARIABLE.q:
+        slide_loads(chain, variable, first, work)
+    if len(work.motion.forks) > 0:
+        part_branches(chain.bodies, first, work.loads)
     if variable == VARIABLE.q:
         rotation_loads(work.factors.rotation.hinges, work.tangent, first, work.r)
         for i in range(len(chain.bodies)):
@@ -205,16 +247,19 @@ def keep_prescribed(hinges, by_input):
 def turn_transmitted(chain, i, j, lane, r, loads, work):
     """What the hinges of body `i` before hinge `j`, and the body before them, meet when the hinge turns."""
     hinges = work.motion.hinges
-    e = of_hinge(hinges, j, HINGE_MOTION.e)
+    e, parent = of_hinge(hinges, j, HINGE_MOTION.e), chain.bodies[i].parent - 1
     n, f = cross(e, vec_of(work.transmitted, i, 0)), cross(e, vec_of(work.transmitted, i, 3))
-    for k in range(chain.bodies[i].first, j):
-        r[k, lane] -= dot(of_hinge(hinges, k, HINGE_MOTION.e), n)
-    if i > 0:
-        n = in_axes(work.axes, i - 1, add(n, cross(vec_of(work.motion.bodies, i, BODY_MOTION.r), f)))
-        f = in_axes(work.axes, i - 1, f)
+    if chain.hinges[j].axis >= SLIDES:
+        n, f = f, ZERO
+    else:
+        for k in range(chain.bodies[i].first, j):
+            r[k, lane] -= dot(of_hinge(hinges, k, HINGE_MOTION.e), n)
+    if parent >= 0:
+        n = in_axes(work.axes, parent, add(n, cross(vec_of(work.motion.bodies, i, BODY_MOTION.r), f)))
+        f = in_axes(work.axes, parent, f)
         for row in range(3):
-            loads[i - 1, row, lane] += n[row]
-            loads[i - 1, 3 + row, lane] += f[row]
+            loads[parent, row, lane] += n[row]
+            loads[parent, 3 + row, lane] += f[row]
 
 
 @inlined
@@ -226,12 +271,12 @@ def in_axes(axes, i, a):
 @recursion
 def body_loads(chain, variable, block, work):
     """What bodies beyond the hinges of a block demand; nothing of the others."""
-    loads, first, last, prescribed = work.loads, block * LANES, len(chain.bodies) - 1, any_prescribed(chain.hinges)
+    loads, first, prescribed = work.loads, block * LANES, any_prescribed(chain.hinges)
     for i in range(len(chain.bodies)):
         beyond = chain.bodies[i].stop - first
         if beyond > 0 and (variable != VARIABLE.tau or prescribed):
             n, f = load_of_body(work.motion.bodies, work.motion.hinges, i, chain.bodies[i].mass, variable, block)
-            if i == last and variable == VARIABLE.q:
+            if chain.bodies[i].loaded and variable == VARIABLE.q:
                 n = sub(n, vec_of(work.motion.hinges, block, HINGE_MOTION.δm))
                 f = sub(f, vec_of(work.motion.hinges, block, HINGE_MOTION.δF))
             put_vec_of(loads, in_axes(work.axes, i, n), i, 0)
@@ -242,6 +287,38 @@ def body_loads(chain, variable, block, work):
             if lane >= beyond or (variable == VARIABLE.tau and not chain.hinges[first + lane].prescribed):
                 for row in range(6):
                     loads[i, row, lane] = 0.0
+
+
+@subroutine
+def slide_loads(chain, variable, first, work):
+    """What bodies demand where rates or accelerations of hinges from `first` on change that slide."""
+    motion = work.motion
+    for number in range(len(motion.slides)):
+        j = motion.slides[number]
+        if first <= j < first + LANES and (variable == VARIABLE.qd or chain.hinges[j].prescribed):
+            δa = of_hinge(motion.hinges, j, HINGE_MOTION.e)
+            if variable == VARIABLE.qd:
+                δa = scale(2.0, of_hinge(motion.hinges, j, HINGE_MOTION.δv))
+            for i in range(len(chain.bodies)):
+                if chain.bodies[i].stop > j:
+                    n = in_axes(work.axes, i, cross(vec_of(motion.bodies, i, BODY_MOTION.mc), δa))
+                    f = in_axes(work.axes, i, scale(chain.bodies[i].mass, δa))
+                    for row in range(3):
+                        work.loads[i, row, j - first], work.loads[i, 3 + row, j - first] = n[row], f[row]
+
+
+@subroutine
+def part_branches(bodies, first, loads):
+    """No load where hinges from `first` on are not on the path from the base to a body."""
+    for i in range(len(bodies)):
+        number, stop = i + 1, first + LANES
+        while stop > first:
+            begin = bodies[number - 1].first if number > 0 else 0
+            own = bodies[number - 1].stop if number > 0 else 0
+            for j in range(max(first, own), stop):
+                for row in range(6):
+                    loads[i, row, j - first] = 0.0
+            stop, number = min(stop, begin), bodies[number - 1].parent if number > 0 else 0
 
 
 @inlined

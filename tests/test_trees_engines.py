@@ -1,0 +1,206 @@
+"""Trees, sliding joints and free bases: files say all of them, and other engines, which load the files, agree."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from xml.etree import ElementTree as ET
+
+import mujoco
+import numpy as np
+import pytest
+from test_reading import assert_same
+
+import flexlink as fl
+from flexlink.chain.free_base import rates_matrices, rates_matrices_changing, rotations_of
+from flexlink.diagnosis.quantities import QUANTITIES
+from flexlink.diagnosis.states import mixed_states
+from flexlink.dynamics.placement import frames
+from flexlink.engines import load
+from flexlink.engines.read_back import of_chain
+from flexlink.formats import FORMATS
+from flexlink.formats.document import loaded_tip
+from flexlink.formats.mjcf import depth_first
+from flexlink.formats.small_mass import with_small_mass
+from validation.random_arms import random_tree
+
+EPS = np.finfo(float).eps
+SEEDS = range(4)
+EVERY_FORMAT = pytest.mark.parametrize("format", FORMATS.values(), ids=FORMATS)
+
+
+def witness(name: str, package: str = "") -> object:
+    missing = importlib.util.find_spec(package or name) is None
+    return pytest.param(name, marks=pytest.mark.skipif(missing, reason=f"not run: {name} is not installed"))
+
+
+WITNESSES = [witness("pinocchio"), witness("mujoco"), witness("exudyn"), witness("drake", "pydrake")]
+
+
+def satellite() -> fl.Scene:
+    """A free base that starts turned, with a bending panel and a boom that slides out and carries two hands."""
+    bar = {"material": "al", "section": "s"}
+    links = (
+        fl.Link(name="panel", mount=fl.Mount(xyz=(0.5, 0.0, 0.0)), length=2.0, flex="z", segments=3, **bar),
+        fl.Link(
+            name="boom", on="base", mount=fl.Mount(xyz=(-0.5, 0.0, 0.0), rpy_deg=(0.0, 20.0, 180.0)), length=1.0,
+            joint=fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), limits_m=(-1.0, 1.0), armature=2.0,
+                           gear_stiffness=5e4, viscous=3.0), flex="xyz", segments=3, **bar,
+        ),
+        fl.Link(name="left", on="boom", length=0.3, hub=fl.RigidBody(mass=1.0, inertia=(0.01, 0.02, 0.025))),
+        fl.Link(name="right", on="boom", length=0.2, joint=fl.Joint(axis=(0.0, 1.0, 0.0)),
+                hub=fl.RigidBody(mass=2.0, inertia=(0.03, 0.02, 0.025))),
+    )  # fmt: skip
+    arm = fl.Arm(
+        links=links, materials={"al": fl.Material(young=70e9, density=2700.0)},
+        sections={"s": fl.Section(shape="circle", diameter=0.03)},
+        base=fl.Base(kind="free", mass=100.0, center=(0.1, 0.0, -0.1), inertia=(10.0, 12.0, 15.0)),
+    )  # fmt: skip
+    return fl.Scene(
+        name="satellite", arm=arm, gravity=(0.0, 0.0, -1.6),
+        initial=fl.InitialState(
+            joint_deg=(0.0,) * 4, rate_deg=(5.0, 0.0, -20.0, 10.0), joint_m=(0.0, 0.2, 0.0, 0.0),
+            base=fl.BaseState(xyz=(1.0, 2.0, 3.0), rpy_deg=(20.0, -50.0, 130.0), velocity=(0.1, -0.2, 0.3),
+                              spin_deg=(5.0, -3.0, 8.0)),
+        ),
+        wrench=fl.Wrench(force=(1.0, 2.0, -3.0), moment=(0.5, 0.1, -0.2), on="left"),
+        run=fl.RunSettings(method="RK4", step=1e-4, duration=0.05, sample=0.01),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def chain() -> fl.Chain:
+    return fl.lump(satellite())
+
+
+def test_angular_velocity_and_its_drift_are_those_of_the_turn(rng: np.random.Generator) -> None:
+    """Of an attitude along φ(t) = φ₀ + φ̇ t: Rᵀ Ṙ = [S φ̇]×, and d/dt S φ̇ = Ṡ φ̇, by differences."""
+    φ, rates, h = rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3), 1e-5
+    before, after = (rotations_of(φ + t * rates) for t in (-h, h))
+    turn = rotations_of(φ).T @ (after - before) / (2 * h)
+    spin = rates_matrices(φ) @ rates
+    assert np.array([turn[2, 1], turn[0, 2], turn[1, 0]]) == pytest.approx(spin, abs=1e-9)
+    change = (rates_matrices(φ + h * rates) - rates_matrices(φ - h * rates)) @ rates / (2 * h)
+    assert change == pytest.approx(rates_matrices_changing(φ, rates) @ rates, abs=1e-9)
+
+
+@EVERY_FORMAT
+def test_files_read_back_to_the_same_tree(format, chain: fl.Chain) -> None:
+    for one in (chain, *(fl.lump(random_tree(seed)) for seed in range(12))):
+        read = format.read(format.write(one))
+        assert_same(read, one)
+        assert read.tips == one.tips
+
+
+@EVERY_FORMAT
+def test_small_masses_go_between_joints_of_a_tree_but_not_into_its_base(format, chain: fl.Chain) -> None:
+    filled = with_small_mass(chain, mass=1e-6)
+    read = format.read(format.write(filled))
+    assert_same(read, filled)
+    assert read.tips == filled.tips
+    assert filled.mass - chain.mass == pytest.approx(5e-6, rel=1e-6)  # the boom's motor, and x and y of its two hinges
+    q = np.linspace(-0.5, 0.5, chain.n)
+    assert fl.mass_matrix(filled, q) == pytest.approx(fl.mass_matrix(chain, q), abs=1e-4)
+
+
+def test_a_file_says_in_its_own_words_what_slides_floats_and_branches(chain: fl.Chain) -> None:
+    robot = ET.fromstring(fl.to_urdf(chain))
+    kinds = {joint.attrib["name"]: joint.attrib["type"] for joint in robot.findall("joint")}
+    assert kinds["boom"] == kinds["boom.gear"] == "prismatic"
+    assert kinds["panel.1.z"] == "revolute"
+    assert not [joint for joint in robot.findall("joint") if joint.find("child").attrib["link"] == "base_link"]
+    assert float(robot.find("link[@name='base_link']/inertial/mass").attrib["value"]) == 100.0
+    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
+    assert model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
+    assert (model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE).sum() == 2  # motor and boom
+    assert {"panel", "left", "tip"} <= {model.body(k).name for k in range(model.nbody)}
+    model = ET.fromstring(fl.to_sdf(chain)).find("world/model")
+    assert len(model.findall("link")) == len(model.findall("joint")) + 1
+
+
+def test_a_keyframe_places_the_base_by_a_quaternion_and_joints_branch_by_branch(chain: fl.Chain) -> None:
+    scene = satellite()
+    q, qd = fl.initial_state(scene, chain)
+    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain, initial=(q, qd)))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    for name, number in chain.tips.items():
+        called = "tip" if name == "right" else name
+        assert data.body(called).xpos == pytest.approx(frames(chain, q).points[number], abs=1e-14)
+    assert model.nv == chain.n == len(depth_first(chain))
+    assert data.qvel[3:6] == pytest.approx(np.radians([5.0, -3.0, 8.0]), rel=1e-14)  # in axes of the base
+
+
+def test_mujoco_refuses_branches_where_nothing_has_mass() -> None:
+    links = (fl.Link(name="cart"), *(
+        fl.Link(name=name, on="cart", hub=fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))) for name in ("a", "b")
+    ))  # fmt: skip
+    chain = fl.lump(fl.Scene(name="t", arm=fl.Arm(links=links), initial=fl.InitialState(joint_deg=(0.0,) * 3)))
+    with pytest.raises(fl.errors.ArgumentError, match="branch off behind joint 'cart', where there is no mass"):
+        fl.to_mjcf(chain)
+    assert_same(FORMATS["urdf"].read(fl.to_urdf(chain)), chain)
+
+
+@EVERY_FORMAT
+@pytest.mark.parametrize(
+    ("pattern", "wrong"),
+    [
+        (r'loaded(="|" data=")3"', r'loaded\g<1>9"'),
+        (r'base(="|" data=")[-0-9.e]+ ', r"base\g<1>2.0 "),
+        (r'(link="|flexlink.tip.panel" data=")1', r"\g<1>2"),
+    ],
+    ids=["a link that is not there", "a stretched attitude", "another link's tip"],
+)
+def test_what_is_wrong_of_base_or_tips_is_refused_in_one_line(format, pattern, wrong, chain: fl.Chain) -> None:
+    text, count = re.subn(pattern, wrong, format.write(chain), count=1)
+    assert count == 1
+    with pytest.raises(fl.errors.DataFileError, match=r"^the [^\n]+$"):
+        format.read(text)
+
+
+@pytest.mark.parametrize("name", WITNESSES)
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_every_term_agrees_as_far_as_rounding_lets_it(name: str, quantity: str, chain: fl.Chain) -> None:
+    native, other, term = load("native", chain), load(name, chain), QUANTITIES[quantity]
+    for state in mixed_states(chain, 8):
+        expected, got = (term.evaluate(engine, state) for engine in (native, other))
+        assert term.error(chain, state, got, expected).max() <= 1
+        if quantity == "M":
+            assert np.array_equal(got, got.T)
+
+
+@pytest.mark.parametrize("name", WITNESSES)
+def test_the_arm_as_an_engine_has_read_it_is_ours(name: str, chain: fl.Chain) -> None:
+    ours, theirs = of_chain(chain), load(name, chain).read_back()
+    if name != "drake":
+        assert theirs.names == ours.names
+    assert theirs.parents.tolist() == ours.parents.tolist()
+    assert theirs.slides.tolist() == ours.slides.tolist()
+    for field in ("axes", "points", "masses", "centers", "inertias", "stiffness", "damping", "armature", "gravity"):
+        assert getattr(theirs, field) == pytest.approx(getattr(ours, field), rel=1e-13, abs=1e-13), field
+    assert theirs.tip == pytest.approx(ours.tip, abs=1e-13)
+
+
+@pytest.mark.parametrize("name", WITNESSES)
+def test_random_trees_agree(name: str) -> None:
+    """M to 1e-13, T_GC with a wrench at any of the tips to 1e-12."""
+    for seed in SEEDS:
+        chain, random = fl.lump(random_tree(seed)), np.random.default_rng(seed)
+        q, qd, wrench = random.uniform(-1, 1, chain.n), random.uniform(-1, 1, chain.n), random.normal(size=6)
+        engine = load(name, chain)
+        for got, expected, tolerance in (
+            (engine.mass_matrix(q), fl.mass_matrix(chain, q), 1e-13),
+            (engine.bias_torque(q, qd, tip_wrench=wrench), fl.bias_torque(chain, q, qd, tip_wrench=wrench), 1e-12),
+        ):
+            assert np.abs(got - expected).max() <= tolerance * np.abs(expected).max(), seed
+
+
+def test_the_wrench_acts_at_the_tip_that_the_scene_names(chain: fl.Chain) -> None:
+    assert loaded_tip(chain).name == "left"
+    last = fl.lump(satellite().varied({"wrench.on": ""}))
+    q, wrench = np.full(chain.n, 0.2), np.array([1.0, 2.0, -3.0, 0.5, 0.1, -0.2])
+    for one in (chain, last):
+        expected = fl.bias_torque(one, q, 0 * q, tip_wrench=wrench)
+        for name in ("pinocchio", "mujoco"):
+            assert load(name, one).bias_torque(q, 0 * q, tip_wrench=wrench) == pytest.approx(expected, abs=1e-10)
