@@ -116,11 +116,13 @@ def test_an_angle_that_nobody_wrote_is_said_to_be_a_default() -> None:
         scene_from(raw)
 
 
-def test_a_sliding_joint_of_a_robot_is_not_supported_and_the_message_says_how_to_lock_it(tmp_path: Path) -> None:
+def test_a_sliding_joint_of_a_robot_slides(tmp_path: Path) -> None:
     path = tmp_path / "slider.urdf"
     path.write_text(robot("ab", joint("j", "a", "b", LIMIT, kind="prismatic")), encoding="utf-8")
-    with pytest.raises(fl.errors.ArgumentError, match=r"sliding joints are not supported; .* --locked j=0.0 \(m\)"):
-        fl.import_urdf(path, tip="b")
+    assert fl.import_urdf(path).scene.arm.slides == (True,)
+
+
+def test_a_joint_that_is_neither_revolute_nor_prismatic_is_refused_by_name() -> None:
     with pytest.raises(fl.errors.ArgumentError, match="'j' is of type ball: supported are revolute and prismatic"):
         require_joints([("j", "ball")])
 

@@ -171,7 +171,7 @@ def displacements(chain: Chain, q: Array, φ: NDArray[np.inexact]) -> NDArray[np
     steps, first, stop = φ[:, :, None] * axes, chain.bodies["first"], chain.bodies["stop"]
     slid = np.zeros((len(φ), len(points), 3), dtype=φ.dtype)
     if chain.slides.any():
-        np.add.at(slid, (slice(None), hinge_bodies(chain)[chain.slides]), steps[:, chain.slides])
+        np.add.at(slid.swapaxes(0, 1), hinge_bodies(chain)[chain.slides], steps[:, chain.slides].swapaxes(0, 1))
         steps[:, chain.slides] = 0.0
     turned, moved, rest = np.zeros_like(slid), np.zeros_like(slid), np.zeros((len(φ), 3))
     for parent, begin, end in spans_of(chain):
