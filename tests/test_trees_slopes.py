@@ -6,10 +6,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+from beams import THIN, thin_link
+from conftest import chain_of, flexible
+from msgspec.structs import replace
 from trees import random_tree, slopes
 
 import flexlink as fl
 from flexlink.common.types import Array
+from flexlink.describe.arm import Base
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import damping_slope
 from flexlink.dynamics.tangent import displacements, gyroscopic_matrix, stiffness_matrix
@@ -144,3 +148,88 @@ def test_a_posture_of_rest_balances_and_the_pivots_tell_whether_it_stays() -> No
     motion = SmallMotion(chain, rest.q, 0 * rest.q, np.zeros(6), False, held)
     K = stiffness_matrix(chain, rest.q, 0 * rest.q, np.zeros(6))[np.ix_(~held, ~held)]
     assert (motion.falling(K_ALONE, np.zeros(chain.n)) > 0) == (np.linalg.eigvalsh(K).min() < 0) == (not rest.stable)
+
+
+ROOTS = {
+    0.0: [2.36502037243135, 5.49780391900084, 8.63937982869974],
+    0.5: [2.13617562651333, 4.98196587137059, 8.0509039739791],
+    5.0: [1.92626530993769, 4.73606411573393, 7.87946858968337],
+}
+"""x of sin x cosh x + cos x sinh x + μ x (1 + cos x cosh x) = 0, by the mass μ of a carriage in units of the beam's."""
+
+
+def thin_tree(*links: fl.Link, base: Base | None = None) -> fl.Chain:
+    """Thin beams with EI = ρA = L = 1 that branch, or float."""
+    arm = fl.Arm(
+        links=links,
+        materials={"unit": fl.Material(young=1 / THIN, poisson=-0.5, density=1.0)},
+        sections={"thin": fl.Section(shape="general", area=1.0, i_y=THIN, i_z=THIN, torsion=THIN)},
+        base=base or Base(),
+    )
+    return chain_of(arm)
+
+
+@pytest.mark.parametrize("μ", ROOTS)
+def test_a_beam_on_a_carriage_swings_as_its_equation_says(μ: float) -> None:
+    def errors(hinges: int) -> Array:
+        carriage = {
+            "joint": fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0)),
+            "hub": fl.RigidBody(mass=μ),
+            "up": (0.0, 0.0, 1.0),
+        }
+        found = fl.modes(thin_tree(replace(thin_link("gauss", hinges), **carriage)))
+        assert found.kinds[:4] == ("rigid", "elastic", "elastic", "elastic")
+        return np.abs(np.sqrt(found.frequencies[1:4]) / ROOTS[μ] - 1)
+
+    few, many = errors(16), errors(32)
+    assert few[0] < 1e-6
+    assert (many < 6e-6).all()
+    assert (np.log2(few / many) > 3.8).all()
+
+
+def test_a_satellite_with_two_panels_has_six_rigid_modes_and_those_of_a_carriage() -> None:
+    still = fl.Joint(locked=True)
+    left = replace(thin_link("gauss", 32, "left"), joint=still)
+    right = replace(thin_link("gauss", 32, "right"), joint=still, on="base", mount=fl.Mount(rpy_deg=(0.0, 0.0, 180.0)))
+    hub = Base(kind="free", mass=1.0, inertia=(1.0, 1.0, 1.0))  # half of it to every panel
+    found = fl.modes(thin_tree(left, right, base=hub))
+    assert found.kinds[:8] == ("rigid",) * 6 + ("elastic",) * 2
+    assert not found.eigenvalues[:6].any()
+    for root in ROOTS[0.5]:
+        assert np.abs(np.sqrt(found.frequencies) / root - 1).min() < 6e-6
+
+
+@pytest.mark.parametrize("base", [Base(), Base(kind="free", mass=2.0, inertia=(1.0, 1.0, 1.0))])
+def test_the_slowest_modes_of_long_branches_are_those_among_all(base: Base) -> None:
+    slider = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), armature=1.0)
+    left = replace(thin_link("gauss", 60, "left", flex="yz"), joint=slider)
+    right = replace(
+        thin_link("gauss", 20, "right"), joint=fl.Joint(), on="base", mount=fl.Mount(rpy_deg=(0.0, 0.0, 180.0))
+    )
+    chain = thin_tree(left, right, base=base)
+    few, all_ = fl.modes(chain, count=12), fl.modes(chain)
+    rigid = 2 + 6 * chain.has_free_base
+    assert few.kinds == all_.kinds[:12] == ("rigid",) * rigid + ("elastic",) * (12 - rigid)
+    assert few.frequencies == pytest.approx(all_.frequencies[:12], rel=1e-10)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_an_arm_on_a_springy_slide_rests_alike_in_every_size(size: float) -> None:
+    spring = fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0), armature=1.0, gear_stiffness=100.0 / size)
+    arm = fl.Arm(
+        links=(
+            fl.Link(name="carriage", joint=spring, hub=fl.RigidBody(mass=1.0)),
+            flexible("boom", length=size, material="soft", section="bar", joint=fl.Joint(locked=True)),
+        ),
+        materials={"soft": fl.Material(young=2e9 / size**2, density=1000.0 / size**3)},
+        sections={"bar": fl.Section(shape="rectangle", height=0.01 * size, width=0.01 * size)},
+    )
+    chain = chain_of(arm, (0.0, -9.81, 0.0))
+    rest = fl.solve_static(chain, locked=chain.active)
+    assert rest.stable
+    assert rest.q[1] / size == pytest.approx(-1.1 * 9.81 / 100.0, rel=1e-11)
+    clamped = chain_of(replace(arm, links=arm.links[1:]), (0.0, -9.81, 0.0))
+    assert rest.q[2:] == pytest.approx(fl.solve_static(clamped).q, rel=1e-9)
+    assert len(rest.path) < 10
+    K = stiffness_matrix(chain, rest.q, 0 * rest.q, np.zeros(6))
+    assert np.abs(K - K.T).max() < 1e-14 * np.abs(K).max()
