@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import planted
 import pytest
-from planted import JOINT, Edit, Planted, each, frame_moved, said, said_times, scaled, unnamed
+from planted import JOINT, Planted, each, frame_moved, said, said_times, scaled, unnamed
 from test_their_files import diagnosed, written
 from test_trees_engines import satellite
 
@@ -65,7 +65,6 @@ PLANTED = (
     Planted("sdf", "a heavier rotor", said(planted.ROTOR, "3.0"), "armature of joint 'boom': 3 instead of 2 kg"),
     Planted("sdf", "gravity the other way", said_times("world/gravity", 1, 1, -1), "gravity has the wrong sign"),
 )  # fmt: skip
-
 
 
 @pytest.mark.parametrize(
