@@ -17,7 +17,7 @@ from test_hostile_urdf import joint, robot
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.describe.scene import scene_from
-from flexlink.engines.read_back import require_hinges
+from flexlink.engines.read_back import require_joints
 
 T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
 LIMIT = '<limit lower="0" upper="1" effort="1" velocity="1"/>'
@@ -116,13 +116,15 @@ def test_an_angle_that_nobody_wrote_is_said_to_be_a_default() -> None:
         scene_from(raw)
 
 
-def test_a_sliding_joint_of_a_robot_is_not_supported_and_the_message_says_how_to_lock_it(tmp_path: Path) -> None:
+def test_a_sliding_joint_of_a_robot_slides(tmp_path: Path) -> None:
     path = tmp_path / "slider.urdf"
     path.write_text(robot("ab", joint("j", "a", "b", LIMIT, kind="prismatic")), encoding="utf-8")
-    with pytest.raises(fl.errors.ArgumentError, match=r"sliding joints are not supported; .* --locked j=0.0 \(m\)"):
-        fl.import_urdf(path, tip="b")
-    with pytest.raises(fl.errors.ArgumentError, match="'j' is of type slide: sliding joints are not supported"):
-        require_hinges([("j", "slide")])
+    assert fl.import_urdf(path).scene.arm.slides == (True,)
+
+
+def test_a_joint_that_is_neither_revolute_nor_prismatic_is_refused_by_name() -> None:
+    with pytest.raises(fl.errors.ArgumentError, match="'j' is of type ball: supported are revolute and prismatic"):
+        require_joints([("j", "ball")])
 
 
 def test_export_makes_its_folder(tmp_path: Path) -> None:
