@@ -2,8 +2,8 @@
 ==================================================
 
 A URDF, whole or the paths to some of its links, becomes an arm; of the links that you name, each gets a beam, by the
-first frequency that was measured, or by its section. Mass, centre and inertia stay those of the file. Put yours in place of
-``reach_arm.urdf``; ``flexlink robots`` lists forty that come with the package example-robot-data.
+first frequency that was measured, or by its section. Mass, centre and inertia stay those of the file. Put yours in
+place of ``reach_arm.urdf``; ``flexlink robots`` lists forty that come with the package example-robot-data.
 """
 
 from pathlib import Path
