@@ -1,4 +1,4 @@
-"""Arms and whole robots of example-robot-data, an optional package of URDF files: a table of them, and where they are installed."""
+"""Arms and robots of example-robot-data, an optional package of URDF files: a table, and where they are installed."""
 
 from __future__ import annotations
 
