@@ -17,6 +17,7 @@ from test_hostile_urdf import joint, robot
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.describe.scene import scene_from
+from flexlink.engines.read_back import require_joints
 
 T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
 LIMIT = '<limit lower="0" upper="1" effort="1" velocity="1"/>'
@@ -119,6 +120,11 @@ def test_a_sliding_joint_of_a_robot_slides(tmp_path: Path) -> None:
     path = tmp_path / "slider.urdf"
     path.write_text(robot("ab", joint("j", "a", "b", LIMIT, kind="prismatic")), encoding="utf-8")
     assert fl.import_urdf(path).scene.arm.slides == (True,)
+
+
+def test_a_joint_that_is_neither_revolute_nor_prismatic_is_refused_by_name() -> None:
+    with pytest.raises(fl.errors.ArgumentError, match="'j' is of type ball: supported are revolute and prismatic"):
+        require_joints([("j", "ball")])
 
 
 def test_export_makes_its_folder(tmp_path: Path) -> None:

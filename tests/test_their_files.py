@@ -438,8 +438,8 @@ HOSTILE: dict[str, tuple[str, Callable[[str], str], str]] = {
     "entities": ("urdf", lambda text: '<!DOCTYPE r [<!ENTITY a "b">]>' + text, "DOCTYPE"),
     "xacro": ("urdf", lambda _: '<robot xmlns:xacro="x"><xacro:include filename="y"/></robot>', "cannot load"),
     "nothing moves": ("mjcf", lambda _: "<mujoco/>", "no movable joint"),
-    "a slide": ("mjcf", lambda text: text.replace('"hinge"', '"slide"', 1), "of type slide"),
-    "a prismatic joint": ("urdf", lambda text: text.replace('"revolute"', '"prismatic"', 1), "only revolute joints"),
+    "a ball": ("mjcf", lambda text: text.replace('"hinge"', '"ball"', 1), "of type ball"),
+    "a planar joint": ("urdf", lambda text: text.replace('"revolute"', '"planar"', 1), "revolute and prismatic ones"),
     "a missing mesh": (
         "mjcf", lambda text: text.replace("<worldbody>", '<asset><mesh file="no.stl"/></asset><worldbody>'), "no.stl"),
     "an unknown attribute": ("mjcf", lambda text: text.replace('mass="', 'mas="', 1), "mas"),
@@ -451,7 +451,6 @@ HOSTILE: dict[str, tuple[str, Callable[[str], str], str]] = {
     "a reduction in words": ("urdf", lambda text: text.replace("Reduction>1<", "Reduction>fifty<"), "'fifty' is not"),
     "axes of length 0": ("urdf", lambda text: re.sub('axis xyz="[^"]*"', 'axis xyz="0 0 0"', text), "axis of joint"),
     "a name given twice": ("urdf", lambda text: text.replace('"upper.1.x"', '"upper"'), "cannot load"),
-    "a free base": ("sdf", lambda _: '<sdf version="1.10"><model name="m"><link name="l"/></model></sdf>', "floating"),
     "no SDF": ("sdf", lambda text: text.replace("<child>", "<kid>").replace("</child>", "</kid>"), "cannot load"),
     "far too long": ("urdf", lambda text: text.replace("</robot>", "<joint/>" * 300 + "</robot>"), "at most 300"),
 }  # fmt: skip

@@ -204,3 +204,16 @@ def test_the_wrench_acts_at_the_tip_that_the_scene_names(chain: fl.Chain) -> Non
         expected = fl.bias_torque(one, q, 0 * q, tip_wrench=wrench)
         for name in ("pinocchio", "mujoco"):
             assert load(name, one).bias_torque(q, 0 * q, tip_wrench=wrench) == pytest.approx(expected, abs=1e-10)
+
+
+@pytest.mark.parametrize("name", WITNESSES)
+@pytest.mark.parametrize("floats", [True, False], ids=["free base", "on the ground"])
+def test_runs_in_the_same_steps_differ_by_rounding_only(name: str, floats: bool) -> None:
+    ground = {} if floats else {"base": fl.Base(), "initial.base": fl.BaseState()}
+    scene = satellite().varied({"run.duration": 0.01} | ground)
+    if name == "drake" and not floats:
+        scene = scene.varied({"run.method": "RK3"})
+    chain = fl.lump(scene)
+    (_, q, qd), (_, others, rates) = (load(each, chain).integrate(scene) for each in ("native", name))
+    assert np.abs(others - q).max() <= 1e-13
+    assert np.abs(rates - qd).max() <= 1e-11

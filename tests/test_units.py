@@ -149,7 +149,6 @@ def test_a_scene_without_sliding_joints_says_nothing_of_metres() -> None:
          "acceleration_m: missing"),
         ({"wrench.on": "trolley"}, "wrench.on = 'trolley': other links hang on it; allowed are boom"),
         ({"wrench.on": "bom"}, "wrench.on = 'bom': no such link; allowed are boom; did you mean 'boom'"),
-        ({"link.boom.name": "base"}, "name = 'base': means what the first link hangs on"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_a_joint_is_refused_by_its_path(

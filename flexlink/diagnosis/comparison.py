@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from flexlink.chain.arguments import integer, require_each, require_type
+from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import html_lines, html_table
+from flexlink.common.types import Array
 from flexlink.describe.data_files import require_path
 from flexlink.describe.scene import Scene
 from flexlink.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_file
@@ -65,6 +67,11 @@ class Comparison:
         return "\n".join([*(lines if self.rows else []), self.diagnosis])
 
 
+def _base(chain: Chain) -> Array | None:
+    """How a free base stands at angles of zero."""
+    return np.array(chain.bodies["rotation"][1]) if chain.has_free_base else None
+
+
 def compare(
     scene: Scene,
     *,
@@ -105,7 +112,7 @@ def compare(
     ArgumentError
         `scene` is not a Scene, `samples` is out of range, `seed` < 0, an engine is unknown or cannot represent the arm.
     DataFileError
-        The file cannot be read, or has other joints than hinges.
+        The file cannot be read, or has joints of types that arms here do not have.
     EngineError
         The child process of an engine ended.
     MissingDependencyError
@@ -127,7 +134,7 @@ def compare(
         path = require_path("file", file)
         if names is not None and len(names) != 1:
             raise ArgumentError(f"engines = {names}: a file is read by one engine; name one")
-        engine_of_file = load_file(path, chain.n, names[0] if names else None)
+        engine_of_file = load_file(path, chain.n, names[0] if names else None, base=_base(chain))
         states = [s._replace(wrench=np.zeros(6)) for s in mixed_states(chain, samples, seed=seed)]
         diagnosis = diagnose_file(chain, engine_of_file, states, progress, scene=scene)
         return Comparison(f"{scene.name} and {path}", samples, (diagnosis,))

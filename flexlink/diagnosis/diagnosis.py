@@ -217,8 +217,8 @@ def _explain(
 
     right = NativeEngine(to_chain(of_chain(chain), chain))
     each = [f if f.faulty is None else dataclasses.replace(f, affects=differing(f.faulty, right)) for f in findings]
-    explained, serial = None, match.serial if match is not None else None
-    if serial is not None and not all(row.passed for row in rows):
-        theirs, joints = serial
+    explained, whole = None, match.whole if match is not None else None
+    if whole is not None and not all(row.passed for row in rows):
+        theirs, joints = whole
         explained = set(differing(theirs, Reordered(engine, joints))) <= {SINGULAR}
     return Diagnosis(engine.name, tuple(rows), tuple(each), explained)

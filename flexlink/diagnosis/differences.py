@@ -12,11 +12,22 @@ import numpy as np
 from flexlink.common.types import Array, Indices
 from flexlink.diagnosis.joint_axes import Displacement, Realigned, deviations, reach, undo_displacements
 from flexlink.diagnosis.matching import Match, match_joints
-from flexlink.diagnosis.mistakes import FIELDS, LENGTH_UNITS, MISPLACED, MISTAKES, SETTINGS, Field, Mistake
+from flexlink.diagnosis.mistakes import (
+    FIELDS,
+    LENGTH_UNITS,
+    MISPLACED,
+    MISTAKES,
+    SETTINGS,
+    SLIDING_UNITS,
+    Field,
+    Mistake,
+)
 from flexlink.diagnosis.shapes import Discrepancy, fewer_digits, moments
 from flexlink.engines.actuators import limits
 from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
+
+OF_JOINTS = (*JOINT_FIELDS, *ACTUATOR_FIELDS)
 
 EXACT, PLACED = 1e-12, 1e-11
 """Relative tolerances of numbers that are copied, and of those that are rotated into frame 0 joint by joint."""
@@ -70,8 +81,10 @@ def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | 
         return None, [Finding(match, "", "check the number of segments, locked joints and grippers")]
     findings = _numbers_of_tendons(ours, match.record) if format == "mjcf" else _numbers(ours, match.record, format)
     if match.reordered:
-        order = f"{_names(match.reordered)} in another order along the chain"
-        likely = "rotations about one point do not commute"
+        tree = not np.array_equal(ours.parents, np.arange(ours.n) - 1)
+        how = "hanging on others" if tree else "in another order along the chain"
+        likely = "" if tree else "rotations about one point do not commute"
+        order = f"{_names(match.reordered)} {how}"
         findings.insert(0, Finding(order, likely, "correct the order of joints in a body, or of links"))
     settings = [
         Finding(what.format(value=theirs.settings[name]), "", remedy, counts=counts)
@@ -182,7 +195,7 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
     m, lever = ours.masses, _norm(ours.centers - ours.points)
     other_mass = apart["masses"] > EXACT * np.maximum(m, theirs.masses)
     there = ~other_mass & (m > 0)  # where the mass differs, centre and inertia follow from it
-    copied = ("gravity", *JOINT_FIELDS, *between, *ACTUATOR_FIELDS[:-1])
+    copied = ("gravity", "slides", *JOINT_FIELDS, *between, *ACTUATOR_FIELDS[:-1])
     bad = {field: apart[field] > EXACT * np.maximum(*map(_norm, pairs[field])) for field in copied}
     for field in COUPLED_FIELDS.values():  # of which tendons may have taken a part
         bad[field] &= apart[field] > EXACT * _shared(ours, field)
@@ -229,6 +242,8 @@ def _values(read: ReadBack, field: str, ours: ReadBack) -> Array:
     if field == "tip":
         known = [part.tip for part in (read, ours) if part.tip is not None]
         return np.array(known[:1] or [np.zeros(3)])
+    if field == "slides":
+        return read.slides.astype(float)
     values: Array = getattr(read, field)
     return values[None] if field == "gravity" else values
 
@@ -253,7 +268,7 @@ def _explained(field: str, diff: Discrepancy, format: str) -> Finding:
     where = "" if global_field else _where(ours.names, diff.rows)
     what = f"{_subject(field, where)}: {_instead(field, diff)}"
     mistake = _mistake(field, diff, theirs)
-    words = FIELDS[field], mistake.likely, mistake.remedy
+    words = _of_joints(field, diff), mistake.likely, mistake.remedy
     return _worded(words, what, where, format, dataclasses.replace(ours, **faulty))
 
 
@@ -299,7 +314,9 @@ def _names(names: Sequence[str]) -> str:
 
 def _instead(field: str, diff: Discrepancy) -> str:
     """The first number that was read, the expected one and the factor; the relative error, if both look alike."""
-    unit = FIELDS[field].unit
+    if field == "slides":
+        return "revolute instead of prismatic" if diff.ours[0] else "prismatic instead of revolute"
+    unit = _of_joints(field, diff).unit
     actual, expected = ((limits if field == "effort" else _short)(part[0]) for part in (diff.theirs, diff.ours))
     if actual == expected:
         return f"{actual} {unit}, relative error {_relative_error(diff):.3g}"
@@ -307,6 +324,15 @@ def _instead(field: str, diff: Discrepancy) -> str:
     if field == "inertias" and not diff.factor and (part := diff.part_factor):
         factor = f", factor {part:.6g} in the inertia of one part"
     return f"{actual} instead of {expected} {unit}".rstrip() + factor
+
+
+def _of_joints(field: str, diff: Discrepancy) -> Field:
+    """The field in words, with the unit of joints that slide where all of these do."""
+    words = FIELDS[field]
+    of_joints = field in OF_JOINTS and diff.rows.ndim == 1
+    if of_joints and diff.our_record.slides[diff.rows].all():
+        return words._replace(unit=SLIDING_UNITS.get(words.unit, words.unit))
+    return words
 
 
 def _relative_error(diff: Discrepancy) -> float:

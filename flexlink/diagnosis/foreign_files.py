@@ -9,6 +9,7 @@ from flexlink.chain.arguments import require_one_of
 from flexlink.common import safe_xml
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.files import read_regular
+from flexlink.common.types import Array
 from flexlink.engines import load_here
 from flexlink.engines.base import FileEngine, ForeignFile
 from flexlink.engines.child_process import IsolatedEngine
@@ -25,8 +26,12 @@ class LoadedFile(NamedTuple):
     stderr_errors: tuple[str, ...]  # printed by the engine, which went on reading
 
 
-def load_file(path: Path, n: int, engine: str | None = None, *, here: bool = False) -> LoadedFile:
+def load_file(
+    path: Path, n: int, engine: str | None = None, *, base: Array | None = None, here: bool = False
+) -> LoadedFile:
     """Load a file with about `n` joints, in a child process, which it may crash, or in this one (`here`).
+
+    `base` is the rotation, at angles of zero, of a scene's base that floats: the file's does, too, and counts from it.
 
     Raises
     ------
@@ -42,7 +47,7 @@ def load_file(path: Path, n: int, engine: str | None = None, *, here: bool = Fal
     format = _format(path, n)
     name = engine or READERS[format][0]
     require_one_of(f"engine for {format.upper()}", name, dict.fromkeys(READERS[format]))
-    file = ForeignFile(path.absolute(), format)  # a child process may have been started in another folder
+    file = ForeignFile(path.absolute(), format, base)  # a child process may have been started in another folder
     try:
         loaded = cast(FileEngine, load_here(name, file)) if here else IsolatedEngine(name, file)
         loaded.read_back().require_sound()

@@ -90,16 +90,27 @@ def _undo_one(
 
 def _moved_by_joint_before(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float) -> int | None:
     """The joint before k, if its body is displaced though its axis is not: along that axis, or rotated about it."""
-    moved = np.linalg.norm(theirs.centers[k - 1] - ours.centers[k - 1]) > tolerance * reach(ours)
-    return k - 1 if k > 0 and ours.masses[k - 1] > 0 and moved else None
+    before = int(ours.parents[k])
+    moved = np.linalg.norm(theirs.centers[before] - ours.centers[before]) > tolerance * reach(ours)
+    return before if before >= 0 and ours.masses[before] > 0 and moved else None
 
 
 def _only_axis_moved(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float, *, rigid_behind: bool) -> bool:
     """Whether what follows joint k is in place: the next body and axis, or, unless `rigid_behind`, all bodies."""
-    behind = np.flatnonzero(ours.masses[k:] > 0) + k
-    here = ~_moved_bodies(ours, theirs, tolerance)[behind]
-    following = np.isin(k + 1, _displaced_joints(ours, theirs, tolerance), invert=True)
+    joints = behind(ours, k)
+    here = ~_moved_bodies(ours, theirs, tolerance)[joints[ours.masses[joints] > 0]]
+    next_ones = np.flatnonzero(ours.parents == k)
+    following = not np.isin(next_ones, _displaced_joints(ours, theirs, tolerance)).any()
     return bool(len(here) and ((here[0] and following) or (here.all() and not rigid_behind)))
+
+
+def behind(read: ReadBack, k: int) -> Indices:
+    """The joints that move with joint k, itself first."""
+    moves = np.zeros(read.n + 1, dtype=bool)  # the last one: the base
+    moves[k] = True
+    for j, before in enumerate(read.parents[k + 1 :].tolist(), k + 1):
+        moves[j] = moves[before]
+    return np.flatnonzero(moves[:-1])
 
 
 def _moved_bodies(ours: ReadBack, theirs: ReadBack, tolerance: float) -> NDArray[np.bool_]:
@@ -120,7 +131,8 @@ def _with_axis_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
 
 def _offset(read: ReadBack, k: int) -> Array:
     """The vector from the point on the joint before, or the origin of frame 0, to the point on joint k."""
-    return np.asarray(read.points[k] - (read.points[k - 1] if k else 0.0))
+    before = read.parents[k]
+    return np.asarray(read.points[k] - (read.points[before] if before >= 0 else 0.0))
 
 
 def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> tuple[float, Array] | None:
@@ -131,7 +143,8 @@ def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> t
     tolerance = 1e-3  # relative: numbers may have been rounded by hand
     offset = _offset(theirs, k)
     far, right = (float(np.linalg.norm(_offset(read, k))) for read in (theirs, ours))
-    along = theirs.axes[k - 1] if k else np.zeros(3)
+    before = theirs.parents[k]
+    along = theirs.axes[before] if before >= 0 else np.zeros(3)
     v = np.cross(ours.axes[k], along)
     for factor in units if right > RIGID_TOLERANCE * reach(ours) else ():
         point = theirs.points[k] - (1 - 1 / factor) * offset
@@ -143,9 +156,13 @@ def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> t
 
 
 def deviations(ours: ReadBack, theirs: ReadBack) -> tuple[Array, Array]:
-    """The sine of the angle between both axes of each joint, and the distance [m] of their point from our axis."""
+    """The sine of the angle between both axes of each joint, and the distance [m] of their point from our axis.
+
+    A joint that slides has a direction only.
+    """
     sin = np.linalg.norm(np.cross(ours.axes, theirs.axes), axis=1)
-    return sin, np.linalg.norm(np.cross(ours.axes, theirs.points - ours.points), axis=1)
+    off = np.linalg.norm(np.cross(ours.axes, theirs.points - ours.points), axis=1)
+    return sin, np.where(ours.slides | theirs.slides, 0.0, off)
 
 
 def reach(read: ReadBack) -> float:
@@ -181,39 +198,49 @@ def _rigid_motion(
 
     R by Kabsch: the rotation nearest to Σ theirs oursᵀ, over axes and, relative to the point on joint k, all points.
     """
-    one, other = (_marker_points(read, k, stop) for read in (ours, theirs))
+    joints = behind(ours, k)
+    joints = joints if stop is None else joints[joints < stop]
+    one, other = (_marker_points(read, joints) for read in (ours, theirs))
     L = reach(ours)
     p, moved = one[0], other[0]
     a, b = (
-        np.concatenate([read.axes[k:stop], (points - points[0]) / L]) for read, points in ((ours, one), (theirs, other))
+        np.concatenate([read.axes[joints], (points - points[0]) / L]) for read, points in ((ours, one), (theirs, other))
     )
     U, _, V = np.linalg.svd(b.T @ a)
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
     return (R, p, moved) if np.abs(a @ R.T - b).max() <= RIGID_TOLERANCE else None
 
 
-def _marker_points(read: ReadBack, k: int, stop: int | None) -> Array:
-    """Points that move with joints and bodies from k on: the next centre of mass projected on each axis; centres."""
-    following = [_next_massive(read, j) for j in range(read.n)[k:stop]]
-    axes = read.axes[k:stop]
-    lever = read.centers[following] - read.points[k:stop]
-    feet = read.points[k:stop] + axes * np.einsum("ji,ji->j", axes, lever)[:, None]
-    return np.concatenate([feet, read.centers[k:stop][read.masses[k:stop] > 0]])
+def _marker_points(read: ReadBack, joints: Indices) -> Array:
+    """Points that move with these joints and bodies: the next centre of mass projected on each axis; centres.
+
+    Of a joint that slides that centre itself.
+    """
+    following = [_next_massive(read, j) for j in joints]
+    axes, points = read.axes[joints], np.where(read.slides[joints, None], read.centers[following], read.points[joints])
+    lever = read.centers[following] - points
+    feet = points + axes * np.einsum("ji,ji->j", axes, lever)[:, None]
+    return np.concatenate([feet, read.centers[joints][read.masses[joints] > 0]])
 
 
 def _next_massive(read: ReadBack, k: int) -> int:
     """The first body with mass from joint k on; k itself if there is none."""
-    return int(np.argmax(read.masses[k:] > 0)) + k
+    joints = behind(read, k)
+    return int(joints[np.argmax(read.masses[joints] > 0)])
 
 
 def _moved_rigidly(read: ReadBack, k: int, R: Array, point: Array, image: Array) -> ReadBack:
     """The record with all from joint k on rotated by R and moved so that the point comes to its image."""
     fields = (read.axes, read.frames, read.points, read.centers, read.inertias)
     axes, frames, points, centers, inertias = (x.copy() for x in fields)
-    axes[k:], frames[k:] = axes[k:] @ R.T, R @ frames[k:]
-    points[k:], centers[k:] = (image + (x[k:] - point) @ R.T for x in (points, centers))
-    inertias[k:] = R @ inertias[k:] @ R.T
-    tip = None if read.tip is None else image + R @ (read.tip - point)
+    moved_ones = behind(read, k)
+    axes[moved_ones], frames[moved_ones] = axes[moved_ones] @ R.T, R @ frames[moved_ones]
+    for x in (points, centers):
+        x[moved_ones] = image + (x[moved_ones] - point) @ R.T
+    inertias[moved_ones] = R @ inertias[moved_ones] @ R.T
+    tip, on = read.tip, read.n - 1 if read.tip_on is None else read.tip_on
+    if tip is not None and on in moved_ones:
+        tip = image + R @ (tip - point)
     moved: dict[str, Any] = {"axes": axes, "frames": frames, "points": points, "centers": centers, "inertias": inertias}
     return dataclasses.replace(read, **moved, tip=tip)
 

@@ -1,4 +1,4 @@
-"""Match the joints of two records: by name, else by their order from base to tip."""
+"""Match the joints of two records: by name, else, of arms that do not branch, by their order from base to tip."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from flexlink.common.types import Array, Indices
 from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, AXIS_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
 
+IN_ORDER = (*AXIS_FIELDS, "slides", *JOINT_FIELDS)
+
 
 class Match(NamedTuple):
     """Their joints in our order.
@@ -21,58 +23,68 @@ class Match(NamedTuple):
     order
         Index of their joint for each of ours, shape (n,).
     positions
-        Position of each of our joints along their chain, from 0, shape (n,); None if their tree branches.
+        Position of each of our joints along their chain, from 0, shape (n,); None if joints hang on others than ours.
     record
         Their record with our names and order; unspecified fields are ours. Body k is the k-th along their chain, so
         that it is the same whatever the order of joints at one point.
     by_name
         Whether the names are the same.
+    reordered
+        Names of joints at other positions along their chain, or that hang on others in their tree.
     """
 
     order: Indices
     positions: Indices | None
     record: ReadBack
     by_name: bool
+    reordered: list[str]
 
     @property
-    def reordered(self) -> list[str]:
-        """Names of joints at other positions along their chain."""
-        names = self.record.names
-        return list(names) if self.positions is None else [names[k] for k, at in enumerate(self.positions) if k != at]
-
-    @property
-    def serial(self) -> tuple[ReadBack, Indices] | None:
-        """The record with joints in the order of their chain, and our index of each; None if their tree branches."""
+    def whole(self) -> tuple[ReadBack, Indices] | None:
+        """The record with joints in the order of their chain, and our index of each; None if they hang otherwise."""
         if self.positions is None:
             return None
         joints = np.argsort(self.positions)
-        fields: dict[str, Any] = {field: getattr(self.record, field)[joints] for field in (*AXIS_FIELDS, *JOINT_FIELDS)}
+        fields: dict[str, Any] = {field: getattr(self.record, field)[joints] for field in IN_ORDER}
         fields |= {field: getattr(self.record, field)[np.ix_(joints, joints)] for field in COUPLED_FIELDS}
         return dataclasses.replace(self.record, names=tuple(self.record.names[k] for k in joints), **fields), joints
 
 
 def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | str:
     """The match, or the reason why there is none."""
-    by_name = sorted(ours.names) == sorted(theirs.names)
-    sequence = _from_base_to_tip(theirs)
+    by_name, branches = sorted(ours.names) == sorted(theirs.names), _branches(ours)
+    sequence = None if branches else _from_base_to_tip(theirs)
     if by_name:
         number = {name: k for k, name in enumerate(theirs.names)}
         order = np.array([number[name] for name in ours.names], dtype=np.intp)
     elif ours.n != theirs.n:
         return _other_joints(ours, theirs)
     elif sequence is None:
-        return f"joint names differ, and the tree branches at joint {theirs.names[_branch(theirs)]!r}"
+        tree = theirs if _branches(theirs) else ours
+        return f"joint names differ, and the tree branches at joint {tree.names[_branch(tree)]!r}"
     else:
         order = sequence[_regrouped(ours, theirs.axes[sequence])]
     bodies = order if sequence is None else sequence
-    of_joints = (*AXIS_FIELDS, "frames", *JOINT_FIELDS, *ACTUATOR_FIELDS)
+    of_joints = (*IN_ORDER, "frames", *ACTUATOR_FIELDS)
     fields: dict[str, Any] = {field: getattr(theirs, field)[order] for field in of_joints}
     fields |= {field: getattr(theirs, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
     fields |= {field: getattr(theirs, field)[bodies] for field in BODY_FIELDS}
     fields["parts"] = theirs.parts._replace(owner=np.argsort(bodies)[theirs.parts.owner])
     fields |= {field: getattr(ours, field) for field in theirs.unspecified | ours.unspecified if hasattr(ours, field)}
-    record = dataclasses.replace(theirs, names=ours.names, parents=ours.parents, **fields)
-    return Match(order, None if sequence is None else np.argsort(sequence)[order], record, by_name)
+    record = dataclasses.replace(theirs, names=ours.names, parents=ours.parents, tip_on=ours.tip_on, **fields)
+    positions = None if sequence is None else np.argsort(sequence)[order]
+    if branches:
+        parents = np.append(np.argsort(order), -1)[theirs.parents[order]]
+        elsewhere = parents != ours.parents
+        positions = None if elsewhere.any() else np.arange(ours.n)
+    else:
+        elsewhere = np.full(ours.n, True) if positions is None else positions != np.arange(ours.n)
+    return Match(order, positions, record, by_name, [ours.names[k] for k in np.flatnonzero(elsewhere)])
+
+
+def _branches(read: ReadBack) -> bool:
+    """Whether joints hang on others than the one before them, in any order of the joints."""
+    return len(set(read.parents.tolist())) < read.n
 
 
 def _other_joints(ours: ReadBack, theirs: ReadBack) -> str:
@@ -95,7 +107,7 @@ def _from_base_to_tip(theirs: ReadBack) -> Indices | None:
 
 
 def _branch(theirs: ReadBack) -> int:
-    """A joint with two children; joint 0 for the base."""
+    """A joint that two others hang on; joint 0 for the base."""
     parents, count = np.unique(theirs.parents, return_counts=True)
     return max(0, int(parents[count > 1][0]))
 

@@ -27,6 +27,7 @@ class Field(NamedTuple):
 
 FIELDS = {
     "gravity": Field("gravity", "m/s²", "option gravity", "gravity", "<gravity>"),
+    "slides": Field("type", "", "joint type", "<joint type>", "<joint type>"),
     "axes": Field("axis", "", "axis", "<axis>", "<axis><xyz>"),
     "lines": Field(
         "joint axis", "", "body pos, quat, euler or joint pos", "<joint><origin>", "<pose> of link or joint"
@@ -63,6 +64,10 @@ FIELDS = {
         "<limit><effort>",
     ),
 }  # fmt: skip
+SLIDING_UNITS = {
+    "N m/rad": "N/m", "N m s/rad": "N s/m", "rad": "m", "rad/s": "m/s", "N m": "N", "kg m²": "kg",
+}  # fmt: skip
+"""Units of numbers of joints that slide in place of those that turn."""
 ORIENTATION = "order of the quaternion (w x y z in MJCF), order of roll, pitch and yaw, or degrees for radians"
 LENGTH_UNITS = {1e3: "millimetres", 1e2: "centimetres", 1 / 0.0254: "inches", 1 / 0.3048: "feet"}
 """Units of length that a file may have in place of metres, by the factor of its numbers."""
@@ -111,6 +116,7 @@ def _mistakes() -> list[Mistake]:
         ("gravity", proportional, "another value of g", "correct {tag}"),
         ("gravity", shapes.same_length, "gravity along another axis", "correct {tag}, or rotate the base"),
         ("gravity", any_difference, "another gravity", "correct {tag}"),
+        ("slides", any_difference, "the joint is of another type", correct),
         ("axes", any_difference, "the axis is flipped", "change the sign of {tag}, or of angle, rest and torque"),
         ("tip", any_difference, "the tip frame is misplaced", "correct {tag}"),
         *(
@@ -216,6 +222,11 @@ def _mistakes() -> list[Mistake]:
         (proportional, "another unit or material", "give {tag} between {where} in {unit}"),
         (any_difference, "another value", "correct {tag} between {where}"),
     )
+    millimetres = {"rest": 1e3, "stiffness": 1e-3, "damping": 1e-3, "coulomb_width": 1e3, "servo_stiffness": 1e-3}
+    rows += [
+        (field, shapes.sliding(scaled_by(factor)), "millimetres for metres", in_unit)
+        for field, factor in millimetres.items()
+    ]
     rows += [(field, *row) for field in (*JOINT_FIELDS, *servo_fields) for row in any_joint]
     rows += [(field, *row) for field in COUPLED_FIELDS for row in between_joints]
     return [Mistake(*row) for row in rows]

@@ -78,6 +78,11 @@ def scaled_by(*factors: float) -> Shape:
     return lambda diff: any(_each_close(diff.theirs, factor * diff.ours) for factor in factors)
 
 
+def sliding(shape: Shape) -> Shape:
+    """The shape, of joints that all slide."""
+    return lambda diff: bool(diff.our_record.slides[diff.rows].all()) and shape(diff)
+
+
 def proportional(diff: Discrepancy) -> bool:
     """Several numbers, or one vector, scaled by the same factor."""
     return diff.factor is not None and diff.ours.size > 1

@@ -1,7 +1,8 @@
 """States at which arms are compared: random, balanced, and stretched out.
 
-Angles of passive hinges are uniform in (−π, π), like those of active joints. If M is not positive definite there
-(negative twist rotors of a lumping rule with `matched_twist`, gimbal lock), their deflection is halved until it is.
+Angles of passive hinges are uniform in (−π, π), like those of active joints, so are places of sliding joints [m]. If M
+is not positive definite there (negative twist rotors of a lumping rule with `matched_twist`, gimbal lock), their
+deflection is halved until it is.
 """
 
 from __future__ import annotations
@@ -86,6 +87,7 @@ def _stretched(chain: Chain, random: np.random.Generator) -> State:
         for _ in range(TRIES):
             q = chain.rest.copy()
             q[chain.active] = random.integers(-1, 3, len(chain.active)) * (np.pi / 2)
+            q[chain.slides] = chain.rest[chain.slides]
             yield q
         yield from _uniform(chain, random)
 

@@ -34,7 +34,7 @@ from flexlink.dynamics.tangent import falls, load_torque, stiffness_matrix, unlo
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.wrench import turns_with_tip
 
-FIRST_ARC, LARGEST_ARC, SMALLEST_ARC = 0.5, 1.0, 1e-6  # rad over all joints
+FIRST_ARC, LARGEST_ARC, SMALLEST_ARC = 0.5, 1.0, 1e-6  # rad over all joints; of those that slide, of the arm's length
 CORRECTIONS, WANTED = 12, 6  # Newton steps after which a corrector has failed; below which the arc may grow
 STEPS = 500
 TINY = float(np.finfo(np.float64).tiny)
@@ -106,8 +106,8 @@ def solve_static(
         Coordinates that do not move: names or sequential indices of joints, names of links, or a boolean mask,
         shape (n,).
     tolerance
-        Newton's method stops after a correction of no angle by more than this [rad]; the error that is left is of
-        the order of its square, or rounding.
+        Newton's method stops after a correction of no angle by more than this [rad], of joints that slide by so much
+        of the arm's length; the error that is left is of the order of its square, or rounding.
 
     Returns
     -------
@@ -275,7 +275,8 @@ class _Equations:
         rates, wrench, follower, _ = acting
         self.motion = SmallMotion(chain, start, rates, wrench, follower, self.locked)
         self.start = np.concatenate([[0.0], start])
-        self.sizes = rounding.largest_loads(chain, acting.rates, acting.wrench)
+        self.sizes = rounding.largest_load_stiffness(chain, acting.rates, acting.wrench)
+        self.scales = np.concatenate([[1.0], rounding.scales(chain)])  # of x, as the arc is measured
         self.held = np.where(self.sprung, spring_torque(chain, start), self.load(start))
 
     def load(self, q: Array) -> Array:
@@ -364,15 +365,16 @@ def _follow(equations: _Equations, tolerance: float) -> list[Array]:
     direction = along_s = np.append(1.0, np.zeros(len(point) - 1))
     path = [point]
     while point[0] < 1:
-        direction = _direction(equations.with_slopes(point)[1], direction)
+        direction = _direction(equations.with_slopes(point)[1], direction, equations.scales)
         while True:
             step = min(arc, (1 - point[0]) / direction[0]) if direction[0] > 0 else arc
-            new, corrections = _correct(equations, point + step * direction, direction, tolerance)
+            row = direction / equations.scales**2
+            new, corrections = _correct(equations, point + step * direction, row, tolerance)
             if new is not None and new[0] + 1e-12 >= 1:  # arrived: land on s = 1
                 landing = point + (new - point) * ((1 - point[0]) / (new[0] - point[0]))
                 landing[0] = 1.0
                 new, _ = _correct(equations, landing, along_s, tolerance)
-            if new is not None and np.linalg.norm(new - point) <= 2 * step:
+            if new is not None and np.linalg.norm((new - point) / equations.scales) <= 2 * step:
                 break
             arc = step / 4
             if arc < SMALLEST_ARC:
@@ -386,22 +388,22 @@ def _follow(equations: _Equations, tolerance: float) -> list[Array]:
     return path
 
 
-def _direction(slopes: _Slopes, before: Array) -> Array:
+def _direction(slopes: _Slopes, before: Array, scales: Array) -> Array:
     """Unit tangent of the path, on the side of the direction before: F' t = 0."""
-    still = np.zeros(len(before) - 1)
-    t = slopes.solve(before, still, 1.0)
+    still, row = np.zeros(len(before) - 1), before / scales**2
+    t = slopes.solve(row, still, 1.0)
     if not np.isfinite(t).all():  # at a limit of the load: it moves what it pushes
-        t = slopes.solve(before, still, 1.0, held=True)
-    return np.asarray(t / np.linalg.norm(t))
+        t = slopes.solve(row, still, 1.0, held=True)
+    return np.asarray(t / np.linalg.norm(t / scales))
 
 
 def _correct(equations: _Equations, target: Array, row: Array, tolerance: float) -> tuple[Array | None, int]:
     """Newton back to the path in the plane row · (x − target) = 0; None if it does not converge."""
-    x, k = target.copy(), 0
-    while k < CORRECTIONS and np.isfinite(x).all() and np.linalg.norm(x - target) <= 100 * LARGEST_ARC:
+    x, k, scales = target.copy(), 0, equations.scales
+    while k < CORRECTIONS and np.isfinite(x).all() and np.linalg.norm((x - target) / scales) <= 100 * LARGEST_ARC:
         value, slopes = equations.with_slopes(x)
         change = slopes.solve(row, value, float(row @ (x - target)))
         x, k = x - change, k + 1
-        if np.abs(change).max() <= tolerance:
+        if np.abs(change / scales).max() <= tolerance:
             return x, k
     return None, CORRECTIONS

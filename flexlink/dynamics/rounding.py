@@ -48,6 +48,7 @@ from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.bodies.rotation_springs import stretches
+from flexlink.kernels.derivatives.load_derivatives import arm_length
 
 EPS = float(np.finfo(np.float64).eps)
 ROUNDINGS = 10
@@ -213,21 +214,30 @@ def _sizes(chain: Chain, q: ArrayLike) -> Sizes:
 def largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
     """What the load torque of each hinge is made of, shape (n,) [N m]: lever times weight with the arm stretched out.
 
-    Unlike the torque itself it cannot cancel, and it holds for all postures at once.
+    Unlike the torque itself it cannot cancel, and it holds for all postures at once. Of joints that slide weight [N].
     """
     bodies, hinges = chain.bodies, chain.bodies["stop"] - chain.bodies["first"]
-    Ω = np.abs(qd).sum()
+    Ω, V = np.abs(qd[~chain.slides]).sum(), np.abs(qd[chain.slides]).sum()
     spans = spans_of(chain)
     at = sums_outward(spans, chain.lengths)  # way from the base to each body's hinges
     far = at + np.linalg.norm(bodies["center"], axis=1)
-    force = bodies["mass"] * (np.linalg.norm(chain.gravity) + Ω**2 * far)
+    force = bodies["mass"] * (np.linalg.norm(chain.gravity) + Ω**2 * far + 2 * Ω * V)
     moment = force * far + Ω**2 * np.linalg.norm(bodies["inertia"], axis=(1, 2))
     beyond_force, beyond_moment = (sums_inward(spans, part) for part in (force, moment))
     tip_force, tip_moment = (np.linalg.norm(part) for part in np.split(wrench, 2))
     load = beyond_moment - at * beyond_force + np.maximum(at[chain.loaded] - at, 0.0) * tip_force + tip_moment
-    if chain.slides.any():
-        load = np.maximum(load, beyond_force + tip_force)
-    return np.repeat(np.maximum(load, 0.0), hinges)
+    load = np.repeat(np.maximum(load, 0.0), hinges)
+    return np.where(chain.slides, np.repeat(beyond_force + tip_force, hinges), load) if chain.slides.any() else load
+
+
+def scales(chain: Chain) -> Array:
+    """What changes of the coordinates compare with, shape (n,): 1 rad, of joints that slide the arm's length [m]."""
+    return np.where(chain.slides, arm_length(chain.bodies), 1.0)
+
+
+def largest_load_stiffness(chain: Chain, qd: Array, wrench: Array) -> Array:
+    """What the diagonal of ∂T_GC/∂q is made of, shape (n,) [N m/rad, N/m]: the largest loads for such changes."""
+    return largest_loads(chain, qd, wrench) / scales(chain)
 
 
 def of_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
@@ -239,7 +249,7 @@ def of_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
 
 
 def of_load_stiffness(chain: Chain) -> float:
-    """Of ∂T_GC,i/∂q_j, as a part of `largest_loads` of i.
+    """Of ∂T_GC,i/∂q_j, as a part of `largest_loads` of i, for changes by `scales` of j.
 
     The four weights of Riesz's formula add up to 2: twice `of_loads`, |δK_ij| ≤ 16 b eps · load_i.
     """

@@ -29,6 +29,8 @@ class SmallMotion:
         Coordinates that `eliminate` has left, since their pivots are too small: sequential indices.
     sizes
         What the rows of the matrix that was eliminated are made of, shape (n,).
+    scales
+        What changes of the coordinates compare with, as `rounding.scales`.
     """
 
     def __init__(
@@ -40,6 +42,7 @@ class SmallMotion:
         self._cells = small_motion_in_cells(sprung.arrays) if len(sprung.couplings) else None
         self._work = small_motion(chain.arrays) if self._cells is None else self._cells.whole
         self.place(q)
+        self.scales = rounding.scales(chain)
         self.locked, self.rounding = locked, int((~locked).sum()) * rounding.of_load_stiffness(chain)
         self.spared, self.sizes = np.zeros(0, np.intp), np.zeros(chain.n)
 

@@ -7,11 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.branches import spans_of
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
+from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import about
 from flexlink.dynamics.terms import bias_torque
@@ -25,7 +27,7 @@ class Stiffness(NamedTuple):
     Attributes
     ----------
     K
-        Tangent stiffness [N m/rad], shape (n, n).
+        Tangent stiffness [N m/rad], shape (n, n); rows of joints that slide [N/…], their columns […/m].
     S
         Square root of what each row is made of, springs and loads, shape (n,): K̂ = S⁻¹ K S⁻¹ is of order 1.
     conservative
@@ -98,10 +100,12 @@ def tangent(
 ) -> Stiffness:
     """`stiffness_matrix` of the coordinates `free`, with the sizes that its rounding is judged by."""
     K = stiffness_matrix(chain, q, qd, wrench, follower)[np.ix_(free, free)]
-    load, entry = rounding.largest_loads(chain, qd, wrench)[free], rounding.of_load_stiffness(chain)
+    load, entry = rounding.largest_load_stiffness(chain, qd, wrench)[free], rounding.of_load_stiffness(chain)
     S = np.sqrt(chain.stiffness[free] + load)
     S[S == 0] = 1.0  # a row of zeros
-    conservative = bool((np.abs(K - K.T) <= entry * np.add.outer(load, load)).all())
+    scale = rounding.scales(chain)[free]
+    left, moment = np.abs(K - K.T) * np.outer(scale, scale), load * scale**2
+    conservative = bool((left <= entry * np.add.outer(moment, moment)).all())
     return Stiffness(K, S, conservative, len(free) * entry)
 
 
@@ -113,7 +117,7 @@ def falls(chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.int
     locked = np.ones(chain.n, dtype=bool)
     locked[free] = False
     motion = SmallMotion(chain, q, qd, wrench, follower, locked)
-    square = chain.stiffness + rounding.largest_loads(chain, qd, wrench)
+    square = chain.stiffness + rounding.largest_load_stiffness(chain, qd, wrench)
     square[square == 0] = 1.0
     if potential:
         return motion.falling(K_ALONE, motion.rounding * square) > 0
@@ -158,13 +162,26 @@ def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
 
 
 def displacements(chain: Chain, q: Array, φ: NDArray[np.inexact]) -> NDArray[np.inexact]:
-    """Displacements of body origins and tip, frame 0, that go with small angles φ (m, n), shape (m, bodies, 3) [m].
+    """Displacements of body origins and tips, frame 0, that go with small angles φ (m, n), shape (m, bodies, 3) [m].
 
-    Each body turns by the sum of φ_k e_k before it, and carries the origin of the next one along.
+    Each body turns by the sum of φ_k e_k before it, and carries the origins of those along that hang on it; one that
+    slides is moved by φ_k e_k, too.
     """
     _, points, axes = forward_kinematics(chain.arrays, q)
-    ahead = np.concatenate([np.zeros((len(φ), 1, 3)), np.cumsum(φ[:, :, None] * axes, axis=1)], axis=1)
-    turned = ahead[:, chain.bodies["stop"][:-1]]
-    moved = np.zeros((len(φ), len(points), 3), dtype=φ.dtype)
-    np.cumsum(np.cross(turned, np.diff(points, axis=0)), axis=1, out=moved[:, 1:])
+    steps, first, stop = φ[:, :, None] * axes, chain.bodies["first"], chain.bodies["stop"]
+    slid = np.zeros((len(φ), len(points), 3), dtype=φ.dtype)
+    if chain.slides.any():
+        np.add.at(slid.swapaxes(0, 1), hinge_bodies(chain)[chain.slides], steps[:, chain.slides].swapaxes(0, 1))
+        steps[:, chain.slides] = 0.0
+    turned, moved, rest = np.zeros_like(slid), np.zeros_like(slid), np.zeros((len(φ), 3))
+    for parent, begin, end in spans_of(chain):
+        turn, move, place = rest, rest, np.zeros(3)
+        if parent >= 0:
+            turn, move, place = turned[:, parent], moved[:, parent], points[parent]
+        ahead = np.cumsum(np.concatenate([turn[:, None], steps[:, first[begin] : stop[end - 1]]], axis=1), axis=1)
+        turned[:, begin:end] = ahead[:, stop[begin:end] - first[begin]]
+        before = np.concatenate([turn[:, None], turned[:, begin : end - 1]], axis=1)
+        levers = np.diff(points[begin:end], axis=0, prepend=place[None])
+        shifts = np.cross(before, levers) + slid[:, begin:end]
+        moved[:, begin:end] = np.cumsum(np.concatenate([move[:, None], shifts], axis=1), axis=1)[:, 1:]
     return moved

@@ -89,6 +89,7 @@ class ForeignFile(NamedTuple):
 
     path: Path
     format: str  # "mjcf", "urdf" or "sdf"
+    base: Array | None = None  # rotation, at angles of zero, of the base that is to float, of a scene that has one
 
 
 class DriveTorque:

@@ -88,17 +88,17 @@ class DrakeEngine:
         Raises
         ------
         ArgumentError
-            Drake refuses the file, or it has other joints than hinges.
+            Drake refuses the file, or it has joints of other types than ours.
         """
         engine, text = cls.__new__(cls), file.path.read_text(encoding="utf-8")
         refuse_in_files("Drake", file.path)
         try:
-            engine._parse(text)
+            engine._parse(text, reference=file.base)
         except (RuntimeError, ValueError) as error:
             raise ArgumentError(f"Drake cannot load the file: {error}") from error
         return engine
 
-    def _parse(self, text: str, names: Sequence[str] = (), tip: str = "") -> None:
+    def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", reference: Array | None = None) -> None:
         """Load a document, with joints in the order of their names, Drake's by default."""
         self.text, root = text, ET.fromstring(text)
         width, model = f"{OWN}coulomb_width", root.find(".//model")
@@ -118,7 +118,8 @@ class DrakeEngine:
         self.unspecified = frozenset(name for name, there in specified.items() if not there)
         self.n, self.context = self.plant.num_velocities(), self.plant.CreateDefaultContext()
         floats, said = BASE_JOINTS[0] in degrees, "" if model is None else model.get(f"{OWN}base", "")
-        reference = np.reshape([float(x) for x in said.split()], (3, 3)) if said else np.eye(3)
+        if reference is None:
+            reference = np.reshape([float(x) for x in said.split()], (3, 3)) if said else np.eye(3)
         order = np.array([degrees[name] for name in self.names])
         self.coordinates = Coordinates(order, reference if floats else None, FLOATING)
         self.couplings = couplings.of_elements(root.iter(f"{OWN}coupling"), self.names)

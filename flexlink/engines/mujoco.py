@@ -78,7 +78,7 @@ class MujocoEngine:
         Raises
         ------
         ArgumentError
-            MuJoCo refuses the file, or it has other joints than hinges.
+            MuJoCo refuses the file, or it has joints of other types than ours.
         """
         refuse_in_files("MuJoCo", file.path)
         try:
@@ -88,24 +88,26 @@ class MujocoEngine:
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
             raise ArgumentError(f"MuJoCo cannot load the file: {error}") from error
         engine = cls.__new__(cls)
-        record = mujoco_reader.read(model, spec)
+        record = mujoco_reader.read(model, spec, file.base)
         if file.format == "urdf":
             unspecified = frozenset(
                 {"gravity", "stiffness", "rest", "armature", "coulomb_width", "autoreset", *couplings.COUPLED_FIELDS}
             )
             record = dataclasses.replace(record, unspecified=unspecified, integrator="", step=None)
-        engine._use(model, record)
+        engine._use(model, record, reference=file.base)
         # torques and accelerations at given states are compared; actuators and steps are compared in the record
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
         return engine
 
-    def _use(self, model: Any, record: ReadBack, names: Sequence[str] = (), tip: str = "") -> None:
+    def _use(
+        self, model: Any, record: ReadBack, names: Sequence[str] = (), tip: str = "", reference: Array | None = None
+    ) -> None:
         """A model and its record, with joints in the order of their names, that of the model by default."""
         self.model, self.data, self.n = model, mujoco.MjData(model), model.nv
         order = np.array([record.names.index(name) for name in names or record.names], dtype=np.intp)
         self.record = record = record.in_order(order)
-        self.coordinates = mujoco_reader.coordinates(model, order)
+        self.coordinates = mujoco_reader.coordinates(model, order, reference)
         self.tip = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, tip) if tip else model.nbody - 1
         self.rest, self.coulomb, self.coulomb_width = record.rest, record.coulomb.copy(), record.coulomb_width.copy()
         self.couplings = np.zeros(0, COUPLING)

@@ -17,9 +17,15 @@ from flexlink.engines.read_back import ReadBack, merge_bodies, require_joints
 FLOATING = Floating(velocity_in_base=False, spin_in_base=True, turn_first=False, scalar_first=True)
 
 
-def coordinates(model: Any, order: Indices) -> Coordinates:
-    """How those of a model follow from ours, its joints in this order; a free base counts from where it starts."""
-    reference = matrix_from_quaternion(model.qpos0[3:7].tolist()) if floats(model) else None
+def coordinates(model: Any, order: Indices, reference: Array | None = None) -> Coordinates:
+    """How those of a model follow from ours, its joints in this order.
+
+    A free base turns from its `reference`, by default from how it starts.
+    """
+    if not floats(model):
+        return Coordinates(order)
+    if reference is None:
+        reference = matrix_from_quaternion(model.qpos0[3:7].tolist())
     return Coordinates(order, reference, FLOATING)
 
 
@@ -53,11 +59,11 @@ def fill(model: Any, theirs: Coordinates, fields: Mapping[str, Array]) -> None:
         model.qpos_spring[model.jnt_qposadr[joints[moving]]] = fields["rest"][moving]
 
 
-def read(model: Any, spec: Any = None) -> ReadBack:
+def read(model: Any, spec: Any = None, reference: Array | None = None) -> ReadBack:
     """The record of a model; its MjSpec, if there is one, tells which settings have changed numbers."""
     _require_joints(model)
     data, joints = mujoco.MjData(model), model.dof_jntid
-    zero = coordinates(model, np.arange(model.nv))
+    zero = coordinates(model, np.arange(model.nv), reference)
     data.qpos[:] = zero.position(np.zeros(model.nv))
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)

@@ -78,7 +78,7 @@ class PinocchioEngine:
         Raises
         ------
         ArgumentError
-            Pinocchio refuses the file, or it has other joints than hinges.
+            Pinocchio refuses the file, or it has joints of other types than ours.
         """
         refuse_in_files("Pinocchio", file.path)
         robot = ET.parse(file.path).getroot()
@@ -87,17 +87,22 @@ class PinocchioEngine:
             ET.SubElement(joint, "limit", LIMIT)
         engine = cls.__new__(cls)
         try:
-            engine._parse(ET.tostring(robot, encoding="unicode"))
+            engine._parse(ET.tostring(robot, encoding="unicode"), base=file.base)
         except (ValueError, RuntimeError) as error:
             raise ArgumentError(f"Pinocchio cannot load the file: {error}") from error
         engine.prescribed = np.zeros(0, dtype=np.intp)
         return engine
 
-    def _parse(self, text: str, names: Sequence[str] = (), tip: str = "") -> None:
-        """Load a document, with joints in the order of their names, that of the model by default."""
+    def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", base: Array | None = None) -> None:
+        """Load a document, with joints in the order of their names, that of the model by default.
+
+        A base floats that is given, or of which the document says so.
+        """
         robot = ET.fromstring(text)
         own_element = robot.find("flexlink")
-        base = None if own_element is None else own_element.get(BASE)
+        said = "" if own_element is None else own_element.get(BASE, "")
+        if base is None and said:
+            base = np.reshape([float(x) for x in said.split()], (3, 3))
         floats = () if base is None else (pin.JointModelFreeFlyer(),)
         self.model = model = pin.buildModelFromXML(text, *floats)
         pinocchio_reader.require_joints_of(model)
@@ -110,8 +115,7 @@ class PinocchioEngine:
         degrees = pinocchio_reader.degrees_of_freedom(model)
         self.names = tuple(names or degrees)
         order = np.array([degrees[name] for name in self.names])
-        reference = None if base is None else np.reshape([float(x) for x in base.split()], (3, 3))
-        self.coordinates = Coordinates(order, reference, FLOATING)
+        self.coordinates = Coordinates(order, base, FLOATING)
         own = {joint.get("name"): joint.find("flexlink") for joint in robot.findall("joint")}
         elements = [own.get(name) for name in self.names]
         self.stiffness, self.rest, self.coulomb_width, armature = (_own(elements, key) for key in NOT_IN_URDF)

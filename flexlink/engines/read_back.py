@@ -13,12 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.builder import record_branches
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import frames
 from flexlink.engines.couplings import COUPLED_FIELDS, of_matrices, to_matrices
-from flexlink.kernels.layout import BODY
+from flexlink.formats.document import loaded_tip, tips
+from flexlink.kernels.layout import BODY, SLIDES
 
 Indices = NDArray[np.intp]
 
@@ -72,6 +74,8 @@ class ReadBack:
         [m/s²], shape (3,).
     tip
         Origin of the frame called "tip" [m], shape (3,), None if there is none.
+    tip_on
+        The joint that it hangs on, of a chain; None: the last.
     unspecified
         Fields that the file does not specify, such as the springs of a URDF; they are not compared.
     settings
@@ -107,6 +111,7 @@ class ReadBack:
     effort: Array
     gravity: Array
     tip: Array | None = None
+    tip_on: int | None = None
     unspecified: frozenset[str] = frozenset()
     settings: Mapping[str, str] = dataclasses.field(default_factory=dict)
     integrator: str = ""
@@ -233,30 +238,43 @@ def of_chain(chain: Chain) -> ReadBack:
     own |= to_matrices(chain.couplings, chain.n)
     return ReadBack(
         chain.joint_names, parents, np.array(chain.axes), points, np.repeat(R, counts, axis=0), **placed,
-        slides=np.array(chain.slides), **own, **no_actuators(chain.n), gravity=np.array(chain.gravity), tip=p[-1],
+        slides=np.array(chain.slides), **own, **no_actuators(chain.n), gravity=np.array(chain.gravity),
+        tip=p[-1], tip_on=tips(chain)[-1].parent,
     )  # fmt: skip
 
 
 def to_chain(read: ReadBack, like: Chain) -> Chain:
-    """The serial chain of a record with the joints of `like`: each turns about Z of a frame of its own."""
-    bodies, R, p = np.zeros(read.n + 1, BODY), np.eye(3), np.zeros(3)
-    for k, body in enumerate(bodies[:-1]):
-        axes = _frame(read.axes[k])
-        body["first"], body["stop"], body["turned"] = k, k + 1, 1
+    """The chain of a record with the joints of `like`: each turns about Z of a frame of its own, or slides along it."""
+    bodies = np.zeros(read.n + len(like.tips), BODY)
+    frames_of, points = [np.eye(3)], [np.zeros(3)]  # of the base, and of every joint
+    for k, body in enumerate(bodies[: read.n]):
+        axes, on = _frame(read.axes[k]), int(read.parents[k]) + 1
+        R, p = frames_of[on], points[on]
+        body["first"], body["stop"], body["turned"], body["parent"] = k, k + 1, 1, on
         body["rotation"], body["translation"] = R.T @ axes, R.T @ (read.points[k] - p)
         R, p = axes, read.points[k]
         body["mass"], body["center"] = read.masses[k], R.T @ (read.centers[k] - p)
         turned = R.T @ read.inertias[k] @ R
         body["inertia"] = (turned + turned.T) / 2
-    end, tip = bodies[-1], frames(like, np.zeros(like.n)).points[-1] if read.tip is None else read.tip
-    end["first"] = end["stop"] = read.n
-    end["rotation"], end["translation"] = np.eye(3), R.T @ (tip - p)
+        frames_of.append(R)
+        points.append(p)
+    places = frames(like, np.zeros(like.n)).points[list(like.tips.values())]
+    if read.tip is not None:
+        places[-1] = read.tip
+    for end, tip, place in zip(bodies[read.n :], tips(like), places, strict=True):
+        end["first"], end["stop"], end["parent"] = read.n, read.n, tip.parent + 1
+        end["rotation"], end["translation"] = np.eye(3), frames_of[tip.parent + 1].T @ (place - points[tip.parent + 1])
+        end["loaded"] = tip.link == loaded_tip(like).link
+    record_branches(bodies)
     hinges = like.hinges.copy()
-    hinges["axis"] = 2
+    hinges["axis"] = 2 + SLIDES * read.slides
     for field in JOINT_FIELDS:
         hinges[field] = getattr(read, field)
     couplings = of_matrices({field: getattr(read, field) for field in COUPLED_FIELDS})
-    return dataclasses.replace(like, bodies=bodies, hinges=hinges, gravity=read.gravity.copy(), couplings=couplings)
+    return dataclasses.replace(
+        like, bodies=bodies, hinges=hinges, gravity=read.gravity.copy(), couplings=couplings,
+        tips={name: read.n + number for number, name in enumerate(like.tips)},
+    )  # fmt: skip
 
 
 def _frame(axis: Array) -> Array:

@@ -40,6 +40,10 @@ def _features() -> dict[str, Feature]:
 
     return {
         "gravity": feature(lambda scene, _: any(scene.gravity), urdf=ignored),
+        "free base": feature(
+            lambda _, chain: chain.has_free_base,
+            urdf=f"a root link without a joint; that it floats, and its attitude, is {ignored}",
+        ),
         "springs": feature(lambda _, chain: bool(chain.stiffness.any()), urdf=ignored),
         "springs between hinges": feature(lambda _, chain: len(chain.couplings) > 0, urdf=ignored, sdf=ignored),
         "springs of rotation vectors": feature(
@@ -58,7 +62,7 @@ def _features() -> dict[str, Feature]:
         ),
         "elastic gear": feature(
             lambda _, chain: any(c.link and c.axis and not c.segment for c in chain.coordinates),
-            "two joints about one axis, first the motor, then the gear",
+            "two joints of one axis, first the motor, then the gear",
         ),
         "prescribed motion": feature(lambda scene, _: bool(scene.motion), "no motion: the joint moves freely"),
         "drive torques": feature(lambda scene, _: scene.drive.kind != "none", "a motor without a torque"),

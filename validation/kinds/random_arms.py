@@ -1,4 +1,4 @@
-"""Random serial arms that use every key of a link, in other engines, term by term."""
+"""Random arms that use every key of a link, one link on another or as trees, in other engines, term by term."""
 
 from __future__ import annotations
 
@@ -14,19 +14,24 @@ from flexlink.diagnosis.states import State, mixed_states
 from flexlink.engines import Engine, load
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.random_arms import random_arm
+from validation.random_arms import random_arm, random_tree
 
 SHARES = {"M": "M", "T_GC": "T_GC with tip wrench"}
 """Quantities that are told as a share, too: of the largest element of another over an arm's states. The torque of an
 arm in balance is nothing but rounding; with a load at its tip it is not."""
 
 
-def run(case: Case, engines: tuple[str, ...], arms: int, samples: int, seed: int = 0) -> Iterator[Measured]:
-    """The largest error of each quantity over all arms, and how many arms an engine has not taken."""
+def run(
+    case: Case, engines: tuple[str, ...], arms: int, samples: int, seed: int = 0, trees: bool = False
+) -> Iterator[Measured]:
+    """The largest error of each quantity over all arms, and how many arms an engine has not taken.
+
+    `trees`: arms that branch, slide and float.
+    """
     worst: dict[tuple[str, str], tuple[float, int]] = {}
     refused: dict[str, list[str]] = {name: [] for name in engines}
     for number in range(seed, seed + arms):
-        chain = lump(random_arm(number))
+        chain = lump(random_tree(number) if trees else random_arm(number))
         native, states = load("native", chain), mixed_states(chain, samples, seed=number)
         for name in engines:
             try:

@@ -71,7 +71,8 @@ class Subspace:
         """K, with the sizes of its parts."""
         n, K, each = len(self.square), self.W @ self.KW.T, np.abs(self.W)
         S = np.sqrt(self.W**2 @ self.square)
-        of_loads = np.outer(each @ self.loads, each.sum(axis=1)) * (self.motion.rounding / n)
+        scales = self.motion.scales
+        of_loads = np.outer(each @ (self.loads * scales), (each / scales).sum(axis=1)) * (self.motion.rounding / n)
         symmetric = bool((np.abs(K - K.T) <= of_loads + of_loads.T + n * EPS * np.outer(S, S)).all())
         return Stiffness(K, S, symmetric, self.motion.rounding)
 
@@ -88,7 +89,8 @@ class Subspace:
         for k, rate in enumerate(np.abs(λ)):
             self._shift(max(rate, self.least))
             left[k] = self._divide(left[k])
-        return np.asarray(left / np.abs(shapes.T @ self.W).max(axis=1, keepdims=True))
+        largest = np.abs(shapes.T @ self.W / self.motion.scales).max(axis=1, keepdims=True)
+        return np.asarray(left / self.motion.scales / largest)
 
     def bent(self, dice: np.random.Generator, count: int) -> Array:
         """Shapes that random accelerations bend it to, shape (count, n)."""
@@ -137,7 +139,7 @@ def lowest(chain: Chain, motion: SmallMotion, loads: Array, count: int, damped: 
     chain, motion
         The chain, and its small motion.
     loads
-        `rounding.largest_loads`, shape (n,).
+        `rounding.largest_load_stiffness`, shape (n,).
     count
         How many are wanted, fewer than a third of the coordinates that are free.
     damped

@@ -25,7 +25,7 @@ from flexlink.describe.conditions import Frame
 from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult
-from flexlink.dynamics.rounding import EPS, largest_loads
+from flexlink.dynamics.rounding import EPS, largest_load_stiffness
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import about, damping_matrix, damping_slope
 from flexlink.dynamics.tangent import displacements, gyroscopic_matrix, tangent, unlocked
@@ -238,7 +238,7 @@ def _lowest(small: _Small, count: int) -> _Found | None:
     chain, q, qd, wrench, follower, free = small
     locked = np.ones(chain.n, dtype=bool)
     locked[free] = False
-    motion, sizes = SmallMotion(chain, q, qd, wrench, follower, locked), largest_loads(chain, qd, wrench)
+    motion, sizes = SmallMotion(chain, q, qd, wrench, follower, locked), largest_load_stiffness(chain, qd, wrench)
     whole, own = (part[free] for part in motion.inertias())
     idle = ~(own > len(free) * np.finfo(float).eps * whole)
     if idle.any():

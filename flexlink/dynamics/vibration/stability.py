@@ -21,6 +21,7 @@ from flexlink.common.types import Array, Complex
 from flexlink.describe.conditions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.dynamics.rounding import scales
 from flexlink.dynamics.springs import about, damping_along, damping_matrix
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import inverse_dynamics
@@ -36,7 +37,8 @@ DENSE = 100
 """Joints up to which all eigenvalues are found, in O(n³); beyond, only those that bound the step, in O(n)."""
 
 NUDGE = 1e-4
-"""Angle [rad] of the central difference along a direction; its error, of order NUDGE², is far below Lanczos' 1e-4."""
+"""Angle [rad] of the central difference along a direction, of slides a part of the arm's length; its error, of order
+NUDGE², is far below Lanczos' 1e-4."""
 
 
 class Gains(NamedTuple):
@@ -240,7 +242,7 @@ def _damping_and_stiffness(chain: Chain, state: _State) -> tuple[Array, Array]:
 
 def _stiffness_along(chain: Chain, state: _State, φ: Array) -> Array:
     """K φ [N m/rad], the load's part by a central difference along φ."""
-    size = np.abs(φ).max()
+    size = np.abs(φ / scales(chain)).max()
     if size == 0:
         return np.zeros_like(φ)
     step = NUDGE / size * φ

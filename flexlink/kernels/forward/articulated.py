@@ -310,8 +310,7 @@ def accelerate(gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power)
     for i in range(len(layout)):
         group, first = layout[i, LAYOUT.group], layout[i, LAYOUT.first]
         if layout[i, LAYOUT.begins]:
-            α, a = motion_of(bodies, layout[i, LAYOUT.parent], gravity)
-        a = add(add(a, cross(α, vec_of(bodies, i, BODY_ROW.r))), vec_of(bodies, i, BODY_ROW.b))
+            α, a = motion_of_branch(bodies, i, layout[i, LAYOUT.parent], gravity)
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
             α, a = components(α, u, v, w), components(a, u, v, w)
@@ -344,16 +343,20 @@ def accelerate(gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power)
                     power += at(qd, k) * more
         put_vec_of(bodies, α, i, BODY_ROW.ζ)
         put_vec_of(bodies, a, i, BODY_ROW.b)
+        following = layout[i, LAYOUT.next]
+        b = vec_of(bodies, following, BODY_ROW.b)
+        a = add(add(a, cross(α, vec_of(bodies, following, BODY_ROW.r))), b)
     return power
 
 
 @subroutine
-def motion_of(bodies, number, gravity):
-    """α and a, with −g, of a body, counted from 1, or of the base, 0."""
-    if number > 0:
-        return vec_of(bodies, number - 1, BODY_ROW.ζ), vec_of(bodies, number - 1, BODY_ROW.b)
-    o = zero_of(bodies, 0, 0)
-    return (o, o, o), scale(-1.0 + o, vec(gravity, 0))
+def motion_of_branch(bodies, i, parent, gravity):
+    """α and a, with −g, before the hinges of body `i`, which hangs on another, counted from 1, or on the base, 0."""
+    if parent == 0:
+        o = zero_of(bodies, 0, 0)
+        return (o, o, o), scale(-1.0 + o, vec(gravity, 0))
+    α, a = vec_of(bodies, parent - 1, BODY_ROW.ζ), vec_of(bodies, parent - 1, BODY_ROW.b)
+    return α, add(add(a, cross(α, vec_of(bodies, i, BODY_ROW.r))), vec_of(bodies, i, BODY_ROW.b))
 
 
 @inlined

@@ -50,8 +50,7 @@ def solve_on_articulated(r, loads, x, work):
     α, a = (o, o, o), (o, o, o)
     for i in range(len(layout)):
         if layout[i, LAYOUT.begins]:
-            α, a = motion_of(loads, layout[i, LAYOUT.parent])
-        a = add(a, cross(α, vec_of(bodies, i, BODY_ROW.r)))
+            α, a = motion_of_branch(loads, layout[i, LAYOUT.parent], vec_of(bodies, i, BODY_ROW.r))
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
             α, a = (dot(u, α), dot(v, α), dot(w, α)), (dot(u, a), dot(v, a), dot(w, a))
@@ -70,6 +69,7 @@ def solve_on_articulated(r, loads, x, work):
         if layout[i, LAYOUT.fork] > 0:
             put_vec_of(loads, α, i, 0)
             put_vec_of(loads, a, i, 3)
+        a = add(a, cross(α, vec_of(bodies, i + 1, BODY_ROW.r)))
 
 
 @subroutine
@@ -81,12 +81,13 @@ def add_branch(loads, number, r, n, f):
 
 
 @subroutine
-def motion_of(loads, number):
-    """α and a of such a body, which its row keeps."""
-    if number > 0:
-        return vec_of(loads, number - 1, 0), vec_of(loads, number - 1, 3)
-    o = zero_of(loads, 0, 0)
-    return (o, o, o), (o, o, o)
+def motion_of_branch(loads, number, r):
+    """α and a of a branch at a hinge point r away from that of such a body, whose row keeps its own."""
+    if number == 0:
+        o = zero_of(loads, 0, 0)
+        return (o, o, o), (o, o, o)
+    α, a = vec_of(loads, number - 1, 0), vec_of(loads, number - 1, 3)
+    return α, add(a, cross(α, r))
 
 
 @inlined

@@ -224,7 +224,7 @@ def solve_in_space(factors, r, x, posture):
 
 @recursion
 def displacement_in_space(δ, posture):
-    """Largest displacement [m] that small changes δ (n,) of angles and of slides give to any hinge point."""
+    """Largest displacement [m] that small changes δ (n,) of angles and of slides give to either end of any segment."""
     layout, es, rs, forks = posture.layout, posture.e, posture.r, posture.forks
     φ, p, largest, doubt = ZERO, ZERO, 0.0, 0.0
     if len(forks) > 0:

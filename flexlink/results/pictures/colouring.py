@@ -76,21 +76,14 @@ def _bending(outline: Outline, placed: tuple[Array, Array], loads: InternalLoads
         point = p[:, body] + R[:, body] @ place
         return np.asarray(moment[:, cut] + np.cross(p[:, cut + 1] - point, force[:, cut]))
 
-    def beyond(body: int, place: Array) -> Array:
-        """Of all that hangs on a body."""
-        return np.asarray(sum((at(cut, body, place) for cut in cuts.get(body, ())), np.zeros((len(p), 3))))
+    def of(cuts: tuple[int, ...], body: int, place: Array) -> Array:
+        return np.asarray(sum((at(cut, body, place) for cut in cuts), np.zeros((len(p), 3))))
 
-    cuts: dict[int, list[int]] = {}
-    for cut, parent in enumerate(outline.parents.tolist()):
-        cuts.setdefault(parent, []).append(cut)
     ends = np.empty((len(outline.pieces), 2, len(p), 3))
-    for k, piece in enumerate(outline.pieces):
-        inner = outline.pieces[k - 1].body if k else -1
-        first = piece.body > 0 and inner != piece.body  # on its body, whose own cut is then the nearer one
+    for k, (piece, cuts) in enumerate(zip(outline.pieces, outline.cuts, strict=True)):
         start = piece.place.p
         stop = start + piece.length * piece.place.R[:, 0]
-        at_start = at(piece.body - 1, piece.body, start) if first else beyond(piece.body, start)
-        ends[k] = at_start, beyond(piece.body, stop)
+        ends[k] = of(cuts.before, piece.body, start), of(cuts.beyond, piece.body, stop)
     between = np.moveaxis(ends[outline.piece], 2, 0)  # (frames, s, 2, 3)
     u = outline.part[:, None]
     vectors = (1 - u) * between[:, :, 0] + u * between[:, :, 1]

@@ -53,14 +53,20 @@ class Film:
 
     @property
     def bodies(self) -> Array:
-        """Origins of all that are part of the arm, (f, ·, 3) [m]: from the base outward, that of one that floats."""
-        return self.p[:, self.outline.base :]
+        """Origins of all that are part of the arm, from the base outward, and `rails`; (f, ·, 3) [m]."""
+        return np.concatenate([self.p[:, self.outline.base :], self.rails], axis=1)
 
     @property
     def points(self) -> Array:
         """Stations of the outline in frame 0, shape (f, s, 3) [m]."""
         body = self.outline.body
         return np.asarray(self.p[:, body] + np.einsum("fsij,sj->fsi", self.R[:, body], self.outline.place))
+
+    @property
+    def rails(self) -> Array:
+        """Where joints that slide are at zero, in frame 0, shape (f, r, 3) [m]."""
+        body, place = self.outline.rails
+        return np.asarray(self.p[:, body] + np.einsum("frij,rj->fri", self.R[:, body], place))
 
     @property
     def axes(self) -> Array:

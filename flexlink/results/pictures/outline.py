@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,13 @@ from flexlink.describe.arm import Arm, Link, Section
 from flexlink.describe.scene import Scene
 
 Whole = Indices
+
+
+class Cuts(NamedTuple):
+    """Where loads are known at the ends of a piece: at hinge points of bodies, counted from 0."""
+
+    before: tuple[int, ...]  # what loads its start: the hinge that it begins at, or else what lies beyond
+    beyond: tuple[int, ...]  # all that hangs on its body and comes behind it
 
 
 class Outline(NamedTuple):
@@ -38,9 +46,10 @@ class Outline(NamedTuple):
     ball: float  # radius of the payload [m], or 0
     center: Array  # (3,), its centre in the tip frame [m]
     pieces: list[Piece]
-    parents: Whole  # (bodies − 1,), of every body but the base the one that it hangs on
+    cuts: list[Cuts]  # of every piece
     base: int  # the body that is the base: 0, or one that floats
-    order: Whole  # along the arm: bodies, and stations, which count on from there; −1 between two branches
+    rails: tuple[Whole, Array]  # where joints that slide are at zero: bodies that these hang on (r,), places (r, 3)
+    order: Whole  # along the arm: bodies; stations and rails, which count on from there; −1 between two branches
 
 
 def outline_of(scene: Scene, chain: Chain) -> Outline:
@@ -51,30 +60,61 @@ def outline_of(scene: Scene, chain: Chain) -> Outline:
     steel = 7850.0  # kg/m³; a payload is drawn as a ball of steel of its mass
     ball = (3 * arm.tip.mass / (4 * math.pi * steel)) ** (1 / 3)
     joints = np.array([chain.body(int(k)) + 1 for k in chain.active], dtype=np.int64)
-    bodies, places = np.array(body, dtype=np.int64), np.reshape(place, (-1, 3))
+    bodies, numbers, cuts = np.array(body, dtype=np.int64), np.array(number, dtype=np.int64), _cuts(arm, chain, found)
     return Outline(
-        np.array(link, dtype=np.int64), bodies, places,
+        np.array(link, dtype=np.int64), bodies, np.reshape(place, (-1, 3)),
         np.reshape(axes, (-1, 2, 3)), np.reshape(across, (-1, 2)), np.array(is_round, dtype=bool),
-        np.array(number, dtype=np.int64), np.array(part, dtype=float),
+        numbers, np.array(part, dtype=float),
         len(chain.bodies) + 1, joints, ball, np.array(arm.tip.center), found,
-        chain.bodies["parent"].astype(np.int64), base_body(chain), _order(chain, bodies, places),
+        cuts, base_body(chain), _rails(chain), _order(chain, bodies, numbers, cuts),
     )  # fmt: skip
 
 
-def _order(chain: Chain, body: Whole, places: Array) -> Whole:
-    """`Outline.order`: every branch begins at the point of the body that it hangs on which is nearest to it."""
-    count, order = len(chain.bodies) + 1, []
-    for k, (parent, *bodies) in enumerate(branches_of(chain)):
-        if k:
-            there = np.append(parent, count + np.flatnonzero(body == parent))
-            away = np.linalg.norm(
-                np.concatenate([np.zeros((1, 3)), places[body == parent]]) - chain.bodies["translation"][bodies[0] - 1],
-                axis=1,
-            )
-            order += [-1, int(there[np.argmin(away)])]
-        for b in (parent, *bodies)[1 if k else 0 :]:
-            order += [b, *(count + np.flatnonzero(body == b)).tolist()]
+def _sliding(chain: Chain) -> list[int]:
+    """Bodies that slide on what they hang on, from 0, but for a base that floats."""
+    first = chain.bodies["first"].tolist()
+    some = first < chain.bodies["stop"]
+    return [k for k in np.flatnonzero(some).tolist() if k >= base_body(chain) and chain.slides[first[k]]]
+
+
+def _rails(chain: Chain) -> tuple[Whole, Array]:
+    """`Outline.rails`."""
+    sliding = _sliding(chain)
+    return chain.bodies["parent"][sliding].astype(np.int64), chain.bodies["translation"][sliding]
+
+
+def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts]) -> Whole:
+    """`Outline.order`: along every branch, from the body that it hangs on, what leads to the next body."""
+    count, order = len(chain.bodies) + 1, list[int]()
+    rails = {k + 1: [count + len(body) + row] for row, k in enumerate(_sliding(chain))}
+    for branch in branches_of(chain):
+        order += [-1, branch[0]] if order else [branch[0]]
+        for b, following in pairwise(branch):
+            here = np.flatnonzero(body == b).tolist()
+            order += [count + s for s in here if following - 1 in cuts[piece[s]].beyond]
+            order += [*rails.get(following, []), following]
     return np.array(order, dtype=np.int64)
+
+
+def _cuts(arm: Arm, chain: Chain, found: list[Piece]) -> list[Cuts]:
+    """Behind a piece of a link come its own hinges, and the links that hang on it; other links on its body do not."""
+    of_body = [
+        chain.coordinates[first].link if stop > first else 0
+        for first, stop in zip(chain.bodies["first"].tolist(), chain.bodies["stop"].tolist(), strict=True)
+    ]
+    for name, number in chain.tips.items():
+        of_body[number] = arm.number(name)
+    behind = [{k} for k in range(len(arm.links) + 1)]
+    for k in range(len(arm.links), 0, -1):
+        behind[arm.parents[k - 1]] |= behind[k]
+    parents, cuts = chain.bodies["parent"].tolist(), []
+    for k, piece in enumerate(found):
+        hang = [j for j, parent in enumerate(parents) if parent == piece.body]
+        beyond = tuple(j for j in hang if of_body[j] in behind[piece.link])
+        first = piece.body > 0 and (not k or found[k - 1].body != piece.body)
+        alone = len(beyond) == len(hang) or of_body[piece.body - 1] == piece.link
+        cuts.append(Cuts((piece.body - 1,) if first and alone else beyond, beyond))
+    return cuts
 
 
 def _stations(arm: Arm, found: list[Piece], k: int, piece: Piece) -> list[tuple[object, ...]]:

@@ -47,6 +47,8 @@ def data_of(film: Film) -> dict[str, Any]:
         "axes": _floats(outline.axes),
         "across": _floats(outline.across),
         "round": outline.round.astype(int).tolist(),
+        "railBody": outline.rails[0].tolist(),
+        "railPlace": _floats(outline.rails[1]),
         "order": outline.order.tolist(),
         "joints": outline.joints.tolist(),
         "radii": projected.joint_radii.tolist(),

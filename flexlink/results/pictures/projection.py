@@ -83,7 +83,7 @@ class Projected:
         Not a number between two branches.
         """
         film = self.film
-        every = np.concatenate([film.p, film.points, np.full_like(film.p[:, :1], np.nan)], axis=1)
+        every = np.concatenate([film.p, film.points, film.rails, np.full_like(film.p[:, :1], np.nan)], axis=1)
         every = every[:, film.outline.order]
         return np.concatenate([every, film.ball[:, None]], axis=1) if film.outline.ball else every
 

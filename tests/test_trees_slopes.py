@@ -1,0 +1,235 @@
+"""Slopes of trees of arms that turn and slide, on fixed and free bases, are those of the equations by complex steps."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from beams import THIN, thin_link
+from conftest import chain_of, flexible
+from msgspec.structs import replace
+from trees import random_tree, slopes
+
+import flexlink as fl
+from flexlink.common.types import Array
+from flexlink.describe.arm import Base
+from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
+from flexlink.dynamics.springs import damping_slope
+from flexlink.dynamics.tangent import displacements, gyroscopic_matrix, stiffness_matrix
+
+SEEDS = range(8)
+
+
+def state(chain: fl.Chain, rng: np.random.Generator) -> tuple[Array, ...]:
+    """q, q̇, a third and a wrench."""
+    return (*rng.normal(size=(3, chain.n)), rng.normal(size=6))
+
+
+def apart(chain: fl.Chain) -> np.ndarray:
+    """Which pairs of joints are not on one path from the base, (n, n)."""
+    on_path = np.zeros((chain.n, chain.n), bool)
+    for body in chain.bodies:
+        above = chain.bodies[body["parent"] - 1] if body["parent"] else None
+        for k in range(body["first"], body["stop"]):
+            on_path[k, body["first"] : k + 1] = True
+            while above is not None:
+                on_path[k, above["first"] : above["stop"]] = True
+                above = chain.bodies[above["parent"] - 1] if above["parent"] else None
+            on_path[k] |= on_path[body["first"]]
+    return ~(on_path | on_path.T)
+
+
+def off(ours: Array, exact: Array) -> float:
+    """Largest error, in units of the largest element."""
+    return float(np.abs(ours - exact).max() / (np.abs(exact).max() or 1.0))
+
+
+@pytest.fixture(params=SEEDS)
+def tree(request: pytest.FixtureRequest) -> tuple[fl.Chain, np.random.Generator]:
+    """A random one, every second on a free base, and a stream of numbers."""
+    rng = np.random.default_rng(request.param)
+    return random_tree(rng, int(rng.integers(1, 5)), free=bool(request.param % 2)), rng
+
+
+def test_inverse_dynamics_has_the_slopes_of_newton_s_and_euler_s_equations(tree) -> None:
+    chain, rng = tree
+    q, qd, qdd, wrench = state(chain, rng)
+    found = fl.inverse_dynamics_derivatives(chain, q, qd, qdd, tip_wrench=wrench)
+    exact = slopes(chain, q, qd, qdd, wrench)
+    for ours, wanted in zip((found.dq, found.dqd, found.dqdd), exact, strict=True):
+        assert off(ours, wanted) < 1e-14
+        assert not ours[apart(chain)].any()
+    turning = fl.inverse_dynamics_derivatives(chain, q, qd, qdd, tip_wrench=wrench, frame="tip")
+    springs = np.abs(chain.matrix("stiffness")).max()  # which the difference of two stiffnesses is taken of
+    assert np.abs(turning.dq - slopes(chain, q, qd, qdd, wrench, follower=True)[0]).max() < 1e-14 * (
+        np.abs(exact[0]).max() + springs
+    )
+
+
+def test_forward_dynamics_has_them_too(tree) -> None:
+    chain, rng = tree
+    hinges = chain.hinges.copy()
+    hinges["prescribed"][chain.active[-1]] = 1
+    for each in (chain, dataclasses.replace(chain, hinges=hinges)):
+        q, qd, tau, wrench = state(each, rng)
+        q /= 3
+        given = each.hinges["prescribed"] != 0
+        free = ~given
+        qdd = fl.forward_dynamics(each, q, qd, tau, tip_wrench=wrench)
+        K, C, M = slopes(each, q, qd, qdd, wrench)
+        width = each.hinges["coulomb_width"]
+        friction = each.damping + each.hinges["coulomb"] / width * (1 - np.tanh(qd / width) ** 2)
+        K, C = K + each.matrix("stiffness"), C + np.diag(friction)
+        inverse = np.zeros_like(M)
+        inverse[np.ix_(free, free)] = np.linalg.inv(M[np.ix_(free, free)])
+        by_input = inverse.copy()
+        by_input[:, given], by_input[given, given] = -inverse @ M[:, given], 1.0
+        found = fl.forward_dynamics_derivatives(each, q, qd, tau, tip_wrench=wrench)
+        rounding = 1e-15 * np.linalg.cond(M)
+        assert off(found.dq, -inverse @ K) < rounding
+        assert off(found.dqd, -inverse @ C) < rounding
+        assert off(found.dtau, by_input) < rounding
+
+
+def test_many_states_have_the_slopes_of_each() -> None:
+    rng = np.random.default_rng(3)
+    chain = random_tree(rng, 3, free=True)
+    q, qd, given = rng.normal(size=(3, 3, chain.n))
+    wrench = rng.normal(size=(3, 6))
+    for function, names in (
+        (fl.inverse_dynamics_derivatives, ("dq", "dqd", "dqdd")),
+        (fl.forward_dynamics_derivatives, ("dq", "dqd", "dtau")),
+    ):
+        many = function(chain, q, qd, given, tip_wrench=wrench)
+        for k in range(3):
+            one = function(chain, q[k], qd[k], given[k], tip_wrench=wrench[k])
+            assert all(np.array_equal(getattr(many, name)[k], getattr(one, name)) for name in names)
+
+
+@pytest.mark.parametrize("follower", [False, True])
+def test_small_motion_has_the_products_and_solutions_of_the_matrices(tree, follower: bool) -> None:
+    chain, rng = tree
+    q, rates, _, wrench = state(chain, rng)
+    locked = np.zeros(chain.n, bool)
+    locked[rng.integers(chain.n)] = chain.n > 1
+    free = ~locked
+    for qd in (rates, 0 * rates):
+        K, C, M = slopes(chain, q, qd, 0 * q, wrench, follower=follower)
+        size = np.abs(K).max() + chain.stiffness.max()
+        K, D = K + chain.matrix("stiffness"), np.diag(damping_slope(chain))
+        assert np.abs(stiffness_matrix(chain, q, qd, wrench, follower) - K).max() < 1e-14 * size
+        assert np.abs(gyroscopic_matrix(chain, q, qd) - C).max() <= 1e-13 * np.abs(C).max()
+        motion = SmallMotion(chain, q, qd, wrench, follower, locked)
+        x = np.where(locked, 0.0, rng.normal(size=(2, chain.n)))
+        for weights in (*np.eye(3), np.array([1.0, 0.7, 0.49])):
+            A = np.tensordot(weights, [K, C + D, M], 1)
+            right = np.where(locked, 0.0, x @ A.T)
+            assert np.abs(motion.times(weights, x) - right).max() <= 1e-14 * chain.n * np.abs(A).max()
+        motion.eliminate(weights, np.ones(chain.n), np.abs(A).max(axis=1), 0.0)
+        assert np.abs(motion.solve(right)[0] - x).max() <= 1e-14 * np.linalg.cond(A[np.ix_(free, free)])
+        assert off(motion.times_mass(x), np.where(locked, 0.0, x @ M)) < 1e-14
+
+
+def test_displacements_are_those_of_the_points(tree) -> None:
+    chain, rng = tree
+    q, φ, *_ = state(chain, rng)
+    ε = 1e-6
+    ahead, behind = (fl.frames(chain, q + sign * ε * φ).points for sign in (1, -1))
+    assert np.abs(displacements(chain, q, φ[None])[0] - (ahead - behind) / (2 * ε)).max() < 1e-7
+
+
+def test_a_posture_of_rest_balances_and_the_pivots_tell_whether_it_stays() -> None:
+    chain = random_tree(np.random.default_rng(4), 4)
+    rest = fl.solve_static(chain, locked=chain.active)
+    left = fl.inverse_dynamics(chain, rest.q, 0 * rest.q, 0 * rest.q) + chain.times("stiffness", rest.q) - rest.tau
+    assert np.abs(left).max() < 1e-9
+    held = np.isin(np.arange(chain.n), chain.active)
+    motion = SmallMotion(chain, rest.q, 0 * rest.q, np.zeros(6), False, held)
+    K = stiffness_matrix(chain, rest.q, 0 * rest.q, np.zeros(6))[np.ix_(~held, ~held)]
+    assert (motion.falling(K_ALONE, np.zeros(chain.n)) > 0) == (np.linalg.eigvalsh(K).min() < 0) == (not rest.stable)
+
+
+ROOTS = {
+    0.0: [2.36502037243135, 5.49780391900084, 8.63937982869974],
+    0.5: [2.13617562651333, 4.98196587137059, 8.0509039739791],
+    5.0: [1.92626530993769, 4.73606411573393, 7.87946858968337],
+}
+"""x of sin x cosh x + cos x sinh x + μ x (1 + cos x cosh x) = 0, by the mass μ of a carriage in units of the beam's."""
+
+
+def thin_tree(*links: fl.Link, base: Base | None = None) -> fl.Chain:
+    """Thin beams with EI = ρA = L = 1 that branch, or float."""
+    arm = fl.Arm(
+        links=links,
+        materials={"unit": fl.Material(young=1 / THIN, poisson=-0.5, density=1.0)},
+        sections={"thin": fl.Section(shape="general", area=1.0, i_y=THIN, i_z=THIN, torsion=THIN)},
+        base=base or Base(),
+    )
+    return chain_of(arm)
+
+
+@pytest.mark.parametrize("μ", ROOTS)
+def test_a_beam_on_a_carriage_swings_as_its_equation_says(μ: float) -> None:
+    def errors(hinges: int) -> Array:
+        carriage = {
+            "joint": fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0)),
+            "hub": fl.RigidBody(mass=μ),
+            "up": (0.0, 0.0, 1.0),
+        }
+        found = fl.modes(thin_tree(replace(thin_link("gauss", hinges), **carriage)))
+        assert found.kinds[:4] == ("rigid", "elastic", "elastic", "elastic")
+        return np.abs(np.sqrt(found.frequencies[1:4]) / ROOTS[μ] - 1)
+
+    few, many = errors(16), errors(32)
+    assert few[0] < 1e-6
+    assert (many < 6e-6).all()
+    assert (np.log2(few / many) > 3.8).all()
+
+
+def test_a_satellite_with_two_panels_has_six_rigid_modes_and_those_of_a_carriage() -> None:
+    still = fl.Joint(locked=True)
+    left = replace(thin_link("gauss", 32, "left"), joint=still)
+    right = replace(thin_link("gauss", 32, "right"), joint=still, on="base", mount=fl.Mount(rpy_deg=(0.0, 0.0, 180.0)))
+    hub = Base(kind="free", mass=1.0, inertia=(1.0, 1.0, 1.0))  # half of it to every panel
+    found = fl.modes(thin_tree(left, right, base=hub))
+    assert found.kinds[:8] == ("rigid",) * 6 + ("elastic",) * 2
+    assert not found.eigenvalues[:6].any()
+    for root in ROOTS[0.5]:
+        assert np.abs(np.sqrt(found.frequencies) / root - 1).min() < 6e-6
+
+
+@pytest.mark.parametrize("base", [Base(), Base(kind="free", mass=2.0, inertia=(1.0, 1.0, 1.0))])
+def test_the_slowest_modes_of_long_branches_are_those_among_all(base: Base) -> None:
+    slider = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), armature=1.0)
+    left = replace(thin_link("gauss", 60, "left", flex="yz"), joint=slider)
+    right = replace(
+        thin_link("gauss", 20, "right"), joint=fl.Joint(), on="base", mount=fl.Mount(rpy_deg=(0.0, 0.0, 180.0))
+    )
+    chain = thin_tree(left, right, base=base)
+    few, all_ = fl.modes(chain, count=12), fl.modes(chain)
+    rigid = 2 + 6 * chain.has_free_base
+    assert few.kinds == all_.kinds[:12] == ("rigid",) * rigid + ("elastic",) * (12 - rigid)
+    assert few.frequencies == pytest.approx(all_.frequencies[:12], rel=1e-10)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_an_arm_on_a_springy_slide_rests_alike_in_every_size(size: float) -> None:
+    spring = fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0), armature=1.0, gear_stiffness=100.0 / size)
+    arm = fl.Arm(
+        links=(
+            fl.Link(name="carriage", joint=spring, hub=fl.RigidBody(mass=1.0)),
+            flexible("boom", length=size, material="soft", section="bar", joint=fl.Joint(locked=True)),
+        ),
+        materials={"soft": fl.Material(young=2e9 / size**2, density=1000.0 / size**3)},
+        sections={"bar": fl.Section(shape="rectangle", height=0.01 * size, width=0.01 * size)},
+    )
+    chain = chain_of(arm, (0.0, -9.81, 0.0))
+    rest = fl.solve_static(chain, locked=chain.active)
+    assert rest.stable
+    assert rest.q[1] / size == pytest.approx(-1.1 * 9.81 / 100.0, rel=1e-11)
+    clamped = chain_of(replace(arm, links=arm.links[1:]), (0.0, -9.81, 0.0))
+    assert rest.q[2:] == pytest.approx(fl.solve_static(clamped).q, rel=1e-9)
+    assert len(rest.path) < 10
+    K = stiffness_matrix(chain, rest.q, 0 * rest.q, np.zeros(6))
+    assert np.abs(K - K.T).max() < 1e-14 * np.abs(K).max()
