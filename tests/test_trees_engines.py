@@ -221,3 +221,20 @@ def test_runs_in_the_same_steps_differ_by_rounding_only(name: str, floats: bool)
     (_, q, qd), (_, others, rates) = (load(each, chain).integrate(scene) for each in ("native", name))
     assert np.abs(others - q).max() <= 1e-13
     assert np.abs(rates - qd).max() <= 1e-11
+
+
+@pytest.mark.parametrize("name", ["pinocchio", "mujoco", "exudyn"])
+def test_a_base_that_turns_far_is_followed_in_other_coordinates_or_refused(name: str) -> None:
+    scene = satellite().varied({"initial.base.spin_deg": (900.0, -700.0, 300.0), "run.duration": 0.1})
+    chain = fl.lump(scene)
+    engine = load(name, chain)
+    if name == "exudyn":
+        with pytest.raises(fl.errors.ArgumentError, match="the base has turned by more than 69° at t = 0.0[0-9] s"):
+            engine.integrate(scene)
+        return
+    (_, q, qd), (_, others, rates) = (each.integrate(scene) for each in (load("native", chain), engine))
+    assert np.abs(q[-1, 3:6]).max() > 1.0
+    assert np.abs(others - q).max() <= 1e-12
+    assert np.abs(rates - qd).max() <= 1e-10
+    M = engine.mass_matrix(q[0])  # in the coordinates of the start again
+    assert pytest.approx(fl.mass_matrix(chain, q[0]), abs=1e-13 * np.abs(M).max()) == M
