@@ -11,6 +11,8 @@ import pytest
 import flexlink as fl
 from flexlink.chain.branches import as_lines, branches_of
 from flexlink.describe.plausibility.hints import hints
+from flexlink.results.columns import sources_of
+from flexlink.results.pictures.outline import outline_of
 
 GANTRY = """
 name = "gantry"
@@ -243,3 +245,75 @@ def test_pictures_join_no_tip_with_the_next_branch(satellite: fl.Scene) -> None:
     assert branches_of(chain) == [[2, 3, 4], [2, 5, 6, 7]]
     assert np.isnan(lines).all(axis=1).tolist() == [False, False, False, True, False, False, False, False]
     assert np.array_equal(lines[0], lines[4]), "both begin at the base"
+
+
+def test_films_lead_along_rails_and_branches(satellite: fl.Scene) -> None:
+    chain = fl.lump(satellite)
+    outline = outline_of(satellite, chain)
+    stations = len(outline.link)
+    place = chain.bodies["translation"][4]  # where the arm that slides has its zero
+    assert outline.base == 2
+    assert outline.rails[0].tolist() == [2]
+    assert np.array_equal(outline.rails[1], [place])
+    rail, apart = 8 + stations, np.flatnonzero(outline.order == -1).tolist()
+    left, right = np.split(outline.order, apart)
+    assert left[[0, 1, -1]].tolist() == [2, 3, 4]
+    assert right[[1, 2, 3, -1]].tolist() == [2, rail, 5, 7]
+    assert not set(left) & set(right[2:]), "no station is on both arms"
+
+
+def test_columns_have_the_units_of_their_joints(gantry: fl.Scene) -> None:
+    names = set(sources_of(fl.lump(gantry)))
+    assert {"q trolley [m]", "qd trolley [m/s]", "tau trolley [N]", "q boom [rad]", "tau boom [N m]"} < names
+
+
+def test_limits_are_told_in_the_unit_of_the_joint(gantry: fl.Scene) -> None:
+    scene = gantry.varied({"initial.joint_m": [7.99, 0.0], "initial.rate_m": [1.0, 0.0], "run.duration": 0.05})
+    (told,) = fl.simulate(scene).warnings
+    assert "joint 'trolley' is at 8.0" in told
+    assert "past its limits 0 m … 8 m; the model has no end stops" in told
+
+
+def test_a_run_is_led_to_its_targets_in_their_units(gantry: fl.Scene) -> None:
+    law = {"kind": "pd", "gravity": "rigid", "kp": [4e4, 4e3], "kd": [4e3, 1e3]}
+    lists = {"target_deg": [0.0, -80.0], "target_m": [1.5, 0.0]}
+    run = fl.simulate(gantry.varied({"drive": {**law, **lists}, "run.duration": 3.0}))
+    assert abs(run.q[-1, 0] - 1.5) < 1e-3
+    assert abs(np.degrees(run.q[-1, 1]) + 80.0) < 0.5
+
+
+def test_a_prescribed_slide_takes_the_force_that_its_mass_needs(gantry: fl.Scene) -> None:
+    """3 m/s² of trolley and boom, which hangs straight down and is held there by nothing, at the start."""
+    chain = fl.lump(gantry)
+    still = {"initial.joint_deg": [0.0, -90.0], "link.boom.flex": "rigid", "link.boom.segments": 1}
+    move = {"link": "trolley", "times": [0.0], "position_m": [1.0], "rate_m": [0.2], "acceleration_m": [0.0]}
+    locked = {
+        "link.boom.joint": {"locked": True},
+        **still,
+        "motion": [
+            {**move, "times": [0.0, 1.0], "position_m": [1.0, 2.7], "rate_m": [0.2, 3.2], "acceleration_m": [3.0, 3.0]}
+        ],
+    }
+    run = fl.simulate(gantry.varied({**locked, "run.duration": 0.1}))
+    friction = 20.0 * run.qd[:, 0]
+    assert np.allclose(run.tau[:, 0] - friction, 3.0 * chain.mass, rtol=1e-9)
+
+
+def test_tips_of_a_run_have_names(satellite: fl.Scene) -> None:
+    run = fl.simulate(satellite.varied({"run.duration": 0.1}))
+    assert np.allclose(run.tip_of("hand"), run.tip, atol=1e-14)
+    assert np.linalg.norm(run.tip_of("left")[0] - [1.0, 4.5, 3.0]) < 1e-14
+    with pytest.raises(fl.errors.ArgumentError, match="other links hang on it; tips are left, hand"):
+        run.tip_of("right")
+
+
+def test_loads_of_cuts_are_what_moves_the_joints(satellite: fl.Scene) -> None:
+    chain = fl.lump(satellite)
+    q, qd, qdd, wrench = np.split(np.random.default_rng(5).uniform(-1, 1, 3 * chain.n + 6), np.arange(1, 4) * chain.n)
+    cuts = fl.internal_loads(chain, q, qd, qdd, tip_wrench=wrench)
+    torques = fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrench)
+    assert np.allclose(-cuts.hinge_moment, torques, atol=1e-12), "no rotors, no friction: forces along, moments about"
+    for tip, body in chain.tips.items():
+        moves, slope = fl.point_motion(chain, q, qd, qdd, tip=tip), fl.jacobian(chain, q, tip=tip)
+        assert np.allclose(slope.linear @ qd, moves.velocity, atol=1e-14)
+        assert np.array_equal(moves.position, fl.frames(chain, q).points[body])
