@@ -19,6 +19,7 @@ from flexlink import (
     Mount,
     RigidBody,
     Section,
+    load_scene,
     lump,
     modes,
     stable_step,
@@ -51,6 +52,15 @@ FUSION = EPS
 
 STRANGE_NAMES = ['a<b>&"c"', "it's", "Gelenk-äöü", "関節"]
 HOSTILE_NAMES = [*STRANGE_NAMES, "tab\tand\nline", "control\x01\x00", "]]>", "<!--", "\ud800"]
+
+
+PLAIN = [path for path in MODELS if (one := lump(load_scene(path))).is_serial and not one.slides.any()]
+"""Scenes of which every number is compared; trees and joints that slide are as records, `test_trees_engines`."""
+
+
+@pytest.fixture(params=[*PLAIN, None], ids=lambda path: path.stem if path else "nasty")
+def chain(request: pytest.FixtureRequest) -> Chain:
+    return lump(load_scene(request.param) if request.param else nasty_scene())
 
 
 def scrambled(chain: Chain, rng: np.random.Generator) -> Chain:

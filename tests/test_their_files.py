@@ -59,10 +59,14 @@ def written(folder: Path, form: str, edit: planted.Edit | None = None, chain: fl
 
 
 def diagnosed(
-    path: Path, chain: fl.Chain = CHAIN, engine: str | None = None, scene: fl.Scene | None = None
+    path: Path,
+    chain: fl.Chain = CHAIN,
+    engine: str | None = None,
+    scene: fl.Scene | None = None,
+    base: np.ndarray | None = None,
 ) -> Diagnosis:
     states = [state._replace(wrench=np.zeros(6)) for state in mixed_states(chain, 8)]
-    return diagnose_file(chain, load_file(path, chain.n, engine, here=True), states, scene=scene)
+    return diagnose_file(chain, load_file(path, chain.n, engine, base=base, here=True), states, scene=scene)
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def test_a_scene_runs_alike_in_every_engine_with_all_that_acts(engines, capsys) 
 
 
 def test_an_engine_that_leaves_out_the_wrench_is_told_by_joint_and_time(engines, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("flexlink.engines.pinocchio.wrench_function", lambda _: None)
+    monkeypatch.setattr("flexlink.engines.steps.wrench_function", lambda _: None)
     found = fl.compare_trajectories(fl.load_scene(SPATIAL), engines=engines, duration=0.02)
     wrong, right = found.rows
     assert not found.passed

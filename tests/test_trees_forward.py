@@ -45,7 +45,10 @@ def random_tree(seed: int, *lumpings: str) -> fl.Chain:
             tip=fl.RigidBody(mass=0.7),
         ),
         gravity=dice.three(9.81),
-        initial=fl.InitialState(joint_deg=(10.0,) * len(links)),
+        initial=fl.InitialState(
+            joint_deg=tuple(10.0 * (link.joint.kind == "revolute") for link in links),
+            joint_m=tuple(0.1 * (link.joint.kind == "prismatic") for link in links),
+        ),
     )  # fmt: skip
     tips = {link.name for link in links} - {parent_of(links, k) for k in range(len(links))}
     return fl.lump(scene.varied({"wrench.on": dice.one_of(*sorted(tips))}))

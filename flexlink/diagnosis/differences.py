@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Indices
 from flexlink.diagnosis.joint_axes import Displacement, Realigned, deviations, reach, undo_displacements
@@ -79,19 +80,25 @@ def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | 
     match = match_joints(ours, theirs)
     if isinstance(match, str):
         return None, [Finding(match, "", "check the number of segments, locked joints and grippers")]
-    findings = _numbers_of_tendons(ours, match.record) if format == "mjcf" else _numbers(ours, match.record, format)
-    if match.reordered:
-        tree = not np.array_equal(ours.parents, np.arange(ours.n) - 1)
-        how = "hanging on others" if tree else "in another order along the chain"
-        likely = "" if tree else "rotations about one point do not commute"
-        order = f"{_names(match.reordered)} {how}"
-        findings.insert(0, Finding(order, likely, "correct the order of joints in a body, or of links"))
+    if match.reordered and not np.array_equal(ours.parents, np.arange(ours.n) - 1):
+        what = f"{_names(match.reordered)} hanging on another"
+        findings = [Finding(what, "a branch begins elsewhere", "correct the parents; numbers are compared after that")]
+    else:
+        numbers = _numbers_of_tendons(ours, match.record) if format == "mjcf" else _numbers(ours, match.record, format)
+        findings = [*_order(match), *numbers]
     settings = [
         Finding(what.format(value=theirs.settings[name]), "", remedy, counts=counts)
         for name, (what, remedy, counts) in SETTINGS.items()
         if name in theirs.settings and name not in theirs.unspecified
     ]
     return match, [*findings, *settings]
+
+
+def _order(match: Match) -> Iterator[Finding]:
+    if match.reordered:
+        order = f"{_names(match.reordered)} in another order along the chain"
+        likely = "rotations about one point do not commute"
+        yield Finding(order, likely, "correct the order of joints in a body, or of links")
 
 
 def _numbers_of_tendons(ours: ReadBack, theirs: ReadBack) -> list[Finding]:
@@ -207,6 +214,7 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
         "centers": there & (apart["centers"] > PLACED * L),
         "inertias": ~other_mass & (apart["inertias"] > PLACED * _norm(ours.inertias) + EXACT * m * lever**2),
     }
+    bad["inertias"] &= _turning(ours)
     one, other = (_within_limits(ours, read.effort) for read in (ours, theirs))
     bad["effort"] = np.any(~np.isclose(one, other, rtol=EXACT, atol=0), axis=1)
     if theirs.gear[ours.gear != 0].all():
@@ -219,6 +227,14 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
         for field, (a, b) in ((field, pairs[field]) for field in FIELDS if field in pairs)
         if (mask := bad[field]).any()
     }
+
+
+def _turning(read: ReadBack) -> NDArray[np.bool_]:
+    """Which bodies turn: of others the inertia does nothing."""
+    turns = np.append(~read.slides, False)
+    for k, before in enumerate(read.parents):
+        turns[k] |= turns[before]
+    return turns[:-1]
 
 
 def _between(ours: ReadBack, theirs: ReadBack) -> dict[str, Indices]:

@@ -196,7 +196,8 @@ def _rigid_motion(
 ) -> tuple[Array, Array, Array] | None:
     """R, a point and its image: the motion of our joints and bodies from k up to `stop` to theirs; None: no rigid one.
 
-    R by Kabsch: the rotation nearest to Σ theirs oursᵀ, over axes and, relative to the point on joint k, all points.
+    R by Kabsch: the rotation nearest to Σ theirs oursᵀ, over axes and, relative to the point on joint k, all points; of
+    several, about an axis on which all points lie, the smallest.
     """
     joints = behind(ours, k)
     joints = joints if stop is None else joints[joints < stop]
@@ -206,9 +207,19 @@ def _rigid_motion(
     a, b = (
         np.concatenate([read.axes[joints], (points - points[0]) / L]) for read, points in ((ours, one), (theirs, other))
     )
-    U, _, V = np.linalg.svd(b.T @ a)
-    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
+    U, sizes, V = np.linalg.svd(b.T @ a)
+    if sizes[1] <= RIGID_TOLERANCE * sizes[0]:
+        R = _smallest_turn(V[0], U[:, 0])
+    else:
+        R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
     return (R, p, moved) if np.abs(a @ R.T - b).max() <= RIGID_TOLERANCE else None
+
+
+def _smallest_turn(one: Array, other: Array) -> Array:
+    """R = 1 + [v]× + [v]×²/(1 + c), v = one × other, c = one · other, of unit vectors that are not opposite."""
+    v = np.cross(one, other)
+    V = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return np.asarray(np.eye(3) + V + V @ V / (1 + max(float(one @ other), -0.5)))
 
 
 def _marker_points(read: ReadBack, joints: Indices) -> Array:

@@ -2,7 +2,8 @@
 
 MuJoCo rejects moving bodies without mass. The hinges of a massless body (a free waist of length zero) are written in
 the next body with mass, with their position and axis at zero angles: every hinge moves all that follows it, so the
-motion is the same. Branches cannot begin there.
+motion is the same. Branches cannot begin there. Nor does MuJoCo take bodies without inertia: those that slide and never
+turn get one that moves nothing.
 
 MuJoCo's dry friction is a constraint, which is disabled; `frictionloss` only stores the Coulomb torque c, and the first
 `user` number of a joint the width w of c tanh(q̇/w). A program that runs the file must add that torque.
@@ -60,6 +61,7 @@ JOINT_ATTRIBUTES = {
     "frictionloss": "coulomb",
 }  # fmt: skip
 """Attribute of <joint>: field of the hinge."""
+SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL
 USER_FIELDS = sorted(
     {*(HINGE.names or ())} - {*JOINT_ATTRIBUTES.values(), "lower", "upper"},
     key=lambda name: (name != "coulomb_width", name),
@@ -176,6 +178,7 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
     for k in sorted({*chain.couplings["inner"].tolist(), *chain.couplings["outer"].tolist()}):
         _exact(own, f"springs.{joints[k]}", *(chain.hinges[k][field] for field in SHARED))
     opened, floats, axes = [_Open(world, HERE, [])], base_joints(chain), chain.hinges["axis"] % SLIDES
+    turns = _turning(chain)
     for b, body in enumerate(chain.bodies):
         parent, frame, waiting = opened[body["parent"]]
         place, heavy = Pose(body["rotation"], body["translation"]), bool(body["mass"] or body["inertia"].any())
@@ -198,6 +201,8 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
         if heavy:
             parent = _body(parent, links[body["stop"]], frame)
             moments, principal = _principal(body)
+            if not turns[b] and moments.min() < SMALLEST:
+                moments, principal = stand_in(body["mass"]), np.eye(3)
             _require_loadable(chain, body, moments)
             moments = np.minimum(moments, _largest_possible(moments))  # removes rounding of the moments of a disc
             _inertial(parent, body, moments, principal)
@@ -211,6 +216,19 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
                 _shape(parent, capsule)
             frame, waiting = HERE, []
         opened.append(_Open(parent, frame, waiting))
+
+
+def _turning(chain: Chain) -> list[bool]:
+    """Which bodies turn, and do not only slide."""
+    turns, slides = [False], chain.slides
+    for body in chain.bodies:
+        turns.append(bool(turns[body["parent"]] or not slides[body["first"] : body["stop"]].all()))
+    return turns[1:]
+
+
+def stand_in(mass: float) -> Array:
+    """Moments of inertia, for a body that has none and does not turn [kg m²]."""
+    return np.full(3, float(mass) * 0.01)
 
 
 def _require_one_way(chain: Chain, body: np.void, waiting: list[_Hinge]) -> None:
@@ -322,14 +340,13 @@ def _principal(body: np.void) -> tuple[Array, Array]:
 
 def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
     """Refuse a body that MuJoCo refuses; there is no other way to write it."""
-    smallest = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL
-    light = body["mass"] < smallest or moments.min() < smallest
+    light = body["mass"] < SMALLEST or moments.min() < SMALLEST
     if not light and moments.max() * (1 - ROUNDING) <= _largest_possible(moments):
         return
     joint = int(body["stop"]) - 1
     number = chain.coordinate(joint).link
     link = f"link {chain.link_names[number - 1]!r}" if number else "the base"
-    rule = f"accepts neither below {smallest:g}" if light else "accepts no moment larger than the other two together"
+    rule = f"accepts neither below {SMALLEST:g}" if light else "accepts no moment larger than the other two together"
     raise ArgumentError(
         f"segment behind joint {chain.joint_name(joint)!r}: mass {body['mass']:.3g} kg, principal moments of inertia "
         f"{', '.join(f'{moment:.3g}' for moment in moments)} kg m²: MuJoCo {rule}; change section, segments or hub of "

@@ -12,7 +12,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.rotation import matrix_from_quaternion
 from flexlink.common.types import Array
 from flexlink.formats.document import ROTATION_SPRINGS
-from flexlink.formats.mjcf import JOINT_ATTRIBUTES, USER_FIELDS, to_mjcf
+from flexlink.formats.mjcf import JOINT_ATTRIBUTES, USER_FIELDS, stand_in, to_mjcf
 from flexlink.formats.reading import (
     ROUNDING,
     Coupled,
@@ -132,6 +132,8 @@ def _read_body(body: Node, last: Node, own: Mapping[str, Node]) -> Mass:
     moments, axes = inertial.numbers(3, "diaginertia"), matrix_from_quaternion(inertial.numbers(4, "quat"))
     exact = own.get(f"flexlink.inertia.{last.attribute('name')}")
     I = np.diag(moments) if exact is None else inertia_matrix(exact.numbers(6, "data"))
-    if np.abs(axes @ np.diag(moments) @ axes.T - I).max() > ROUNDING * np.abs(moments).max():
+    mass, written = inertial.number("mass"), axes @ np.diag(moments) @ axes.T
+    nothing = np.array_equal(moments, stand_in(mass))  # which means that it has none, if the exact one says so
+    if np.abs(written - I).max() > ROUNDING * np.abs(moments).max() and not (nothing and not I.any()):
         raise inertial.error("diaginertia and quat contradict the inertia in <custom>")
-    return inertial.number("mass"), np.array(inertial.numbers(3, "pos")), I
+    return mass, np.array(inertial.numbers(3, "pos")), I

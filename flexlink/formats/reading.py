@@ -233,6 +233,8 @@ def chain_of(
     if len(links) not in ends:
         raise root.error("the tip frame of the arm is missing: not a file that flexlink has written")
     records = recorded(bodies)
+    if len(base):
+        records["turned"][1] = 1  # whatever its attitude is
     records["loaded"][ends.get(tree.loaded, -1)] = 1
     numbers = [tuple(hinge.numbers[field] for field in HINGE.names or ()) for hinge in hinges]
     if own is not None and own.element.get(key):
@@ -285,6 +287,8 @@ def _bodies(tree: Tree, hinges: Sequence[Hinge]) -> tuple[list[Body], dict[int, 
             raise first.node.error(f"hangs on {first.parent[:60]!r}, which is no joint before it")
         body = Body(Pose(first.rotation, first.translation), stop, stop, on[first.parent])
         bodies.append(body)
+        if not group and link in ends:
+            raise first.node.error(f"another tip of link {link}: not a file that flexlink has written")
         if not group:
             ends[link] = len(bodies) - 1
             continue

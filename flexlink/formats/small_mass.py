@@ -104,6 +104,8 @@ def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
         numbers.append(len(bodies))
     records, hinges = recorded(bodies), chain.hinges.copy()
     records["loaded"][np.array(numbers[1:]) - 1] = chain.bodies["loaded"]
+    if own:
+        records["turned"][1] = chain.bodies["turned"][1]
     if not keep:
         hinges["armature"] = 0.0
     tips = {name: numbers[number + 1] - 1 for name, number in chain.tips.items()}

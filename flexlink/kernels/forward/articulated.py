@@ -287,10 +287,10 @@ def propagate_joints(layout, i, following, axes, prescribed, bodies, hinges, qdd
     else:
         for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
             if prescribed[k]:
-                n, f = propagate_prescribed(hinges, k, HINGE_ROW.Je, HINGE_ROW.He, at(qdd, k), J, H, n, f)
+                n, f = propagate_prescribed(hinges, k, at(qdd, k), J, H, n, f)
             else:
                 again = k + 1 < layout[i, LAYOUT.stop] and axes[k] == axes[k + 1] and not prescribed[k + 1]
-                J, H, M, n, f = eliminate_joint(hinges, k, again, HINGE_ROW.Je, HINGE_ROW.He, J, H, M, n, f)
+                J, H, M, n, f = eliminate_joint(hinges, k, again, J, H, M, n, f)
     ζ = vec_of(bodies, i, BODY_ROW.ζ)
     n, f = add(n, sym_apply(J, ζ)), add(f, place(ζ, H[0], H[1], H[2]))
     if layout[i, LAYOUT.restart]:

@@ -61,10 +61,8 @@ def with_mass(M, m):
 
 
 @inlined
-def eliminate_joint(hinges, k, again, first, second, J, H, M, n, f):
+def eliminate_joint(hinges, k, again, J, H, M, n, f):
     """J, H, M, n, f before a hinge from those behind it; `again`: the one behind it turns about the same axis.
-
-    `first` and `second` say where J e and Hᵀ e are kept.
 
     Along that axis, of a motor before its elastic gear, J is what the gear's rotor leaves, A / D of what it was, or
     nothing: as what is left of J it would be the rounding of the arm's inertia, to which a rotor is small.
@@ -73,9 +71,9 @@ def eliminate_joint(hinges, k, again, first, second, J, H, M, n, f):
     Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
     if again:
         left = at(hinges, k + 1, HINGE_ROW.armature) * at(hinges, k + 1, HINGE_ROW.inverse)
-        Je, He = scale(left, vec_of(hinges, k + 1, first)), scale(left, vec_of(hinges, k + 1, second))
+        Je, He = scale(left, vec_of(hinges, k + 1, HINGE_ROW.Je)), scale(left, vec_of(hinges, k + 1, HINGE_ROW.He))
     T, inverse = at(hinges, k, HINGE_ROW.torque) - dot(e, n), 1.0 / (dot(e, Je) + at(hinges, k, HINGE_ROW.armature))
-    keep_joint(hinges, k, first, second, Je, He, T, inverse)
+    keep_joint(hinges, k, Je, He, T, inverse)
     u = scale(inverse, Je)
     J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
     H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
@@ -99,7 +97,7 @@ def eliminate_along(hinges, k, J, H, M, n, f):
     """The same where the hinge's axis is the working axis z: what is left along it is exact."""
     Je, He, τ, A = (J[4], J[3], J[2]), H[2], at(hinges, k, HINGE_ROW.torque), at(hinges, k, HINGE_ROW.armature)
     T, inverse = τ - n[2], 1.0 / (J[2] + A)
-    keep_joint(hinges, k, HINGE_ROW.Je, HINGE_ROW.He, Je, He, T, inverse)
+    keep_joint(hinges, k, Je, He, T, inverse)
     u, v, rotor = inverse * J[4], inverse * J[3], inverse * A
     J = (J[0] - u * J[4], J[1] - v * J[3], rotor * J[2], rotor * J[3], rotor * J[4], J[5] - u * J[3])
     H = add_scaled(H[0], -u, He), add_scaled(H[1], -v, He), scale(rotor, He)
@@ -108,12 +106,12 @@ def eliminate_along(hinges, k, J, H, M, n, f):
 
 
 @inlined
-def propagate_prescribed(hinges, k, first, second, acceleration, J, H, n, f):
+def propagate_prescribed(hinges, k, acceleration, J, H, n, f):
     """n, f before a hinge whose q̈ is given; keeps J e, Hᵀ e and e·n for the torque that it takes."""
     e = vec_of(hinges, k, HINGE_ROW.axis)
     Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
-    put_vec_of(hinges, Je, k, first)
-    put_vec_of(hinges, He, k, second)
+    put_vec_of(hinges, Je, k, HINGE_ROW.Je)
+    put_vec_of(hinges, He, k, HINGE_ROW.He)
     put_at(hinges, dot(e, n), k, HINGE_ROW.T)
     return add_scaled(n, acceleration, Je), add_scaled(f, acceleration, He)
 
@@ -127,10 +125,10 @@ def missing_torque(hinges, k, acceleration, α, a):
 
 
 @inlined
-def keep_joint(hinges, k, first, second, Je, He, T, inverse):
+def keep_joint(hinges, k, Je, He, T, inverse):
     """What q̈ of a hinge follows from, once the accelerations before it are known."""
-    put_vec_of(hinges, Je, k, first)
-    put_vec_of(hinges, He, k, second)
+    put_vec_of(hinges, Je, k, HINGE_ROW.Je)
+    put_vec_of(hinges, He, k, HINGE_ROW.He)
     put_at(hinges, T, k, HINGE_ROW.T)
     put_at(hinges, inverse, k, HINGE_ROW.inverse)
 

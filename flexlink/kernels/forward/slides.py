@@ -35,10 +35,14 @@ def eliminate_slides(layout, i, axes, prescribed, hinges, qdd, J, H, M, n, f):
     H = transposed(H)
     for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
         if prescribed[k]:
-            f, n = propagate_prescribed(hinges, k, HINGE_ROW.He, HINGE_ROW.Je, at(qdd, k), M, H, f, n)
+            f, n = propagate_prescribed(hinges, k, at(qdd, k), M, H, f, n)
         else:
             again = k + 1 < layout[i, LAYOUT.stop] and axes[k] == axes[k + 1] and not prescribed[k + 1]
-            M, H, J, f, n = eliminate_joint(hinges, k, again, HINGE_ROW.He, HINGE_ROW.Je, M, H, J, f, n)
+            M, H, J, f, n = eliminate_joint(hinges, k, again, M, H, J, f, n)
+    for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+        G, U = vec_of(hinges, k, HINGE_ROW.Je), vec_of(hinges, k, HINGE_ROW.He)
+        put_vec_of(hinges, U, k, HINGE_ROW.Je)
+        put_vec_of(hinges, G, k, HINGE_ROW.He)
     return J, transposed(H), M, n, f
 
 

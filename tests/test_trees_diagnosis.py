@@ -1,0 +1,125 @@
+"""compare(scene, file=…) of trees, sliding joints and free bases: what is wrong in a file is named, and only that."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import planted
+import pytest
+from planted import JOINT, Planted, each, frame_moved, said, said_times, scaled, unnamed
+from test_their_files import diagnosed, written
+from test_trees_engines import satellite
+
+import flexlink as fl
+from flexlink.diagnosis.foreign_files import load_file
+from flexlink.diagnosis.states import mixed_states
+from flexlink.engines.read_back import of_chain, to_chain
+
+SCENE = satellite()
+CHAIN = fl.lump(SCENE)
+BASE = CHAIN.bodies["rotation"][1]
+drake = pytest.mark.skipif(find_spec("pydrake") is None, reason="needs Drake: the extra 'witness'")
+
+
+def of_joint(name: str, path: str = ".") -> str:
+    return f".//joint[@name='{name}']/{path}" if path != "." else f".//joint[@name='{name}']"
+
+
+def hung_on_the_other(root: ET.Element) -> None:
+    """The right hand on the left one."""
+    root.find(of_joint("right", "parent")).set("link", "left_link")
+
+
+def bodies_exchanged(root: ET.Element) -> None:
+    """The body of the right hand into that of the left one, with the offset that it had."""
+    parents = {child: parent for parent in root.iter() for child in parent}
+    left, right = (root.find(f".//body[@name='{name}_link']") for name in ("left", "right"))
+    parents[right].remove(right)
+    left.append(right)
+
+
+PLANTED = (
+    Planted("urdf", "a slide that turns", each(of_joint("boom"), type="revolute"), "type of joint 'boom': revolute"),
+    Planted("urdf", "a slide the other way", scaled(of_joint("boom.gear", "axis"), "xyz", -1), "the axis is flipped"),
+    Planted("urdf", "a belt per mm", scaled(of_joint("boom.gear", "flexlink"), "stiffness", 1e-3),
+            "50 instead of 50000 N/m, factor 0.001: millimetres for metres"),
+    Planted("urdf", "friction of a slide left out", each(of_joint("boom", "dynamics"), damping="0"),
+            "damping of joint 'boom': 0 instead of 3 N s/m: missing"),
+    Planted("urdf", "mass of the base", scaled(".//link[@name='base_link']/inertial/mass", "value", 1e-3),
+            "mass of joint 'base.rz': 0.1 instead of 100 kg"),
+    Planted("urdf", "a branch displaced", frame_moved(of_joint("right", "origin"), "xyz", 0, (0.01, 0.0, 0.0)),
+            "joint 'right' displaced by 0.01 m, with all links behind it"),
+    Planted("urdf", "a branch on another", hung_on_the_other, "joint 'right' hanging on another"),
+    Planted("mjcf", "a slide that turns", each(of_joint("boom"), type="hinge"), "type of joint 'boom': revolute"),
+    Planted("mjcf", "a rest in mm", each(of_joint("boom.gear"), springref="0.1"), "rest angle of joint 'boom.gear'"),
+    Planted("mjcf", "a branch displaced", frame_moved(".//body[@name='left_link']", "pos", 0, (0.0, 0.02, 0.0)),
+            "joint 'left' displaced by 0.02 m, with all links behind it"),
+    Planted("mjcf", "a branch on another", bodies_exchanged, "joint 'right' hanging on another"),
+    Planted("mjcf", "centre of the base", each(".//body[@name='base_link']/inertial", pos="0 0 0"),
+            "centre of mass of joint 'base.rz'"),
+    Planted("mjcf", "springs per degree", scaled(JOINT, "stiffness", np.pi / 180), "spring stiffness of 9 joints"),
+    Planted("sdf", "a slide that turns", each(of_joint("boom"), type="revolute"), "type of joint 'boom': revolute"),
+    Planted("sdf", "a heavier rotor", said(planted.ROTOR, "3.0"), "armature of joint 'boom': 3 instead of 2 kg"),
+    Planted("sdf", "gravity the other way", said_times("world/gravity", 1, 1, -1), "gravity has the wrong sign"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=drake if case.form == "sdf" else ()) for case in PLANTED],
+    ids=lambda case: f"{case.form}, {case.mistake}",
+)
+def test_a_planted_mistake_is_the_only_one_named_and_explains_all_that_differs(case: Planted, tmp_path: Path) -> None:
+    found = diagnosed(written(tmp_path, case.form, case.edit, CHAIN), CHAIN, base=BASE)
+    (finding,) = found.findings
+    assert case.named in str(finding)
+    differing = {row.quantity for row in found.rows if not row.passed}
+    if "hanging" not in case.named:
+        assert found.explained is (True if differing else None)
+    if finding.faulty is not None:
+        assert differing <= set(finding.affects)
+
+
+@pytest.mark.parametrize("form", ["urdf", "mjcf", pytest.param("sdf", marks=drake)])
+def test_in_our_own_file_nothing_is_named(form: str, tmp_path: Path) -> None:
+    found = diagnosed(written(tmp_path, form, None, CHAIN), CHAIN, base=BASE)
+    assert found.passed and not found.findings, str(found)
+
+
+def test_a_base_that_does_not_float_in_the_file_is_named(tmp_path: Path) -> None:
+    def grounded(root: ET.Element) -> None:
+        body = root.find(".//freejoint/..")
+        body.remove(body.find("freejoint"))
+
+    found = diagnosed(written(tmp_path, "mjcf", grounded, CHAIN), CHAIN, base=BASE)
+    assert "without 'base.x', 'base.y', 'base.z', 'base.rx'" in str(found)
+
+
+def test_branches_are_matched_by_name_only(tmp_path: Path) -> None:
+    found = diagnosed(written(tmp_path, "mjcf", unnamed, CHAIN), CHAIN, base=BASE)
+    assert "joint names differ, and the tree branches at joint 'base.rz'" in str(found)
+
+
+def test_the_record_of_a_tree_is_its_chain() -> None:
+    again = to_chain(of_chain(CHAIN), CHAIN)
+    for state in mixed_states(CHAIN, 4):
+        M = fl.mass_matrix(CHAIN, state.q)
+        assert fl.mass_matrix(again, state.q) == pytest.approx(M, abs=1e-13 * np.abs(M).max())
+        bias = fl.bias_torque(CHAIN, state.q, state.qd, tip_wrench=state.wrench)
+        found = fl.bias_torque(again, state.q, state.qd, tip_wrench=state.wrench)
+        assert found == pytest.approx(bias, abs=1e-11 * np.abs(bias).max())
+
+
+def test_a_urdf_of_others_floats_if_the_scene_s_base_does(tmp_path: Path) -> None:
+    """URDF does not say so; the angles of the base count from where the scene's starts."""
+
+    def plain(root: ET.Element) -> None:
+        root.remove(root.find("flexlink"))
+
+    path = written(tmp_path, "urdf", plain, CHAIN)
+    assert load_file(path, CHAIN.n, here=True).engine.n == CHAIN.n - 6
+    found = diagnosed(path, CHAIN, base=BASE)
+    assert found.passed and not found.findings, str(found)
