@@ -1,4 +1,4 @@
-"""`flexlink robots`: List the arms of example-robot-data that `flexlink import` takes by name.
+"""`flexlink robots`: List the arms and whole robots of example-robot-data that `flexlink import` takes by name.
 
 flexlink robots --out models/robots
 """

@@ -1,1 +1,1 @@
-"""Robots of others: a URDF's tree of rigid links, the path through it that becomes an arm, and links that bend."""
+"""Robots of others: a URDF's tree of rigid links, what of it becomes an arm, whole or in part, and links that bend."""

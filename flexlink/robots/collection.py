@@ -1,4 +1,4 @@
-"""The arms of example-robot-data, an optional package of URDF files: a table of them, and where they are installed."""
+"""Arms and robots of example-robot-data, an optional package of URDF files: a table, and where they are installed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PACKAGE = "example-robot-data"
 
 
 class KnownArm(Spec, frozen=True):
-    """One arm: its file below the package's folder of robots, and what `import_urdf` is to take."""
+    """One arm or robot: its file below the package's folder of robots, and what `import_urdf` is to take."""
 
     file: str
     """URDF file, below the package's folder of robots."""

@@ -197,8 +197,8 @@ def _check_fit(joint: TreeJoint, span: str) -> None:
         )
     if joint.mimic is not None:
         raise ArgumentError(
-            f"joint {truncated(joint.name)}, {span}, mimics {truncated(joint.mimic.leader)}; it cannot move by "
-            f"itself: fix it, as by --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}"
+            f"joint {truncated(joint.name)}, {span}, mimics {truncated(joint.mimic.leader)}; "
+            f"it cannot move by itself: fix it, as by --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}"
         )
 
 

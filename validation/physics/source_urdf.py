@@ -15,17 +15,27 @@ from flexlink.common.types import Array
 class Original:
     """The joints `names` of a URDF, in this order; all others stay at their positions [rad, m].
 
-    A `continuous` joint has two numbers in Pinocchio, cosine and sine.
+    A `continuous` joint has two numbers in Pinocchio, cosine and sine. On a free base six coordinates come first, at
+    which it is in frame 0; without spin their rates and accelerations are those of Pinocchio's free flyer.
     """
 
-    def __init__(self, path: Path, names: list[str], positions: Mapping[str, float], gravity: Array) -> None:
-        whole = pin.buildModelFromUrdf(str(path))
+    def __init__(
+        self,
+        path: Path,
+        names: list[str],
+        positions: Mapping[str, float],
+        gravity: Array,
+        *,
+        free_base: bool = False,
+    ) -> None:
+        whole = pin.buildModelFromUrdf(str(path), *([pin.JointModelFreeFlyer()] if free_base else []))
+        floats = 6 * free_base
         for frame in whole.frames:
             if (
                 frame.type == pin.FrameType.BODY
             ):  # a link may have the name of a joint, which `buildReducedModel` refuses
                 frame.name += " link"
-        held = [number for number in range(1, whole.njoints) if whole.names[number] not in names]
+        held = [number for number in range(1 + free_base, whole.njoints) if whole.names[number] not in names]
         posture = pin.neutral(whole)
         for number in held:
             _put(posture, whole.joints[number], positions.get(whole.names[number], 0.0))
@@ -33,7 +43,7 @@ class Original:
         self.model.gravity.linear = gravity
         self.data = self.model.createData()
         self.joints = [self.model.joints[self.model.getJointId(name)] for name in names]
-        self.order = [joint.idx_v for joint in self.joints]
+        self.order = [*range(floats), *(joint.idx_v for joint in self.joints)]
 
     def mass_matrix(self, q: Array) -> Array:
         """M by composite rigid bodies."""
@@ -66,7 +76,7 @@ class Original:
 
     def _posture(self, q: Array) -> Array:
         posture = pin.neutral(self.model)
-        for joint, angle in zip(self.joints, q, strict=True):
+        for joint, angle in zip(self.joints, q[len(q) - len(self.joints) :], strict=True):
             _put(posture, joint, angle)
         return np.asarray(posture)
 
