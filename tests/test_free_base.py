@@ -1,0 +1,205 @@
+"""A base that floats: its momentum stays, no attitude is a special one, and runs go on wherever it turns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+import flexlink as fl
+from flexlink.chain.free_base import (
+    angles_of,
+    product_of,
+    quaternions_of,
+    rates_matrices,
+    rates_matrices_changing,
+    rotations_of,
+)
+from flexlink.chain.rotation import matrix_from_quaternion
+from flexlink.common.types import Array
+
+BASE = fl.Base(kind="free", mass=3.0, center=(0.05, -0.02, 0.03), inertia=(0.2, 0.25, 0.3))
+ARM = fl.Arm(
+    links=(
+        fl.Link(name="left", mount=fl.Mount(xyz=(0.2, 0.0, 0.0)), length=0.6, material="soft", section="rod", flex="yz",
+                segments=3, joint=fl.Joint(viscous=0.01)),
+        fl.Link(name="right", on="base", mount=fl.Mount(xyz=(-0.2, 0.0, 0.0), rpy_deg=(0.0, 0.0, 180.0)),
+                joint=fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0)), hub=fl.RigidBody(mass=0.5)),
+    ),
+    materials={"soft": fl.Material(young=2e9, density=1500.0)},
+    sections={"rod": fl.Section(shape="circle", diameter=0.01)},
+    tip=fl.RigidBody(mass=0.2), base=BASE,
+)  # fmt: skip
+SPIN = fl.BaseState(spin_deg=(30.0, 300.0, 60.0), velocity=(0.3, -0.2, 0.1))
+"""Mostly about Y: its angle comes to 90° after 0.3 s."""
+START = fl.InitialState(joint_deg=(20.0, 0.0), joint_m=(0.0, 0.1), rate_deg=(50.0, 0.0), base=SPIN)
+
+
+def scene(**changes: object) -> fl.Scene:
+    """It tumbles for a second."""
+    run = fl.RunSettings(method="RK4", step=5e-4, duration=1.0, sample=0.05)
+    made = fl.Scene(name="tumbler", arm=ARM, initial=START, gravity=(0.0, 0.0, 0.0), run=run)
+    return made.varied(changes) if changes else made
+
+
+@pytest.fixture(scope="module")
+def run() -> fl.Trajectory:
+    """The tumbling arm."""
+    return fl.simulate(scene())
+
+
+def test_three_angles_are_a_rotation_and_their_rates_an_angular_velocity() -> None:
+    φ, φd, φdd, h = *np.random.default_rng(1).uniform(-1, 1, (3, 3)), 1e-6
+    R = rotations_of(φ)
+    assert np.abs(angles_of(R) - φ).max() < 1e-15
+    assert np.abs(matrix_from_quaternion(quaternions_of(φ).tolist()) - R).max() < 1e-15
+
+    def spin(t: float) -> Array:
+        angles, rates = φ + t * φd + t**2 / 2 * φdd, φd + t * φdd
+        return np.asarray(rates_matrices(angles) @ rates)
+
+    turning = R.T @ (rotations_of(φ + h * φd) - rotations_of(φ - h * φd)) / (2 * h)  # ω as a skew matrix
+    assert np.abs([turning[2, 1], turning[0, 2], turning[1, 0]] - spin(0.0)).max() < 1e-9
+    changing = rates_matrices(φ) @ φdd + rates_matrices_changing(φ, φd) @ φd
+    assert np.abs((spin(h) - spin(-h)) / (2 * h) - changing).max() < 1e-9
+
+
+def test_momentum_energy_and_the_length_of_the_quaternion_stay(run: fl.Trajectory) -> None:
+    assert run.base is not None and run.momentum_error is not None
+    assert np.abs(np.linalg.norm(run.base.attitude, axis=1) - 1).max() < 1e-15
+    size, spin = np.linalg.norm(run.base.momentum.linear[0]), np.linalg.norm(run.base.momentum.spin[0])
+    assert run.momentum_error[0] < 1e-11 * size and run.momentum_error[1] < 1e-11 * spin
+    assert run.work is not None and np.abs(run.imbalance).max() < 1e-10 * run.energy.kinetic.max()
+
+
+def test_it_turned_through_attitudes_where_its_angles_are_none(run: fl.Trajectory) -> None:
+    assert run.base is not None
+    assert np.abs(run.q[:, 4]).max() > np.radians(80.0) and np.abs(run.qd[:, 3:6]).max() > 8.0
+    before, after = run.base.attitude[:-1], run.base.attitude[1:]
+    assert np.abs(np.sum(before * after, axis=1)).min() > 0.97  # cos of half the turn between samples
+
+
+def test_its_coordinates_tell_attitude_and_spin(run: fl.Trajectory) -> None:
+    assert run.base is not None
+    for q, qd, attitude, spin in zip(run.q, run.qd, run.base.attitude, run.base.spin, strict=True):
+        R = run.chain.bodies["rotation"][1] @ rotations_of(q[3:6])
+        assert np.abs(R - matrix_from_quaternion(attitude.tolist())).max() < 1e-14
+        assert np.abs(rates_matrices(q[3:6]) @ qd[3:6] - spin).max() < 1e-10
+
+
+def test_no_attitude_is_a_special_one_and_no_velocity(run: fl.Trajectory) -> None:
+    turn = np.array([0.3, -0.5, 0.7, 0.2]) / np.linalg.norm([0.3, -0.5, 0.7, 0.2])
+    R, boost = matrix_from_quaternion(turn.tolist()), np.array([1.0, -2.0, 0.5])
+    state = fl.BaseState(
+        quaternion=(0.3, -0.5, 0.7, 0.2), spin_deg=SPIN.spin_deg, velocity=tuple((R @ SPIN.velocity + boost).tolist())
+    )
+    other = fl.simulate(scene(**{"initial.base": state}))
+    moved = run.tip @ R.T + np.multiply.outer(run.t, boost)
+    assert np.abs(other.tip - moved).max() < 1e-11
+    assert run.base is not None and other.base is not None
+    assert np.abs(product_of(turn, run.base.attitude) - other.base.attitude).max() < 1e-11
+
+
+def test_a_mirror_shows_a_motion_that_there_can_be(run: fl.Trajectory) -> None:
+    links = [ARM.links[0], ARM.links[1]]
+    mirrored = fl.Arm(
+        links=tuple(links), materials=ARM.materials, sections=ARM.sections, tip=ARM.tip,
+        base=fl.Base(kind="free", mass=3.0, center=(0.05, 0.02, 0.03), inertia=(0.2, 0.25, 0.3)),
+    )  # fmt: skip
+    spin, velocity = SPIN.spin_deg, SPIN.velocity
+    state = fl.BaseState(spin_deg=(-spin[0], spin[1], -spin[2]), velocity=(velocity[0], -velocity[1], velocity[2]))
+    start = fl.InitialState(joint_deg=(-20.0, 0.0), joint_m=(0.0, 0.1), rate_deg=(-50.0, 0.0), base=state)
+    other = fl.simulate(fl.Scene(name="mirror", arm=mirrored, initial=start, gravity=(0, 0, 0), run=scene().run))
+    assert np.abs(other.tip - run.tip * [1.0, -1.0, 1.0]).max() < 1e-11
+
+
+def test_every_kind_of_step_goes_on_in_other_coordinates(run: fl.Trajectory) -> None:
+    for method in ("Radau5", "DOP853"):
+        other = fl.simulate(scene(**{"run.method": method, "run.tolerance": 1e-7}))
+        assert np.abs(other.tip - run.tip).max() < 1e-6
+        assert other.momentum_error is not None and max(other.momentum_error) < 1e-6
+    fixed = fl.simulate(scene(**{"run.method": "Gauss6", "run.step": 2e-3}))
+    assert np.abs(fixed.tip - run.tip).max() < 1e-6
+    dense = fl.simulate(scene(**{"run.solver": "cholesky"}))
+    assert np.abs(dense.tip - run.tip).max() < 1e-12
+
+
+def test_a_continued_run_is_the_whole_one(run: fl.Trajectory) -> None:
+    later = fl.simulate(scene(), q0=run.q[10], qd0=run.qd[10], t0=run.t[10], duration=0.5)
+    assert np.abs(later.tip - run.tip[10:]).max() < 1e-10
+
+
+def test_a_simulator_and_a_law_are_told_coordinates_from_the_start(run: fl.Trajectory) -> None:
+    arm = fl.Simulator(scene())
+    for _ in range(15):
+        state = arm.step(duration=0.05)
+    assert np.abs(fl.tip_position(arm.chain, state.q) - run.tip[15]).max() < 1e-12
+    seen = []
+
+    def law(t: float, q: Array, qd: Array) -> Array:
+        seen.append((t, fl.tip_position(arm.chain, q)))
+        return np.zeros(2)
+
+    fl.simulate(scene(), control=law, rate=20.0)
+    assert max(np.abs(tip - run.tip[round(t / 0.05)]).max() for t, tip in seen) < 1e-12
+
+
+def test_a_run_with_a_free_base_is_read_back(run: fl.Trajectory, tmp_path: Path) -> None:
+    again = fl.load_trajectory(run.save(tmp_path / "run.npz"))
+    assert again.base is not None and run.base is not None
+    assert np.array_equal(again.base.attitude, run.base.attitude) and again.chain.tips == run.chain.tips
+    assert np.array_equal(again.base.momentum.angular, run.base.momentum.angular)
+    assert again.momentum_error == run.momentum_error
+    assert np.array_equal(run.columns["attitude w [1]"], run.base.attitude[:, 0])
+
+
+def test_a_falling_base_gains_momentum_by_its_weight() -> None:
+    falling = fl.simulate(scene(gravity=(0.0, 0.0, -9.81)))
+    assert falling.base is not None and falling.momentum_error is not None
+    gained = falling.base.momentum.linear[-1] - falling.base.momentum.linear[0]
+    assert np.abs(gained - [0.0, 0.0, -9.81 * falling.chain.mass]).max() < 1e-9
+    assert max(falling.momentum_error) < 1e-9
+
+
+def test_momentum_is_what_the_mass_matrix_makes_of_the_rates() -> None:
+    chain = fl.lump(scene())
+    q, qd = np.random.default_rng(3).uniform(-1, 1, (2, chain.n))
+    p, found = fl.mass_matrix(chain, q) @ qd, fl.momentum(chain, q, qd)
+    assert np.abs(found.linear - p[:3]).max() < 1e-14
+    about_base = found.angular - np.cross(q[:3], found.linear)
+    R = chain.bodies["rotation"][1] @ rotations_of(q[3:6])
+    assert np.abs(rates_matrices(q[3:6]).T @ R.T @ about_base - p[3:6]).max() < 1e-14
+    assert np.abs(found.center - chain.com(q)).max() < 1e-15
+
+
+def test_derivatives_of_a_run_go_as_far_as_its_angles_do() -> None:
+    short = scene(**{"run.duration": 0.1, "initial.base.spin_deg": (30.0, 60.0, 20.0)})
+    found, h = fl.sensitivities(short, ["tip.mass"]), 1e-5
+    ahead, behind = (fl.simulate(short.varied({"tip.mass": 0.2 + side * h})).tip for side in (1, -1))
+    assert np.abs((ahead - behind) / (2 * h) - found.tip[:, :, 0]).max() < 1e-7
+    with pytest.raises(fl.errors.ArgumentError, match=r"turns to base.ry = \d+° from where it starts"):
+        fl.sensitivities(scene(), ["tip.mass"])
+
+
+def test_six_modes_of_a_free_base_are_rigid() -> None:
+    chain = fl.lump(scene())
+    found = fl.modes(chain, np.zeros(chain.n), locked=[6, *np.flatnonzero(chain.slides)[3:]])
+    assert np.abs(found.frequencies[:6]).max() < 1e-5 * found.frequencies[6]
+    assert found.frequencies[6] > 1.0
+
+
+def test_a_force_on_the_base_is_a_wrench_on_a_link_without_length() -> None:
+    thruster = fl.Link(name="thruster", on="base", joint=fl.Joint(locked=True))
+    left, right = ARM.links
+    links = thruster, replace(left, on="base"), right
+    arm = fl.Arm(links=links, materials=ARM.materials, sections=ARM.sections, tip=ARM.tip, base=BASE)
+    start = fl.InitialState(joint_deg=(0.0, 0.0, 0.0))
+    pushed = fl.Scene(
+        name="pushed", arm=arm, initial=start, gravity=(0, 0, 0), run=scene().run,
+        wrench=fl.Wrench(force=(3.0, 0.0, 0.0), on="thruster"),
+    )  # fmt: skip
+    pushed = fl.simulate(pushed)
+    assert pushed.base is not None and pushed.momentum_error is None
+    assert np.abs(pushed.base.momentum.linear[-1] - [3.0, 0.0, 0.0]).max() < 1e-9
