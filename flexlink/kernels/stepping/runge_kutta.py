@@ -66,9 +66,8 @@ def integrate(work, tableau, inputs, h, origin, first, last, far, every, state, 
                 put_at(qs, at(q, k), row, k)
                 put_at(qds, at(qd, k), row, k)
             put_at(works, at(done, 0), row)
-        if q.ndim == 1:  # noqa: SIM102  arms side by side have fixed bases; numba leaves out one condition, not two
-            if has_turned(q, far):
-                return number + 1
+        if has_turned(q, far):  # arms side by side have fixed bases
+            return number + 1
     ask_at(inputs, h, origin + last, state, stages)
     return last
 
@@ -82,7 +81,8 @@ def has_turned(q, far):
 @recursion
 def base_angle(q):
     """The largest of the three angles of a free base [rad]."""
-    return max(abs(q[3]), abs(q[4]), abs(q[5]))
+    angles = q.reshape(-1)  # of arms side by side, which do not come here, numbers, too
+    return max(abs(angles[3]), abs(angles[4]), abs(angles[5]))
 
 
 @kernel
