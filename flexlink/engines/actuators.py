@@ -74,7 +74,7 @@ def not_compared(ours: ReadBack, read: ReadBack, order: Indices) -> str:
         actuators.append("motors at " + _listed([f"{ours.names[k]!r} (gear {gear[k]:g})" for k in geared]))
     limited = np.flatnonzero(np.isfinite(effort).any(axis=1))
     if len(limited):
-        actuators.append("torque limits at " + _listed([_limited(ours, k, effort[k]) for k in limited]))
+        actuators.append("torque limits at " + _listed([_limited(ours, int(k), effort[k]) for k in limited]))
     return "; ".join(actuators)
 
 
