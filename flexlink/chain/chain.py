@@ -368,6 +368,8 @@ class Chain:
     def index(self, link: int | str, segment: int, axis: int) -> int:
         """Sequential index of the coordinate (link, segment, axis), the paper's θ_{i,j,k}; the link by number or name.
 
+        (0, 0, 1) … (0, 0, 6) are those of a free base.
+
         Raises
         ------
         ArgumentError
@@ -378,9 +380,8 @@ class Chain:
         >>> print(chain.index("upper", 1, 3), chain.joint_name(1))  # link, segment, axis: 3 bends in the XY plane
         1 upper.1.z
         """
-        wanted = Coordinate(
-            link_number("link", link, self.link_names), integer("segment", segment, 0), integer("axis", axis, 0, 3)
-        )
+        number = 0 if link == 0 and self.has_free_base else link_number("link", link, self.link_names)
+        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, 3 if number else 6))
         if wanted not in self._sequential:
             known = truncated(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
             raise ArgumentError(

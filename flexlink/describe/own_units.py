@@ -62,7 +62,9 @@ def misplaced(slides: Slides, names: Sequence[str], lists: Mapping[str, Row]) ->
         name = key.rpartition(".")[2].partition("[")[0]
         for k, number in enumerate(row if name in TWINS else ()):
             if number and slides[k] == (name in IN_METRES):
-                yield k, key, f"joint {names[k]!r} is {KIND[slides[k]]}; give {key.replace(name, TWINS[name])}"
+                twin = key.replace(name, TWINS[name])
+                kind = f"prismatic; give {twin}" if slides[k] else f"revolute; give {twin}"
+                yield k, key, f"joint {names[k]!r} is {kind}"
 
 
 def in_words(slides: bool, si: float, form: str = ".6g") -> str:

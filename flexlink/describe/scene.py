@@ -49,7 +49,7 @@ from flexlink.describe.spec import (
     truncated,
 )
 from flexlink.describe.vary import apply_changes, get_in, to_document, top_level_keys, values_at
-from flexlink.describe.writing import toml_of, without_defaults
+from flexlink.describe.writing import Inline, toml_of, without_defaults
 
 
 class Scene(Spec, frozen=True):
@@ -429,11 +429,18 @@ class Scene(Spec, frozen=True):
         """
         document: dict[str, Any] = without_defaults(self, always=frozenset({"gravity"}))
         document |= document.pop("arm")
+        initial = document.get("initial", {})
+        turns_only = not (any(self.arm.slides) or self.arm.base.free)
+        if not (turns_only or self.initial.q or any(self.initial.joint_deg)):  # of other arms angles of 0 say little
+            initial.pop("joint_deg", None)
+        for table in (document, initial):
+            if "base" in table:
+                table["base"] = Inline(table["base"])
         order = (
             "name", "about", "gravity", "base", "material", "section", "link", "tip", "initial", "drive", "motion",
             "wrench", "run",
         )  # fmt: skip
-        return toml_of({key: document[key] for key in order if key in document})
+        return toml_of({key: document[key] for key in order if key in document and document[key] != {}})
 
     def save(self, path: str | Path) -> Path:
         """Write `to_toml` into a file that `load_scene` reads back equal; it appears whole or not at all.

@@ -52,8 +52,12 @@ def _blocks(table: Mapping[str, Any], path: str = "") -> Iterator[list[str]]:
             yield from _blocks(value, there)
 
 
+class Inline(dict[str, Any]):
+    """A table that stands in one line."""
+
+
 def _is_table(value: object) -> bool:
-    return isinstance(value, Mapping)
+    return isinstance(value, Mapping) and not isinstance(value, Inline)
 
 
 def _are_tables(value: object) -> bool:
