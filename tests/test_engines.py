@@ -29,6 +29,7 @@ from flexlink import (
     mass_matrix,
     stable_step,
 )
+from flexlink.describe.conditions import steps_explicitly
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import mixed_states
 from flexlink.dynamics import rounding
@@ -57,6 +58,11 @@ every = pytest.mark.parametrize("name", [engine(name) for name in ENGINES if nam
 def shortened(scene: Scene, duration: float, **run: object) -> Scene:
     """The scene's first moments."""
     return scene.varied({"run.duration": duration} | {f"run.{name}": value for name, value in run.items()})
+
+
+def of_a_tolerance(path: Path) -> dict[str, object]:
+    """Steps for a scene that has none of its own."""
+    return {} if steps_explicitly(load_scene(path).run) else {"method": "RK4", "step": 5e-5, "sample": 0.01}
 
 
 def of(name: str, scene: Scene) -> Scene:
@@ -130,7 +136,7 @@ def test_armature_is_in_mass_matrix_and_accelerations(name: str, rng: np.random.
 NOT_FOLLOWED = {("drake", "computed_torque"), ("exudyn", "computed_torque")}
 """Drives that an engine's own integrator cannot follow, here a sampled one: refused by name."""
 SHORT = {
-    **{path.stem: shortened(load_scene(path), 0.1) for path in MODELS},
+    **{path.stem: shortened(load_scene(path), 0.1, **of_a_tolerance(path)) for path in MODELS},
     "nasty": shortened(nasty_scene(), 0.02, step=2e-5, sample=1e-3),
     "wrench": shortened(make_scene(flexible("arm", "xyz"), wrench=Wrench((5, -3, 2), (1, 2, -3))), 0.02, step=2e-5),
     "table": shortened(

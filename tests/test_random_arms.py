@@ -12,7 +12,7 @@ from flexlink.engines import load
 from flexlink.formats.mjcf_reading import read_mjcf
 from validation.case import load_cases
 from validation.kinds import random_arms
-from validation.random_arms import random_arm
+from validation.random_arms import random_arm, random_tree
 
 EPS = np.finfo(float).eps
 
@@ -29,7 +29,8 @@ def fields(kind: type[Spec], above: str = "") -> set[str]:
 
 
 def test_no_key_of_a_link_is_left_out_of_the_draw() -> None:
-    found = keys_of([without_defaults(link) for seed in range(100) for link in random_arm(seed).arm.links])
+    draws = [draw(seed) for seed in range(100) for draw in (random_arm, random_tree)]
+    found = keys_of([without_defaults(link) for scene in draws for link in scene.arm.links])
     wanted = fields(fl.Link) | fields(fl.Joint, "joint.") | fields(fl.Mount, "mount.")
     wanted |= fields(fl.DenavitHartenberg, "dh.") | fields(fl.RigidBody, "end.") | {"friction.coulomb"}
     assert wanted <= found
@@ -57,10 +58,12 @@ def test_solvers_agree_on_random_arms(rng) -> None:
 
 
 @pytest.mark.slow
-def test_engines_take_every_random_arm_and_agree() -> None:
-    (case,) = load_cases("random_arms")
+@pytest.mark.parametrize("trees", [False, True], ids=["serial", "trees"])
+def test_engines_take_every_random_arm_and_agree(trees: bool) -> None:
+    name = "random_trees" if trees else "random_arms"
+    case = next(case for case in load_cases(name) if case.name == name)
     engines = ("pinocchio", "mujoco")
-    measured = list(random_arms.run(case, engines=engines, arms=10, samples=8, seed=80))  # 83 carries a disc
+    measured = list(random_arms.run(case, engines=engines, arms=10, samples=8, seed=80, trees=trees))  # 83: a disc
     assert len(measured) == 2 * 10
     for row in measured:
         assert row.value <= case.quantity[row.quantity].tolerance, row

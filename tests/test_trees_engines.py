@@ -200,6 +200,18 @@ def test_random_trees_agree(name: str) -> None:
             assert np.abs(got - expected).max() <= tolerance * np.abs(expected).max(), seed
 
 
+def test_axes_of_inertia_that_mujoco_takes_for_those_of_the_body_are_written_in_another_order() -> None:
+    """It drops rotations and offsets below 1e-6, which are seven digits of what a product of inertia does."""
+    for inertia, center in {((0.1, 0.2, 0.25, 0, 0, 1e-8), (0, 0, 0)), ((0.1, 0.2, 0.25), (5e-7, 0, 0))}:
+        hub = fl.RigidBody(mass=1e5, center=center, inertia=inertia)
+        links = fl.Link(name="a", hub=hub), fl.Link(name="b", joint=fl.Joint(axis=(0.0, 1.0, 0.0)), hub=hub)
+        chain = fl.lump(fl.Scene(name="t", arm=fl.Arm(links=links), initial=fl.InitialState(joint_deg=(0.0, 0.0))))
+        q = np.array([0.3, 0.7])
+        M = fl.mass_matrix(chain, q)
+        assert load("mujoco", chain).mass_matrix(q) == pytest.approx(M, abs=4 * EPS * M.max())
+        assert_same(FORMATS["mjcf"].read(fl.to_mjcf(chain)), chain)
+
+
 def test_the_wrench_acts_at_the_tip_that_the_scene_names(chain: fl.Chain) -> None:
     assert loaded_tip(chain).name == "left"
     last = fl.lump(satellite().varied({"wrench.on": ""}))
@@ -221,3 +233,20 @@ def test_runs_in_the_same_steps_differ_by_rounding_only(name: str, floats: bool)
     (_, q, qd), (_, others, rates) = (load(each, chain).integrate(scene) for each in ("native", name))
     assert np.abs(others - q).max() <= 1e-13
     assert np.abs(rates - qd).max() <= 1e-11
+
+
+@pytest.mark.parametrize("name", ["pinocchio", "mujoco", "exudyn"])
+def test_a_base_that_turns_far_is_followed_in_other_coordinates_or_refused(name: str) -> None:
+    scene = satellite().varied({"initial.base.spin_deg": (900.0, -700.0, 300.0), "run.duration": 0.1})
+    chain = fl.lump(scene)
+    engine = load(name, chain)
+    if name == "exudyn":
+        with pytest.raises(fl.errors.ArgumentError, match=r"the base has turned by more than 69° at t = 0.0\d s"):
+            engine.integrate(scene)
+        return
+    (_, q, qd), (_, others, rates) = (each.integrate(scene) for each in (load("native", chain), engine))
+    assert np.abs(q[-1, 3:6]).max() > 1.0
+    assert np.abs(others - q).max() <= 1e-12
+    assert np.abs(rates - qd).max() <= 1e-10
+    M = engine.mass_matrix(q[0])  # in the coordinates of the start again
+    assert pytest.approx(fl.mass_matrix(chain, q[0]), abs=1e-13 * np.abs(M).max()) == M

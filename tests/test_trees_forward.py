@@ -166,7 +166,7 @@ def test_inverse_dynamics_gives_back_the_torques(rng) -> None:
             state = given.copy()
             powers.append(method(chain.arrays, wrench, state))
             assert missed(chain, wrench, state) <= 1, (seed, method.__name__)
-        assert powers[0] == pytest.approx(powers[1], rel=1e-9), seed
+        assert abs(powers[0] - powers[1]) <= 1e-8 * np.abs(state[1] * state[2]).sum(), seed
 
 
 def test_eight_states_and_eight_chains_side_by_side(rng) -> None:

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from beams import THIN, thin_link
-from conftest import chain_of, flexible
+from conftest import chain_of, flexible, make_scene
 from msgspec.structs import replace
 from trees import random_tree, slopes
 
@@ -16,6 +16,7 @@ from flexlink.common.types import Array
 from flexlink.describe.arm import Base
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import damping_slope
+from flexlink.dynamics.static_postures import static_postures
 from flexlink.dynamics.tangent import displacements, gyroscopic_matrix, stiffness_matrix
 
 SEEDS = range(8)
@@ -233,3 +234,36 @@ def test_an_arm_on_a_springy_slide_rests_alike_in_every_size(size: float) -> Non
     assert len(rest.path) < 10
     K = stiffness_matrix(chain, rest.q, 0 * rest.q, np.zeros(6))
     assert np.abs(K - K.T).max() < 1e-14 * np.abs(K).max()
+
+
+def branching(**fields: object) -> fl.Scene:
+    """Two arms on the ground that bend, one on a springy slide, the other with a hand that slides out."""
+    belt = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), viscous=0.5, armature=0.1, gear_stiffness=300.0)
+    out = fl.Joint(kind="prismatic", axis=(0.0, 1.0, 1.0))
+    hand = fl.RigidBody(mass=0.3, inertia=(0.01, 0.01, 0.01))
+    return make_scene(
+        flexible("left", "z", 3, joint=fl.Joint(viscous=0.1), hub=hand),
+        flexible("right", "xyz", 3, on="base", joint=belt, mount=fl.Mount(rpy_deg=(20.0, 30.0, 180.0)), hub=hand),
+        fl.Link(name="hand", on="left", length=0.2, joint=out, hub=hand),
+        gravity=(0.0, 9.81, 1.0),
+        **fields,
+    )
+
+
+def test_postures_in_a_row_are_those_that_statics_finds_one_by_one() -> None:
+    chain = fl.lump(branching())
+    driven = np.linspace(0.0, 1.0, 4)[:, None] * [0.3, 0.05, 0.1]
+    q = np.zeros((4, chain.n))
+    q[:, chain.active] = driven
+    each = [fl.solve_static(chain, row, locked=chain.active).q for row in q]
+    assert static_postures(chain, driven) == pytest.approx(np.array(each), abs=1e-13)
+
+
+@pytest.mark.parametrize("frame", ["world", "tip"])
+def test_a_wrench_on_any_tip_does_the_work_that_the_arm_gains(frame: str) -> None:
+    """A table's power is f·v + m·ω of the tip that it acts on."""
+    forces, moments = ((1.0, 2.0, 3.0), (30.0, -50.0, 10.0)), ((1.0, 0.2, 0.3), (3.0, -5.0, 1.0))
+    wrench = fl.Wrench(times=(0.0, 0.02), forces=forces, moments=moments, frame=frame, on="right")
+    fine = fl.RunSettings(step=2e-5, sample=0.02, duration=0.02)
+    run = fl.simulate(branching(wrench=wrench, run=fine))
+    assert np.abs(run.imbalance).max() < 1e-6 * np.abs(run.work).max()

@@ -58,6 +58,8 @@ class Equilibrium(SavedResult):
         joint that nothing holds rests. (A follower wrench can also flutter: see `modes`.)
     path
         The (s, q) of all steps, shape (steps, 1 + n); s is the part of the load that is on.
+    slides
+        Which joints slide, shape (n,).
     """
 
     q: Array
@@ -65,11 +67,14 @@ class Equilibrium(SavedResult):
     residual: float
     stable: bool
     path: Array
+    slides: NDArray[np.bool_]
 
     def __repr__(self) -> str:
-        most = np.degrees(np.abs(self.q).max())  # FIXME
+        turned, slid = (np.abs(self.q[which]).max(initial=0.0) for which in (~self.slides, self.slides))
+        out = [f"angles up to {np.degrees(turned):.4g}°"] if not self.slides.all() else []
+        out += [f"places up to {slid:.4g} m"] if self.slides.any() else []
         return (
-            f"<Equilibrium: {'' if self.stable else 'un'}stable; {len(self.q)} joints at angles up to {most:.4g}°, "
+            f"<Equilibrium: {'' if self.stable else 'un'}stable; {len(self.q)} joints at {' and '.join(out)}, "
             f"{self.residual:.2g} N m left over>"
         )
 
@@ -156,6 +161,7 @@ def solve_static(
         float(np.abs(equations.value(np.concatenate([[1.0], posture]))).max()),
         not falls(chain, posture, rates, wrench, free, follower),
         np.array(path),
+        chain.slides,
     )
 
 

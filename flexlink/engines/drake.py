@@ -201,7 +201,7 @@ class DrakeEngine:
         problem = base.fixed_steps_problem(scene)
         base.refuse_prescribed_motion("Drake", problem.chain)
         if self.coordinates.reference is not None:
-            return run_in_steps(self.name, problem, self._accelerations)
+            return run_in_steps(self.name, problem, self._accelerations, self.coordinates)
         base.refuse_sampled_inputs("Drake", scene)
         methods = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}  # ours: Drake's
         base.refuse_method("Drake", run.method, methods)

@@ -33,9 +33,11 @@ from exudyn.itemInterface import (
 )
 
 from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.floating_base import ANGLES
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines import base
 from flexlink.engines.couplings import to_matrices
@@ -45,6 +47,8 @@ from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import loaded_tip, places
 
 METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}  # of those that we have
+LARGEST_TURN = 1.2
+"""Of a free base about any of its three angles [rad]; about Y they are at an end at 90°."""
 TorqueFunction = Callable[..., Array]
 LoadFunction = Callable[..., Array]
 
@@ -114,6 +118,12 @@ class ExudynEngine:
                 q[row], qd[row] = whole.advance(q[row - 1], qd[row - 1], begin, run)
                 if not np.isfinite([q[row], qd[row]]).all():
                     raise base.divergence_error(self.name, problem, samples, row)
+                if problem.base is not None and np.abs(q[row, ANGLES]).max() > LARGEST_TURN:
+                    raise ArgumentError(
+                        f"{scene.name}: the base has turned by more than {np.degrees(LARGEST_TURN):.0f}° at t = "
+                        f"{t[row]:.6g} s, where Exudyn's three angles no longer say how; use another engine, or a "
+                        "shorter run"
+                    )
         return samples
 
     def _coulomb(self, qd: Array) -> Array:

@@ -184,7 +184,7 @@ class MujocoEngine:
     def integrate(self, scene: Scene) -> base.Samples:
         """`mj_step` with MuJoCo's RK4; with a free base the scene's method, as a plain loop over `mj_forward`."""
         if self.coordinates.reference is not None:
-            return run_in_steps(self.name, base.fixed_steps_problem(scene), self._accelerations)
+            return run_in_steps(self.name, base.fixed_steps_problem(scene), self._accelerations, self.coordinates)
         run, model = scene.run, self.model
         base.refuse_method("MuJoCo", run.method, ["RK4"])
         problem = base.fixed_steps_problem(scene)

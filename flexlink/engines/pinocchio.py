@@ -197,7 +197,7 @@ class PinocchioEngine:
 
     def integrate(self, scene: Scene) -> Samples:
         """The scene's Runge-Kutta method, as a plain loop over `aba`."""
-        return run_in_steps(self.name, fixed_steps_problem(scene), self._accelerations)
+        return run_in_steps(self.name, fixed_steps_problem(scene), self._accelerations, self.coordinates)
 
     def _accelerations(
         self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array

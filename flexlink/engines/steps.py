@@ -9,8 +9,10 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines.base import Samples, allocate_samples, divergence_error, drive_function, wrench_function
+from flexlink.engines.coordinates import Coordinates
 from flexlink.kernels.inputs.drive_torque import follow
 
 
@@ -23,8 +25,12 @@ class Accelerations(Protocol):
         """Of joint torques, and of force and moment (6,) on the tip in axes of frame 0; if it follows, in the tip's."""
 
 
-def run_in_steps(engine: str, problem: InitialValueProblem, accelerations: Accelerations) -> Samples:
-    """The samples of a run with fixed steps.
+def run_in_steps(
+    engine: str, problem: InitialValueProblem, accelerations: Accelerations, theirs: Coordinates
+) -> Samples:
+    """The samples of a run with fixed steps, of a free base in the coordinates of its start.
+
+    Where it has turned far, steps go on in other coordinates, as flexlink's own do, and as the engine is told.
 
     Raises
     ------
@@ -32,17 +38,33 @@ def run_in_steps(engine: str, problem: InitialValueProblem, accelerations: Accel
         The state is no longer finite; the error holds the samples before.
     """
     samples = t, q, qd = allocate_samples(problem)
+    reference = theirs.reference
+    try:
+        _fill(engine, problem, accelerations, theirs, samples)
+    finally:
+        theirs.reference = reference
+    return samples if problem.base is None else (t, *problem.base.from_the_start(q, qd)[:2])
+
+
+def _fill(
+    engine: str, problem: InitialValueProblem, accelerations: Accelerations, theirs: Coordinates, samples: Samples
+) -> None:
+    """All samples but the first."""
     run, n, step = problem.run, problem.chain.n, _step_function(problem, accelerations)
+    (t, q, qd), base, every = samples, problem.base, run.steps_per_sample
     first_step = round(problem.start / run.fixed_step)
     y = np.concatenate([q[0], qd[0]])
     with np.errstate(all="ignore"):  # divergence raises an error below
         for row in range(1, len(t)):
-            for number in range((row - 1) * run.steps_per_sample, row * run.steps_per_sample):
+            for number in range((row - 1) * every, row * every):
                 y = step(first_step + number, y)
+                if number + 1 == row * every:
+                    q[row], qd[row] = y[:n], y[n:]
+                if base is not None and np.abs(y[ANGLES]).max() > FAR:
+                    base.turn((number + 1) // every + 1, y[:n], y[n:])
+                    theirs.reference = np.array(problem.chain.bodies["rotation"][1])
             if not np.isfinite(y).all():
                 raise divergence_error(engine, problem, samples, row)
-            q[row], qd[row] = y[:n], y[n:]
-    return samples
 
 
 def _step_function(problem: InitialValueProblem, accelerations: Accelerations) -> Callable[[int, Array], Array]:

@@ -62,6 +62,7 @@ JOINT_ATTRIBUTES = {
 }  # fmt: skip
 """Attribute of <joint>: field of the hinge."""
 SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL
+NEAR = 4e-6  # of rotations and centres [m]: more than MuJoCo neglects
 USER_FIELDS = sorted(
     {*(HINGE.names or ())} - {*JOINT_ATTRIBUTES.values(), "lower", "upper"},
     key=lambda name: (name != "coulomb_width", name),
@@ -331,11 +332,16 @@ def _body(parent: ET.Element, name: str, frame: Pose) -> ET.Element:
 
 
 def _principal(body: np.void) -> tuple[Array, Array]:
-    """Principal moments and axes, to 2e-15; MuJoCo's own `fullinertia` has errors of 1e-14."""
-    I = body["inertia"]
-    if np.array_equal(I, np.diag(np.diag(I))):
-        return np.diag(I), np.eye(3)
-    return principal_axes(I)
+    """Principal moments and axes, to 2e-15; MuJoCo's own `fullinertia` has errors of 1e-14.
+
+    Axes within 1e-6 of the body's, and a centre within 1e-6 m of its origin, count as these for MuJoCo; Y, Z, X do not.
+    """
+    I, center = body["inertia"], np.abs(body["center"]).max()
+    moments, axes = (np.diag(I), np.eye(3)) if np.array_equal(I, np.diag(np.diag(I))) else principal_axes(I)
+    away = np.abs(axes - np.eye(3)).max()
+    if away < NEAR and (away or 0 < center < NEAR):
+        return moments[[1, 2, 0]], axes[:, [1, 2, 0]]
+    return moments, axes
 
 
 def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:

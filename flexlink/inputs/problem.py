@@ -55,7 +55,10 @@ def problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | FlexlinkE
 
 def _acts_alike(one: Scene, scene: Scene) -> bool:
     """Whether the same acts on two arms, of which no part knows the arm and nothing is written in a run."""
-    free = not (one.motion or scene.motion or one.wrench.varies) and one.drive.kind == scene.drive.kind == "none"
+    free = (
+        not (one.motion or scene.motion or one.wrench.varies or one.wrench.on)
+        and one.drive.kind == scene.drive.kind == "none"
+    )
     return free and one.wrench == scene.wrench
 
 

@@ -14,7 +14,7 @@ from flexlink.kernels.inputs.record import GivenWrench, Inputs, WrenchTable, giv
 
 
 def wrench_table(scene: Scene, chain: Chain) -> WrenchTable | None:
-    """The scene's tip wrench if it is not constant in frame 0.
+    """The scene's tip wrench if it is not a constant one, in frame 0, on the arm's tip, whose motion tells its work.
 
     Raises
     ------
@@ -22,7 +22,7 @@ def wrench_table(scene: Scene, chain: Chain) -> WrenchTable | None:
         It changes by more than float64 can hold.
     """
     wrench = scene.wrench
-    if not wrench.varies:
+    if not wrench.varies and (not wrench.acts or chain.loaded == len(chain.bodies) - 1):
         return None
     times = np.array(wrench.times or (0.0,))
     tables = {"forces": wrench.forces or (wrench.force,), "moments": wrench.moments or (wrench.moment,)}

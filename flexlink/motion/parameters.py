@@ -76,7 +76,7 @@ def parametric(scene: Scene, chain: Chain, paths: list[str]) -> tuple[Parametric
 
 def _check_known(scene: Scene) -> None:
     of_drives = {"kind", "torque", "times", "torques", "kp", "kd", "target_deg", "target_m", "smooth", "hold"}
-    for name, part, known in (("drive", scene.drive, of_drives), ("wrench", scene.wrench, {"force", "moment"})):
+    for name, part, known in (("drive", scene.drive, of_drives), ("wrench", scene.wrench, {"force", "moment", "on"})):
         for field, value in _said(part):
             if field not in known:
                 raise ArgumentError(

@@ -100,7 +100,12 @@ def goes_side_by_side(plan: Plan, number: int) -> bool:
         scene, engine = plan.member(number)
     except FlexlinkError:
         return True
-    alone = scene.wrench.varies or scene.run.solver != "articulated" or not steps_explicitly(scene.run)
+    alone = (
+        scene.wrench.varies
+        or bool(scene.wrench.on)
+        or scene.run.solver != "articulated"
+        or not steps_explicitly(scene.run)
+    )
     return engine == "native" and not alone
 
 

@@ -66,8 +66,9 @@ def integrate(work, tableau, inputs, h, origin, first, last, far, every, state, 
                 put_at(qs, at(q, k), row, k)
                 put_at(qds, at(qd, k), row, k)
             put_at(works, at(done, 0), row)
-        if q.ndim == 1 and has_turned(q, far):  # arms side by side have fixed bases
-            return number + 1
+        if q.ndim == 1:  # noqa: SIM102  arms side by side have fixed bases; numba leaves out one condition, not two
+            if has_turned(q, far):
+                return number + 1
     ask_at(inputs, h, origin + last, state, stages)
     return last
 
