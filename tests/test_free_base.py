@@ -66,6 +66,19 @@ def test_three_angles_are_a_rotation_and_their_rates_an_angular_velocity() -> No
     assert np.abs((spin(h) - spin(-h)) / (2 * h) - changing).max() < 1e-9
 
 
+def test_a_run_is_confirmed_by_another_one_that_starts_where_it_did(run: fl.Trajectory) -> None:
+    assert run.warnings == ()
+    coarse = fl.simulate(scene(**{"run.step": 1e-3, "run.method": "Radau5"}))  # which a second run judges
+    assert coarse.warnings == () and np.abs(coarse.tip - run.tip).max() < 1e-6
+
+
+def test_a_problem_starts_every_run_where_its_scene_does(run: fl.Trajectory) -> None:
+    problem = fl.Problem(scene())
+    first, second = problem.simulate(), problem.simulate()
+    assert np.array_equal(first.tip, second.tip) and np.array_equal(first.tip, run.tip)
+    assert np.array_equal(problem.chain.bodies["rotation"], fl.lump(scene()).bodies["rotation"])
+
+
 def test_momentum_energy_and_the_length_of_the_quaternion_stay(run: fl.Trajectory) -> None:
     assert run.base is not None and run.momentum_error is not None
     assert np.abs(np.linalg.norm(run.base.attitude, axis=1) - 1).max() < 1e-15

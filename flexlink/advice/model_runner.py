@@ -154,7 +154,7 @@ class ModelRunner:
 
     def _finish(self, single: SingleRun, stop: Stop) -> Trajectory:
         """Run to the end, or until the budget is used up."""
-        chain = single.monitor.record.chain
+        chain = single.monitor.record.problem.original
 
         def check(fraction: float) -> None:
             steps = single.steps.steps

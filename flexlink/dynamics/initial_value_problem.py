@@ -40,6 +40,11 @@ class InitialValueProblem:
     base: FloatingBase | None = None
 
     @property
+    def original(self) -> Chain:
+        """The chain as it was given, whose free base is where it starts from, however far a run has got."""
+        return self.chain if self.base is None else self.base.original
+
+    @property
     def run(self) -> RunSettings:
         """How to integrate."""
         return self.scene.run

@@ -170,7 +170,7 @@ class Problem:
 
     def __init__(self, scene: Scene) -> None:
         self._problem = problem_of(require_type("scene", scene, Scene))
-        self.scene, self.chain = scene, self._problem.chain
+        self.scene, self.chain = scene, self._problem.original
         self._idle: list[tuple[InitialValueProblem, Kept]] = [(self._problem, Kept())]
 
     def __reduce__(self) -> tuple[type[Problem], tuple[Scene]]:
@@ -367,7 +367,7 @@ def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
         text = text or UNKNOWN.format(times=GIVEN_UP, advice=advice(monitor))
         try:
             again = replace(problem.scene, run=second.run)  # whose steps may not be such that one begins at its start
-            other = SingleRun(prepare(problem_of(again, problem.chain)))
+            other = SingleRun(prepare(problem_of(again, problem.original)))
             other.advance(stop, lambda _: None, most=GIVEN_UP * own)
         except FlexlinkError:
             continue

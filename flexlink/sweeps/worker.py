@@ -136,7 +136,7 @@ def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]
 def _integrated(scene: Scene, engine: str) -> Trajectory:
     """The run of another engine."""
     problem = problem_of(scene)
-    return trajectory_from_states(problem, *load(engine, problem.chain).integrate(scene))
+    return trajectory_from_states(problem, *load(engine, problem.original).integrate(scene))
 
 
 def _row(plan: Plan, number: int, end: Row | Outcome) -> Row:
