@@ -68,12 +68,14 @@ def runs(scene: fl.Scene) -> Iterator[tuple[str, str]]:
     step = scene.run.fixed_step
     short = {"run.sample": 20 * step, "run.duration": 20 * SAMPLES * step, "run.unstable": "allow"}
     for way, changes in WAYS.items():
-        settings = {f"run.{key}": value for key, value in changes.items()}
+        fixed = {} if "relative_tolerance" in changes else {"run.step": step}
+        settings = fixed | {f"run.{key}": value for key, value in changes.items()}
         given = scene.varied({**short, **settings})
         yield f"{way}, alone", attempt(lambda given=given: of_run(fl.simulate(given)))
         yield f"{way}, continued", attempt(lambda given=given: continued(given))
         yield f"{way}, Simulator", attempt(lambda given=given: stepped(given))
-    eight = [scene.varied({**short, "run.method": "RK4", "gravity": (0.0, 0.0, -g)}) for g in np.linspace(8.0, 10.0, 8)]
+    by_step = {**short, "run.method": "RK4", "run.step": step}
+    eight = [scene.varied({**by_step, "gravity": (0.0, 0.0, -g)}) for g in np.linspace(8.0, 10.0, 8)]
     yield "RK4, side by side", attempt(lambda: digest(*map(of_run, fl.simulate_many(eight))))
 
 
