@@ -10,6 +10,8 @@ from conftest import ALUMINIUM, SQUARE
 
 import flexlink as fl
 from flexlink.describe.arm import Base
+from flexlink.dynamics.rounding import of_mass_matrix
+from flexlink.dynamics.terms import MASS_ALGORITHMS
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.forward import solvers
 from flexlink.kernels.forward.articulated import articulated
@@ -167,6 +169,14 @@ def test_inverse_dynamics_gives_back_the_torques(rng) -> None:
             powers.append(method(chain.arrays, wrench, state))
             assert missed(chain, wrench, state) <= 1, (seed, method.__name__)
         assert abs(powers[0] - powers[1]) <= 1e-8 * np.abs(state[1] * state[2]).sum(), seed
+
+
+def test_four_mass_methods_agree(rng) -> None:
+    for seed in SEEDS:
+        chain = random_tree(seed)
+        q = rng.uniform(-1, 1, chain.n)
+        one, *others = (fl.mass_matrix(chain, q, algorithm=method) for method in MASS_ALGORITHMS)
+        assert all(np.abs(other - one).max() <= of_mass_matrix(chain, q) for other in others), seed
 
 
 def test_eight_states_and_eight_chains_side_by_side(rng) -> None:

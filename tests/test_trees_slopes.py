@@ -259,11 +259,14 @@ def test_postures_in_a_row_are_those_that_statics_finds_one_by_one() -> None:
     assert static_postures(chain, driven) == pytest.approx(np.array(each), abs=1e-13)
 
 
-@pytest.mark.parametrize("frame", ["world", "tip"])
-def test_a_wrench_on_any_tip_does_the_work_that_the_arm_gains(frame: str) -> None:
-    """A table's power is f·v + m·ω of the tip that it acts on."""
+@pytest.mark.parametrize("on", ["right", "hand"])
+@pytest.mark.parametrize("frame", ["world", "tip", "constant"])
+def test_a_wrench_on_any_tip_does_the_work_that_the_arm_gains(frame: str, on: str) -> None:
+    """The power is f·v + m·ω of the tip that it acts on."""
     forces, moments = ((1.0, 2.0, 3.0), (30.0, -50.0, 10.0)), ((1.0, 0.2, 0.3), (3.0, -5.0, 1.0))
-    wrench = fl.Wrench(times=(0.0, 0.02), forces=forces, moments=moments, frame=frame, on="right")
+    wrench = fl.Wrench(force=forces[1], moment=moments[1], on=on)
+    if frame != "constant":
+        wrench = fl.Wrench(times=(0.0, 0.02), forces=forces, moments=moments, frame=frame, on=on)
     fine = fl.RunSettings(step=2e-5, sample=0.02, duration=0.02)
     run = fl.simulate(branching(wrench=wrench, run=fine))
     assert np.abs(run.imbalance).max() < 1e-6 * np.abs(run.work).max()
