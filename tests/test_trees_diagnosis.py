@@ -89,6 +89,14 @@ def test_in_our_own_file_nothing_is_named(form: str, tmp_path: Path) -> None:
     assert found.passed and not found.findings, str(found)
 
 
+def test_where_a_slide_is_said_to_be_does_not_matter(tmp_path: Path) -> None:
+    """Its axis has a direction only."""
+    found = diagnosed(
+        written(tmp_path, "mjcf", each(".//joint[@type='slide']", pos="0.1 0.2 0.3"), CHAIN), CHAIN, base=BASE
+    )
+    assert found.passed and not found.findings, str(found)
+
+
 def test_a_base_that_does_not_float_in_the_file_is_named(tmp_path: Path) -> None:
     def grounded(root: ET.Element) -> None:
         body = root.find(".//freejoint/..")

@@ -64,14 +64,31 @@ def branches_of(chain: Chain) -> list[list[int]]:
     return [[int(chain.bodies["parent"][first]), *range(first + 1, stop + 1)] for _, first, stop in spans]
 
 
-def as_lines(chain: Chain, points: Array, *, base: bool = True) -> Array:
+def unslid(chain: Chain, rotations: Array, points: Array) -> Array:
+    """Where the origins of bodies, placed so in frame 0, would be with the joints that slide at zero, (bodies, 3)."""
+    R, p = of_parents(chain, rotations, np.eye(3)), of_parents(chain, points, np.zeros(3))
+    return np.asarray(p + np.einsum("bij,bj->bi", R, chain.bodies["translation"]))
+
+
+def sliding_bodies(chain: Chain) -> list[int]:
+    """Bodies that slide on what they hang on, from 0, but for a base that floats."""
+    first = chain.bodies["first"]
+    some = np.flatnonzero(first < chain.bodies["stop"]).tolist()
+    return [k for k in some if k >= base_body(chain) and chain.slides[first[k]]]
+
+
+def as_lines(chain: Chain, points: Array, *, base: bool = True, rails: Array | None = None) -> Array:
     """Origins of the bodies (…, bodies, 3) as lines along the branches, (…, m, 3), not a number between two of them.
 
-    They go on from a fixed base, at the origin of frame 0, or, without `base`, from what hangs on it.
+    They go on from a fixed base, at the origin of frame 0, or, without `base`, from what hangs on it, and reach bodies
+    that slide by way of where they would be at zero, `rails` as of `unslid`.
     """
-    before = np.zeros((*points.shape[:-2], 1, 3))
-    every = np.concatenate([before, points, np.full_like(before, np.nan)], axis=-2)
+    before, count = np.zeros((*points.shape[:-2], 1, 3)), points.shape[-2] + 1
+    every = np.concatenate([before, points, np.full_like(before, np.nan), points if rails is None else rails], axis=-2)
+    slide = set() if rails is None else {k + 1 for k in sliding_bodies(chain)}
     order: list[int] = []
     for branch in branches_of(chain):
-        order += [*([every.shape[-2] - 1] if order else []), *branch[0 if base or branch[0] else 1 :]]
+        order += [count] if order else []
+        for b in branch[0 if base or branch[0] else 1 :]:
+            order += [count + b, b] if b in slide and b != branch[0] else [b]
     return np.asarray(every[..., order, :])

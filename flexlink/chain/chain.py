@@ -380,7 +380,7 @@ class Chain:
         >>> print(chain.index("upper", 1, 3), chain.joint_name(1))  # link, segment, axis: 3 bends in the XY plane
         1 upper.1.z
         """
-        number = 0 if link == 0 and self.has_free_base else link_number("link", link, self.link_names)
+        number = 0 if number_of(link) == 0 and self.has_free_base else link_number("link", link, self.link_names)
         wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, 3 if number else 6))
         if wanted not in self._sequential:
             known = truncated(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))

@@ -62,7 +62,7 @@ class BaseState(Spec, frozen=True):
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
     """Roll, pitch, yaw about fixed axes [deg]: R = Rz(yaw) Ry(pitch) Rx(roll); multiples of 90° are exact."""
     quaternion: tuple[float, float, float, float] | None = None
-    """Its attitude as w, x, y, z in place of `rpy_deg`; its length does not matter."""
+    """Its attitude as w, x, y, z in place of `rpy_deg` [1]; its length does not matter."""
     velocity: Vector3 = (0.0, 0.0, 0.0)
     """Velocity of its frame's origin, in frame 0 [m/s]."""
     spin_deg: Vector3 = (0.0, 0.0, 0.0)
@@ -118,7 +118,7 @@ class InitialState(Spec, frozen=True):
     q: tuple[float, ...] | None = None
     """Whole state instead: one angle per joint of the chain, in order [rad], of those that slide [m]."""
     qd: tuple[float, ...] | None = None
-    """Whole state instead: one rate per joint of the chain, in order [rad/s, m/s]. Default: at rest."""
+    """Whole state instead: one rate per joint of the chain, in order [rad/s], or [m/s]. Default: at rest."""
     time: NonNegative = 0.0
     """When the run starts [s]."""
 

@@ -41,7 +41,7 @@ class Joint(Spec, frozen=True):
     coulomb: NonNegative = 0.0
     """Dry friction torque c [N m], as c tanh(q̇ / coulomb_width); of a prismatic joint a force [N]."""
     coulomb_width: Positive = 0.01
-    """Rate at which tanh has reached 76 % of it [rad/s, m/s]; smaller is closer to Coulomb's law, and stiffer."""
+    """Rate at which tanh has reached 76 % of it [rad/s], or [m/s]; smaller is closer to Coulomb's law, and stiffer."""
     armature: NonNegative = 0.0
     """Rotor inertia seen at the joint [kg m²]: that of the motor times the square of the gear ratio; of a prismatic
     joint [kg]."""

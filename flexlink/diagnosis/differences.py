@@ -333,7 +333,11 @@ def _instead(field: str, diff: Discrepancy) -> str:
     if field == "slides":
         return "revolute instead of prismatic" if diff.ours[0] else "prismatic instead of revolute"
     unit = _of_joints(field, diff).unit
-    actual, expected = ((limits if field == "effort" else _short)(part[0]) for part in (diff.theirs, diff.ours))
+    if field == "effort":
+        slides = bool(diff.our_record.slides[diff.rows[0]])
+        actual, expected = (limits(part[0], slides=slides) for part in (diff.theirs, diff.ours))
+    else:
+        actual, expected = (_short(part[0]) for part in (diff.theirs, diff.ours))
     if actual == expected:
         return f"{actual} {unit}, relative error {_relative_error(diff):.3g}"
     factor = f", factor {diff.factor:.6g}" if diff.factor else ""

@@ -55,8 +55,9 @@ def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:
 
     Examples
     --------
-    >>> print(fl.momentum(chain, q, qd).linear.round(3))  # N s
-    [-0.002 -0.007  0.   ]
+    >>> rates = np.where(np.arange(chain.n) == 0, 1.0, 0.0)  # rad/s: the first joint turns, all else is rigid
+    >>> print(fl.momentum(chain, q, rates).linear.round(2))  # N s
+    [-0.95  7.91  0.  ]
     """
     n = require_type("chain", chain, Chain).n
     if is_batch(q, qd):

@@ -74,16 +74,20 @@ def not_compared(ours: ReadBack, read: ReadBack, order: Indices) -> str:
         actuators.append("motors at " + _listed([f"{ours.names[k]!r} (gear {gear[k]:g})" for k in geared]))
     limited = np.flatnonzero(np.isfinite(effort).any(axis=1))
     if len(limited):
-        actuators.append("torque limits at " + _listed([f"{ours.names[k]!r} ({limits(effort[k])})" for k in limited]))
+        actuators.append("torque limits at " + _listed([_limited(ours, int(k), effort[k]) for k in limited]))
     return "; ".join(actuators)
 
 
-def limits(effort: Array) -> str:
-    """Smallest and largest torque in words."""
-    least, most = effort.tolist()
+def _limited(ours: ReadBack, k: int, effort: Array) -> str:
+    return f"{ours.names[k]!r} ({limits(effort, slides=bool(ours.slides[k]))})"
+
+
+def limits(effort: Array, *, slides: bool) -> str:
+    """Smallest and largest torque, of a joint that slides force, in words."""
+    (least, most), unit = effort.tolist(), "N" if slides else "N m"
     if np.isinf([least, most]).all():
         return "none"
-    return f"±{most:.6g} N m" if least == -most else f"{least:.6g} … {most:.6g} N m"
+    return f"±{most:.6g} {unit}" if least == -most else f"{least:.6g} … {most:.6g} {unit}"
 
 
 def _listed(parts: list[str]) -> str:

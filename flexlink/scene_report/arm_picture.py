@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from flexlink.chain.branches import base_body
+from flexlink.chain.branches import base_body, sliding_bodies, unslid
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
@@ -25,11 +25,14 @@ def plot_scene(scene: Scene) -> Figure:
 
 def plot_chain(chain: Chain, q: ArrayLike | None) -> Figure:
     """The arm at the angles q (n,) [rad]; None: joints at zero, springs slack."""
-    points = frames(chain, chain.rest if q is None else np.asarray(q)).points
+    placed = frames(chain, chain.rest if q is None else np.asarray(q))
+    points, rails = placed.points, unslid(chain, placed.rotations, placed.points)
     seen = points[max(base_body(chain) - 1, 0) :]
+    if chain.slides.any():
+        seen = np.concatenate([seen, rails[sliding_bodies(chain)]])
     views = views_of(chain, seen)
     figure, axes = panels(views, chain, seen)
     for panel, view in zip(axes, views, strict=True):
-        draw_arm(panel, view, points, chain)
+        draw_arm(panel, view, points, chain, rails)
     legend_over(axes[0], figure=figure)
     return figure

@@ -34,9 +34,9 @@ def panels(views: list[View], chain: Chain, points: Array) -> tuple[Figure, list
     return figure, list(axes)
 
 
-def draw_arm(axes: Axes, view: View, points: Array, chain: Chain) -> None:
+def draw_arm(axes: Axes, view: View, points: Array, chain: Chain, rails: Array | None = None) -> None:
     """The arm as lines between the origins of its bodies: springs are dots, driven joints rings, tips stars."""
-    axes.plot(*view.flat(as_lines(chain, points)), color=BLUE, linewidth=2.2, zorder=2)
+    axes.plot(*view.flat(as_lines(chain, points, rails=rails)), color=BLUE, linewidth=2.2, zorder=2)
     base = base_body(chain)
     at = points[base - 1 : base] if base else np.zeros((1, 3))
     axes.plot(*view.flat(at), "s", color=INK, markersize=8, zorder=3, label="base")

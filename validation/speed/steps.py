@@ -53,7 +53,7 @@ def _loop(problem: InitialValueProblem, work: Any, starts: Array) -> Work:
     def take(steps: int) -> None:
         for q, qd in starts:
             state = q.copy(), qd.copy(), np.zeros((1, *lanes))
-            _demand(problem.scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
+            _demand(problem.scene, "flexlink", integrate(*fixed, 0, steps, np.inf, steps, state, samples) == steps)
 
     return take
 

@@ -2,7 +2,7 @@
 
 from flexlink.kernels.bodies.kinematics import forward_kinematics, motion_of
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.compiler import kernel, recursion, subroutine
 from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cross, dot, scale, sub, vector
 
 
@@ -31,7 +31,7 @@ def energies_of(chain, q, qd, placed):
         p = vector(points[i])
         for k in range(b.first, b.stop):
             if hinges[k].axis >= SLIDES:
-                v = add(v, scale(qd[k], vector(axes[k])))
+                v = slid(v, qd[k], axes[k])
             else:
                 ω = add(ω, scale(qd[k], vector(axes[k])))
             kinetic += 0.5 * hinges[k].armature * qd[k] ** 2
@@ -46,3 +46,9 @@ def energies_of(chain, q, qd, placed):
         i, j = pair.inner, pair.outer
         elastic += pair.stiffness * (q[i] - hinges[i].rest) * (q[j] - hinges[j].rest)
     return kinetic, gravity, elastic
+
+
+@subroutine
+def slid(v, rate, axis):
+    """Velocity of a point that slides at a rate along an axis, from that of the point before it."""
+    return add(v, scale(rate, vector(axis)))

@@ -15,7 +15,7 @@ import numpy as np
 from flexlink.kernels.bodies.branches import rows_of_forks
 from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics, kinematics_workspace
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import (
     LANES,
     Turns,
@@ -105,7 +105,7 @@ def column(chain, start, j, last, M, turns, loads):
         for k in range(first, b.stop):
             axis, c, s = hinges[k].axis, turns[k, 0], turns[k, 1]
             if axis >= SLIDES:
-                a = add(a, scale(turns[k, 2], cross_unit(α, axis - SLIDES, 0.0)))
+                a = behind_slide(axis, turns[k, 2], α, a)
             else:
                 α, a = turn(axis, c, -s, α), turn(axis, c, -s, a)
         put(loads[i, 2], α)
@@ -118,8 +118,12 @@ def column(chain, start, j, last, M, turns, loads):
         b = bodies[i]
         f, n = add(f, vector(loads[i, 0])), add(n, vector(loads[i, 1]))
         for k in range(b.stop - 1, max(b.first, last) - 1, -1):
-            M[k, j] = along(hinges[k].axis, f, n)
-            f, n = before(hinges[k].axis, turns[k], f, n)
+            axis, c, s = hinges[k].axis, turns[k, 0], turns[k, 1]
+            if axis >= SLIDES:
+                M[k, j], n = f[axis - SLIDES], before_slide(axis, turns[k, 2], f, n)
+            else:
+                M[k, j] = n[axis]
+                f, n = turn(axis, c, s, f), turn(axis, c, s, n)
         if b.first <= last:
             break
         if b.turned:
@@ -133,18 +137,29 @@ def column(chain, start, j, last, M, turns, loads):
     M[j, j] += hinges[j].armature
 
 
-@inlined
-def along(axis, f, n):
-    """What a force and a moment at its point ask of a joint."""
-    return f[axis - SLIDES] if axis >= SLIDES else n[axis]
+@subroutine
+def behind_slide(axis, q, α, a):
+    """Acceleration of the point to which a joint slides, where α and a are those of the point before it."""
+    return add(a, scale(q, cross_unit(α, axis - SLIDES, 0.0)))
 
 
-@inlined
-def before(axis, turned, f, n):
-    """A force and a moment behind a joint, in axes and about the point before it; `turned` a row of `turns_of`."""
-    if axis >= SLIDES:
-        return f, sub(n, scale(turned[2], cross_unit(f, axis - SLIDES, 0.0)))
-    return turn(axis, turned[0], turned[1], f), turn(axis, turned[0], turned[1], n)
+@subroutine
+def before_slide(axis, q, f, n):
+    """Moment about the point before a joint that slides, of a force and a moment at the point to which it does."""
+    return sub(n, scale(q, cross_unit(f, axis - SLIDES, 0.0)))
+
+
+@subroutine
+def asked_by_slide(axis, m, h):
+    """Force and moment that bodies of mass m and first moment h ask for where they slide."""
+    return scale(m, unit(axis - SLIDES)), cross(h, unit(axis - SLIDES))
+
+
+@subroutine
+def slid(axis, q, m, h, J):
+    """Their first moment and inertia about the point before a joint that slides."""
+    r = scale(q, unit(axis - SLIDES))
+    return add(h, scale(m, r)), sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
 
 
 @kernel
@@ -187,15 +202,20 @@ def mass_upper(chain, q, M):
         for j in range(b.stop - 1, b.first - 1, -1):
             axis = hinges[j].axis
             if axis >= SLIDES:
-                e = unit(axis - SLIDES)
-                f, n = scale(m, e), cross(h, e)
+                f, n = asked_by_slide(axis, m, h)
             else:
-                f, n = cross(unit(axis), h), sym_apply(J, unit(axis))
+                f = cross(unit(axis), h)
+                n = sym_apply(J, unit(axis))
             k, i = j, start
             while i >= 0:
                 while k >= bodies[i].first:
-                    M[k, j] = M[j, k] = along(hinges[k].axis, f, n)
-                    f, n = before(hinges[k].axis, turns[k], f, n)
+                    if hinges[k].axis >= SLIDES:
+                        M[k, j] = M[j, k] = f[hinges[k].axis - SLIDES]
+                        n = before_slide(hinges[k].axis, turns[k, 2], f, n)
+                    else:
+                        M[k, j] = M[j, k] = n[hinges[k].axis]
+                        c, s = turns[k, 0], turns[k, 1]
+                        f, n = turn(hinges[k].axis, c, s, f), turn(hinges[k].axis, c, s, n)
                     k -= 1
                 if bodies[i].turned:
                     f, n = apply(bodies[i].rotation, f), apply(bodies[i].rotation, n)
@@ -204,13 +224,17 @@ def mass_upper(chain, q, M):
                 k = bodies[i].stop - 1
             M[j, j] += hinges[j].armature
             if axis >= SLIDES:
-                h, J = shifted(scale(turns[j, 2], unit(axis - SLIDES)), m, h, J)
+                h, J = slid(axis, turns[j, 2], m, h, J)
             else:
-                h, J = turn(axis, turns[j, 0], turns[j, 1], h), sym_turn(axis, turns[j, 0], turns[j, 1], J)
+                c, s = turns[j, 0], turns[j, 1]
+                h = turn(axis, c, s, h)
+                J = sym_turn(axis, c, s, J)
         if b.turned:
             h = apply(b.rotation, h)
             J = sym_rotate(b.rotation, J)
-        h, J = shifted(vector(b.translation), m, h, J)
+        r = vector(b.translation)
+        J = sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
+        h = add(h, scale(m, r))
         if b.begins:
             if b.parent > 0:
                 m, h, J = with_branches(beyond[b.parent - 1], m, h, J)
@@ -219,20 +243,14 @@ def mass_upper(chain, q, M):
     return trace(M)
 
 
-@inlined
-def shifted(r, m, h, J):
-    """First moment and inertia about a point from which the present one is at r."""
-    return add(h, scale(m, r)), sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
-
-
-@inlined
+@subroutine
 def with_branches(row, m, h, J):
     """Mass, first moment and inertia with what is kept in a row."""
     J = sym_add(J, (row[4], row[5], row[6], row[7], row[8], row[9]))
     return m + row[0], add(h, (row[1], row[2], row[3])), J
 
 
-@inlined
+@subroutine
 def put_branches(row, m, h, J):
     """Keep them there."""
     row[0] = m

@@ -66,17 +66,18 @@ def integrate(work, tableau, inputs, h, origin, first, last, far, every, state, 
                 put_at(qs, at(q, k), row, k)
                 put_at(qds, at(qd, k), row, k)
             put_at(works, at(done, 0), row)
-        if q.ndim == 1:  # noqa: SIM102  arms side by side have fixed bases; numba leaves out one condition, not two
-            if has_turned(q, far):
-                return number + 1
+        if has_turned(q, far):
+            return number + 1
     ask_at(inputs, h, origin + last, state, stages)
     return last
 
 
 @inlined
 def has_turned(q, far):
-    """Whether a free base has turned by more than `far`; of a fixed one that is inf."""
-    return far < math.inf and base_angle(q) > far
+    """Whether a free base has turned by more than `far`; of a fixed one that is inf, and arms side by side have one."""
+    if q.ndim == 1:
+        return far < math.inf and base_angle(q) > far
+    return False
 
 
 @recursion

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.branches import base_body, branches_of
+from flexlink.chain.branches import base_body, branches_of, sliding_bodies
 from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import pieces
@@ -70,23 +70,16 @@ def outline_of(scene: Scene, chain: Chain) -> Outline:
     )  # fmt: skip
 
 
-def _sliding(chain: Chain) -> list[int]:
-    """Bodies that slide on what they hang on, from 0, but for a base that floats."""
-    first = chain.bodies["first"].tolist()
-    some = first < chain.bodies["stop"]
-    return [k for k in np.flatnonzero(some).tolist() if k >= base_body(chain) and chain.slides[first[k]]]
-
-
 def _rails(chain: Chain) -> tuple[Whole, Array]:
     """`Outline.rails`."""
-    sliding = _sliding(chain)
+    sliding = sliding_bodies(chain)
     return chain.bodies["parent"][sliding].astype(np.int64), chain.bodies["translation"][sliding]
 
 
 def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts]) -> Whole:
     """`Outline.order`: along every branch, from the body that it hangs on, what leads to the next body."""
     count, order = len(chain.bodies) + 1, list[int]()
-    rails = {k + 1: [count + len(body) + row] for row, k in enumerate(_sliding(chain))}
+    rails = {k + 1: [count + len(body) + row] for row, k in enumerate(sliding_bodies(chain))}
     for branch in branches_of(chain):
         order += [-1, branch[0]] if order else [branch[0]]
         for b, following in pairwise(branch):
