@@ -12,11 +12,14 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from conftest import ROOT, compiled
 
 from flexlink.kernels.tools import compiler, machine_code
+from flexlink.kernels.tools.lanes import LANES, empty_lanes
+from flexlink.kernels.tools.rare import rarely
 
 pytestmark = compiled
 
@@ -302,3 +305,23 @@ def imported(text: str) -> set[str]:
             inside = node.module in {"numba", "numba.core"}
             found |= {f"{node.module}.{name.name}" if inside else node.module for name in node.names}
     return {name for name in found if name.partition(".")[0] == "numba"}
+
+
+def test_code_knows_which_conditions_rarely_hold() -> None:
+    def first_above(numbers: np.ndarray, limit: float) -> int:
+        for k in range(len(numbers)):
+            if rarely(numbers[k] > limit):
+                return k
+        return -1
+
+    found = numba.njit(first_above)
+    assert [found(np.arange(9.0), limit) for limit in (-1.0, 3.5, 8.0)] == [0, 4, -1]
+    (code,) = found.inspect_llvm().values()
+    assert '!"branch_weights", !"expected"' in code
+
+
+@pytest.mark.parametrize("shape", [(3,), (5, 2), (0, 4), (2, 3, 7)])
+def test_numbers_side_by_side_start_at_a_cache_line(shape: tuple[int, ...]) -> None:
+    arrays = [empty_lanes(shape) for _ in range(9)]  # some of numba's own start in the middle of one
+    assert {each.ctypes.data % 64 for each in arrays} == {0}
+    assert {each.shape for each in arrays} == {(*shape, LANES)}

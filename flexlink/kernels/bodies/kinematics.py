@@ -10,6 +10,7 @@ import numpy as np
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import at, cos_sin_of, position_of, put_vec_of, vec_of, zero_of
+from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.vec3 import (
     ZERO,
     add,
@@ -68,7 +69,7 @@ def kinematics(chain, q, work):
     p = (o, o, o)
     for i in range(len(bodies)):
         b = bodies[i]
-        if b.begins:
+        if rarely(b.begins):
             x, y, z, p = (1.0 + o, o, o), (o, 1.0 + o, o), (o, o, 1.0 + o), (o, o, o)
             if b.parent > 0:
                 x, y, z = columns_of(rotations[b.parent - 1])
@@ -78,7 +79,7 @@ def kinematics(chain, q, work):
             x, y, z = place_axes(b.rotation, x, y, z)
         for k in range(b.first, b.stop):
             axis = hinges[k].axis
-            if axis >= SLIDES:
+            if rarely(axis >= SLIDES):
                 e = pick(axis - SLIDES, x, y, z)
                 put_vec_of(axes, e, k, 0)
                 p = add_scaled(p, position_of(q, k), e)

@@ -20,6 +20,7 @@ from flexlink.kernels.tools.lanes import (
     LANES,
     Turns,
     at,
+    empty_lanes,
     keep_lanes,
     put_at,
     put_lanes,
@@ -27,6 +28,7 @@ from flexlink.kernels.tools.lanes import (
     vec_of,
     zero_of,
 )
+from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import (
     ZERO6,
@@ -307,13 +309,13 @@ def composite(chain, q, M, work):
         for k in range(bodies[i].first, bodies[i].stop):
             put_vec_of(pivots, vec_of(points, i, 0), k, 0)
     o = zero_of(points, 0, 0)
-    if len(work.masses) > 0:
+    if rarely(len(work.masses) > 0):
         begin_branches(M, work, o)
     m, C, J = 0.0, (o, o, o), (o, o, o, o, o, o)
     for i in range(len(bodies) - 1, -1, -1):
         b = bodies[i]
         p = vec_of(points, i, 0)
-        if b.fork > 0:
+        if rarely(b.fork > 0):
             m_b, C_b, J_b = branches_at(work, b.fork)
             m, C, J = together(m, C, J, m_b, C_b, J_b)
         J = sym_add(J, sym_rotate(rotations[i], symmetric(b.inertia)))
@@ -325,7 +327,7 @@ def composite(chain, q, M, work):
         for k in range(b.stop - 1, b.first - 1, -1):
             axis = vec_of(axes, k, 0)
             lever = sub(C, p)
-            if hinges[k].axis >= SLIDES:
+            if rarely(hinges[k].axis >= SLIDES):
                 f = scale(m, axis)
                 n = cross(lever, f)
             else:
@@ -334,7 +336,7 @@ def composite(chain, q, M, work):
             start, stop = work.starts[i], k + 1
             while True:
                 for j in range(bodies[start].first, stop):
-                    if hinges[j].axis >= SLIDES:
+                    if rarely(hinges[j].axis >= SLIDES):
                         put_at(M, dot(vec_of(axes, j, 0), f), k, j)
                     else:
                         n_j = add(n, cross(sub(p, vec_of(pivots, j, 0)), f))
@@ -344,7 +346,7 @@ def composite(chain, q, M, work):
                     break
                 start, stop = work.starts[inward], bodies[inward].stop
             put_at(M, at(M, k, k) + hinges[k].armature, k, k)
-        if b.begins:
+        if rarely(b.begins):
             if b.slot > 0:
                 m_b, C_b, J_b = branches_at(work, b.slot)
                 keep_branches(work, b.slot, *together(m, C, J, m_b, C_b, J_b))
@@ -396,12 +398,12 @@ def keep_branches(work, row, m, C, J):
 def mass_of_many(chain, q):
     """M of many states, (b, n, n) of angles (b, n), by composite bodies, eight states side by side."""
     b, n, m = len(q), len(chain.hinges), len(chain.bodies)
-    found, M, trig = np.empty((b, n, n)), np.empty((n, n, LANES)), np.empty((3, n, LANES))
-    placed = KinematicsWork(np.empty((m, 3, 3, LANES)), np.empty((m, 3, LANES)), np.empty((n, 3, LANES)))
+    found, M, trig = np.empty((b, n, n)), empty_lanes((n, n)), empty_lanes((3, n))
+    placed = KinematicsWork(empty_lanes((m, 3, 3)), empty_lanes((m, 3)), empty_lanes((n, 3)))
     forks, starts = rows_of_forks(chain.bodies), starts_of_branches(chain.bodies)
-    kept = np.empty(forks), np.empty((forks, 9, LANES))
+    kept = np.empty(forks), empty_lanes((forks, 9))
     work, turns = (
-        CompositeWork(placed, np.empty((n, 3, LANES)), kept[0], kept[1], starts), Turns(trig[1], trig[2], trig[0]),
+        CompositeWork(placed, empty_lanes((n, 3)), kept[0], kept[1], starts), Turns(trig[1], trig[2], trig[0]),
     )  # fmt: skip
     rows, elements, flat = found.reshape(b, n * n), M.reshape(n * n, LANES), trig.reshape(3, n * LANES)
     for start in range(0, b, LANES):

@@ -21,6 +21,7 @@ from flexlink.kernels.tools.lanes import (
     Turns,
     at,
     cos_sin_of,
+    empty_lanes,
     keep_lanes,
     position_of,
     put_at,
@@ -30,6 +31,7 @@ from flexlink.kernels.tools.lanes import (
     vec_of,
     zero_of,
 )
+from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.vec3 import (
     add,
@@ -73,10 +75,10 @@ def inverse_dynamics(chain, wrench, q, qd, qdd):
 def inverse_dynamics_of_many(chain, wrench, q, qd, qdd):
     """τ of many states (b, n) with wrenches (b, 6), eight states side by side."""
     b, n = q.shape
-    tau, state, acting, trig = np.empty((b, n)), np.empty((4, n, LANES)), np.empty((6, LANES)), np.empty((2, n, LANES))
+    tau, state, acting, trig = np.empty((b, n)), empty_lanes((4, n)), empty_lanes((6,)), empty_lanes((2, n))
     angles, flat, turns = state[0].reshape(-1), trig.reshape(2, n * LANES), Turns(trig[0], trig[1], state[0])
-    forks = np.empty((rows_of_forks(chain.bodies), 15, LANES))
-    work = RneWork(np.empty((n, 2, LANES)), np.empty((len(chain.bodies), 6, LANES)), forks)
+    forks = empty_lanes((rows_of_forks(chain.bodies), 15))
+    work = RneWork(empty_lanes((n, 2)), empty_lanes((len(chain.bodies), 6)), forks)
     for start in range(0, b, LANES):
         put_lanes(wrench, start, acting)
         put_lanes(q, start, state[0])
@@ -103,12 +105,12 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
     ω = α = (o, o, o)
     a = scale(-1.0 + o, gravity)
     f_tip, n_tip = vec(wrench, 0), vec(wrench, 3)
-    if len(forks) > 0:
+    if rarely(len(forks) > 0):
         keep_state(forks, 0, ω, α, a, f_tip, n_tip)
     power = o
     for i in range(len(bodies)):
         b = bodies[i]
-        if b.begins:
+        if rarely(b.begins):
             ω, α, a, f_tip, n_tip = state_at(forks, b.slot)
         r = vector(b.translation)
         a = add(a, add(cross(α, r), cross(ω, cross(ω, r))))
@@ -120,7 +122,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
             n_tip = apply_transposed(b.rotation, n_tip)
         for k in range(b.first, b.stop):
             axis = hinges[k].axis
-            if axis >= SLIDES:
+            if rarely(axis >= SLIDES):
                 a = slide(axis - SLIDES, position_of(q, k), at(qd, k), at(qdd, k), ω, α, a)
                 put_at(turns, position_of(q, k) + o, k, 0)
                 continue
@@ -138,7 +140,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
         N = add(add(apply(b.inertia, α), cross(ω, apply(b.inertia, ω))), cross(c, F))
         if b.loaded:
             F, N, power = sub(F, f_tip), sub(N, n_tip), dot(n_tip, ω)
-        if b.fork > 0:
+        if rarely(b.fork > 0):
             keep_state(forks, b.fork, ω, α, a, f_tip, n_tip)
         put_vec_of(loads, F, i, 0)
         put_vec_of(loads, N, i, 3)
@@ -150,7 +152,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
         n = add(n, vec_of(loads, i, 3))
         for k in range(b.stop - 1, b.first - 1, -1):
             axis = hinges[k].axis
-            if axis >= SLIDES:
+            if rarely(axis >= SLIDES):
                 put_at(tau, f[axis - SLIDES] + hinges[k].armature * at(qdd, k), k)
                 n = sub(n, scale(at(turns, k, 0), cross_unit(f, axis - SLIDES, o)))
                 continue
@@ -162,7 +164,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
             f = apply(b.rotation, f)
             n = apply(b.rotation, n)
         n = add(n, cross(vector(b.translation), f))
-        if b.begins:
+        if rarely(b.begins):
             if b.parent > 0:
                 put_vec_of(loads, add(vec_of(loads, b.parent - 1, 0), f), b.parent - 1, 0)
                 put_vec_of(loads, add(vec_of(loads, b.parent - 1, 3), n), b.parent - 1, 3)

@@ -68,6 +68,7 @@ from flexlink.kernels.forward.articulated_rows import (
 from flexlink.kernels.forward.slides import accelerate_slides, eliminate_slides, put_slides
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec, vec_of, zero_of
+from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of, sym_turn
 from flexlink.kernels.tools.vec3 import add, add_along, add_scaled, cross, dot, pick, place, scale, sub, turn_axes
@@ -112,10 +113,10 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
     f, n = sub(zero, vec(wrench, 0)), sub(zero, vec(wrench, 3))
     x, y, z = (1.0 + o, o, o), (o, 1.0 + o, o), (o, o, 1.0 + o)
     ω, acting = (o, o, o), (f, n, o)
-    if len(forks) > 0:
+    if rarely(len(forks) > 0):
         keep_state(forks, 0, x, y, z, ω, f, n)
     for i in range(len(layout)):
-        if layout[i, LAYOUT.begins]:
+        if rarely(layout[i, LAYOUT.begins]):
             x, y, z, ω, f, n = state_of(forks, layout[i, LAYOUT.slot])
         put_lever(bodies, i, ω, x, y, z)
         if layout[i, LAYOUT.turned]:
@@ -126,7 +127,7 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
             ω, f, n = components(ω, u, v, w), components(f, u, v, w), components(n, u, v, w)
         ζ = (o, o, o)
-        if layout[i, LAYOUT.group] == GROUP.slides:
+        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
             put_slides(layout, i, axes, bodies, hinges, x, y, z, ω, places, qd)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
@@ -145,7 +146,7 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
             put_axes(bodies, i, ω, x, y, z)
         if layout[i, LAYOUT.loaded]:
             acting = f, n, -dot(n, ω)
-        if layout[i, LAYOUT.fork] > 0:
+        if rarely(layout[i, LAYOUT.fork] > 0):
             keep_state(forks, layout[i, LAYOUT.fork], x, y, z, ω, f, n)
     return acting
 
@@ -229,7 +230,7 @@ def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, c
         group, k, following = layout[i, LAYOUT.group], layout[i, LAYOUT.first], layout[i, LAYOUT.next]
         if layout[i, LAYOUT.loaded]:
             n, f = n_tip, f_tip
-        if layout[i, LAYOUT.fork] > 0:
+        if rarely(layout[i, LAYOUT.fork] > 0):
             J, H = in_full(o, outer, J, H, j, h, t)
             J, H, M, n, f = with_branches(bodies, following, forks, layout[i, LAYOUT.fork], J, H, M, n, f)
             outer, following = GROUP.hinges, len(layout)
@@ -253,7 +254,7 @@ def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, c
             J, H = in_full(o, outer, J, H, j, h, t)
             J, H, M, n, f = propagate_joints(layout, i, following, axes, prescribed, bodies, hinges, qdd, J, H, M, n, f)
         outer = group
-        if layout[i, LAYOUT.begins]:
+        if rarely(layout[i, LAYOUT.begins]):
             J, H = in_full(o, outer, J, H, j, h, t)
             add_branch(bodies, i, forks, layout[i, LAYOUT.slot], J, H, M, n, f)
             M, n, f = (o, o, o, o, o, o), zero, zero
@@ -282,7 +283,7 @@ def propagate_joints(layout, i, following, axes, prescribed, bodies, hinges, qdd
     J, H, M, n, f = propagate_inertia(bodies, i, following, J, H, M, n, f)
     if layout[i, LAYOUT.group] == GROUP.along:
         J, H, M, n, f = eliminate_along(hinges, layout[i, LAYOUT.first], J, H, M, n, f)
-    elif layout[i, LAYOUT.group] == GROUP.slides:
+    elif rarely(layout[i, LAYOUT.group] == GROUP.slides):
         J, H, M, n, f = eliminate_slides(layout, i, axes, prescribed, hinges, qdd, J, H, M, n, f)
     else:
         for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
@@ -309,7 +310,7 @@ def accelerate(gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power)
     α, a = (o, o, o), scale(-1.0, vec(gravity, 0))
     for i in range(len(layout)):
         group, first = layout[i, LAYOUT.group], layout[i, LAYOUT.first]
-        if layout[i, LAYOUT.begins]:
+        if rarely(layout[i, LAYOUT.begins]):
             α, a = motion_of_branch(bodies, i, layout[i, LAYOUT.parent], gravity)
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
@@ -326,7 +327,7 @@ def accelerate(gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power)
             α = place((α1, α2, α3), x, y, z)
             put_at(qdd, α2 - dot(y, before), first)
             put_at(qdd, α1 - dot(x, before), first + 1)
-        elif group == GROUP.slides:
+        elif rarely(group == GROUP.slides):
             α = before
             a, taken = accelerate_slides(layout, i, prescribed, hinges, qd, tau, qdd, α, a)
             power += taken

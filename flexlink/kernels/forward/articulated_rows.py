@@ -10,7 +10,7 @@ from flexlink.kernels.bodies.rotation_springs import rotation_springs, rotation_
 from flexlink.kernels.forward.articulated_branches import DEMAND, fork_rows
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT, common_layout, layout_of
 from flexlink.kernels.tools.compiler import inlined, kernel
-from flexlink.kernels.tools.lanes import LANES, put_vec_of, vec_of
+from flexlink.kernels.tools.lanes import LANES, empty_lanes, put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sym3 import point_inertia, sym_add, symmetric
 from flexlink.kernels.tools.vec3 import scale, vector
@@ -92,22 +92,22 @@ def articulated_lanes_workspace(bodies, hinges, gravity, couplings):
     """The same for eight chains side by side, arrays (8, bodies), (8, n), (8, 3), (8, couplings), alike in hinges."""
     m, n = bodies.shape[1], hinges.shape[1]
     one = articulated_workspace(bodies[0], hinges[0], gravity[0], couplings[0])
-    pairs, coupled = one.pairs, np.empty((couplings.shape[1], CONSTANT.size, LANES))
+    pairs, coupled = one.pairs, empty_lanes((couplings.shape[1], CONSTANT.size))
     axes, coulomb, layouts = one.axes, np.zeros(n), np.empty((LANES, m, LAYOUT.size), np.int64)
-    base, rows = np.empty((3, LANES)), np.empty((m + 1, BODY_ROW.size, LANES))
-    joints, forks = np.empty((n, HINGE_ROW.size, LANES)), np.empty((len(one.forks), DEMAND.size, LANES))
-    trig = np.empty((3, n * LANES))
+    base, rows = empty_lanes((3,)), empty_lanes((m + 1, BODY_ROW.size))
+    joints, forks = empty_lanes((n, HINGE_ROW.size)), empty_lanes((len(one.forks), DEMAND.size))
+    trig = empty_lanes((3, n))
     for lane in range(LANES):
         one = articulated_workspace(bodies[lane], hinges[lane], gravity[lane], couplings[lane])
         coupled[:, :, lane] = one.coupled
         layouts[lane] = one.layout
         base[:, lane], rows[:, :, lane], joints[:, :, lane] = gravity[lane], one.bodies, one.hinges
         coulomb += one.hinges[:, JOINT.coulomb]
-    prescribed, trig_lanes = prescribed_joints(hinges[0]), trig.reshape(3, n, LANES)
+    prescribed, flat = prescribed_joints(hinges[0]), trig.reshape(3, n * LANES)
     layout, dry = common_layout(layouts), dry_joints(coulomb)
     rotation = rotation_springs_side_by_side(bodies, hinges, couplings)
     return ArticulatedWork(
-        base, layout, axes, prescribed, rows, joints, dry, trig, trig_lanes, forks, pairs, coupled, rotation
+        base, layout, axes, prescribed, rows, joints, dry, flat, trig, forks, pairs, coupled, rotation
     )
 
 

@@ -17,6 +17,7 @@ from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
+from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.vec3 import add, add_scaled, combine, combine2, cross, dot, place, sub
 
 
@@ -35,7 +36,7 @@ def solve_on_articulated(r, loads, x, work):
         if layout[i, LAYOUT.group] == GROUP.triple or layout[i, LAYOUT.group] == GROUP.pair:
             triple = layout[i, LAYOUT.group] == GROUP.triple
             n, f = load_group(bodies, i, hinges, layout[i, LAYOUT.first], triple, r, x, n, f)
-        elif layout[i, LAYOUT.group] == GROUP.slides:
+        elif rarely(layout[i, LAYOUT.group] == GROUP.slides):
             n, f = load_slides(layout, i, prescribed, hinges, r, x, n, f)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
@@ -44,19 +45,19 @@ def solve_on_articulated(r, loads, x, work):
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
             n, f = place(n, u, v, w), place(f, u, v, w)
-        if layout[i, LAYOUT.begins]:
+        if rarely(layout[i, LAYOUT.begins]):
             add_branch(loads, layout[i, LAYOUT.parent], vec_of(bodies, i, BODY_ROW.r), n, f)
             n, f = (o, o, o), (o, o, o)
     α, a = (o, o, o), (o, o, o)
     for i in range(len(layout)):
-        if layout[i, LAYOUT.begins]:
+        if rarely(layout[i, LAYOUT.begins]):
             α, a = motion_of_branch(loads, layout[i, LAYOUT.parent], vec_of(bodies, i, BODY_ROW.r))
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
             α, a = (dot(u, α), dot(v, α), dot(w, α)), (dot(u, a), dot(v, a), dot(w, a))
         if layout[i, LAYOUT.group] == GROUP.triple or layout[i, LAYOUT.group] == GROUP.pair:
             α = move_group(bodies, i, hinges, layout[i, LAYOUT.first], layout[i, LAYOUT.group] == GROUP.triple, x, α, a)
-        elif layout[i, LAYOUT.group] == GROUP.slides:
+        elif rarely(layout[i, LAYOUT.group] == GROUP.slides):
             a = move_slides(layout, i, prescribed, hinges, x, α, a)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
@@ -66,7 +67,7 @@ def solve_on_articulated(r, loads, x, work):
                     demand = dot(vec_of(hinges, k, HINGE_ROW.Je), α) + dot(vec_of(hinges, k, HINGE_ROW.He), a)
                     put_at(x, at(x, k) - hinges[k, HINGE_ROW.inverse] * demand, k)
                 α = add_scaled(α, at(x, k), vec_of(hinges, k, HINGE_ROW.axis))
-        if layout[i, LAYOUT.fork] > 0:
+        if rarely(layout[i, LAYOUT.fork] > 0):
             put_vec_of(loads, α, i, 0)
             put_vec_of(loads, a, i, 3)
         a = add(a, cross(α, vec_of(bodies, i + 1, BODY_ROW.r)))

@@ -39,6 +39,7 @@ from flexlink.kernels.forward.mass_plus_slides import (
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply, sym_from_axes, sym_of
 from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, pick, place, scale, turn_axes
@@ -105,16 +106,16 @@ def place_in_space(q, posture):
         trig[0, k] = q[k]
     cos_sin_all(trig[0], trig[1], trig[2])
     x, y, z = X, Y, Z
-    if len(posture.forks) > 0:
+    if rarely(len(posture.forks) > 0):
         keep_axes(posture.forks, 0, x, y, z)
     for i in range(len(layout)):
-        if layout[i, LAYOUT.begins]:
+        if rarely(layout[i, LAYOUT.begins]):
             x, y, z = axes_of(posture.forks, layout[i, LAYOUT.slot], 0)
         put_vec_of(rs, place(vec_of(rows, i, BODY_ROW.reach), x, y, z), i, 0)
         if layout[i, LAYOUT.turned]:
             u, v, w = axes_of(rows, i, BODY_ROW.mount)
             x, y, z = place(u, x, y, z), place(v, x, y, z), place(w, x, y, z)
-        if layout[i, LAYOUT.group] == GROUP.slides:
+        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
             place_slides(q, posture, i, x, y, z)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
@@ -124,7 +125,7 @@ def place_in_space(q, posture):
         I = sym_from_axes(x, y, z, sym_of(rows, i, BODY_ROW.own_inertia))
         put_vec_of(inertias, (I[0], I[1], I[2]), i, 0)
         put_vec_of(inertias, (I[3], I[4], I[5]), i, 3)
-        if layout[i, LAYOUT.fork] > 0:
+        if rarely(layout[i, LAYOUT.fork] > 0):
             keep_axes(posture.forks, layout[i, LAYOUT.fork], x, y, z)
 
 
@@ -138,9 +139,9 @@ def factor_in_space(factors, posture):
     clear(forks)
     for i in range(len(layout) - 1, -1, -1):
         J, H, M = add_body(posture, i, J, H, M)
-        if layout[i, LAYOUT.fork] > 0:
+        if rarely(layout[i, LAYOUT.fork] > 0):
             J, H, M = with_inertia_of_branches(forks, layout[i, LAYOUT.fork], J, H, M)
-        if layout[i, LAYOUT.group] == GROUP.slides:
+        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
             J, H, M = factor_slides(factors, posture, i, J, H, M)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
@@ -154,7 +155,7 @@ def factor_in_space(factors, posture):
                     u = scale(inverse, Je)
                     J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
                     H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
-        if layout[i, LAYOUT.begins]:
+        if rarely(layout[i, LAYOUT.begins]):
             if layout[i, LAYOUT.slot] > 0:
                 add_inertia_of_branch(forks, layout[i, LAYOUT.slot], vec_of(posture.r, i, 0), J, H, M)
             J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
@@ -186,9 +187,9 @@ def solve_in_space(factors, r, x, posture):
     clear(forks)
     for i in range(len(layout) - 1, -1, -1):
         n = add(n, cross(vec_of(rs, i + 1, 0), f))
-        if layout[i, LAYOUT.fork] > 0:
+        if rarely(layout[i, LAYOUT.fork] > 0):
             n, f = with_load_of_branches(forks, layout[i, LAYOUT.fork], n, f)
-        if layout[i, LAYOUT.group] == GROUP.slides:
+        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
             n, f = load_slides(factors, r, x, posture, i, n, f)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
@@ -197,18 +198,18 @@ def solve_in_space(factors, r, x, posture):
                     x[k] = T
                     n = add_scaled(n, T, vec_of(factors, k, FACTORS.Je))
                     f = add_scaled(f, T, vec_of(factors, k, FACTORS.He))
-        if layout[i, LAYOUT.begins]:
+        if rarely(layout[i, LAYOUT.begins]):
             if layout[i, LAYOUT.slot] > 0:
                 add_load_of_branch(forks, layout[i, LAYOUT.slot], vec_of(rs, i, 0), n, f)
             n, f = (o, o, o), (o, o, o)
     α, a = (o, o, o), (o, o, o)
-    if len(forks) > 0:
+    if rarely(len(forks) > 0):
         keep_motion(forks, 0, α, a)
     for i in range(len(layout)):
-        if layout[i, LAYOUT.begins]:
+        if rarely(layout[i, LAYOUT.begins]):
             α, a = motion_of(forks, layout[i, LAYOUT.slot])
         a = add(a, cross(α, vec_of(rs, i, 0)))
-        if layout[i, LAYOUT.group] == GROUP.slides:
+        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
             a = move_slides(factors, x, posture, i, α, a)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
@@ -218,7 +219,7 @@ def solve_in_space(factors, r, x, posture):
                     Je, He = vec_of(factors, k, FACTORS.Je), vec_of(factors, k, FACTORS.He)
                     x[k] -= factors[k, FACTORS.inverse] * (dot(Je, α) + dot(He, a))
                     α = add_scaled(α, x[k], vec_of(es, k, 0))
-        if layout[i, LAYOUT.fork] > 0:
+        if rarely(layout[i, LAYOUT.fork] > 0):
             keep_motion(forks, layout[i, LAYOUT.fork], α, a)
 
 
@@ -227,21 +228,21 @@ def displacement_in_space(δ, posture):
     """Largest displacement [m] that small changes δ (n,) of angles and of slides give to either end of any segment."""
     layout, es, rs, forks = posture.layout, posture.e, posture.r, posture.forks
     φ, p, largest, doubt = ZERO, ZERO, 0.0, 0.0
-    if len(forks) > 0:
+    if rarely(len(forks) > 0):
         keep_motion(forks, 0, φ, p)
     for i in range(len(layout)):
-        if layout[i, LAYOUT.begins]:
+        if rarely(layout[i, LAYOUT.begins]):
             doubt += φ[0] - φ[0]
             φ, p = displace_branch(forks, layout[i, LAYOUT.slot], vec_of(rs, i, 0))
             largest = max(largest, dot(p, p))
-        if layout[i, LAYOUT.group] == GROUP.slides:
+        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
             p = displace_slides(δ, posture, i, p)
             doubt += p[0] - p[0]
             largest = max(largest, dot(p, p))
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
                 φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
-        if layout[i, LAYOUT.fork] > 0:
+        if rarely(layout[i, LAYOUT.fork] > 0):
             keep_motion(forks, layout[i, LAYOUT.fork], φ, p)
         p = add(p, cross(φ, vec_of(rs, layout[i, LAYOUT.next], 0)))
         largest = max(largest, dot(p, p))

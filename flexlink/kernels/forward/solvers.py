@@ -26,7 +26,7 @@ from flexlink.kernels.forward.planar import planar
 from flexlink.kernels.inputs.tip_wrench import put_wrench
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import INLINED, by_type, kernel, recursion, subroutine
-from flexlink.kernels.tools.lanes import LANES, keep_lanes, put_lanes
+from flexlink.kernels.tools.lanes import LANES, empty_lanes, keep_lanes, put_lanes
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 from flexlink.kernels.tools.vec3 import ZERO, add_scaled, dot, vector
 
@@ -221,7 +221,8 @@ def accelerations_of_many(work, wrench, q, qd, tau):
     """
     b, n = q.shape
     qdd = np.zeros((b, n))
-    state, acting = np.zeros((4, n, LANES)), np.empty((6, LANES))
+    state, acting = empty_lanes((4, n)), empty_lanes((6,))
+    state[3, :] = 0.0
     for start in range(0, b, LANES):
         put_lanes(wrench, start, acting)
         put_lanes(q, start, state[0])
