@@ -36,6 +36,7 @@ from flexlink.kernels.forward.mass_plus_slides import (
     move_slides,
     place_slides,
 )
+from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
@@ -61,7 +62,7 @@ class SpacePosture(NamedTuple):
     inertias: Any  # (bodies, 6) about the hinge point
     first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings
     beside: Any  # (n, w, 2) K and D of those before it in its cell
-    forks: Any  # rows of what branches go on from, and of what they demand; scratch
+    forks: Any  # rows of what branches go on from, and of what they demand, scratch; of a tree, or where joints slide
 
 
 @kernel
@@ -69,10 +70,11 @@ def space_posture(bodies, hinges, gravity, couplings):
     """Scratch of a chain in space."""
     n, m, work = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, couplings)
     first = cells_of(n, couplings)
+    forks = np.zeros((max(len(work.forks), int(work.axes.max() >= SLIDES)), work.forks.shape[1]))
     return SpacePosture(
         work.layout, work.axes, work.bodies, work.prescribed, work.trig,
         np.zeros((n, 3)), np.zeros((m + 1, 3)), np.zeros((m, 3)), np.zeros((m, 6)),
-        first, rows_beside(first, couplings), work.forks,
+        first, rows_beside(first, couplings), forks,
     )  # fmt: skip
 
 
@@ -226,31 +228,36 @@ def solve_in_space(factors, r, x, posture):
 @recursion
 def displacement_in_space(δ, posture):
     """Largest displacement [m] that small changes δ (n,) of angles and of slides give to either end of any segment."""
-    layout, es, rs, forks = posture.layout, posture.e, posture.r, posture.forks
-    φ, p, largest, doubt = ZERO, ZERO, 0.0, 0.0
-    if rarely(len(forks) > 0):
-        keep_motion(forks, 0, φ, p)
+    layout, es, rs = posture.layout, posture.e, posture.r
+    if rarely(len(posture.forks) > 0):
+        return displacement_in_tree(δ, posture)
+    φ, p, largest = ZERO, ZERO, 0.0
     for i in range(len(layout)):
-        if rarely(layout[i, LAYOUT.begins]):
-            doubt += φ[0] - φ[0]
-            φ, p = displace_branch(forks, layout[i, LAYOUT.slot], vec_of(rs, i, 0))
-            largest = max(largest, dot(p, p))
-        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
-            p = displace_slides(δ, posture, i, p)
-            doubt += p[0] - p[0]
-            largest = max(largest, dot(p, p))
-        else:
-            for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
-                φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
-        if rarely(layout[i, LAYOUT.fork] > 0):
-            keep_motion(forks, layout[i, LAYOUT.fork], φ, p)
-        p = add(p, cross(φ, vec_of(rs, layout[i, LAYOUT.next], 0)))
+        for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+            φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
+        p = add(p, cross(φ, vec_of(rs, i + 1, 0)))
         largest = max(largest, dot(p, p))
-    return math.sqrt(largest + (φ[0] - φ[0]) + doubt)  # nan, which `max` passes by, if a δ is not finite
+    return math.sqrt(largest + (φ[0] - φ[0]))  # nan, which `max` passes by, if a δ is not finite
 
 
 @subroutine
-def displace_branch(forks, k, r):
-    """How a branch is turned, and displaced at its hinge point r away from that of its fork, where it begins."""
-    φ, p = motion_of(forks, k)
-    return φ, add(p, cross(φ, r))
+def displacement_in_tree(δ, posture):
+    """The same where branches begin, or joints slide: apart, as implicit steps call the loop above most of all."""
+    layout, es, rs, forks = posture.layout, posture.e, posture.r, posture.forks
+    φ, p, largest = ZERO, ZERO, 0.0
+    keep_motion(forks, 0, φ, p)
+    for i in range(len(layout)):
+        if layout[i, LAYOUT.begins]:
+            largest += φ[0] - φ[0]
+            φ, p = motion_of(forks, layout[i, LAYOUT.slot])
+        p = add(p, cross(φ, vec_of(rs, i, 0)))
+        largest = max(largest, dot(p, p))
+        if layout[i, LAYOUT.group] == GROUP.slides:
+            p = displace_slides(δ, posture, i, p)
+            largest = max(largest, dot(p, p)) + (p[0] - p[0])
+        else:
+            for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+                φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
+        if layout[i, LAYOUT.fork] > 0:
+            keep_motion(forks, layout[i, LAYOUT.fork], φ, p)
+    return math.sqrt(largest + (φ[0] - φ[0]))
