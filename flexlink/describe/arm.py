@@ -356,9 +356,11 @@ class Arm(Spec, frozen=True):
             if link.name in seen:
                 yield f"link.{k}.name = {link.name!r}: names of links must differ"
             if link.on and link.on != BASE and link.on not in seen:
-                before = ", ".join([BASE, *seen])
-                meant = did_you_mean(link.on, [BASE, *seen])
-                yield f"{self.path(k)}.on = {link.on!r}: no link before it in the list; allowed are {before}{meant}"
+                before = [BASE, *(each.name for each in self.links[: k - 1])]
+                later = link.on in {each.name for each in self.links}
+                meant = "; a link hangs on one that stands before it" if later else did_you_mean(link.on, before)
+                known = ", ".join(before)
+                yield f"{self.path(k)}.on = {link.on!r}: no link before it in the list; allowed are {known}{meant}"
             seen.add(link.name)
             tables = (("material", self.materials), ("section", self.sections), ("section_tip", self.sections))
             for key, table in tables:

@@ -144,7 +144,8 @@ class Reference(Spec, frozen=True):
         if self.duration is not None and limits:
             raise SceneError(f"duration = {self.duration!r}: {limits[0]} is given, too; give only one")
         if self.duration is None and not set(limits) & set(needed):
-            raise SceneError(f"duration: missing; give it, or {' or '.join(needed)}")
+            named = needed if self.to_m is None or self.to_deg is not None else [IN_METRES[name] for name in needed]
+            raise SceneError(f"duration: missing; give it, or {' or '.join(named)}")
 
     @property
     def _deciding(self) -> tuple[str, ...]:

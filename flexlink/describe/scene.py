@@ -18,7 +18,7 @@ from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
 from flexlink.describe import data_files
-from flexlink.describe.arm import Arm, Link
+from flexlink.describe.arm import BASE, Arm, Link
 from flexlink.describe.conditions import (
     OF_MOTION,
     BaseState,
@@ -155,7 +155,10 @@ class Scene(Spec, frozen=True):
         """What is said of the base's start, and what takes for granted that it does not float."""
         free, drive = self.arm.base.free, self.drive
         if self.initial.base != BaseState() and not free:
-            raise SceneError(f"initial.base = {self.initial.base!r}: the base is fixed; base.kind = 'free' is not")
+            raise SceneError(
+                "initial.base: has no effect, the base is fixed; leave it out, or give base = { kind = 'free', "
+                "mass = …, inertia = … }"
+            )
         if free and self.initial.passive == "static":
             raise SceneError("initial.passive = 'static': an arm on a free base has no rest; leave passive out")
         for key, value in (("kind", drive.kind), ("gravity", drive.gravity)):
@@ -171,6 +174,8 @@ class Scene(Spec, frozen=True):
         if on and on not in tips:
             known = on in {link.name for link in self.arm.links}
             why = "other links hang on it" if known else "no such link"
+            if on == BASE:
+                why = "is no link; hang one of no length, its joint locked, on it (link.on = 'base'), and name that"
             raise SceneError(f"wrench.on = {on!r}: {why}; allowed are {', '.join(tips)}{did_you_mean(on, tips)}")
 
     @property

@@ -36,7 +36,7 @@ def notes(scene: Scene) -> tuple[str, ...]:
     """
     require_type("scene", scene, Scene)
     starts = _stillness, slack_springs, unheld_joints, balance
-    idle = _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
+    idle = _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing, _beside_the_arm, _falling_base
     with np.errstate(all="ignore"):  # numbers beyond float64 are refused where a run is made of them
         return tuple(note for each in (*starts, *idle) for note in each(scene))
 
@@ -96,6 +96,25 @@ def _idle_drive(scene: Scene) -> Iterator[str]:
         keys += ["torques"] if any(row[k] for row in drive.torques or ()) else []
         for key in keys:
             yield f"drive.{key}: has no effect on {motion.link!r}, whose motion is prescribed"
+
+
+def _beside_the_arm(scene: Scene) -> Iterator[str]:
+    """Of several tips the last link's is the arm's: unlikely where it has no length, as a wheel or a thruster."""
+    arm, last = scene.arm, scene.arm.links[-1]
+    if len(arm.tips) < 2 or any(last.stop) or last.line is not None:
+        return
+    others = ", ".join(repr(arm.links[number - 1].name) for number in arm.tips[:-1])
+    where = f"at {last.name!r}, the last link, which has no length; other tips: {others}"
+    if arm.tip.mass or any(arm.tip.inertia):
+        yield f"tip: the payload is {where}; put it into another link's end, or list that link last"
+    if scene.wrench.acts and not scene.wrench.on:
+        yield f"wrench: acts {where}; wrench.on names another"
+
+
+def _falling_base(scene: Scene) -> Iterator[str]:
+    """In orbit nothing falls; that gravity is there by default is easily forgotten."""
+    if scene.arm.base.free and any(scene.gravity) and not scene.wrench.acts:
+        yield f"gravity = {list(scene.gravity)}: nothing holds the free base, which falls; in an orbit it is [0, 0, 0]"
 
 
 def _centers_of_nothing(scene: Scene) -> Iterator[str]:
