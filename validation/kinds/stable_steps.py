@@ -85,8 +85,16 @@ def run(case: Case, methods: tuple[str, ...]) -> Iterator[Measured | Series]:
 
 def at_rest(scene: Scene) -> Rest:
     """The scene's arm at rest at its initial posture, joints held by constant torques, and its modes."""
-    still = {"motion": (), "initial.rate_deg": None, "initial.qd": None, "initial.q": None, "drive": {"kind": "none"}}
-    scene = scene.varied(still | {"initial.passive": "static", "initial.time": None})
+    still: dict[str, object] = {
+        "motion": (),
+        "initial.rate_deg": None,
+        "initial.qd": None,
+        "initial.q": None,
+        "drive": {"kind": "none"},
+    }
+    free = scene.arm.base.free  # which rests wherever it is, but falls
+    still |= {"initial.base": None, "gravity": (0.0, 0.0, 0.0)} if free else {"initial.passive": "static"}
+    scene = scene.varied(still | {"initial.time": None})
     chain = lump(scene)
     try:
         q, zero = initial_state(scene, chain)
