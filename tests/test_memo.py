@@ -95,3 +95,9 @@ def test_runs_of_one_arm_share_its_chain() -> None:
 def test_a_run_of_the_same_arm_whose_chain_differs_gets_its_own(change: dict, differs: Callable) -> None:
     scene = arm(locked=True) if "initial.joint_deg.a" in change else arm()
     assert differs(fl.lump(scene.varied(change))) != differs(fl.lump(scene))
+
+
+def test_a_run_whose_wrench_acts_on_another_tip_gets_its_own_chain() -> None:
+    scene = make_scene(flexible("a", segments=2), flexible("b", segments=2, on="base"))
+    chains = [fl.lump(scene.varied({"wrench.on": tip})) for tip in ("a", "b")]
+    assert [chain.loaded for chain in chains] == list(chains[0].tips.values())
