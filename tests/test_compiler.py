@@ -131,7 +131,7 @@ def test_a_first_run_compiles_few_functions(tmp_path: Path) -> None:
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     command = [sys.executable, "-c", COUNTING]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-    assert int(done.stdout) <= 150
+    assert int(done.stdout) <= 190
 
 
 NUMBERS = {

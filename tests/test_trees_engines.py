@@ -235,7 +235,7 @@ def test_runs_in_the_same_steps_differ_by_rounding_only(name: str, floats: bool)
     assert np.abs(rates - qd).max() <= 1e-11
 
 
-@pytest.mark.parametrize("name", ["pinocchio", "mujoco", "exudyn"])
+@pytest.mark.parametrize("name", WITNESSES[:3])
 def test_a_base_that_turns_far_is_followed_in_other_coordinates_or_refused(name: str) -> None:
     scene = satellite().varied({"initial.base.spin_deg": (900.0, -700.0, 300.0), "run.duration": 0.1})
     chain = fl.lump(scene)

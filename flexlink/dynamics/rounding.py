@@ -232,6 +232,8 @@ def largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
 
 def scales(chain: Chain) -> Array:
     """What changes of the coordinates compare with, shape (n,): 1 rad, of joints that slide the arm's length [m]."""
+    if not chain.slides.any():
+        return np.ones(chain.n)
     return np.where(chain.slides, arm_length(chain.bodies), 1.0)
 
 
