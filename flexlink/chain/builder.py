@@ -44,7 +44,6 @@ class Body:
     parent: int = 0  # counted from 1, 0 is the base
     rigid: SpatialInertia = NOTHING
     springs: int = 0  # as in `BODY`
-    tip: bool = False
 
     def record(self) -> tuple[object, ...]:
         """One row of dtype `BODY`, whose inertia and branches are still to be recorded."""
@@ -133,10 +132,10 @@ class Builder:
         """Turn the running frame: v_before = rotation @ v."""
         self.running = Pose(product(self.running.R, rotation), self.running.p)
 
-    def start_body(self, *, tip: bool = False) -> None:
-        """A new body begins in the running frame, with no hinges yet; that of a tip has none."""
+    def start_body(self) -> None:
+        """A new body begins in the running frame, with no hinges yet."""
         n = len(self.hinges)
-        self.bodies.append(Body(self.running, n, n, self.on, tip=tip))
+        self.bodies.append(Body(self.running, n, n, self.on))
         self.go_to((len(self.bodies) - 1, HERE))
 
     def add_hinge(

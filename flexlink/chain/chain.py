@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexlink.chain import free_base
 from flexlink.chain.arguments import integer, number_of, require_type, vector
 from flexlink.chain.couplings import add_products
 from flexlink.common.errors import ArgumentError
@@ -32,8 +33,8 @@ from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.layout import COUPLING, SLIDES, ChainArrays
 
 _OF_LAYOUT = {
-    "active", "slides", "is_serial", "has_free_base", "joint_units", "bending", "axes", "coupled_joints",
-    "has_rotation_springs", "is_planar", "joint_names", "_sequential", "_layout",
+    "active", "slides", "is_serial", "is_serial_revolute", "has_free_base", "joint_units", "bending", "axes",
+    "coupled_joints", "has_rotation_springs", "is_planar", "joint_names", "_sequential", "_layout",
 }  # fmt: skip
 """What is found of a chain without its masses, springs and gravity."""
 
@@ -253,6 +254,11 @@ class Chain:
         return not self.bodies["begins"].any()
 
     @functools.cached_property
+    def is_serial_revolute(self) -> bool:
+        """Whether every body hangs on the one before it and no joint slides."""
+        return self.is_serial and not self.slides.any()
+
+    @functools.cached_property
     def has_free_base(self) -> bool:
         """Whether the first six joints are those of a base that floats."""
         return bool(self.coordinates) and self.coordinates[0].link == 0
@@ -287,7 +293,7 @@ class Chain:
     @functools.cached_property
     def axes(self) -> Array:
         """Hinge axes in frame 0 at zero angles, unit vectors, shape (n, 3)."""
-        if not self.is_serial or self.slides.any():
+        if not self.is_serial_revolute:
             return np.array(forward_kinematics(self.arrays, np.zeros(self.n)).axes)
         turned = self.bodies["turned"] != 0
         before = np.repeat(np.cumsum(turned), self.bodies["stop"] - self.bodies["first"])  # turns, of each hinge
@@ -310,12 +316,12 @@ class Chain:
         Gravity, tip wrench and offsets may point anywhere: what is out of the plane meets constraint torques. Trees and
         arms with prismatic joints count as spatial.
         """
-        return self.is_serial and not self.slides.any() and self.all_axes_parallel_to(self.axes[0])
+        return self.is_serial_revolute and self.all_axes_parallel_to(self.axes[0])
 
     @functools.cached_property
     def reach(self) -> float:
         """How far from the origin of frame 0 any of the masses can get [m], at most."""
-        if self.is_serial and not self.slides.any():
+        if self.is_serial_revolute:
             return _reach(self.bodies["translation"].tobytes(), self.bodies["center"].tobytes())
         return self._reach_of_tree()
 
@@ -503,7 +509,7 @@ def _hinge_name(coordinate: Coordinate) -> str:
     """Name of a hinge within its link, or within a free base."""
     link, segment, axis = coordinate
     if link == 0:
-        return ("x", "y", "z", "rx", "ry", "rz")[axis - 1]
+        return free_base.NAMES[axis - 1]
     return "gear" if axis and not segment else f"{segment}.{' xyz'[axis]}"
 
 

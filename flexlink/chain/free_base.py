@@ -15,8 +15,10 @@ from flexlink.kernels.layout import SLIDES
 
 JOINTS = 6
 """Of a free base, the first of the chain."""
+NAMES = "x", "y", "z", "rx", "ry", "rz"
+"""Of these joints."""
 AXES = (*range(SLIDES, SLIDES + 3), *range(3))
-"""Of these joints, as in dtype `HINGE`."""
+"""Along or about which they move, as in dtype `HINGE`."""
 
 
 def attitude(base: BaseState) -> Array:

@@ -197,7 +197,7 @@ def _framed(scene: Scene, beams: Sequence[_Beam | None]) -> Frame:
             springs += _add_line(builder, link, number, beams[number - 1], *placed[number - 1])
             ends[number] = builder.place
             if number in arm.tips:
-                builder.start_body(tip=True)
+                builder.start_body()  # of a tip, which has no hinges
                 tips[link.name] = len(builder.bodies) - 2
     builder.go_to(ends[len(arm.links)])
     bodies = recorded(builder.bodies[1:])  # bodies[0] is the base

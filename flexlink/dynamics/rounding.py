@@ -185,7 +185,7 @@ def _inertial(chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wre
 
 def _spins(chain: Chain, turned: Array) -> Array:
     """ω behind every hinge that turns so much, (n, 3), or, of a tree, in every body."""
-    if chain.is_serial and not chain.slides.any():
+    if chain.is_serial_revolute:
         return np.cumsum(turned, axis=0)
     own = np.zeros((len(chain.bodies), 3))
     np.add.at(own, hinge_bodies(chain)[~chain.slides], turned[~chain.slides])

@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.chain.free_base import JOINTS, rates_matrices, rates_matrices_changing, rotations_of
+from flexlink.chain.free_base import JOINTS, NAMES, rates_matrices, rates_matrices_changing, rotations_of
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.products import product
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
 
-BASE_JOINTS = tuple(f"{BASE}.{name}" for name in ("x", "y", "z", "rx", "ry", "rz"))
+BASE_JOINTS = tuple(f"{BASE}.{name}" for name in NAMES)
 """Names of ours of a free base's joints."""
 
 

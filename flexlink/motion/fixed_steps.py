@@ -8,22 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.chunk_size import ChunkSize, Reached
-from flexlink.motion.floating_steps import advance, far_of
+from flexlink.motion.floating_steps import Arrays, advance, far_of
 from flexlink.motion.monitor import RunMonitor
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import Failure
 
 Indices = NDArray[np.intp]
-Arrays = tuple[Array, Array, Array]
-"""q, q̇ and W."""
 
 
 class FixedSteps:
