@@ -21,6 +21,7 @@ from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidified import rigidified
 from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.sensor import Sensor
 from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
@@ -84,6 +85,7 @@ __all__ = [
     "RunSettings",
     "Scene",
     "Section",
+    "Sensor",
     "Simulator",
     "Sweep",
     "Trajectory",

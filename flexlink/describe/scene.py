@@ -36,6 +36,7 @@ from flexlink.describe.mistakes import check_all, mistakes, raise_together
 from flexlink.describe.own_units import KIND, UNIT, Row, in_si, misplaced, together
 from flexlink.describe.reference import refuse_beyond
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
+from flexlink.describe.sensor import Sensor, sensor_mistakes
 from flexlink.describe.spec import (
     Spec,
     Vector3,
@@ -80,6 +81,8 @@ class Scene(Spec, frozen=True):
     """Motions of joints that are prescribed, `[[motion]]` in a file."""
     wrench: Wrench = Wrench()
     """Force and moment on the tip."""
+    sensor: tuple[Sensor, ...] = ()
+    """What is measured, `[[sensor]]` in a file: columns of every run."""
     run: RunSettings = RunSettings()
     """How to integrate."""
 
@@ -94,7 +97,7 @@ class Scene(Spec, frozen=True):
             self._put_joints_at_zero()
         raise_together(self._wrong_lists())  # on whose lengths all else counts
         checks = [self._check_rate, lambda: self._check_limits(said), self._check_reference, self._check_motions]
-        checks += [self._check_base, self._check_wrench]
+        checks += [self._check_base, self._check_wrench, lambda: raise_together(sensor_mistakes(self.sensor, self.arm))]
         check_all(checks if self.run.controlled else [self._check_grid, *checks])
 
     def _wrong_lists(self) -> Iterator[str]:
@@ -443,7 +446,7 @@ class Scene(Spec, frozen=True):
                 table["base"] = Inline(table["base"])
         order = (
             "name", "about", "gravity", "base", "material", "section", "link", "tip", "initial", "drive", "motion",
-            "wrench", "run",
+            "wrench", "sensor", "run",
         )  # fmt: skip
         return toml_of({key: document[key] for key in order if key in document and document[key] != {}})
 
