@@ -191,12 +191,12 @@ def test_a_sweep_takes_what_a_sensor_shows_and_varies_it() -> None:
     gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0))
     scene = cantilever(gauge).varied({"run.duration": 0.02})
     plan = fl.Sweep(
-        scene=scene, grid={"sensor.gauge.gain": [2.0, 5.0], "wrench.force": [(0, -1, 0), (0, -3, 0)]},
+        scene=scene, grid={"sensor.gauge.gain": [2.0, 5.0], "material.aluminium.young": [50e9, 70e9]},
         quantity={"most": {"of": "gauge [1]", "take": "largest"}},
     )  # fmt: skip
     table = fl.sweep(plan)
-    for gain, force, most in zip(*map(table.column, ("sensor.gauge.gain", "wrench.force", "most")), strict=True):
-        run = fl.simulate(scene.varied({"sensor.gauge.gain": gain, "wrench.force": force}))
+    for gain, young, most in zip(*map(table.column, [*plan.grid, "most"]), strict=True):
+        run = fl.simulate(scene.varied({"sensor.gauge.gain": gain, "material.aluminium.young": young}))
         assert most == np.abs(run.columns["gauge [1]"]).max() > 0
     assert len(set(table.column("most"))) == 4
 
