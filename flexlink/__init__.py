@@ -55,6 +55,7 @@ from flexlink.results.settling import overshoot, residual_vibration, settling_ti
 from flexlink.results.trajectory import Trajectory
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.robots.importing import import_urdf
+from flexlink.sensors.outputs import SensorOutputs
 
 if TYPE_CHECKING:
     from flexlink.on_demand import Sweep, compare, compare_trajectories, load_sweep, report, sweep
@@ -86,6 +87,7 @@ __all__ = [
     "Scene",
     "Section",
     "Sensor",
+    "SensorOutputs",
     "Simulator",
     "Sweep",
     "Trajectory",

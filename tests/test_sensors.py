@@ -13,6 +13,7 @@ from scipy import signal
 import flexlink as fl
 from flexlink.describe.sensor import Sensor
 from flexlink.sensors.instrument import Instrument
+from flexlink.sensors.low_pass import butterworth
 from flexlink.sensors.signals import signal_of, slopes_of
 
 LENGTH, WIDTH = 1.25, 0.04
@@ -215,3 +216,102 @@ def test_a_satellite_carries_sensors(models: Path) -> None:
     for k, axis in enumerate("xyz"):
         np.testing.assert_allclose(run.columns[f"gyro {axis} [rad/s]"], run.base.spin[:, k], rtol=0, atol=1e-10)
         np.testing.assert_allclose(run.columns[f"place {axis} [m]"], run.q[:, k], rtol=0, atol=1e-12)
+
+
+INSTRUMENTS = (
+    Sensor(name="gauge", kind="strain", link="upper", x=0.3, fibre=(0.01, 0.02), low_pass=30.0, order=3, gain=1e6,
+           unit="µm/m", bias=5.0),
+    Sensor(name="imu", kind="accelerometer", link="fore", point=(0.4, 0.0, 0.1)),
+    Sensor(name="gyro", kind="gyroscope", link="fore", axis=(0, 0, 1), low_pass=10.0, delay=0.01, order=2),
+    Sensor(name="motor", kind="current", link="upper", torque_constant=0.5, low_pass=100.0),
+    Sensor(name="encoder", kind="joint", link="fore"), Sensor(name="marker", kind="position", link="fore"),
+)  # fmt: skip
+
+
+def two_links(**fields: object) -> fl.Scene:
+    links = flexible("upper", "xyz", mount=fl.Mount(rpy_deg=(20.0, 30.0, 0.0))), flexible("fore", "yz")
+    return make_scene(*links, gravity=(0.5, -9.0, 1.0), sensor=INSTRUMENTS, **fields)
+
+
+def test_a_linear_model_has_sensors_as_outputs_next_to_a_moving_state(rng: np.random.Generator) -> None:
+    scene = two_links()
+    chain, outputs = fl.lump(scene), (fl.SensorOutputs(scene), "tip")
+    n, driven = chain.n, chain.active
+    q, qd, tau = rng.uniform(-0.3, 0.3, n), rng.normal(size=n), np.zeros(n)
+    tau[driven] = 1.0, -2.0
+    model = fl.linearize(chain, q, qd, tau, outputs=outputs)
+    δx, δu = rng.normal(size=2 * n), rng.normal(size=len(driven))
+    values = []
+    for h in 1e-3 * np.array([1, -1, 2, -2]):
+        moved = tau.copy()
+        moved[driven] += h * δu
+        there = fl.linearize(chain, q + h * δx[:n], qd + h * δx[n:], moved, outputs=outputs)
+        values.append(np.concatenate([there.y, there.x[2 * n :]]))
+    near, nearer, far, farther = values
+    slope = (8 * (near - nearer) - (far - farther)) / 12e-3
+    moving = model.A[2 * n :, : 2 * n] @ δx + model.B[2 * n :] @ δu
+    settled = -np.linalg.solve(model.A[2 * n :, 2 * n :], moving)
+    told = np.concatenate([model.C @ np.concatenate([δx, settled]) + model.D @ δu, settled])
+    np.testing.assert_allclose(slope, told, rtol=0, atol=1e-8 * np.abs(told).max())
+    assert model.delays.tolist() == [0.01 if "gyro" in name else 0.0 for name in model.outputs]
+    assert len(model.eigenvalues) == len(model.states) == 2 * n + 3 + 2 + 1
+    assert len(model.y) == len(model.outputs) == len(outputs[0].sensors) + 2 + 2 + 3
+
+
+def test_low_passes_of_a_linear_model_are_those_of_the_instruments() -> None:
+    """A unit step of the signal, by SciPy, and by the instrument itself."""
+    t = np.linspace(0, 0.3, 61)
+    for order in (1, 2, 5):
+        A, B, C = butterworth(20.0, order).matrices
+        _, y = signal.step(signal.StateSpace(A, B[:, None], C[None], [[0.0]]), T=t)
+        steep = np.concatenate([[-1e-12], t])
+        own = shown(steep, np.where(steep < 0, 0.0, 1.0), t, low_pass=20.0, order=order)
+        np.testing.assert_allclose(y, own, rtol=0, atol=1e-9)
+
+
+def test_a_simulator_shows_what_a_run_has_in_its_columns() -> None:
+    drive = fl.Drive(kind="pd", kp=(300.0, 300.0), kd=(30.0, 30.0), target_deg=(10.0, 20.0))
+    noisy = {"sensor.gauge.noise": 3.0, "sensor.gyro.rate": 50.0, "sensor.encoder.resolution": 1e-3}
+    scene = two_links(drive=drive).varied(
+        {"run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.2, "run.method": "Radau5"}
+    )
+    scene = scene.varied(noisy)
+    run, arm = fl.simulate(scene), fl.Simulator(scene)
+    rows = [arm.readings]
+    while arm.time < 0.2 - 1e-9:
+        arm.step()
+        rows.append(arm.readings)
+    for name in run.sensor_names:
+        column = run.columns[name]
+        np.testing.assert_allclose([row[name] for row in rows], column, rtol=0, atol=1e-10 * np.abs(column).max())
+    arm.reset()
+    assert arm.readings == rows[0]
+
+
+def test_a_law_is_told_what_sensors_show() -> None:
+    scene = two_links().varied({"run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.1, "run.method": "Radau5"})
+    told = []
+
+    def law(t: float, q: np.ndarray, qd: np.ndarray, sensors: dict[str, float]) -> np.ndarray:
+        told.append(sensors)
+        return np.array([5.0, -300.0 * sensors["encoder [rad]"]])
+
+    run = fl.simulate(scene, control=law, rate=100.0)
+    by_state = fl.simulate(scene, control=lambda t, q, qd: [5.0, -300.0 * q[run.chain.index("fore", 0, 0)]], rate=100.0)
+    np.testing.assert_array_equal(run.q, by_state.q)
+    for name in ("gauge [µm/m]", "encoder [rad]", "gyro [rad/s]", "marker x [m]"):
+        column = run.columns[name]
+        np.testing.assert_allclose(
+            [row[name] for row in told], column[: len(told)], rtol=0, atol=1e-10 * np.abs(column).max()
+        )
+
+
+def test_a_law_that_asks_for_sensors_needs_some_and_a_rate() -> None:
+    def law(t: float, q: np.ndarray, qd: np.ndarray, sensors: dict[str, float]) -> np.ndarray:
+        return np.zeros(2)
+
+    scene = two_links().varied({"run.step": 1e-3, "run.duration": 0.1})
+    with pytest.raises(fl.errors.ArgumentError, match="told what sensors show needs a rate"):
+        fl.simulate(scene, control=law)
+    with pytest.raises(fl.errors.ArgumentError, match=r"asks for readings, but the scene has no \[\[sensor\]\]"):
+        fl.simulate(scene.varied({"sensor": None}), control=law, rate=100.0)

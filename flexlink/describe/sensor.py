@@ -66,8 +66,9 @@ class Sensor(Spec, frozen=True):
     >>> gauge = fl.Sensor(name="root", kind="strain", link="upper", x=0.05, fibre=(0.025, 0.0), gain=1e6, unit="µm/m")
     >>> encoder = fl.Sensor(name="encoder", kind="joint", link="upper", resolution=1e-4, rate=100.0)  # rad; Hz
     >>> imu = fl.Sensor(name="imu", kind="accelerometer", link="fore", axis=(0.0, 1.0, 0.0), noise=0.02, seed=1)  # m/s²
-    >>> print([sensor.columns() for sensor in scene.varied({"sensor": (gauge, encoder, imu)}).sensor])
-    [('root [µm/m]',), ('encoder [rad]',), ('imu [m/s²]',)]
+    >>> seen = fl.simulate(scene.varied({"sensor": (gauge, encoder, imu)}))
+    >>> print(list(seen.columns)[-3:])
+    ['root [µm/m]', 'encoder [rad]', 'imu [m/s²]']
     """
 
     name: str
@@ -110,7 +111,7 @@ class Sensor(Spec, frozen=True):
     """Standard deviation of the readings' white, normal noise [unit of the column]; without a rate every `run.sample`
     has a number of its own."""
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
-    """Which noise: readings of equal seeds have the same. Default: 0."""
+    """Which noise: a sensor of this name has the same in every run of the same seed. Default: 0."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
