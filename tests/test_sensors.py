@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 import numpy as np
@@ -202,11 +203,17 @@ def test_a_sweep_takes_what_a_sensor_shows_and_varies_it() -> None:
     assert len(set(table.column("most"))) == 4
 
 
-def test_a_link_that_is_fixed_to_the_base_moves_no_sensor() -> None:
-    post = fl.Link(name="post", length=1.0, joint=fl.Joint(locked=True))
-    imu = Sensor(name="imu", kind="accelerometer", link="post")
-    with pytest.raises(fl.errors.SceneError, match=r"sensor\.imu\.link = 'post': is fixed to the base; nothing moves"):
-        fl.simulate(make_scene(post, flexible("boom"), sensor=(imu,))).columns["imu x [m/s²]"]
+def test_a_place_that_is_fixed_carries_no_sensor_and_one_beyond_the_first_hinge_does() -> None:
+    """Of a clamped beam, whose first segment is part of the base."""
+    near, far = (Sensor(name="imu", kind="accelerometer", link="beam", x=x) for x in (0.01, 0.9))
+    with pytest.raises(
+        fl.errors.SceneError, match=r"sensor\.imu: sits on what is fixed in frame 0, where nothing moves"
+    ):
+        fl.simulate(cantilever(near))
+    marker = Sensor(name="end", kind="position", link="beam")
+    run = fl.simulate(cantilever(far, marker).varied({"gravity": (0, 0, -9.81), "wrench": None}))
+    np.testing.assert_allclose([run.columns[f"imu {axis} [m/s²]"][0] for axis in "xyz"], [0, 0, 9.81], atol=1e-10)
+    np.testing.assert_array_equal([run.columns[f"end {axis} [m]"][0] for axis in "xyz"], run.tip[0])
 
 
 def test_a_satellite_carries_sensors(models: Path) -> None:
@@ -315,3 +322,18 @@ def test_a_law_that_asks_for_sensors_needs_some_and_a_rate() -> None:
         fl.simulate(scene, control=law)
     with pytest.raises(fl.errors.ArgumentError, match=r"asks for readings, but the scene has no \[\[sensor\]\]"):
         fl.simulate(scene.varied({"sensor": None}), control=law, rate=100.0)
+
+
+def test_samples_too_far_apart_for_a_low_pass_are_told_and_enough_of_them_are_not() -> None:
+    gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0), low_pass=50.0)
+    scene = cantilever(gauge).varied({"initial.passive": "zero", "run.duration": 0.4, "run.tolerance": 1e-5})
+    coarse, fine = (fl.simulate(scene, sample=sample) for sample in (0.005, 0.0005))
+    told = [note for note in coarse.notes if "sensor.gauge: between samples, 0.005 s apart" in note]
+    assert len(told) == 1
+    assert not [note for note in fine.notes if "sensor" in note]
+    exact = np.interp(coarse.t, fine.t, fine.columns["gauge [1]"])
+    off = np.abs(coarse.columns["gauge [1]"] - exact).max() / np.ptp(coarse.columns["gauge [1]"])
+    said = float(re.search(r"by ([0-9.]+)% of its range", told[0])[1]) / 100
+    assert off < said < 5 * off
+    plain = scene.varied({"sensor.gauge.low_pass": None, "sensor.gauge.delay": 0.04, "sensor.gauge.rate": 25.0})
+    assert not [note for note in fl.simulate(plain, sample=0.02).notes if "sensor" in note]

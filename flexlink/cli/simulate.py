@@ -36,6 +36,7 @@ from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.files import output_format
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
+from flexlink.sensors.columns import coarse_samples
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -113,6 +114,8 @@ def _warn(bar: Progress, text: str) -> None:
 def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
     """All that was asked for of the samples that are there."""
     print_lines("warning", run.warnings)
+    if run.scene is not None:
+        print_lines("note", coarse_samples(run.scene, run))
     if options.out is not None:
         write_or_keep(options.out, run.writer(options.out))
         print(f"samples: {options.out}")

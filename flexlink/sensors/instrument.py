@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Complex
+from flexlink.describe.conditions import is_whole
 from flexlink.describe.sensor import Sensor
 from flexlink.sensors.low_pass import LowPass, butterworth
 
@@ -74,7 +75,7 @@ class Instrument:
     """The instrument of a sensor; without a rate it has a number of noise every `between` seconds."""
 
     def __init__(self, sensor: Sensor, between: float) -> None:
-        self.sensor, self.rate = sensor, sensor.rate or 1 / between
+        self.sensor, self.between, self.rate = sensor, between, sensor.rate or 1 / between
         low_pass = None if sensor.low_pass is None else butterworth(sensor.low_pass, sensor.order or 1)
         self.signal = Signal(len(sensor.components), low_pass)
 
@@ -92,10 +93,11 @@ class Instrument:
         return np.asarray(shown)
 
     @property
-    def between_samples(self) -> bool:
-        """Whether it may depend on what the signal is between samples."""
-        sensor = self.sensor
-        return bool(sensor.delay) or sensor.low_pass is not None or sensor.rate is not None
+    def known_at_samples(self) -> bool:
+        """Whether all that it asks of its signal, at every instant and so much earlier, is a sample of the run."""
+        sensor, apart = self.sensor, self.between
+        times = [sensor.delay, *([] if sensor.rate is None else [1 / sensor.rate])]
+        return sensor.low_pass is None and all(is_whole(time / apart) for time in times)
 
 
 def noise(key: str, instants: Array) -> Array:
