@@ -13,6 +13,7 @@ from scipy import signal
 
 import flexlink as fl
 from flexlink.describe.sensor import Sensor
+from flexlink.scene_report.measured import read_measured
 from flexlink.sensors.instrument import Instrument
 from flexlink.sensors.low_pass import butterworth
 from flexlink.sensors.signals import signal_of, slopes_of
@@ -187,6 +188,7 @@ def test_columns_go_into_files_and_come_back(tmp_path: Path) -> None:
     head, *_ = csv.reader(run.save(tmp_path / "run.csv").read_text(encoding="utf-8").splitlines())
     assert head == list(run.columns)
     assert "a, b [1]" in run.to_pandas()
+    np.testing.assert_array_equal(run.to_xarray()["readings"].sel(sensor="a, b [1]"), run.columns["a, b [1]"])
 
 
 def test_a_sweep_takes_what_a_sensor_shows_and_varies_it() -> None:
@@ -337,3 +339,12 @@ def test_samples_too_far_apart_for_a_low_pass_are_told_and_enough_of_them_are_no
     assert off < said < 5 * off
     plain = scene.varied({"sensor.gauge.low_pass": None, "sensor.gauge.delay": 0.04, "sensor.gauge.rate": 25.0})
     assert not [note for note in fl.simulate(plain, sample=0.02).notes if "sensor" in note]
+
+
+def test_measurements_are_compared_with_what_sensors_show(tmp_path: Path) -> None:
+    encoder = Sensor(name="encoder", kind="joint", link="rod")
+    volts = Sensor(name="volts", kind="torque", link="rod", gain=0.1, unit="V")
+    (tmp_path / "measured.csv").write_text("t [ms],volts [V],encoder [deg]\n0,1,180\n10,2,90\n", encoding="utf-8")
+    found = read_measured(tmp_path / "measured.csv", turning(encoder, volts).columns)
+    assert found.columns["volts [V]"].tolist() == [1.0, 2.0]
+    np.testing.assert_allclose(found.columns["encoder [rad]"], [np.pi, np.pi / 2], rtol=1e-15)

@@ -7,6 +7,7 @@ LP is exact for such a signal. Between samples h apart a smooth one differs from
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
 
@@ -109,10 +110,13 @@ def noise(key: str, instants: Array) -> Array:
     return found
 
 
+@functools.lru_cache(maxsize=256)
 def _block(key: str, number: int) -> Array:
     """By Philox's counter and the inverse of the distribution, which all versions of NumPy agree on."""
     from scipy.special import ndtri  # noqa: PLC0415  time that few scenes need
 
     hashed = int.from_bytes(hashlib.sha256(key.encode()).digest()[:16])
     raw: NDArray[np.uint64] = np.random.Philox(key=hashed, counter=[0, number, 0, 0]).random_raw(BLOCK)
-    return np.asarray(ndtri(((raw >> np.uint64(11)) + 0.5) * math.ldexp(1.0, -53)))
+    numbers: Array = ndtri(((raw >> np.uint64(11)) + 0.5) * math.ldexp(1.0, -53))
+    numbers.flags.writeable = False
+    return numbers
