@@ -115,6 +115,7 @@ def test_readings_are_held_between_instants_and_rounded() -> None:
     found = shown(t, t, rate=20.0, resolution=0.02)
     np.testing.assert_allclose(found, 0.02 * np.round(np.floor(20 * t + 1e-9) / 20 / 0.02), rtol=0, atol=1e-14)
     assert len(np.unique(found)) == 20
+    np.testing.assert_allclose(shown(t, t, rate=100.0), t, rtol=0, atol=1e-14)  # 0.29 · 100 is less than 29
 
 
 def test_noise_is_white_and_normal_and_comes_again_by_its_seed() -> None:
