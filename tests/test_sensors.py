@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import SQUARE, flexible, make_scene
+from conftest import MODELS, SQUARE, flexible, make_scene
 from scipy import signal
 
 import flexlink as fl
 from flexlink.describe.sensor import Sensor
+from flexlink.dynamics.notes import notes
 from flexlink.scene_report.measured import read_measured
-from flexlink.sensors.instrument import Instrument
+from flexlink.sensors.instrument import Instrument, noise
 from flexlink.sensors.low_pass import butterworth
 from flexlink.sensors.signals import signal_of, slopes_of
 
@@ -135,6 +136,9 @@ def test_the_numbers_of_noise_stay_what_they_are() -> None:
     """They are Philox's own, turned into normal ones here: no version of NumPy changes them."""
     found = shown(np.arange(3) / 100, np.zeros(3), noise=1.0, seed=1)
     np.testing.assert_allclose(found, [1.4092493637369143, 0.7193025410542524, -1.4400850108307892], rtol=1e-12)
+    np.testing.assert_allclose(
+        noise("1 s", np.arange(256.0, 259.0)), [1.1931000311153763, -0.7118232722036318, 1.0859994016770351], rtol=1e-12
+    )
 
 
 ARM = {"gravity": (0.5, -9.0, 1.0)}
@@ -349,3 +353,71 @@ def test_measurements_are_compared_with_what_sensors_show(tmp_path: Path) -> Non
     found = read_measured(tmp_path / "measured.csv", turning(encoder, volts).columns)
     assert found.columns["volts [V]"].tolist() == [1.0, 2.0]
     np.testing.assert_allclose(found.columns["encoder [rad]"], [np.pi, np.pi / 2], rtol=1e-15)
+
+
+@pytest.mark.parametrize("fields", [{}, {"flex": "yz", "segments": 5}], ids=["rigid", "bends"])
+def test_places_and_directions_are_those_of_the_links_frame_wherever_its_beam_runs(fields: dict) -> None:
+    """A beam along y, beside the joint, which turns about y: R = R_y(θ) of a link that is not bent."""
+    θ, beam = 0.7, {"material": "aluminium", "section": "square", "line": ((0.1, 0.0, 0.0), (0.1, 0.6, 0.0))}
+    arm = fl.Link(name="arm", joint=fl.Joint(axis=(0, 1, 0)), **beam, **fields)
+    scene = make_scene(arm, gravity=(0, 0, -9.81))
+    chain, R = fl.lump(scene), np.array([[np.cos(θ), 0, np.sin(θ)], [0, 1, 0], [-np.sin(θ), 0, np.cos(θ)]])
+    none, turned, turns = np.zeros((3, chain.n))
+    turned[0], turns[0] = θ, 2.0
+    here, moving = Here(chain, turned, none, none, none), Here(chain, turned, turns, none, none)
+    places = {"x": (0.25, (0.1, 0.25, 0.0)), "point": ((0.3, 0.2, 0.1),) * 2, "axis": (None, (0.1, 0.6, 0.0))}
+    for key, (value, where) in places.items():
+        sees = {"name": "s", "link": "arm", key: value}
+        np.testing.assert_allclose(
+            signal_of(Sensor(kind="position", **sees), scene, here)[:, 0], R @ where, rtol=0, atol=1e-15
+        )
+        np.testing.assert_allclose(
+            signal_of(Sensor(kind="accelerometer", **sees), scene, here)[:, 0], R.T @ [0, 0, 9.81], rtol=0, atol=1e-14
+        )
+        np.testing.assert_allclose(
+            signal_of(Sensor(kind="gyroscope", **sees), scene, moving)[:, 0], [0, 2, 0], rtol=0, atol=1e-15
+        )
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+def test_markers_sit_where_links_begin_and_end(path: Path, rng: np.random.Generator) -> None:
+    """At the tips of all branches, at the joint of every link that moves, and on the way from there straight on."""
+    scene = fl.load_scene(path)
+    chain = fl.lump(scene)
+    q = rng.uniform(-0.5, 0.5, chain.n)
+    placed, here = fl.frames(chain, q), Here(chain, q, *np.zeros((3, chain.n)))
+
+    def at(link: str, **place: object) -> np.ndarray:
+        return signal_of(Sensor(name="s", kind="position", link=link, **place), scene, here)[:, 0]
+
+    for link in chain.tips:
+        np.testing.assert_allclose(at(link), fl.tip_position(chain, q, tip=link), rtol=0, atol=1e-14)
+    for link in scene.arm.links:
+        if link.joint.locked or link.joint.gear_stiffness:
+            continue
+        body = chain.body(link.name)
+        np.testing.assert_allclose(at(link.name, point=(0, 0, 0)), placed.points[body], rtol=0, atol=1e-14)
+        if link.beam.length and link.flex == "rigid":
+            start, stop = (at(link.name, x=x) for x in (0.0, link.beam.length))
+            middle = at(link.name, x=link.beam.length / 2)
+            np.testing.assert_allclose(middle, (start + stop) / 2, rtol=0, atol=1e-14)
+            assert np.linalg.norm(stop - start) == pytest.approx(link.beam.length)
+
+
+@pytest.mark.parametrize(("segments", "told"), [(2, "one, so its strain is even"), (3, "two, so"), (5, "")])
+def test_a_gauge_on_few_hinges_is_doubted(segments: int, told: str) -> None:
+    gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0))
+    said = [note for note in notes(cantilever(gauge, segments=segments, lumping="midpoint")) if "sensor.gauge" in note]
+    assert len(said) == bool(told)
+    assert all(told in note for note in said)
+
+
+def test_the_strain_of_a_uniform_load_is_exact_from_three_hinges_on() -> None:
+    """ε = ρ A g (L − x)² / 2 · y / (E I)."""
+    gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.2, fibre=(WIDTH / 2, 0.0))
+    scene = cantilever(gauge, segments=5).varied(
+        {"wrench": None, "gravity": (0, -9.81, 0), "material.aluminium.young": 7e19}
+    )
+    moment = 2700.0 * WIDTH**2 * 9.81 * (LENGTH - 0.2) ** 2 / 2
+    expected = moment * WIDTH / 2 / (7e19 * SQUARE.properties.i_z)
+    assert fl.simulate(scene).columns["gauge [1]"][0] == pytest.approx(expected, rel=1e-9)
