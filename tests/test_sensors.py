@@ -421,3 +421,38 @@ def test_the_strain_of_a_uniform_load_is_exact_from_three_hinges_on() -> None:
     moment = 2700.0 * WIDTH**2 * 9.81 * (LENGTH - 0.2) ** 2 / 2
     expected = moment * WIDTH / 2 / (7e19 * SQUARE.properties.i_z)
     assert fl.simulate(scene).columns["gauge [1]"][0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_looking_does_not_change_what_is_seen() -> None:
+    """Nor what a drive that is asked at a rate holds."""
+    drive = fl.Drive(kind="pd", kp=(30.0, 30.0), kd=(3.0, 3.0), target_deg=(10.0, 20.0), rate=200.0)
+    settings = {"run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.1, "run.method": "Radau5"}
+    seen = two_links(drive=drive).varied(settings)
+    unseen = seen.varied({"sensor": None})
+    arms = fl.Simulator(seen), fl.Simulator(unseen)
+    for duration in (0.01, 0.003, 0.007, 0.02):
+        states = [arm.step(duration=duration) for arm in arms]
+        np.testing.assert_array_equal(states[0].q, states[1].q)
+    np.testing.assert_array_equal(fl.simulate(seen).q, fl.simulate(unseen).q)
+
+
+def test_a_prescribed_joint_and_a_free_base_are_seen_by_a_simulator_too(models: Path) -> None:
+    """Torques that a motion takes, and an attitude that is told anew on the way."""
+    steps = {"run.step": 2e-3, "run.method": "Radau5", "run.sample": 0.05, "run.tolerance": None}
+    satellite = fl.load_scene(models / "satellite.toml").varied(
+        {**steps, "run.duration": 0.5, "initial.base.spin_deg": (200.0, 50.0, 30.0)}
+    )
+    gyro = Sensor(name="gyro", kind="gyroscope", link="base")
+    imu = Sensor(name="imu", kind="accelerometer", link=satellite.arm.links[-1].name)
+    motion = fl.PrescribedMotion(link="upper", times=(0.0, 0.5), angle_deg=(0.0, 30.0), rate_deg=(0.0, 0.0),
+                                 acceleration_deg=(0.0, 0.0))  # fmt: skip
+    moved = two_links(motion=(motion,)).varied({**steps, "run.duration": 0.2})
+    for scene in (satellite.varied({"sensor": (gyro, imu)}), moved):
+        run, arm = fl.simulate(scene), fl.Simulator(scene)
+        rows = [arm.readings]
+        for _ in run.t[1:]:
+            arm.step()
+            rows.append(arm.readings)
+        for name in run.sensor_names:
+            column = run.columns[name]
+            np.testing.assert_allclose([row[name] for row in rows], column, rtol=0, atol=1e-9 * np.abs(column).max())
