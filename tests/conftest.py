@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: threads of a BLAS would wait for each other, and spin
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy
 
 import numba
 import numpy as np
