@@ -80,7 +80,7 @@ def checked_scene(scene: Scene) -> Scene:
 def can_move(scene: Scene, model: Model) -> bool:
     """Whether anything can move in the scene with this model."""
     links = zip(scene.arm.links, model, strict=True)
-    return any(bend or not link.joint.locked or link.joint.gear_stiffness for link, bend in links)
+    return any(bend or not link.joint.locked or link.turns_rigidly for link, bend in links)
 
 
 def with_model(scene: Scene, model: Model) -> Scene:

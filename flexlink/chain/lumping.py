@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
 from flexlink.chain.builder import Builder, Piece, record_inertia, recorded
-from flexlink.chain.chain import Chain, Coordinate
+from flexlink.chain.chain import ROOT, Chain, Coordinate
 from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
@@ -24,6 +24,7 @@ from flexlink.common.types import Array
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
 from flexlink.describe.data_files import is_user_file
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.root import ROOT_AXES
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
@@ -293,7 +294,9 @@ def _add_line(
 ) -> list[Springs]:
     """What stands between the axes of a link at its joint and those at its end: the beam, and the body behind it."""
     start, length, frame = link.beam
-    builder.move(start, frame)
+    builder.move(start)
+    _add_root(builder, link, number)
+    builder.turn(frame)
     springs = []
     if beam is None:
         builder.advance(number, (0.0, 1.0), np.array([length, 0, 0]))
@@ -304,6 +307,16 @@ def _add_line(
     if link.dh is not None and link.dh.convention == "standard":
         builder.move(np.subtract(link.dh.end, link.stop), about_axis_deg(0, link.dh.alpha_deg))
     return springs
+
+
+def _add_root(builder: Builder, link: Link, number: int) -> None:
+    """Springs at the root of the beam, about axes of the link's frame."""
+    if not link.root_springs:
+        return
+    builder.start_body()
+    for axis, (stiffness, damping) in link.root_springs.items():
+        turned = ROOT_AXES.index(axis)
+        builder.add_hinge(Coordinate(number, 0, ROOT + turned), turned, stiffness, damping)
 
 
 def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes: Array, weights: Array) -> Springs:
@@ -328,7 +341,7 @@ def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes:
         builder.advance(number, part, end)
     rows = np.arange(first, len(builder.hinges))
     among = np.array([axis * len(nodes) + hinge for axis, hinge in places], dtype=np.intp)
-    if rule.cells is None:
+    if rule.cells is None or not rows.size:
         none = slice(len(builder.couplings), len(builder.couplings)), np.empty((0, 3), np.intp)
         return Springs(link, beam.sections(nodes), weights * beam.length, rows, among, None, *none)
     cell, count = rule.cells.cell, len(nodes) // rule.cells.hinges
@@ -389,7 +402,7 @@ Segment = tuple[SpatialInertia | None, tuple[float, float], Array]
 
 def _segments_of(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array) -> list[Segment]:
     """Links alike share their segments, of whatever stiffness."""
-    if rule.cells is None:
+    if rule.cells is None or not nodes.size:  # a rigid link has no hinges, whatever its rule
         return _segments(beam, nodes.tobytes())
     try:
         return _cell_segments(beam, rule.cells, len(nodes))

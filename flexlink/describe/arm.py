@@ -17,6 +17,7 @@ from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.links import link_number
 from flexlink.describe.mistakes import raise_together
 from flexlink.describe.rigid_body import RigidBody
+from flexlink.describe.root import ROOT_AXES, RootDamping, RootStiffness
 from flexlink.describe.sections import SHAPES, SectionProperties
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, did_you_mean, link_key, short_list, truncated
 
@@ -198,6 +199,10 @@ class Link(Spec, frozen=True):
     """The active joint at the link's root."""
     hub: RigidBody = RigidBody()
     """Rigid body that turns with the joint, in the link's frame: motor housing, bearing."""
+    root_stiffness: RootStiffness | None = None
+    """Springs where the beam begins, about axes of the link's frame [N m/rad]. Default: rigid."""
+    root_damping: RootDamping | None = None
+    """Damping of these springs [N m s/rad]."""
     length: NonNegative = 0.0
     """Length of the beam, along the link's x [m]; 0: no beam."""
     line: tuple[Vector3, Vector3] | None = None
@@ -238,6 +243,10 @@ class Link(Spec, frozen=True):
             raise SceneError(f"length = {self.length!r}: line = {truncated(self.line)} is given, too; give only one")
         if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
             raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: with dh a joint turns about Z")
+        for axis in ROOT_AXES:
+            damping = getattr(self.root_damping, axis, 0.0)
+            if damping and axis not in self.root_springs:
+                raise SceneError(f"root_damping.{axis} = {damping!r}: needs a root_stiffness.{axis}")
         length = self.beam.length
         if self.flex != "rigid":
             self._check_flexible(length)
@@ -259,8 +268,19 @@ class Link(Spec, frozen=True):
 
     @property
     def elastic(self) -> bool:
-        """Whether the link bends, or turns in its gear."""
-        return self.flex != "rigid" or self.joint.gear_stiffness is not None
+        """Whether the link bends, or turns in its gear or at its root."""
+        return self.flex != "rigid" or self.turns_rigidly
+
+    @property
+    def turns_rigidly(self) -> bool:
+        """Whether the link turns in its gear or at its root, as a whole."""
+        return self.joint.gear_stiffness is not None or bool(self.root_springs)
+
+    @property
+    def root_springs(self) -> dict[str, tuple[float, float]]:
+        """Stiffness [N m/rad] and damping [N m s/rad] of the springs at the root, by axis: x, y, z."""
+        springs = {axis: getattr(self.root_stiffness, axis, None) for axis in ROOT_AXES}
+        return {axis: (k, float(getattr(self.root_damping, axis, 0.0))) for axis, k in springs.items() if k is not None}
 
     @property
     def beam(self) -> Line:

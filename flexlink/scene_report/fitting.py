@@ -103,6 +103,10 @@ def numbers_of(scene: Scene) -> Iterator[Tried]:
             value = getattr(joint, key)
             if value and not (joint.locked and key != "gear_stiffness"):
                 yield Tried(f"link.{number}.joint.{key}", f"{what} of {link.name}", value)
+        for axis, (stiffness, _) in link.root_springs.items():
+            yield Tried(
+                f"link.{number}.root_stiffness.{axis}", f"stiffness of the root of {link.name} about {axis}", stiffness
+            )
         if (
             not joint.locked
             and scene.initial.q is None
