@@ -40,6 +40,7 @@ from flexlink.dynamics.terms import (
     inverse_dynamics,
     mass_matrix,
 )
+from flexlink.dynamics.vibration.in_motion import equilibrium_in_motion, modes_in_motion
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.dynamics.vibration.modal import modes, natural_frequencies
 from flexlink.dynamics.vibration.poles import pd_poles
@@ -99,6 +100,7 @@ __all__ = [
     "compare_trajectories",
     "elastic_torque",
     "energy",
+    "equilibrium_in_motion",
     "errors",
     "forward_dynamics",
     "forward_dynamics_derivatives",
@@ -118,6 +120,7 @@ __all__ = [
     "lump",
     "mass_matrix",
     "modes",
+    "modes_in_motion",
     "momentum",
     "natural_frequencies",
     "overshoot",
