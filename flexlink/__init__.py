@@ -20,6 +20,7 @@ from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidified import rigidified
+from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.root import RootDamping, RootStiffness
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.shaping import InputShaper
@@ -83,6 +84,7 @@ __all__ = [
     "Reference",
     "ReferenceTrajectory",
     "RigidBody",
+    "Rigidity",
     "RootDamping",
     "RootStiffness",
     "RunSettings",
