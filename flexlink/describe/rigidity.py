@@ -32,7 +32,7 @@ class Rigidity(Spec, frozen=True):
     >>> spar = fl.Rigidity(x=(0.0, 0.4, 0.4, 2.0), ei_z=(90.0, 90.0, 30.0, 10.0), rho_a=(0.5, 0.5, 0.2, 0.1))
     >>> wing = fl.Link(name="wing", length=2.0, flex="z", segments=9, rigidity="spar")
     >>> chain = fl.lump(fl.Scene(name="wing", arm=fl.Arm(links=(wing,), rigidities={"spar": spar})))
-    >>> print(f"{chain.mass:.3f} kg, {chain.stiffness.max():.0f} … {chain.stiffness.min():.0f} N m/rad")
+    >>> print(f"{chain.mass:.3f} kg, {chain.stiffness.max():.0f} … {chain.stiffness[-1]:.0f} N m/rad")
     0.440 kg, 429 … 45 N m/rad
     """
 
