@@ -44,13 +44,21 @@ def test_a_swing_of_the_second_mode_decays_by_its_ratio() -> None:
     assert left == pytest.approx(np.exp(-0.02 * ω * end), rel=1e-4)
 
 
+def test_a_soft_root_is_damped_with_its_beam_and_its_own_damper_comes_on_top() -> None:
+    root = {"root_stiffness": fl.RootStiffness(z=2e3), "joint": HELD}
+    soft = make_scene(flexible("a", lumping="gauss", damping=ALIKE, **root), tip=LOAD, gravity=(0.0, 0.0, 0.0))
+    np.testing.assert_allclose(fl.modes(fl.lump(soft)).damping_ratios, 0.02, rtol=1e-9)
+    more = fl.lump(soft.varied({"link.a.root_damping": fl.RootDamping(z=3.0)})).matrix("damping")
+    more[0, 0] -= 3.0
+    np.testing.assert_allclose(more, fl.lump(soft).matrix("damping"), rtol=1e-12)
+
+
 def test_links_may_have_different_ratios_and_others_none() -> None:
     firm, soft = (fl.Damping(ratio=ratio, law="constant") for ratio in (0.01, 0.05))
     links = flexible("a", damping=firm, joint=HELD), flexible("b", damping=soft, joint=HELD)
     found = fl.modes(fl.lump(make_scene(*links, gravity=(0.0, 0.0, 0.0)))).damping_ratios
     assert ((found > 0.009) & (found < 0.051)).all()
-    none = links[0], flexible("b", joint=HELD)
-    D = fl.lump(make_scene(*none)).matrix("damping")
+    D = fl.lump(make_scene(links[0], flexible("b", joint=HELD))).matrix("damping")
     assert (np.linalg.eigvalsh(D)[-4:] > 0).all()
     assert not D[4:, 4:].any()
 

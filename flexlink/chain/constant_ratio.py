@@ -1,8 +1,11 @@
-"""Damping of one ratio in every mode: dampers between all hinges of the links that ask for it.
+"""Damping of one ratio in every mode: dampers between all hinges of the links that ask for it, root and gear, too.
 
-With M and K of these hinges where the arm starts, springs slack, all else held, and K φ = ω² M φ, φᵀ M φ = 1,
+With M and K of all hinges with springs where the arm starts, these slack, the rest held, and K φ = ω² M φ, φᵀ M φ = 1,
 
-    D = Σ 2 ω (S M φ) (S M φ)ᵀ        S = diag(√ζ)        so that φᵀ D φ / (2 ω) = ζ in every mode of one ζ
+    D = Σ 2 ω (S M φ) (S M φ)ᵀ        S = diag(√ζ)        so that φᵀ D φ / (2 ω) = ζ in every mode, of one ζ
+
+ζ is 0 for hinges of links that do not ask for it; then the ratios of modes are no more than near that of those that do.
+What `root_damping` and `gear_damping` say comes on top.
 
 M has in it what the links carry. In other postures modes are others, and so are their ratios: of two equal links of one
 ζ, once the elbow has turned by 90°, 0.4 to 1.3 ζ in the first two modes and 0.8 to 1.02 ζ in all others.
@@ -38,16 +41,19 @@ def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
     ratios = {k: link.damping.ratio for k, link in enumerate(arm.links, 1) if link.damping and link.damping.is_constant}
     if not ratios:
         return chain
-    hinges = np.array([k for k, c in enumerate(chain.coordinates) if c.segment and c.link in ratios], dtype=np.intp)
+    sprung = np.flatnonzero(chain.stiffness > 0)
+    wanted = np.array([ratios.get(chain.coordinates[k].link, 0.0) for k in sprung])
+    of_these = np.array([chain.coordinates[k].link in ratios for k in sprung], dtype=bool)
+    hinges = sprung[of_these]
     if not len(hinges):
         return chain
-    _check(chain, arm, hinges)
+    _check(chain, arm, hinges, len(sprung))
     M, K = np.zeros((chain.n, chain.n)), chain.matrix("stiffness")
     mass_upper(chain.arrays, _start(chain, scene), M)
-    block = np.ix_(hinges, hinges)
-    D = _damping(M[block], K[block], np.array([ratios[chain.coordinates[k].link] for k in hinges]), chain.name)
+    block = np.ix_(sprung, sprung)
+    D = _damping(M[block], K[block], wanted, chain.name)[np.ix_(of_these, of_these)]
     damped = chain.hinges.copy()
-    damped["damping"][hinges] = D.diagonal()
+    damped["damping"][hinges] += D.diagonal()
     return dataclasses.replace(chain, hinges=damped, couplings=_joined(chain.couplings, hinges, D))
 
 
@@ -70,11 +76,11 @@ MOST = 400
 """Hinges between all of which there may be dampers: 79 800 of them."""
 
 
-def _check(chain: Chain, arm: Arm, hinges: NDArray[np.intp]) -> None:
+def _check(chain: Chain, arm: Arm, hinges: NDArray[np.intp], count: int) -> None:
     number = chain.coordinates[hinges[0]].link
     path = f"{arm.path(number)}.damping.law = 'constant'"
-    if len(hinges) > MOST:
-        raise SceneError(f"{path}: {len(hinges)} hinges in all; at most {MOST}; take fewer, or law = 'proportional'")
+    if count > MOST:
+        raise SceneError(f"{path}: {count} hinges in all; at most {MOST}; take fewer, or law = 'proportional'")
     between = slice(chain.body(int(hinges[0])) + 1, chain.body(int(hinges[-1])) + 1)
     if chain.bodies["begins"][between].any() or chain.slides[hinges[0] : hinges[-1]].any():
         raise SceneError(

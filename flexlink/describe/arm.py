@@ -131,8 +131,9 @@ class Damping(Spec, frozen=True):
     proportional: Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), the same in every hinge, under which the ratio
     of a mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable
     step of explicit methods: `flexlink info` says by how much.
-    constant: dampers between all hinges of the links that have it, such that every mode of the arm where it starts, its
-    joints held, has the same ratio; elsewhere modes are near it. For links without branches or slides between them.
+    constant: dampers between all hinges of the links that have it, root and gear, too, such that every mode of the arm
+    where it starts, its joints held, has the same ratio, if all links that bend have it; elsewhere modes are near it.
+    For links without branches or slides between them.
 
     Examples
     --------
