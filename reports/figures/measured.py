@@ -18,8 +18,8 @@ SECTION = "measured"
 TAKES = (WHAT,)
 COLOURS = {"validated to u_val": BLUE, "not validated": VERMILION, "cannot be told": GREY}
 CAPTION = (
-    "Points: E / D; bars: ± 2 u_val / D. Blue: validated to u_val. Orange: the bar does not reach zero, not validated. "
-    "Grey: too uncertain for the accuracy that is asked for."
+    "Points: E / D; bars: ± 2 u_val / D. Blue: validated. Orange: the bar ends before zero, not validated. "
+    "Grey: too uncertain for what is asked."
 )
 LINE = 0.155  # in: height of a quantity
 

@@ -112,5 +112,6 @@ class Comparison(NamedTuple):
         return (
             f"S = {self.simulated:.5g}, D = {self.measured:.5g}, E = {self.error:+.3g} {unit}; "
             f"u_num = {self.convergence.u_num:.2g} (grid convergence index {index:.2g}, {order}), "
-            f"u_input = {self.u_input:.2g}, u_D = {self.u_measured:.2g}, u_val = {self.u_val:.2g} {unit}: {self.verdict}."
+            f"u_input = {self.u_input:.2g}, u_D = {self.u_measured:.2g}, u_val = {self.u_val:.2g} {unit}: "
+            f"{self.verdict}."
         )
