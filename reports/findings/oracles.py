@@ -1,0 +1,78 @@
+"""What each judge has in common with flexlink: words of oracles.toml, and the imports of its source."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+from flexlink.describe.data_files import read_toml
+from flexlink.describe.spec import Spec, decode
+from flexlink.pages.tables import Table
+from reports.results import Results
+from validation.sources import ROOT
+
+SECTION = "agreement"
+FILE = Path(__file__).parent.parent / "oracles.toml"
+ORACLES = ROOT / "validation" / "oracles"
+TYPES = {"flexlink.common.types", "flexlink.common.errors"}
+"""Names of arrays and errors, which hold no number."""
+HEADS = ("judge", "judges", "by", "shares with flexlink", "imports of flexlink")
+ASKED = {"pointwise", "judge", "judge_trees", "measured", "manufactured"}  # kinds of a study that the table belongs to
+
+
+class Judge(Spec, frozen=True):
+    """A program, a formula or an experiment."""
+
+    name: str
+    judges: str
+    method: str
+    shares: str
+
+
+class Oracle(Spec, frozen=True):
+    """A file of the study's own oracles."""
+
+    file: str
+    judges: str
+    method: str
+    shares: str
+
+    @property
+    def imports(self) -> tuple[str, ...]:
+        """Modules of flexlink that it, or an oracle that it uses, imports, but for types and errors."""
+        return tuple(sorted(imports_of(self.file) - TYPES))
+
+
+class Judges(Spec, frozen=True):
+    """The whole file."""
+
+    oracle: tuple[Oracle, ...]
+    judge: tuple[Judge, ...]
+
+
+def known() -> Judges:
+    """The file."""
+    found: Judges = decode(read_toml(FILE), Judges)
+    return found
+
+
+def imports_of(oracle: str) -> set[str]:
+    """Modules of flexlink that an oracle's file imports, itself or by another oracle."""
+    tree = ast.parse((ORACLES / f"{oracle}.py").read_text(encoding="utf-8"))
+    modules = {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    modules |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    others = {name.rpartition(".")[2] for name in modules if name.startswith("validation.oracles.")}
+    found = {name for name in modules if name.partition(".")[0] == "flexlink"}
+    return found.union(*map(imports_of, others))
+
+
+def find(results: Results) -> Iterator[Table]:
+    """One table."""
+    if ASKED.isdisjoint(planned.kind for planned in results.plan.values()):
+        return
+    judges = known()
+    lines = [(o.file, o.judges, o.method, o.shares, ", ".join(o.imports) or "none") for o in judges.oracle]
+    lines += [(j.name, j.judges, j.method, j.shares, "") for j in judges.judge]
+    title = "What each judge shares with flexlink"
+    yield Table("oracles", title, HEADS, tuple(lines), (), to_look_up=True)
