@@ -18,7 +18,7 @@ ORACLES = ROOT / "validation" / "oracles"
 TYPES = {"flexlink.common.types", "flexlink.common.errors"}
 """Names of arrays and errors, which hold no number."""
 HEADS = ("judge", "judges", "by", "shares with flexlink", "imports of flexlink")
-ASKED = {"pointwise", "judge", "judge_trees", "measured", "manufactured"}  # kinds of a study that the table belongs to
+ASKED = {"judge", "judge_trees", "measured", "manufactured"}  # kinds of a study that the table belongs to
 
 
 class Judge(Spec, frozen=True):
