@@ -14,7 +14,7 @@ from flexlink.chain.arguments import require_one_of
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene, load_scene
-from flexlink.describe.spec import Spec, decode
+from flexlink.describe.spec import Positive, Spec, decode
 from validation.facts import Facts
 from validation.store import Bound
 
@@ -50,6 +50,17 @@ class Quantity(Spec, frozen=True):
             raise SceneError("reason: missing; a tolerance needs one")
 
 
+class Sheet(Spec, frozen=True):
+    """What any code's answer to a benchmark is judged by.
+
+    How its error is defined, which error is accepted (relative, or of a motion in its unit), and the values' unit.
+    """
+
+    error: str
+    accepted: Positive
+    unit: str
+
+
 class Case(Spec, frozen=True):
     """One TOML file in `cases/`; its name is the file's.
 
@@ -69,6 +80,7 @@ class Case(Spec, frozen=True):
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
     by_name: bool = False  # runs only when it is asked for: it takes long
     claim: str = ""
+    sheet: Sheet | None = None  # of a benchmark that other codes can be judged by, too
     parts: str = ""
     whole: str = ""  # of a part the name of its file
 

@@ -17,44 +17,34 @@ FILE = Path(__file__).parent.parent / "oracles.toml"
 ORACLES = ROOT / "validation" / "oracles"
 TYPES = {"flexlink.common.types", "flexlink.common.errors"}
 """Names of arrays and errors, which hold no number."""
-HEADS = ("judge", "judges", "by", "shares with flexlink", "imports of flexlink")
+HEADS = ("judge", "shares with flexlink", "does by itself", "imports of flexlink")
 ASKED = {"judge", "judge_trees", "measured", "manufactured"}  # kinds of a study that the table belongs to
 
 
 class Judge(Spec, frozen=True):
-    """A program, a formula or an experiment."""
+    """A program, an oracle of the study, formulas or experiments."""
 
     name: str
-    judges: str
-    method: str
     shares: str
-
-
-class Oracle(Spec, frozen=True):
-    """A file of the study's own oracles."""
-
-    file: str
-    judges: str
-    method: str
-    shares: str
+    own: str
+    files: tuple[str, ...] = ()  # of validation/oracles/
 
     @property
     def imports(self) -> tuple[str, ...]:
-        """Modules of flexlink that it, or an oracle that it uses, imports, but for types and errors."""
-        return tuple(sorted(imports_of(self.file) - TYPES))
+        """Modules of flexlink that its files, or oracles that they use, import, but for types and errors."""
+        return tuple(sorted(set().union(*map(imports_of, self.files)) - TYPES))
 
 
 class Judges(Spec, frozen=True):
     """The whole file."""
 
-    oracle: tuple[Oracle, ...]
     judge: tuple[Judge, ...]
 
 
-def known() -> Judges:
-    """The file."""
+def judges() -> tuple[Judge, ...]:
+    """All of them, in order."""
     found: Judges = decode(read_toml(FILE), Judges)
-    return found
+    return found.judge
 
 
 def imports_of(oracle: str) -> set[str]:
@@ -69,10 +59,6 @@ def imports_of(oracle: str) -> set[str]:
 
 def find(results: Results) -> Iterator[Table]:
     """One table."""
-    if ASKED.isdisjoint(planned.kind for planned in results.plan.values()):
-        return
-    judges = known()
-    lines = [(o.file, o.judges, o.method, o.shares, ", ".join(o.imports) or "none") for o in judges.oracle]
-    lines += [(j.name, j.judges, j.method, j.shares, "") for j in judges.judge]
-    title = "What each judge shares with flexlink"
-    yield Table("oracles", title, HEADS, tuple(lines), (), to_look_up=True)
+    if not ASKED.isdisjoint(planned.kind for planned in results.plan.values()):
+        lines = tuple((j.name, j.shares, j.own, ", ".join(j.imports) or "–") for j in judges())
+        yield Table("judges", "What each judge shares with flexlink", HEADS, lines, (), to_look_up=True)

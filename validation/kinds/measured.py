@@ -71,7 +71,22 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         rows.append((name, reading.group, reading.unit, *_numbers(compared), compared.verdict))
     for group, found in groups.items():
         yield from _of_group(group, found)
-    heads = ("quantity", "group", "unit", "S", "D", "E", "u_num", "GCI", "order", "u_input", "u_D", "u_val", "verdict")
+    heads = (
+        "quantity",
+        "group",
+        "unit",
+        "S",
+        "D",
+        "E",
+        "u_num",
+        "GCI",
+        "order",
+        "u_input",
+        "u_D",
+        "u_val",
+        "wanted",
+        "verdict",
+    )
     yield Series("measured", case.title, table(heads, rows), "quantity", "", "E", group="group")
 
 
@@ -120,4 +135,15 @@ def _of_group(group: str, found: list[Comparison]) -> Iterator[Measured]:
 
 def _numbers(c: Comparison) -> tuple[float, ...]:
     order, index = c.convergence
-    return (c.simulated, c.measured, c.error, c.convergence.u_num, index, order, c.u_input, c.u_measured, c.u_val)
+    return (
+        c.simulated,
+        c.measured,
+        c.error,
+        c.convergence.u_num,
+        index,
+        order,
+        c.u_input,
+        c.u_measured,
+        c.u_val,
+        c.wanted,
+    )

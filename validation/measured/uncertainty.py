@@ -42,6 +42,11 @@ class Convergence(NamedTuple):
     order: float
     grid_index: float
 
+    @classmethod
+    def stated(cls, u_num: float) -> Convergence:
+        """Of a code that tells its own standard uncertainty."""
+        return cls(math.nan, ONE_SIDED * u_num)
+
     @property
     def u_num(self) -> float:
         """Standard uncertainty."""
