@@ -12,7 +12,6 @@ from pathlib import Path
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.output import write_text
 from flexlink.common.progress import Progress
-from flexlink.pages.page import make_folder
 from validation.case import ALL, CASES, MODELS, Case, load_cases
 from validation.judgement import correctness, judged_rows, speed
 from validation.store import Row, Store
@@ -183,7 +182,6 @@ def _theirs(console: Console, options: argparse.Namespace) -> int:
     for name, error in _run(console, cases, store, options).items():
         raise FlexlinkError(f"{name}: {error}")
     if options.blank:
-        make_folder(options.blank)
         for case in cases:
             console.print(str(theirs.write_blank(options.blank, case, store.series(case.name))), highlight=False)
         return 0

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.chain.arguments import require_one_of
-from flexlink.common.errors import ArgumentError, DataFileError
+from flexlink.common.errors import ArgumentError, DataFileError, OutputError
 from flexlink.common.output import write_text
 from flexlink.pages.numbers import JOIN, number, plural
 from validation.case import Case, Sheet
@@ -98,7 +98,7 @@ def judge(file: Path, case: Case, stored: Mapping[str, Series]) -> Iterator[Judg
 
 
 def write_blank(folder: Path, case: Case, stored: Mapping[str, Series]) -> Path:
-    """A file of a case to fill in: its quantities, or its times."""
+    """A file of a case to fill in: its quantities, or its times; OutputError where it cannot be written."""
     references = {series.what: series for series in stored.values()}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -111,6 +111,10 @@ def write_blank(folder: Path, case: Case, stored: Mapping[str, Series]) -> Path:
     else:
         writer.writerows([_heads(case), *((name, "") for name in references[PUBLISHED].columns["what"])])
     path = folder / f"{case.name}.csv"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be made a folder: {error.strerror or error}") from None
     write_text(path, text.getvalue())
     return path
 
