@@ -24,7 +24,7 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from flexlink.motion.simulate import simulate
 from flexlink.results.trajectory import Trajectory
-from flexlink.scene_report.measured import Measured
+from flexlink.results.measured import Measured
 
 
 class Tried(NamedTuple):
