@@ -165,6 +165,29 @@ class ConvergenceError(FlexlinkError, ArithmeticError):
         return ConvergenceError, (str(self), self.q, self.load)
 
 
+class IdentifiabilityError(FlexlinkError, ValueError):
+    """Data that cannot hold the numbers which are sought; `check` is what they can tell, as `check_fit` gives it.
+
+    Examples
+    --------
+    >>> sought = tuple(fl.FitParameter(path=f"material.aluminium.{name}") for name in ("young", "loss_time"))
+    >>> tapped = fl.FitModes(hertz=(5.7, 26.9), deviation=(0.01,))  # frequencies say nothing of damping
+    >>> try:
+    ...     fl.fit(fl.FitProblem(scene=scene, parameter=sought, modes=(tapped,)))
+    ... except fl.errors.IdentifiabilityError as error:
+    ...     print([one.names for one in error.check.lost])
+    [('material.aluminium.loss_time',)]
+    """
+
+    def __init__(self, message: str, check: object) -> None:
+        super().__init__(message)
+        self.check = check
+
+    def __reduce__(self) -> tuple[type[IdentifiabilityError], tuple[str, object]]:
+        """As `UnstableStepError`."""
+        return IdentifiabilityError, (str(self), self.check)
+
+
 class InterruptedSweepError(KeyboardInterrupt):
     """Ctrl-C or SIGTERM during a sweep; a KeyboardInterrupt for all who stop at one. `signal` is its number.
 
