@@ -28,7 +28,7 @@ class Colour(NamedTuple):
     innovations: Array
 
     def pulled_back(self, J: Array, past: int) -> Array:
-        """Hᵀ J, latest row first, H the pulse response from innovations that began before, shape (n + past, columns)."""
+        """Hᵀ J, latest row first, H the pulse response from innovations on, `past` earlier ones, too, (n + past, k)."""
         return np.asarray(lfilter([1.0], self.a, np.vstack([J[::-1], np.zeros((past, J.shape[1]))]), axis=0))
 
     @property

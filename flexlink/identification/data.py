@@ -82,8 +82,8 @@ class Recorded:
         inside = (measured.t >= max(first, start)) & (measured.t <= last)
         if inside.sum() < 2:
             raise DataFileError(
-                f"run {run.name!r}: fewer than two samples from {max(first, start):g} to {last:g} s; the file goes from "
-                f"{measured.t[0]:g} to {measured.t[-1]:g} s"
+                f"run {run.name!r}: fewer than two samples from {max(first, start):g} to {last:g} s; the file goes "
+                f"from {measured.t[0]:g} to {measured.t[-1]:g} s"
             )
         t = measured.t[inside]
         self.rate = float((len(t) - 1) / (t[-1] - t[0]))
@@ -204,9 +204,7 @@ def _short(scene: Scene) -> Scene:
     return scene.varied({"run.duration": scene.run.spacing})
 
 
-def _by_name(
-    run: FitRun, known: Mapping[str, object], compared: Mapping[str, object]
-) -> dict[str, dict[str, str]]:
+def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, object]) -> dict[str, dict[str, str]]:
     """What the run says of columns: how each was called, by the name of the column of a run."""
     where, found = f"run {run.name!r}", {}
     for key in ("noise", "gain", "bias"):
@@ -270,4 +268,3 @@ def _at(t: Array, column: Array, times: Array | None) -> Array:
     if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
         return np.asarray(column[: len(times)])
     return np.asarray(CubicSpline(t, column)(times))
-

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -12,14 +11,17 @@ from flexlink.common.errors import FlexlinkError, IdentifiabilityError
 from flexlink.common.types import Array
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
 from flexlink.identification.data import Block, Source, sources_of
-from flexlink.identification.fitted import Estimate, Fitted
+from flexlink.identification.estimates import estimates, linear_estimates
+from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.identification.identifiability import Check, checked
-from flexlink.identification.interval import Part, Spread, spread_of
+from flexlink.identification.interval import spread_of
 from flexlink.identification.judge import columns_of
 from flexlink.identification.problem import FitProblem
-from flexlink.identification.residuals import Row, row_of
+from flexlink.identification.profile import profiled
+from flexlink.identification.residuals import row_of
 from flexlink.identification.signals import FOUR, STEP, Signals
-from flexlink.identification.solve import Found, Search, starts
+from flexlink.identification.solve import Found, Search, start_points
+from flexlink.identification.stacking import large_changes, linear_names, parts_of, priors_of, stacked
 
 
 def check_fit(problem: FitProblem) -> Check:
@@ -63,7 +65,7 @@ def check_fit(problem: FitProblem) -> Check:
 
 
 def fit(
-    problem: FitProblem, *, starts_count: int = 1, progress: Callable[[str], None] | None = None
+    problem: FitProblem, *, starts: int = 1, profile: bool = False, progress: Callable[[str], None] | None = None
 ) -> Fitted:  # fmt: skip
     """Find the numbers of a scene with which it gives what was measured, and say how well the data hold them.
 
@@ -75,8 +77,10 @@ def fit(
     ----------
     problem
         The problem.
-    starts_count
+    starts
         How many starts: the scene's values, then points that fill the bounds.
+    profile
+        Whether each interval is found by fitting all other numbers anew, too, with this one held beside its best value.
     progress
         Called with a line on every part that is done.
 
@@ -106,7 +110,7 @@ def fit(
     """
     problem = require_type("problem", problem, FitProblem)
     require_callable("progress", progress)
-    count, tell = integer("starts_count", starts_count, 1), progress or (lambda _: None)
+    count, tell = integer("starts", starts, 1), progress or (lambda _: None)
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
     signals = Signals(sources, coordinates)
     search = Search(signals, problem.loss)
@@ -115,20 +119,25 @@ def fit(
     if not check.passed:
         raise IdentifiabilityError("; also ".join(one.text for one in check.lost), check)
     tell("checked: every number is held by the data")
-    found = _searched(search, starts(coordinates, count), tell)
+    found = _searched(search, start_points(coordinates, count), tell)
     best = found[0]
     rows = search.rows(best.x, best.blocks)
-    spread = spread_of(_parts(sources, rows), _priors(coordinates, best.x, rows))
+    spread = spread_of(parts_of(sources, rows), priors_of(coordinates, best.x, rows))
     after = _check(signals, best.x, best.blocks, check.notes)
-    numbers = (*_estimates(coordinates, best.x, spread), *_linear(sources, rows, spread, len(coordinates)))
+    numbers = (*estimates(coordinates, best.x, spread), *linear_estimates(sources, rows, spread, len(coordinates)))
+    if profile:
+        numbers = (*profiled(search, best, numbers[: len(coordinates)], tell), *numbers[len(coordinates) :])
     columns = columns_of(problem, signals, best, own, tell)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
-    warnings = _warnings(numbers, after, found)
+    warnings = _warnings(numbers, after, found, columns)
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
-        tuple((tuple(one.value(float(v)) for one, v in zip(coordinates, end.x, strict=True)), end.cost) for end in found),
-        signals.runs, warnings,
+        tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, warnings,
     )  # fmt: skip
+
+
+def _values(coordinates: Sequence[Coordinate], x: Array) -> tuple[float, ...]:
+    return tuple(one.value(float(at)) for one, at in zip(coordinates, x, strict=True))
 
 
 def _searched(search: Search, points: Sequence[Array], tell: Callable[[str], None]) -> list[Found]:
@@ -153,93 +162,14 @@ def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], notes:
     _, known = prior_rows(coordinates, x)
     whole = []
     for by_x in (slopes, finer):
-        rows = [[row_of(b, y, J) for b, y, J in zip(*part, strict=True)] for part in zip(blocks, model, by_x, strict=True)]
-        whole.append(_stacked(rows, len(coordinates), known))
+        rows = [
+            [row_of(b, y, J) for b, y, J in zip(*part, strict=True)] for part in zip(blocks, model, by_x, strict=True)
+        ]
+        whole.append(stacked(rows, len(coordinates), known))
     names = [*(one.name for one in coordinates), *linear_names(signals.sources)]
-    ranges = np.array([1.0] * len(coordinates) + _units(blocks))
+    ranges = np.array([1.0] * len(coordinates) + large_changes(blocks))
     error = float(np.linalg.norm((whole[0] - whole[1]) * ranges, 2))
     return checked(whole[0] * ranges, error, names, notes)
-
-
-def _stacked(rows: Sequence[Sequence[Row]], count: int, known: Array) -> Array:
-    """Slopes of all residuals to all numbers, gains and biases behind; then what is known before."""
-    flat = [row for part in rows for row in part]
-    linear = sum(row.whole.shape[1] - count for row in flat)
-    found, at = [np.hstack([known, np.zeros((len(known), linear))])], count
-    for row in flat:
-        J = np.zeros((len(row.residual), count + linear))
-        own = row.whole.shape[1] - count
-        J[:, :count], J[:, at : at + own] = row.whole[:, :count], row.whole[:, count:]
-        at += own
-        found.append(J)
-    return np.vstack(found)
-
-
-def _parts(sources: Sequence[Source], rows: Sequence[Sequence[Row]]) -> list[Part]:
-    count = rows[0][0].slopes.shape[1]
-    stacked = _stacked(rows, count, np.zeros((0, count)))
-    parts, at = [], 0
-    for source, part in zip(sources, rows, strict=True):
-        slopes = []
-        for row in part:
-            slopes.append(stacked[at : at + len(row.residual)])
-            at += len(row.residual)
-        parts.append(Part([row.residual for row in part], slopes, source.is_run))
-    return parts
-
-
-def _priors(coordinates: Sequence[Coordinate], x: Array, rows: Sequence[Sequence[Row]]) -> Array:
-    _, known = prior_rows(coordinates, x)
-    linear = sum(row.whole.shape[1] - len(coordinates) for part in rows for row in part)
-    return np.hstack([known, np.zeros((len(known), linear))])
-
-
-def linear_names(sources: Sequence[Source]) -> list[str]:
-    """Gains and biases that are sought, in the order of the slopes' columns."""
-    return [
-        f"{what} of {block.name} of {source.name!r}"
-        for source in sources
-        for block in source.blocks
-        for what in ("gain", "bias")
-        if getattr(block, what)
-    ]
-
-
-def _units(blocks: Sequence[Sequence[Block]]) -> list[float]:
-    """Large changes of gains and biases."""
-    return [
-        1.0 if what == "gain" else float(np.ptp(block.y)) or 1.0
-        for part in blocks
-        for block in part
-        for what in ("gain", "bias")
-        if getattr(block, what)
-    ]
-
-
-def _estimates(coordinates: Sequence[Coordinate], x: Array, spread: Spread) -> list[Estimate]:
-    found = []
-    for k, one in enumerate(coordinates):
-        at, σ = float(x[k]), float(spread.deviations[k])
-        value, low, high = (one.value(at + far * spread.wide * σ) for far in (0, -1, 1))
-        edge = 1e-6 * max(1.0, abs(at))
-        bound = any(math.isfinite(end) and abs(at - end) < edge for end in one.bounds)
-        found.append(Estimate(one.name, one.path, one.start, value, low, high, one.size(value) * σ, bound))
-    return found
-
-
-def _linear(sources: Sequence[Source], rows: Sequence[Sequence[Row]], spread: Spread, count: int) -> list[Estimate]:
-    found = []
-    values = [
-        (row.gain if what == "gain" else row.bias, 1.0 if what == "gain" else 0.0)
-        for source, part in zip(sources, rows, strict=True)
-        for block, row in zip(source.blocks, part, strict=True)
-        for what in ("gain", "bias")
-        if getattr(block, what)
-    ]
-    for k, (name, (value, start)) in enumerate(zip(linear_names(sources), values, strict=True), count):
-        σ = float(spread.deviations[k])
-        found.append(Estimate(name, "", start, value, value - spread.wide * σ, value + spread.wide * σ, σ))
-    return found
 
 
 def _of_run(one: Estimate, coordinates: Sequence[Coordinate]) -> bool:
@@ -259,9 +189,23 @@ def _notes(sources: Sequence[Source]) -> list[str]:
     return found
 
 
-def _warnings(numbers: Sequence[Estimate], check: Check, found: Sequence[Found]) -> tuple[str, ...]:
+FAR = 2.0
+"""How many times the noise that is stated the residuals may be before that is told."""
+
+
+def _too_far(one: FittedColumn) -> str:
+    return (
+        f"{one.source}, {one.name}: what is left is {one.times_noise:.2g} times the noise that is stated: more noise, or "
+        "something that the scene does not have"
+    )
+
+
+def _warnings(
+    numbers: Sequence[Estimate], check: Check, found: Sequence[Found], columns: Sequence[FittedColumn]
+) -> tuple[str, ...]:
     told = [f"{one.name} ended at its bound, {one.value:.6g}" for one in numbers if one.at_bound]
     told += [one.text for one in check.directions]
+    told += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > FAR]
     if len(found) > 1:
         same = sum(bool(np.allclose(end.x, found[0].x, rtol=0, atol=1e-4)) for end in found)
         if same < len(found):

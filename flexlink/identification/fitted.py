@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import json
 import math
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
+from flexlink.common.errors import MissingDependencyError
 from flexlink.common.notebook import html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
@@ -15,6 +18,7 @@ from flexlink.describe.data_files import require_path
 from flexlink.describe.scene import Scene
 from flexlink.identification.identifiability import Check
 from flexlink.identification.problem import FitProblem
+from flexlink.pages.verdict import Report
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,6 +37,8 @@ class Estimate:
         Standard deviation.
     at_bound
         Whether the search ended at a bound of it.
+    profile
+        The interval where all other numbers are fitted anew with this one held; None if nobody asked.
     """
 
     name: str
@@ -43,6 +49,7 @@ class Estimate:
     high: float
     deviation: float
     at_bound: bool = False
+    profile: tuple[float, float] | None = None
 
     @property
     def half(self) -> float:
@@ -66,6 +73,10 @@ class FittedColumn:
         At their best.
     noise
         Standard deviation of the noise, stated or from what is left.
+    stated
+        Whether the problem states it.
+    times_noise
+        Root mean square of what is left over the noise.
     whiteness
         Probability that white noise looks like what is left; nan of single numbers.
     """
@@ -81,6 +92,8 @@ class FittedColumn:
     gain: float
     bias: float
     noise: float
+    stated: bool
+    times_noise: float
     whiteness: float
 
     def off(self, model: Array) -> float:
@@ -176,6 +189,26 @@ class Fitted:
             "warnings": list(self.warnings),
         }
 
+    def report(self, folder: str | Path, *, command: str = "") -> Report:
+        """Write a page that stands alone, the fitted scene, JSON, and a CSV of every table and picture.
+
+        Parameters
+        ----------
+        folder
+            For the page and its files; made if missing.
+        command
+            What the page says that it was made by.
+
+        Raises
+        ------
+        MissingDependencyError
+            matplotlib or jinja2 is not installed.
+        OutputError
+            The folder cannot be made, or a file in it not be written.
+        """
+        found: Report = building().build(self, require_path("folder", folder), command)
+        return found
+
     def save(self, path: str | Path) -> Path:
         """Write `document` as JSON; numbers that are not finite are null.
 
@@ -187,6 +220,22 @@ class Fitted:
         path = require_path("path", path)
         write_text(path, json.dumps(_finite(self.document()), indent=1, ensure_ascii=False) + "\n")
         return path
+
+
+def building() -> ModuleType:
+    """The module that builds pages, which needs matplotlib and jinja2.
+
+    Raises
+    ------
+    MissingDependencyError
+        One of them is not installed.
+    """
+    try:
+        return importlib.import_module("flexlink.identification.page")
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"a page needs matplotlib and jinja2 ({error}); install them with: python -m pip install 'flexlink[report]'"
+        ) from None
 
 
 def _of_column(one: FittedColumn) -> dict[str, Any]:

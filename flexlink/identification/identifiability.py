@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.common.types import Array
-from flexlink.identification.coordinates import Coordinate
 
 FREE = 1.0
 """Expected standard deviation of a direction, a part of its numbers, from which on it is not held."""
@@ -51,7 +50,9 @@ class Direction(NamedTuple):
             how = "has no effect on the data" if self.lost else "is hardly held by the data"
             return f"{self.names[0]} {how}: expected ± {_percent(self.deviation)}"
         how = "cannot be told apart" if self.lost else "can hardly be told apart"
-        moved = ", ".join(f"{name} {10 * p / self.parts[0]:+.2g} %" for name, p in zip(self.names, self.parts, strict=True))
+        moved = ", ".join(
+            f"{name} {10 * p / self.parts[0]:+.2g} %" for name, p in zip(self.names, self.parts, strict=True)
+        )
         return f"{' and '.join(self.names)} {how}: {moved} changes nothing that was measured by more than its noise"
 
 
@@ -99,16 +100,16 @@ def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[str] =
     moved = np.flatnonzero(size > least)
     directions = [
         Direction((names[k],), (1.0,), np.inf if size[k] <= 10 * error else 1 / float(size[k]), True)
-        for k in np.flatnonzero(size <= least)
+        for k in np.flatnonzero(size <= least).tolist()
     ]
     some = J[:, moved]
     _, s, V = np.linalg.svd(np.vstack([some, np.zeros((len(moved),) * 2)]), full_matrices=False)
     lost = s <= least
-    of_some = [names[k] for k in moved]
+    of_some = [names[k] for k in moved.tolist()]
     for v in _short(V[lost]):
         along = float(np.linalg.norm(some @ v))
         directions.append(_direction(of_some, v, np.inf if along <= 10 * error else 1 / along, lost=True))
-    for k in np.flatnonzero(~lost & (s < 1 / WEAK))[::-1]:
+    for k in np.flatnonzero(~lost & (s < 1 / WEAK))[::-1].tolist():
         directions.append(_direction(of_some, V[k], 1 / float(s[k]), lost=False))
     expected = np.full(len(names), np.inf)
     unheld = (V[lost] ** 2).sum(axis=0) > COUNTS**2 / 10
@@ -129,7 +130,7 @@ def _short(basis: Array) -> Array:
 
 def _direction(names: Sequence[str], v: Array, deviation: float, lost: bool) -> Direction:
     size = np.abs(v)
-    order = [k for k in np.argsort(-size) if size[k] > COUNTS * size.max()]
+    order = [int(k) for k in np.argsort(-size) if size[k] > COUNTS * size.max()]
     return Direction(tuple(names[k] for k in order), tuple(float(v[k]) for k in order), float(deviation), lost)
 
 

@@ -54,10 +54,11 @@ def spread_of(parts: Sequence[Part], priors: Array) -> Spread:
     """How well all numbers are known; `priors` are the slopes of prior knowledge, shape (priors, all)."""
     bread = meat = priors.T @ priors
     independent, samples, colours = 0.0, 0, []
+    worse = _worse(parts, bread.shape[0] - len(priors))
     for part in parts:
         bread = bread + sum(J.T @ J for J in part.slopes)
         of_part = [colour_of(e) if part.is_run else Colour(np.ones(1), e) for e in part.residuals]
-        meat = meat + (_meat(part, of_part) if part.is_run else sum(J.T @ J for J in part.slopes))
+        meat = meat + (_meat(part, of_part) if part.is_run else worse * sum(J.T @ J for J in part.slopes))
         colours.append(of_part)
         if part.is_run:
             independent += sum(len(e) / one.correlation_length for e, one in zip(part.residuals, of_part, strict=True))
@@ -69,6 +70,13 @@ def spread_of(parts: Sequence[Part], priors: Array) -> Spread:
     freedom = max(independent - lost, 1.0) if samples else math.inf
     wide = float(student.ppf((1 + LEVEL) / 2, freedom)) if math.isfinite(freedom) else 1.959963984540054
     return Spread(inverse @ meat @ inverse, wide, colours)
+
+
+def _worse(parts: Sequence[Part], sought: int) -> float:
+    """Mean square of the residuals of single numbers over their noise, where it is more than 1: what is stated is less."""
+    single = [e for part in parts if not part.is_run for e in part.residuals]
+    count = sum(map(len, single)) - (sought if len(single) == sum(len(part.residuals) for part in parts) else 0)
+    return max(1.0, sum(float(e @ e) for e in single) / max(count, 1))
 
 
 def _meat(part: Part, colours: Sequence[Colour]) -> Array:

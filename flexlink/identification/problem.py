@@ -15,6 +15,7 @@ from flexlink.describe import data_files
 from flexlink.describe.mistakes import mistakes, raise_together
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Positive, Spec, check_keys, decode, fields_of
+from flexlink.sweeps.plan import paths_of
 
 Use = Literal["fit", "check"]
 """What data are for: to fit, or to judge what was fitted without them."""
@@ -231,9 +232,9 @@ def load_fit(path: str | Path) -> FitProblem:
 
     Examples
     --------
-    >>> problem = fl.load_fit("models/fits/crane.toml")
+    >>> problem = fl.load_fit("models/fits/tapped.toml")
     >>> print(problem.scene.name, [parameter.path for parameter in problem.parameter])
-    two_links ['material.aluminium.young', 'tip.mass']
+    three_links ['material.aluminium.young', 'tip.mass']
     """
     path = data_files.require_path("path", path)
     raw = data_files.read_toml(path)
@@ -243,12 +244,22 @@ def load_fit(path: str | Path) -> FitProblem:
         if not isinstance(raw["scene"], str):
             raise SceneError(f"scene = {raw['scene']!r}: expected the path of a scene file")
         scene = load_scene(path.parent / raw.pop("scene"))
+        for part in ("run", "modes", "static"):
+            for table in raw.get(part, ()) if isinstance(raw.get(part), list) else ():
+                _as_paths(table)
         raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
         parts = {key: decode(value, fields[key].type, key) for key, value in raw.items()}
         parts["run"] = tuple(_beside(path.parent, run) for run in parts.get("run", ()))
         return FitProblem(scene=scene, **parts)
     except (SceneError, DataFileError) as error:
         raise type(error)(f"{path}: {error}") from None
+
+
+def _as_paths(table: Any) -> None:
+    """Keys that TOML has taken apart at their dots, as paths again."""
+    for key in ("set", "before") if isinstance(table, dict) else ():
+        if isinstance(table.get(key), dict):
+            table[key] = dict(paths_of(table[key]))
 
 
 def _beside(folder: Path, run: FitRun) -> FitRun:

@@ -54,9 +54,7 @@ class Signals:
     def __init__(self, sources: Sequence[Source], coordinates: Sequence[Coordinate]) -> None:
         self.sources, self.coordinates = sources, coordinates
         self.runs = 0
-        self._own = [
-            [k for k, one in enumerate(coordinates) if one.run in ("", source.name)] for source in sources
-        ]
+        self._own = [[k for k, one in enumerate(coordinates) if one.run in ("", source.name)] for source in sources]
         self._variants = [
             Variants(source.scene, [coordinates[k].path for k in own])
             for source, own in zip(sources, self._own, strict=True)
@@ -103,11 +101,8 @@ class Signals:
             stencils = [self._stencil(k, x, stencil, step) for k in own]
             points = [x + step * at * _unit(len(x), k) for k, one in zip(own, stencils, strict=True) for at in one.at]
             values = self._many([(number, point) for point in points])
-            for value in values:
-                if isinstance(value, FlexlinkError):
-                    raise value
+            several = iter(_good(values))
             slopes = [np.zeros((len(block.y), len(x))) for block in source.blocks]
-            several = iter(values)
             for k, one in zip(own, stencils, strict=True):
                 for weight in one.weights:
                     value = next(several)
@@ -164,6 +159,13 @@ def _of_run(source: Recorded, end: object) -> list[Array] | FlexlinkError:
         return source.model(end)
     assert isinstance(end, FlexlinkError)
     return end
+
+
+def _good(values: Sequence[list[Array] | FlexlinkError]) -> list[list[Array]]:
+    for value in values:
+        if isinstance(value, FlexlinkError):
+            raise value
+    return [value for value in values if not isinstance(value, FlexlinkError)]
 
 
 def _unit(n: int, k: int) -> Array:

@@ -13,7 +13,7 @@ from scipy.stats import qmc
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.identification.coordinates import Coordinate, prior_rows
-from flexlink.identification.data import Block, Source
+from flexlink.identification.data import Block
 from flexlink.identification.residuals import Row, row_of
 from flexlink.identification.signals import Model, Signals
 
@@ -71,16 +71,16 @@ class Search:
         single = [k for k, source in enumerate(self.signals.sources) if not source.is_run]
         runs = len(single) < len(self.signals.sources)
         if single and runs:
-            x = self._least(x, [part if k in single else [] for k, part in enumerate(blocks)], rough=True)
+            x = self.least(x, [part if k in single else [] for k, part in enumerate(blocks)], rough=True)
         for part in WINDOWS[: len(WINDOWS) if runs else 0]:
-            x = self._least(x, [_first(one, part) for one in blocks], rough=part < 1)
+            x = self.least(x, [_first(one, part) for one in blocks], rough=part < 1)
         if not runs:
-            x = self._least(x, blocks)
+            x = self.least(x, blocks)
         cost = self.cost(x, blocks)
         several = sum(not block.stated for part in blocks for block in part) and sum(map(len, blocks)) > 1
         for _ in range(ROUNDS if several else 0):
             blocks = self.weighed(x, blocks)
-            x = self._least(x, blocks)
+            x = self.least(x, blocks)
         return Found(x, cost, self.weighed(x, blocks) if runs else blocks)
 
     def rows(self, x: Array, blocks: Sequence[Sequence[Block]], *, slopes: bool = True) -> list[list[Row]]:
@@ -103,15 +103,32 @@ class Search:
             for part, of_part in zip(blocks, rows, strict=True)
         ]  # fmt: skip
 
-    def _least(self, x: Array, blocks: Sequence[Sequence[Block]], *, rough: bool = False) -> Array:
-        bounds = np.array([one.bounds for one in self.coordinates]).T
+    def least(
+        self, x: Array, blocks: Sequence[Sequence[Block]], *, rough: bool = False, held: int | None = None
+    ) -> Array:
+        """Where the sum of squares is least, from a point on; the coordinate `held` stays."""
+        free = np.arange(len(x)) != held
+        if not free.any():
+            return x
+        bounds = np.array([one.bounds for one in self.coordinates]).T[:, free]
         fine: dict[str, Any] = dict.fromkeys(("ftol", "xtol", "gtol"), 1e-4 if rough else 1e-12)
-        inside = np.clip(x, *bounds)
+
+        def whole(part: Array) -> Array:
+            point = x.copy()
+            point[free] = part
+            return point
+
         found = least_squares(
-            lambda x: self._residual(x, blocks), inside, lambda x: self._jacobian(x, blocks), bounds=bounds,
-            loss=self.loss, x_scale=1.0, max_nfev=30 if rough else 100, **fine,
+            lambda part: self._residual(whole(part), blocks), np.clip(x[free], *bounds),
+            lambda part: self._jacobian(whole(part), blocks)[:, free], bounds=bounds, loss=self.loss, x_scale=1.0,
+            max_nfev=30 if rough else 100, **fine,
         )  # fmt: skip
-        return np.asarray(found.x)
+        return whole(np.asarray(found.x))
+
+    def deviations(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        """Standard deviations if all noise were white, of the size that was taken, gains and biases at their best."""
+        J = self._jacobian(x, blocks)
+        return np.sqrt(np.diag(np.linalg.pinv(J.T @ J)))
 
     def _residual(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
         known, _ = prior_rows(self.coordinates, x)
@@ -127,7 +144,7 @@ class Search:
         return np.vstack([known, *(row.slopes for part in rows for row in part)])
 
 
-def starts(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
+def start_points(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
     """The problem's own start, then points that fill the bounds, or a factor of 2 to either side, evenly."""
     own = np.array([one.x(one.start) for one in coordinates])
     low, high = np.array([_around(one) for one in coordinates]).T

@@ -23,8 +23,8 @@ from flexlink.describe.own_units import UNIT
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from flexlink.motion.simulate import simulate
-from flexlink.results.trajectory import Trajectory
 from flexlink.results.measured import Measured
+from flexlink.results.trajectory import Trajectory
 
 
 class Tried(NamedTuple):

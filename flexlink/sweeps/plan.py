@@ -226,7 +226,7 @@ def load_sweep(path: str | Path) -> Sweep:
         raise type(error)(f"{path}: {error}") from None
 
 
-def paths_of(table: Mapping[str, Any], leaf: tuple[str, ...], above: str = "") -> Iterator[tuple[str, Any]]:
+def paths_of(table: Mapping[str, Any], leaf: tuple[str, ...] = (), above: str = "") -> Iterator[tuple[str, Any]]:
     """Keys that TOML has taken apart at their dots, as paths again; a table with one of `leaf` is a value."""
     for key, value in table.items():
         if isinstance(value, dict) and value and not any(name in value for name in leaf):
