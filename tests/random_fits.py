@@ -88,6 +88,8 @@ def held(first: int, count: int) -> tuple[int, int, list[float]]:
             found = fl.fit(problem)
         except fl.errors.IdentifiabilityError:
             continue
+        if not found.identifiable:
+            continue
         done += 1
         for path, value in true.items():
             one = found[path]

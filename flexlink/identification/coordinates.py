@@ -14,6 +14,9 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
 from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 
+FURTHEST = 1e3
+"""Factor from the start that is tried at most of a number that is sought by its logarithm."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Coordinate:
@@ -107,7 +110,8 @@ def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coord
         raise SceneError(f"parameter {parameter.path} = {value!r}: outside between = {[low, high]}; give start")
     width = (high - low) / 2
     unit = width if math.isfinite(width) else abs(value) or 1.0
-    return Coordinate(parameter.path, run, value, log, unit, (max(low, 0.0) if log else low, high), parameter.prior)
+    ends = (max(low, value / FURTHEST), min(high, value * FURTHEST)) if log else (low, high)
+    return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior)
 
 
 def _value(scene: Scene, parameter: FitParameter) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -14,15 +15,22 @@ from flexlink.identification.residuals import Row
 from flexlink.identification.stacking import linear_names
 
 
+def without_ends(one: Estimate) -> Estimate:
+    """A number whose interval nobody knows."""
+    return dataclasses.replace(one, low=-math.inf, high=math.inf, deviation=math.inf)
+
+
 def estimates(coordinates: Sequence[Coordinate], x: Array, spread: Spread) -> list[Estimate]:
     """Numbers of the scene."""
     found = []
     for k, one in enumerate(coordinates):
         at, σ = float(x[k]), float(spread.deviations[k])
-        value, low, high = (one.value(at + far * spread.wide * σ) for far in (0, -1, 1))
+        low, high = (one.value(at + far * spread.wide * σ) for far in (-1, 1))
         edge = 1e-6 * max(1.0, abs(at))
         bound = any(math.isfinite(end) and abs(at - end) < edge for end in one.bounds)
-        found.append(Estimate(one.name, one.path, one.start, value, low, high, one.size(value) * σ, bound))
+        found.append(
+            Estimate(one.name, one.path, one.start, one.value(at), low, high, one.size(one.value(at)) * σ, bound)
+        )
     return found
 
 

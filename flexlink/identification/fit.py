@@ -11,7 +11,7 @@ from flexlink.common.errors import FlexlinkError, IdentifiabilityError
 from flexlink.common.types import Array
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
 from flexlink.identification.data import Block, Source, sources_of
-from flexlink.identification.estimates import estimates, linear_estimates
+from flexlink.identification.estimates import estimates, linear_estimates, without_ends
 from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.interval import spread_of
@@ -125,7 +125,9 @@ def fit(
     spread = spread_of(parts_of(sources, rows), priors_of(coordinates, best.x, rows))
     after = _check(signals, best.x, best.blocks, check.notes)
     numbers = (*estimates(coordinates, best.x, spread), *linear_estimates(sources, rows, spread, len(coordinates)))
-    if profile:
+    if not after.passed:
+        numbers = tuple(map(without_ends, numbers))
+    elif profile:
         numbers = (*profiled(search, best, numbers[: len(coordinates)], tell), *numbers[len(coordinates) :])
     columns = columns_of(problem, signals, best, own, tell)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
@@ -195,8 +197,8 @@ FAR = 2.0
 
 def _too_far(one: FittedColumn) -> str:
     return (
-        f"{one.source}, {one.name}: what is left is {one.times_noise:.2g} times the noise that is stated: more noise, or "
-        "something that the scene does not have"
+        f"{one.source}, {one.name}: what is left is {one.times_noise:.2g} times the noise that is stated: more noise, "
+        "or something that the scene does not have"
     )
 
 

@@ -32,7 +32,7 @@ class Estimate:
     start, value
         Before and after the fit, in the path's own unit.
     low, high
-        95 % interval, autocorrelation of the residuals counted.
+        95 % interval, autocorrelation of the residuals counted; without ends where the data hold not every number.
     deviation
         Standard deviation.
     at_bound
@@ -170,16 +170,21 @@ class Fitted:
         return after <= before * (1 + 1e-9)
 
     @property
+    def identifiable(self) -> bool:
+        """Whether the data hold every number where the search ended, none of them at a bound."""
+        return self.check.passed and not any(one.at_bound for one in self.numbers)
+
+    @property
     def passed(self) -> bool:
         """Whether the data hold every number, and the fitted scene is no worse than the one before."""
-        return self.check.passed and self.better
+        return self.identifiable and self.better
 
     def document(self) -> dict[str, Any]:
         """Plain numbers and texts, as in the JSON file."""
         return {
             "scene": self.scene.name,
             "passed": self.passed,
-            "identifiable": self.check.passed,
+            "identifiable": self.identifiable,
             "better": self.better,
             "numbers": [dataclasses.asdict(one) for one in self.numbers],
             "correlation": self.correlation.tolist(),

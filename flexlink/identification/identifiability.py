@@ -20,7 +20,7 @@ FREE = 1.0
 WEAK = 0.1
 """The same from which on it is told."""
 COUNTS = 0.2
-"""Share of the largest of a direction's numbers that makes another one part of it."""
+"""Share of the largest effect among a direction's numbers that makes another one part of it."""
 
 
 class Direction(NamedTuple):
@@ -108,9 +108,9 @@ def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[str] =
     of_some = [names[k] for k in moved.tolist()]
     for v in _short(V[lost]):
         along = float(np.linalg.norm(some @ v))
-        directions.append(_direction(of_some, v, np.inf if along <= 10 * error else 1 / along, lost=True))
+        directions.append(_direction(of_some, v, size[moved], np.inf if along <= 10 * error else 1 / along, lost=True))
     for k in np.flatnonzero(~lost & (s < 1 / WEAK))[::-1].tolist():
-        directions.append(_direction(of_some, V[k], 1 / float(s[k]), lost=False))
+        directions.append(_direction(of_some, V[k], size[moved], 1 / float(s[k]), lost=False))
     expected = np.full(len(names), np.inf)
     unheld = (V[lost] ** 2).sum(axis=0) > COUNTS**2 / 10
     expected[moved] = np.where(unheld, np.inf, np.sqrt((V[~lost].T ** 2 / s[~lost] ** 2).sum(axis=1)))
@@ -128,9 +128,10 @@ def _short(basis: Array) -> Array:
     return np.asarray(rows / np.linalg.norm(rows, axis=1)[:, None])
 
 
-def _direction(names: Sequence[str], v: Array, deviation: float, lost: bool) -> Direction:
-    size = np.abs(v)
-    order = [int(k) for k in np.argsort(-size) if size[k] > COUNTS * size.max()]
+def _direction(names: Sequence[str], v: Array, effects: Array, deviation: float, lost: bool) -> Direction:
+    """The numbers in it are those whose effects on the data cancel, or would be noticed alone."""
+    effect = np.abs(v) * effects
+    order = [int(k) for k in np.argsort(-np.abs(v)) if effect[k] > COUNTS * effect.max()]
     return Direction(tuple(names[k] for k in order), tuple(float(v[k]) for k in order), float(deviation), lost)
 
 

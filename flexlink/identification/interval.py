@@ -73,7 +73,7 @@ def spread_of(parts: Sequence[Part], priors: Array) -> Spread:
 
 
 def _worse(parts: Sequence[Part], sought: int) -> float:
-    """Mean square of the residuals of single numbers over their noise, where it is more than 1: what is stated is less."""
+    """Mean square of the residuals of single numbers over their noise where that is more than 1."""
     single = [e for part in parts if not part.is_run for e in part.residuals]
     count = sum(map(len, single)) - (sought if len(single) == sum(len(part.residuals) for part in parts) else 0)
     return max(1.0, sum(float(e @ e) for e in single) / max(count, 1))

@@ -49,12 +49,12 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
 
 
 def _verdicts(fitted: Fitted) -> list[Verdict]:
-    held = fitted.check.passed
+    held = fitted.identifiable
     found = [
         Verdict(
             "Identifiability", "pass" if held else "fail", "held" if held else "not held",
             f"The data hold {plural(len(fitted.numbers), 'number')}." if held else
-            f"{fitted.check.lost[0].text}.",
+            f"{fitted.warnings[0]}.",
         )
     ]  # fmt: skip
     worst = max(fitted.judged, key=lambda one: one.off(one.after) / (one.noise or 1.0))
@@ -91,7 +91,9 @@ def _numbers(fitted: Fitted) -> Part:
         *(f"Note: {warning}." for warning in fitted.warnings),
     )
     names = tuple(one.name for one in fitted.numbers)
-    rows = tuple((name, *(float(v) for v in row)) for name, row in zip(names, fitted.correlation, strict=True))
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (name, *row.tolist()) for name, row in zip(names, fitted.correlation, strict=True)
+    )
     return Part(sentences, tables=(
         Table("numbers", "Numbers with 95 % intervals", tuple(heads), tuple(lines)),
         Table("correlation", "Correlation", ("", *names), rows, to_look_up=True),

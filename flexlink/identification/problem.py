@@ -35,7 +35,8 @@ class FitParameter(Spec, frozen=True):
     path: str
     """Path of the number, as `Scene.varied` takes it; `*` for several that are equal."""
     between: tuple[float, float] | None = None
-    """Least and largest value that are tried. Default: none, but what is sought by its logarithm stays positive."""
+    """Least and largest value that are tried. Default: a thousandth and a thousand times the start of what is sought by
+    its logarithm, else none."""
     start: float | None = None
     """Where the search begins. Default: the scene's value."""
     prior: tuple[float, Positive] | None = None
@@ -198,9 +199,21 @@ class FitProblem(Spec, frozen=True):
             twice = [path for path in paths_of_run if paths_of_run.count(path) > 1]
             if twice:
                 raise SceneError(f"parameter.path = {twice[0]!r}: is sought twice; name it once")
+        self._check_set(paths)
         data: Sequence[FitRun | FitModes | FitStatic] = (*self.run, *self.modes, *self.static)
         if not any(part.use == "fit" for part in data):
             raise SceneError("run, modes, static: nothing to fit; give at least one with use = 'fit'")
+
+    def _check_set(self, paths: Sequence[str]) -> None:
+        """What is sought for all is not set for some."""
+        for key in ("run", "modes", "static"):
+            for part in getattr(self, key):
+                for path in (*part.set, *(getattr(part, "before", None) or ())):
+                    if path in paths:
+                        raise SceneError(
+                            f"{key}.set: {path!r} is sought as a parameter, and cannot be set for a part of the data; "
+                            "say what differs by another number, such as a wrench"
+                        )
 
     def __repr__(self) -> str:
         sought = ", ".join(parameter.path for parameter in self.parameter)
