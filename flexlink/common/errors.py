@@ -170,13 +170,13 @@ class IdentifiabilityError(FlexlinkError, ValueError):
 
     Examples
     --------
-    >>> sought = tuple(fl.FitParameter(path=f"material.aluminium.{name}") for name in ("young", "loss_time"))
-    >>> tapped = fl.FitModes(hertz=(5.7, 26.9), deviation=(0.01,))  # frequencies say nothing of damping
+    >>> friction = fl.FitParameter(path="link.upper.joint.viscous", start=1.0)
+    >>> tapped = fl.FitModes(hertz=(5.7, 26.9), deviation=(0.01,))  # joints held: frequencies say nothing of friction
     >>> try:
-    ...     fl.fit(fl.FitProblem(scene=scene, parameter=sought, modes=(tapped,)))
+    ...     fl.fit(fl.FitProblem(scene=scene, parameter=(friction,), modes=(tapped,)))
     ... except fl.errors.IdentifiabilityError as error:
-    ...     print([one.names for one in error.check.lost])
-    [('material.aluminium.loss_time',)]
+    ...     print(error)
+    link.upper.joint.viscous has no effect on the data: expected ± ∞
     """
 
     def __init__(self, message: str, check: object) -> None:

@@ -108,6 +108,10 @@ def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coord
         raise SceneError(f"parameter {parameter.path}: prior = {list(parameter.prior)}: is not positive")
     if not parameter.within(value):
         raise SceneError(f"parameter {parameter.path} = {value!r}: outside between = {[low, high]}; give start")
+    if value == 0 and parameter.between is None and not parameter.path.startswith("initial."):
+        raise SceneError(
+            f"parameter {parameter.path} = {value!r}: how large it may be is not known; give between, or a start"
+        )
     width = (high - low) / 2
     unit = width if math.isfinite(width) else abs(value) or 1.0
     ends = (max(low, value / FURTHEST), min(high, value * FURTHEST)) if log else (low, high)

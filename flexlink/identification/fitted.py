@@ -132,6 +132,14 @@ class Fitted:
         How many runs were computed.
     warnings
         What is to be known of the fit.
+
+    Examples
+    --------
+    >>> tapped = fl.FitModes(hertz=(5.5,), deviation=(0.02,))
+    >>> young = fl.FitParameter(path="material.aluminium.young")
+    >>> found = fl.fit(fl.FitProblem(scene=scene, parameter=(young,), modes=(tapped,)))
+    >>> print(found.passed, found["material.aluminium.young"].low < found.scene.arm.materials["aluminium"].young)
+    True True
     """
 
     problem: FitProblem
@@ -210,6 +218,14 @@ class Fitted:
             matplotlib or jinja2 is not installed.
         OutputError
             The folder cannot be made, or a file in it not be written.
+
+        Examples
+        --------
+        >>> young = fl.FitParameter(path="material.aluminium.young")
+        >>> tapped = fl.FitModes(hertz=(5.5,), deviation=(0.02,))
+        >>> page = fl.fit(fl.FitProblem(scene=scene, parameter=(young,), modes=(tapped,))).report("fitted")
+        >>> print(page.page)
+        fitted/index.html
         """
         found: Report = building().build(self, require_path("folder", folder), command)
         return found

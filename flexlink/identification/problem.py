@@ -167,7 +167,7 @@ class FitProblem(Spec, frozen=True):
     ...     modes=(fl.FitModes(hertz=(5.5,), deviation=(0.02,)),),
     ... )
     >>> print(f"{fl.fit(problem).scene.arm.materials['aluminium'].young:.3g}")
-    6.53e+10
+    6.52e+10
     """
 
     scene: Scene
