@@ -21,6 +21,7 @@ from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidified import rigidified
 from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.sensor import Sensor
 from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
@@ -54,6 +55,7 @@ from flexlink.results.settling import overshoot, residual_vibration, settling_ti
 from flexlink.results.trajectory import Trajectory
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.robots.importing import import_urdf
+from flexlink.sensors.outputs import SensorOutputs
 
 if TYPE_CHECKING:
     from flexlink.on_demand import (
@@ -106,6 +108,8 @@ __all__ = [
     "RunSettings",
     "Scene",
     "Section",
+    "Sensor",
+    "SensorOutputs",
     "Simulator",
     "Sweep",
     "Trajectory",

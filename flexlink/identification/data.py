@@ -22,7 +22,7 @@ from flexlink.identification.problem import FitModes, FitProblem, FitRun, FitSta
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.motion.simulate import simulate
-from flexlink.results.measured import Measured, measured_from, named, read_measured, size_of
+from flexlink.results.measured import Measured, measured_from, named, read_measured
 from flexlink.results.trajectory import Trajectory
 
 
@@ -191,12 +191,8 @@ def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
     lengths = {head: len(column) for head, column in run.columns.items()}
     if len(set(lengths.values())) != 1:
         raise DataFileError(f"run {run.name!r}: columns of different length: {lengths}")
-    wanted = {
-        head: np.array(column)
-        for head, column in run.columns.items()
-        if not run.compare or head in run.compare or head.startswith("t [")
-    }
-    return measured_from(f"run {run.name!r}", wanted, known, run.compare, list(wanted))
+    values = np.array(list(run.columns.values())).T
+    return measured_from(f"run {run.name!r}", list(run.columns), values, known, run.compare)
 
 
 def _short(scene: Scene) -> Scene:
@@ -208,7 +204,7 @@ def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, ob
     """What the run says of columns: how each was called, by the name of the column of a run."""
     where, found = f"run {run.name!r}", {}
     for key in ("noise", "gain", "bias"):
-        found[key] = {named(where, head, known): head for head in getattr(run, key)}
+        found[key] = {named(where, head, known)[0]: head for head in getattr(run, key)}
         for name, head in found[key].items():
             if name not in compared:
                 likely = did_you_mean(head, compared)
@@ -221,7 +217,7 @@ def _block(
 ) -> Block:
     there = np.isfinite(y)
     head = heads["noise"].get(name)
-    σ = run.noise[head] * size_of(head, known) if head is not None else math.nan
+    σ = run.noise[head] * named(run.name, head, known)[1] if head is not None else math.nan
     return Block(
         name, y[there], np.full(int(there.sum()), σ), head is not None, t[there],
         name in heads["gain"], name in heads["bias"],
