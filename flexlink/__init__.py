@@ -20,6 +20,8 @@ from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidified import rigidified
+from flexlink.describe.rigidity import Rigidity
+from flexlink.describe.root import RootDamping, RootStiffness
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.shaping import InputShaper
@@ -40,6 +42,7 @@ from flexlink.dynamics.terms import (
     inverse_dynamics,
     mass_matrix,
 )
+from flexlink.dynamics.vibration.in_motion import equilibrium_in_motion, modes_in_motion
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.dynamics.vibration.modal import modes, natural_frequencies
 from flexlink.dynamics.vibration.poles import pd_poles
@@ -105,6 +108,9 @@ __all__ = [
     "Reference",
     "ReferenceTrajectory",
     "RigidBody",
+    "Rigidity",
+    "RootDamping",
+    "RootStiffness",
     "RunSettings",
     "Scene",
     "Section",
@@ -123,6 +129,7 @@ __all__ = [
     "compare_trajectories",
     "elastic_torque",
     "energy",
+    "equilibrium_in_motion",
     "errors",
     "fit",
     "forward_dynamics",
@@ -144,6 +151,7 @@ __all__ = [
     "lump",
     "mass_matrix",
     "modes",
+    "modes_in_motion",
     "momentum",
     "natural_frequencies",
     "overshoot",

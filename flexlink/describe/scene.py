@@ -455,8 +455,8 @@ class Scene(Spec, frozen=True):
             if "base" in table:
                 table["base"] = Inline(table["base"])
         order = (
-            "name", "about", "gravity", "base", "material", "section", "link", "tip", "initial", "drive", "motion",
-            "wrench", "sensor", "run",
+            "name", "about", "gravity", "base", "material", "section", "rigidity", "link", "tip", "initial", "drive",
+            "motion", "wrench", "sensor", "run",
         )  # fmt: skip
         return toml_of({key: document[key] for key in order if key in document and document[key] != {}})
 

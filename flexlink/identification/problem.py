@@ -276,4 +276,14 @@ def _as_paths(table: Any) -> None:
 
 
 def _beside(folder: Path, run: FitRun) -> FitRun:
-    return replace(run, file=str((folder / run.file).absolute())) if run.file else run
+    """Files of a run, and of what it sets, are named from the folder of the problem."""
+    file = str((folder / run.file).absolute()) if run.file else ""
+    return replace(run, file=file, set=_files_beside(folder, run.set))
+
+
+def _files_beside(folder: Path, value: Any, key: str = "") -> Any:
+    if isinstance(value, dict):
+        return {name: _files_beside(folder, item, name.rpartition(".")[2]) for name, item in value.items()}
+    if isinstance(value, list):
+        return [_files_beside(folder, item) for item in value]
+    return str((folder / value).absolute()) if key == "file" and isinstance(value, str) else value
