@@ -20,7 +20,10 @@ from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidified import rigidified
+from flexlink.describe.rigidity import Rigidity
+from flexlink.describe.root import RootDamping, RootStiffness
 from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.sensor import Sensor
 from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
@@ -39,6 +42,7 @@ from flexlink.dynamics.terms import (
     inverse_dynamics,
     mass_matrix,
 )
+from flexlink.dynamics.vibration.in_motion import equilibrium_in_motion, modes_in_motion
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.dynamics.vibration.modal import modes, natural_frequencies
 from flexlink.dynamics.vibration.poles import pd_poles
@@ -54,9 +58,26 @@ from flexlink.results.settling import overshoot, residual_vibration, settling_ti
 from flexlink.results.trajectory import Trajectory
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.robots.importing import import_urdf
+from flexlink.sensors.outputs import SensorOutputs
 
 if TYPE_CHECKING:
-    from flexlink.on_demand import Sweep, compare, compare_trajectories, load_sweep, report, sweep
+    from flexlink.on_demand import (
+        FitModes,
+        FitParameter,
+        FitProblem,
+        FitRun,
+        FitStatic,
+        Fitted,
+        Sweep,
+        check_fit,
+        compare,
+        compare_trajectories,
+        fit,
+        load_fit,
+        load_sweep,
+        report,
+        sweep,
+    )
 
 
 __all__ = [
@@ -67,6 +88,12 @@ __all__ = [
     "Damping",
     "DenavitHartenberg",
     "Drive",
+    "FitModes",
+    "FitParameter",
+    "FitProblem",
+    "FitRun",
+    "FitStatic",
+    "Fitted",
     "FlexibleLink",
     "FlexlinkError",
     "Friction",
@@ -81,9 +108,14 @@ __all__ = [
     "Reference",
     "ReferenceTrajectory",
     "RigidBody",
+    "Rigidity",
+    "RootDamping",
+    "RootStiffness",
     "RunSettings",
     "Scene",
     "Section",
+    "Sensor",
+    "SensorOutputs",
     "Simulator",
     "Sweep",
     "Trajectory",
@@ -92,11 +124,14 @@ __all__ = [
     "beam_strain",
     "bias_torque",
     "buckling_loads",
+    "check_fit",
     "compare",
     "compare_trajectories",
     "elastic_torque",
     "energy",
+    "equilibrium_in_motion",
     "errors",
+    "fit",
     "forward_dynamics",
     "forward_dynamics_derivatives",
     "frames",
@@ -109,12 +144,14 @@ __all__ = [
     "inverse_dynamics_derivatives",
     "jacobian",
     "linearize",
+    "load_fit",
     "load_scene",
     "load_sweep",
     "load_trajectory",
     "lump",
     "mass_matrix",
     "modes",
+    "modes_in_motion",
     "momentum",
     "natural_frequencies",
     "overshoot",

@@ -60,6 +60,7 @@ PLANTED: list[tuple[dict[str, Any], str, str]] = [
     ({"tip.inertia": [5e6, 5e6, 5e6]}, "tip.inertia", "kg mm²"),
     ({"link.jib.mount.xyz": [500.0, 0.0, 0.0]}, "link.jib.mount.xyz", "mm"),
     ({"link.boom.joint.gear_stiffness": 2000.0}, "link.boom.joint.gear_stiffness", "kN m/rad"),
+    ({"link.boom.root_stiffness.y": 2000.0}, "link.boom.root_stiffness.y", "kN m/rad"),
     ({"link.boom.joint.armature": 4e6}, "link.boom.joint.armature", "kg cm²"),
     ({"initial.joint_deg.boom": 0, "link.boom.joint.limits_deg": [-2.9671, 2.9671]},
      "link.boom.joint.limits_deg", "rad"),

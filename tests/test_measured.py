@@ -11,9 +11,9 @@ import pytest
 from conftest import ROOT
 
 import flexlink as fl
+from flexlink.results.measured import Measured, read_measured
 from flexlink.scene_report import building
 from flexlink.scene_report.fitting import Comparison, _least_squares, numbers_of
-from flexlink.scene_report.measured import Measured, read_measured
 from flexlink.scene_report.report import report
 
 KNOWN = ("t [s]", "tip x [m]", "q upper [rad]", "qd upper [rad/s]")

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from flexlink.advice.families import GAUSS, rule_of
 from flexlink.common.errors import SceneError
-from flexlink.describe.arm import Link
+from flexlink.describe.arm import Arm, Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
 
@@ -46,13 +46,20 @@ def uniform(axes: Axes, hinges: int, family: str = GAUSS) -> Model:
 
 
 def all_axes(scene: Scene) -> Axes:
-    """All axes that can bend: all three of every link with a section."""
-    return tuple("xyz" if is_beam(link) else "rigid" for link in scene.arm.links)
+    """All axes that can bend: all three of every link with a section, of one with a table those that stand in it."""
+    return tuple(_axes_of(scene.arm, link) if is_beam(link) else "rigid" for link in scene.arm.links)
+
+
+def _axes_of(arm: Arm, link: Link) -> str:
+    if link.rigidity is None:
+        return "xyz"
+    table = arm.rigidities[link.rigidity]
+    return next((flex for flex in reversed(FLEX) if not any(table.lacks(flex))), "rigid")
 
 
 def is_beam(link: Link) -> bool:
-    """Whether a link has a material, a section and a length, so that it can bend."""
-    return link.material is not None and link.section is not None and link.beam.length > 0
+    """Whether a link has a material and a section, or a table of rigidities, and a length, so that it can bend."""
+    return (link.material is not None or link.rigidity is not None) and link.beam.length > 0
 
 
 def checked_scene(scene: Scene) -> Scene:
@@ -80,7 +87,7 @@ def checked_scene(scene: Scene) -> Scene:
 def can_move(scene: Scene, model: Model) -> bool:
     """Whether anything can move in the scene with this model."""
     links = zip(scene.arm.links, model, strict=True)
-    return any(bend or not link.joint.locked or link.joint.gear_stiffness for link, bend in links)
+    return any(bend or not link.joint.locked or link.turns_rigidly for link, bend in links)
 
 
 def with_model(scene: Scene, model: Model) -> Scene:

@@ -51,5 +51,8 @@ def _bend(chain: Chain, q: Array, hinges: list[int]) -> Array:
 
 def _least_rigidity(arm: Arm, link: Link) -> float:
     """The smallest EI of a link [N m²]."""
+    if link.rigidity is not None:
+        table = arm.rigidities[link.rigidity]
+        return table.stiffness_factor * min(min(column) for column in (table.ei_y, table.ei_z) if column is not None)
     ends = [arm.sections[name].properties[1:3] for name in (link.section, link.section_tip) if name]
     return arm.materials[link.material or ""].young * min(min(end) for end in ends)

@@ -42,16 +42,26 @@ Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
 """Joints of a chain: see `Chain.joint_indices`."""
 
 
+ROOT = 4
+"""Axis in a `Coordinate` of the spring at a link's root that turns about X; those about Y and Z follow."""
+
+
 class Coordinate(NamedTuple):
     """The paper's three indices: link from 1, segment from 0, axis 0 = active, 1 twist, 2 and 3 bending.
 
-    (link, 0, 3) is the hinge of an elastic gear, about the joint's axis. (0, 0, 1) … (0, 0, 6) are the joints of a free
-    base: three along X, Y, Z and three about them.
+    (link, 0, 3) is the hinge of an elastic gear, about the joint's axis; (link, 0, 4) … (link, 0, 6) are those of
+    springs at the link's root, about X, Y, Z. (0, 0, 1) … (0, 0, 6) are the joints of a free base: three along X, Y, Z
+    and three about them.
     """
 
     link: int
     segment: int
     axis: int
+
+    @property
+    def of_root(self) -> bool:
+        """Whether it is that of a spring at the root of a link."""
+        return self.link > 0 and self.axis >= ROOT
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -387,7 +397,7 @@ class Chain:
         1 upper.1.z
         """
         number = 0 if number_of(link) == 0 and self.has_free_base else link_number("link", link, self.link_names)
-        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, 3 if number else 6))
+        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, ROOT + 2))
         if wanted not in self._sequential:
             known = truncated(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
             raise ArgumentError(
@@ -406,8 +416,9 @@ class Chain:
         return self.coordinates[self.joint_index("k", k)]
 
     def joint_name(self, k: int | str) -> str:
-        """Unique readable name of joint `k`: "upper", "upper.2.z" for a passive hinge, "upper.gear"; errors as above.
+        """Unique readable name of joint `k`: "upper", "upper.2.z" for a passive hinge, "upper.gear", "upper.root.z".
 
+        Errors as above.
         Where a link is called like another one's hinge, the hinge is numbered: "upper.2.z_2".
         """
         return self.joint_names[self.joint_index("k", k)]
@@ -510,6 +521,8 @@ def _hinge_name(coordinate: Coordinate) -> str:
     link, segment, axis = coordinate
     if link == 0:
         return free_base.NAMES[axis - 1]
+    if axis >= ROOT:
+        return f"root.{'xyz'[axis - ROOT]}"
     return "gear" if axis and not segment else f"{segment}.{' xyz'[axis]}"
 
 

@@ -14,16 +14,19 @@ from numpy.typing import NDArray
 from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
 from flexlink.chain.builder import Builder, Piece, record_inertia, recorded
-from flexlink.chain.chain import Chain, Coordinate
+from flexlink.chain.chain import ROOT, Chain, Coordinate
+from flexlink.chain.compliance import cell_constants, spring_constants
 from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
+from flexlink.chain.table_beam import TableBeam, points_between
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
 from flexlink.describe.data_files import is_user_file
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.root import ROOT_AXES
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
@@ -126,6 +129,7 @@ class Springs(NamedTuple):
     cells: Cells | None
     coupled: slice  # of the chain's couplings
     pairs: NDArray[np.intp]  # (couplings, 3) axis, cell and pair of hinges in it
+    given: tuple[Array, Array] | None = None  # the constants themselves, of a table
 
     def constants(self, rigidities: Array) -> tuple[Array, Array]:
         """K_ii (…, hinges) and K_ij (…, couplings) [N m/rad] of GJ, EI_y, EI_z at the sections, (…, 3, N) [N m²]."""
@@ -141,8 +145,11 @@ class Springs(NamedTuple):
 
     def write(self, arm: Arm, hinges: NDArray[np.void], couplings: NDArray[np.void]) -> None:
         """Put spring and damping constants into the hinges and the couplings of the chain."""
-        link, material = self.link, arm.materials[self.link.material or ""]
-        k, coupled = self.constants(rigidities(material, self.sections))
+        link = self.link
+        if self.given is None:
+            k, coupled = self.constants(rigidities(arm.materials[link.material or ""], self.sections))
+        else:
+            k, coupled = self.given
         if not k.all():  # it would count as a joint without a spring
             raise SceneError(f"link {link.name!r}: the stiffness of a hinge underflows float64")
         loss = arm.loss_time(link)
@@ -180,7 +187,7 @@ FRAMES = Memo(64)
 """Arms of the same links, without what differs between variants of a material, a payload, a start."""
 
 
-def _framed(scene: Scene, beams: Sequence[_Beam | None]) -> Frame:
+def _framed(scene: Scene, beams: Sequence[_Beam | TableBeam | None]) -> Frame:
     """Bodies, hinges and pieces, from the base outward to the tip frames."""
     arm, builder, initial = scene.arm, Builder(), scene.initial
     moved = {arm.number(motion.link) for motion in scene.motion}
@@ -217,8 +224,10 @@ def _framed(scene: Scene, beams: Sequence[_Beam | None]) -> Frame:
     return Frame(chain.bodies, chain.hinges, chain.couplings, builder, tuple(springs), chain)
 
 
-def _beam_of(arm: Arm, link: Link) -> _Beam | None:
+def _beam_of(arm: Arm, link: Link) -> _Beam | TableBeam | None:
     """None of a link without one."""
+    if link.rigidity is not None:
+        return TableBeam(link.beam.length, arm.rigidities[link.rigidity])
     if link.material is None or link.section is None:
         return None
     root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
@@ -289,11 +298,13 @@ def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, fl
 
 
 def _add_line(
-    builder: Builder, link: Link, number: int, beam: _Beam | None, nodes: Array, weights: Array
+    builder: Builder, link: Link, number: int, beam: _Beam | TableBeam | None, nodes: Array, weights: Array
 ) -> list[Springs]:
     """What stands between the axes of a link at its joint and those at its end: the beam, and the body behind it."""
     start, length, frame = link.beam
-    builder.move(start, frame)
+    builder.move(start)
+    _add_root(builder, link, number)
+    builder.turn(frame)
     springs = []
     if beam is None:
         builder.advance(number, (0.0, 1.0), np.array([length, 0, 0]))
@@ -306,7 +317,19 @@ def _add_line(
     return springs
 
 
-def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes: Array, weights: Array) -> Springs:
+def _add_root(builder: Builder, link: Link, number: int) -> None:
+    """Springs at the root of the beam, about axes of the link's frame."""
+    if not link.root_springs:
+        return
+    builder.start_body()
+    for axis, (stiffness, damping) in link.root_springs.items():
+        turned = ROOT_AXES.index(axis)
+        builder.add_hinge(Coordinate(number, 0, ROOT + turned), turned, stiffness, damping)
+
+
+def _add_segments(
+    builder: Builder, link: Link, number: int, beam: _Beam | TableBeam, nodes: Array, weights: Array
+) -> Springs:
     """Segments and hinges of a beam, along the x of the running frame; returns the springs that are still to be."""
     rule, first = lumping_rule(link.lumping), len(builder.hinges)
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
@@ -328,13 +351,22 @@ def _add_segments(builder: Builder, link: Link, number: int, beam: _Beam, nodes:
         builder.advance(number, part, end)
     rows = np.arange(first, len(builder.hinges))
     among = np.array([axis * len(nodes) + hinge for axis, hinge in places], dtype=np.intp)
-    if rule.cells is None:
+    if rule.cells is None or not rows.size:
         none = slice(len(builder.couplings), len(builder.couplings)), np.empty((0, 3), np.intp)
+        if isinstance(beam, TableBeam):
+            k = spring_constants(beam, rule, nodes, weights).reshape(-1)[among] if rows.size else np.empty(0)
+            return Springs(link, np.empty((4, 0)), np.empty(0), rows, among, None, *none, (k, np.empty(0)))
         return Springs(link, beam.sections(nodes), weights * beam.length, rows, among, None, *none)
+    coupled, pairs = _couple(builder, rule.cells, places)
+    if isinstance(beam, TableBeam):
+        K, (axis, cell, pair) = cell_constants(beam, rule.cells, len(nodes)), pairs.T
+        i, j = np.array(rule.cells.cell.pairs).T
+        given = K.diagonal(axis1=2, axis2=3).reshape(-1)[among], K[axis, cell, i[pair], j[pair]]
+        return Springs(link, np.empty((4, 0)), np.empty(0), rows, among, rule.cells, coupled, pairs, given)
     cell, count = rule.cells.cell, len(nodes) // rule.cells.hinges
     sections = beam.sections(rule.cells.gauss_points(len(nodes)))
     lengths = beam.length / count / np.tile(cell.weights, count)
-    return Springs(link, sections, lengths, rows, among, rule.cells, *_couple(builder, rule.cells, places))
+    return Springs(link, sections, lengths, rows, among, rule.cells, coupled, pairs)
 
 
 def _springs_of(rule: LumpingRule, hinge: int) -> int:
@@ -355,7 +387,7 @@ def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) 
     return slice(first, len(builder.couplings)), np.array(pairs, dtype=np.intp).reshape(-1, 3)
 
 
-def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weights: Array) -> Array:
+def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam | TableBeam, nodes: Array, weights: Array) -> Array:
     """Rotor inertias of the twist hinges [kg m²]; refused where M of the twist would not be positive definite.
 
     A, inwards from the tip, is the articulated inertia about X of all beyond a hinge; what the link carries only adds.
@@ -387,9 +419,9 @@ Segment = tuple[SpatialInertia | None, tuple[float, float], Array]
 """Of a segment its body, part of the link, end [m]."""
 
 
-def _segments_of(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array) -> list[Segment]:
+def _segments_of(link: Link, rule: LumpingRule, beam: _Beam | TableBeam, nodes: Array) -> list[Segment]:
     """Links alike share their segments, of whatever stiffness."""
-    if rule.cells is None:
+    if rule.cells is None or not nodes.size:  # a rigid link has no hinges, whatever its rule
         return _segments(beam, nodes.tobytes())
     try:
         return _cell_segments(beam, rule.cells, len(nodes))
@@ -398,7 +430,7 @@ def _segments_of(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array) -> li
 
 
 @functools.lru_cache(maxsize=256)
-def _segments(beam: _Beam, nodes: bytes) -> list[Segment]:
+def _segments(beam: _Beam | TableBeam, nodes: bytes) -> list[Segment]:
     """Slices of the beam from hinge to hinge; a hinge at the very root has nothing before it."""
     edges = np.array([0.0, *np.frombuffer(nodes), 1.0])
     slices = zip(*beam.slices(edges), np.diff(edges) * beam.length, strict=True)
@@ -410,7 +442,7 @@ def _segments(beam: _Beam, nodes: bytes) -> list[Segment]:
 
 
 @functools.lru_cache(maxsize=256)
-def _cell_segments(beam: _Beam, cells: Cells, count: int) -> list[Segment]:
+def _cell_segments(beam: _Beam | TableBeam, cells: Cells, count: int) -> list[Segment]:
     """Segments whose M is the exact one of a beam that has the angle of each segment at its Lobatto node s.
 
     m is that of the slice, from S_i−1 to S_i; m c = l ∫ ρA from s_i to S_i, from the segment's start; and
@@ -432,12 +464,19 @@ def _cell_segments(beam: _Beam, cells: Cells, count: int) -> list[Segment]:
     J[np.abs(J) <= rounding] = 0.0  # the first segment is a point mass at its end, the last at its hinge
     J[-1] += given
     J[-2] -= given
+    if isinstance(beam, TableBeam):
+        _pass_on(J)
+    if (J < 0).any() and isinstance(beam, TableBeam):
+        raise ArgumentError(
+            f"the mass per length of its table changes so much within a cell that segment {int(np.argmin(J))} would "
+            "have a negative moment of inertia; take more segments, or a rule without cells, such as 'gauss'"
+        )
     if (J < 0).any():
         raise ArgumentError(
             f"tip = {cells.tip:g}: segment {int(np.argmin(J))} would have a negative moment of inertia; "
             "take a smaller tip in the rule"
         )
-    y, z = l * beam.density * beam.sections(places)[1:3]
+    y, z = l * beam.rotary(places)
     moments = np.column_stack([y + z, J + y, J + z])
     return [
         (SpatialInertia(float(m), np.array([c, 0, 0]), np.diag(I)), part, np.array([length, 0, 0]))
@@ -445,16 +484,25 @@ def _cell_segments(beam: _Beam, cells: Cells, count: int) -> list[Segment]:
     ]
 
 
-def _cell_inertia(beam: _Beam, cells: Cells, i: int, places: Array, edges: Array) -> float:
+def _pass_on(J: Array) -> None:
+    """Let neighbours bear what is negative, as beside a jump; their angles are nearly the same, and the sum stays."""
+    for first, then in ((range(len(J) - 1), 1), (range(len(J) - 1, 0, -1), -1)):
+        for i in first:
+            if J[i] < 0:
+                J[i + then] += J[i]
+                J[i] = 0.0
+
+
+def _cell_inertia(beam: _Beam | TableBeam, cells: Cells, i: int, places: Array, edges: Array) -> float:
     """J_i + m_i c_i² of a segment."""
     p, count, L = cells.hinges, len(places) - 1, beam.length
     e = min(i // p, count // p - 1)
     beyond = np.arange(i + 1, (e + 1) * p + 1)
     weights = cells.cell.lengths[beyond - e * p] * p / count
     s, start, end, stop = places[i], edges[i], edges[i + 1], places[(e + 1) * p]
-    x = s + (stop - s) * (1 + GAUSS_NODES) / 2
+    _, x, weight = points_between(np.array([s, stop]), beam.knots)
     ν = beam.masses(np.concatenate([[s], x, places[beyond]]), np.full(1 + len(x) + len(beyond), end))
-    integral = (stop - s) / 2 * (GAUSS_WEIGHTS @ ν[1 : 1 + len(x)])
+    integral = weight @ ν[1 : 1 + len(x)]
     return float((end - start) * L**2 * ((s - start) * ν[0] + integral - weights @ ν[1 + len(x) :]))
 
 
@@ -479,6 +527,15 @@ class _Beam:
     def sections(self, x: Array) -> Array:
         """Area, I_y, I_z and J at every x, shape (4, *x.shape) [m², m⁴]."""
         return _sections(self.root, self.tip, x.tobytes()).reshape(4, *x.shape)
+
+    @property
+    def knots(self) -> Array:
+        """Where anything has kinks: nowhere."""
+        return np.empty(0)
+
+    def rotary(self, x: Array) -> Array:
+        """ρI_y and ρI_z at every x, shape (2, *x.shape) [kg m]."""
+        return self.density * self.sections(x)[1:3]
 
     def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
         """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, of the last to the end [kg m²].

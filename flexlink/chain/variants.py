@@ -39,7 +39,8 @@ def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
 def _same_frame(before: Scene, scene: Scene) -> bool:
     """Whether it is plain that two scenes share a frame, or that neither has one."""
     a, b = before.arm, scene.arm
-    if not (a.links is b.links and a.sections is b.sections and before.motion is scene.motion):
+    same = a.links is b.links and a.sections is b.sections and a.rigidities is b.rigidities
+    if not (same and before.motion is scene.motion):
         return False
     densities = (a.materials[name].density == b.materials[name].density for name in a.materials if name in b.materials)
     held = situation(before) == situation(scene)
@@ -93,17 +94,25 @@ def _write_springs(
     springs: Springs, scenes: Sequence[Scene], hinges: NDArray[np.void], couplings: NDArray[np.void]
 ) -> NDArray[np.bool_]:
     """`Springs.write` for all; returns where no stiffness underflows."""
+    loss = np.array([scene.arm.loss_time(springs.link) for scene in scenes])[:, None]
+    if springs.given is not None:
+        k, coupled = (np.broadcast_to(part, (len(scenes), len(part))) for part in springs.given)
+    else:
+        k, coupled = _by_materials(springs, scenes)
+    hinges["stiffness"][:, springs.rows], hinges["damping"][:, springs.rows] = k, loss * k
+    couplings["stiffness"][:, springs.coupled], couplings["damping"][:, springs.coupled] = coupled, loss * coupled
+    return np.asarray(k.all(axis=1))
+
+
+def _by_materials(springs: Springs, scenes: Sequence[Scene]) -> tuple[Array, Array]:
+    """Constants of all, shape (b, hinges) and (b, couplings)."""
     name = springs.link.material or ""
     materials = [scene.arm.materials[name] for scene in scenes]
     young = np.array([material.young for material in materials])[:, None]
     shear = np.array([material.shear for material in materials])[:, None]
-    loss = np.array([scene.arm.loss_time(springs.link) for scene in scenes])[:, None]
     _, i_y, i_z, torsion = springs.sections
     rigidities = np.stack([shear * torsion, young * i_y, young * i_z], axis=1)
-    k, coupled = springs.constants(rigidities)
-    hinges["stiffness"][:, springs.rows], hinges["damping"][:, springs.rows] = k, loss * k
-    couplings["stiffness"][:, springs.coupled], couplings["damping"][:, springs.coupled] = coupled, loss * coupled
-    return np.asarray(k.all(axis=1))
+    return springs.constants(rigidities)
 
 
 def _write_tips(frame: Frame, tips: Sequence[RigidBody], bodies: NDArray[np.void]) -> None:

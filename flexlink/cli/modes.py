@@ -2,11 +2,13 @@
 
 flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
 flexlink modes models/t3_spatial.toml --count 20
+flexlink modes models/paper_fig5.toml --set link.waist.joint.locked=false --rate waist=60rpm --lock upper fore
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -19,6 +21,7 @@ from flexlink.common.errors import ArgumentError, ConvergenceError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.at_rest import first_elastic_frequency
+from flexlink.dynamics.vibration.in_motion import modes_in_motion, steady_joint
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
@@ -29,6 +32,10 @@ def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `modes`."""
     command.add_argument("scene", type=Path, help="scene file (.toml)")
     command.add_argument("--lock", nargs="+", default=[], metavar="NAME", help="links or joints (boom.2.z) to lock")
+    command.add_argument(
+        "--rate", nargs="+", default=[], metavar="NAME=RATE",
+        help="joints that move steadily, about which modes are sought, such as hub=500rpm; rpm, deg/s, rad/s, m/s",
+    )  # fmt: skip
     command.add_argument("--count", type=int, default=8, help="number of modes, slowest first; default: 8")
     command.add_argument("--plot", type=Path, help="plot the mode shapes to this file (.png, .svg or .pdf)")
 
@@ -58,6 +65,41 @@ def first_elastic(scene: Scene, chain: Chain, q: Array) -> str:
     return f"first elastic frequency: {value}, at rest with the driven joints locked"
 
 
+UNITS = {"rpm": 2 * np.pi / 60, "deg/s": np.pi / 180, "rad/s": 1.0, "m/s": 1.0}
+"""Units of `--rate`, in rad/s, or m/s."""
+
+
+def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
+    """Rates [rad/s, m/s] of joints by their names, of NAME=500rpm.
+
+    Raises
+    ------
+    ArgumentError
+        A text is none of that form, or its unit does not fit the joint.
+    """
+    rates = {}
+    for text in texts:
+        name, _, rate = text.partition("=")
+        found = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(rpm|deg/s|rad/s|m/s)\s*", rate)
+        if not found:
+            raise ArgumentError(
+                f"--rate {text}: expected NAME=RATE with a unit, such as hub=500rpm; {', '.join(UNITS)}"
+            )
+        slides = bool(chain.slides[steady_joint(chain, name)])
+        if slides != (found[2] == "m/s"):
+            allowed = "m/s" if slides else "rpm, deg/s, rad/s"
+            raise ArgumentError(f"--rate {text}: {name} {'slides' if slides else 'turns'}; allowed are {allowed}")
+        rates[name] = float(found[1]) * UNITS[found[2]]
+    return rates
+
+
+def first_in_motion(found: Modes, texts: Iterable[str]) -> str:
+    """The first elastic frequency about a steady motion."""
+    hertz = found.first_elastic_hertz
+    value = f"{hertz:.6g} Hz" if np.isfinite(hertz) else "none among these modes"
+    return f"first elastic frequency: {value}, with {', '.join(texts)}"
+
+
 def run_command(options: argparse.Namespace) -> int:
     """Print modes, slowest first, and draw them where that was asked for."""
     scene = varied_scene(options.scene, options)
@@ -70,8 +112,13 @@ def run_command(options: argparse.Namespace) -> int:
         locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]
         wrench, frame = initial_wrench(scene, chain)
         posture = initial_state(scene, chain)[0]
-        found = modes(chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count)
-        first = first_elastic(scene, chain, posture)
+        if options.rate:
+            rates, count = rates_of(chain, options.rate), options.count
+            found = modes_in_motion(chain, rates, posture, tip_wrench=wrench, frame=frame, locked=locked, count=count)
+            first = first_in_motion(found, options.rate)
+        else:
+            found = modes(chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count)
+            first = first_elastic(scene, chain, posture)
     print_modes(scene, found, range(len(found.eigenvalues)))
     print(first)
     if options.plot is not None:

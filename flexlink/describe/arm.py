@@ -17,6 +17,8 @@ from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.links import link_number
 from flexlink.describe.mistakes import raise_together
 from flexlink.describe.rigid_body import RigidBody
+from flexlink.describe.rigidity import Rigidity
+from flexlink.describe.root import ROOT_AXES, RootDamping, RootStiffness
 from flexlink.describe.sections import SHAPES, SectionProperties
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, did_you_mean, link_key, short_list, truncated
 
@@ -198,6 +200,10 @@ class Link(Spec, frozen=True):
     """The active joint at the link's root."""
     hub: RigidBody = RigidBody()
     """Rigid body that turns with the joint, in the link's frame: motor housing, bearing."""
+    root_stiffness: RootStiffness | None = None
+    """Springs where the beam begins, about axes of the link's frame [N m/rad]. Default: rigid."""
+    root_damping: RootDamping | None = None
+    """Damping of these springs [N m s/rad]."""
     length: NonNegative = 0.0
     """Length of the beam, along the link's x [m]; 0: no beam."""
     line: tuple[Vector3, Vector3] | None = None
@@ -216,6 +222,8 @@ class Link(Spec, frozen=True):
     """Name of the beam's section at the joint."""
     section_tip: str | None = None
     """Name of the section at the link's end, of the same shape: every dimension runs linearly, the beam tapers."""
+    rigidity: str | None = None
+    """Name of a table of rigidities and mass along the beam, in place of material and section."""
     damping: Damping | None = None
     """Damping of the link's bending, in place of the material's `loss_time`."""
     friction: Friction | None = None
@@ -232,17 +240,27 @@ class Link(Spec, frozen=True):
             missing, given = ("section", "material") if self.section is None else ("material", "section")
             said = f"{given} = {getattr(self, given)!r}"
             raise SceneError(f"{missing}: missing; {said} is given: give both, or neither for a massless link")
+        if self.rigidity is not None and self.material is not None:
+            raise SceneError(f"rigidity = {self.rigidity!r}: material = {self.material!r} is given, too; give only one")
         if self.section_tip is not None and self.section is None:
             raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
         if self.line is not None and self.length:
             raise SceneError(f"length = {self.length!r}: line = {truncated(self.line)} is given, too; give only one")
         if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
             raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: with dh a joint turns about Z")
+        for axis in ROOT_AXES:
+            damping = getattr(self.root_damping, axis, 0.0)
+            if damping and axis not in self.root_springs:
+                raise SceneError(f"root_damping.{axis} = {damping!r}: needs a root_stiffness.{axis}")
         length = self.beam.length
         if self.flex != "rigid":
             self._check_flexible(length)
         elif self.segments != 1:
             raise SceneError(f"segments = {self.segments}: a rigid link has 1; flex = 'z', 'yz' or 'xyz' makes it bend")
+        elif self.rigidity is not None and length == 0:
+            raise SceneError(
+                f"length = {self.length!r}, the default: a link with a rigidity needs a length > 0 or a line"
+            )
         elif self.material is not None and length == 0:
             raise SceneError(
                 f"length = {self.length!r}, the default: a link of material {self.material!r} needs a length > 0 or a "
@@ -254,13 +272,26 @@ class Link(Spec, frozen=True):
             raise SceneError(f"segments = {self.segments}, the default: a flexible link needs at least 2, such as 5")
         if length == 0:
             raise SceneError(f"length = {self.length!r}, the default: a flexible link needs a length > 0 or a line")
-        if self.material is None:
-            raise SceneError("material, section: missing; a flexible link needs a material and a section")
+        if self.material is None and self.rigidity is None:
+            raise SceneError(
+                "material, section: missing; a flexible link needs a material and a section, or a rigidity"
+            )
 
     @property
     def elastic(self) -> bool:
-        """Whether the link bends, or turns in its gear."""
-        return self.flex != "rigid" or self.joint.gear_stiffness is not None
+        """Whether the link bends, or turns in its gear or at its root."""
+        return self.flex != "rigid" or self.turns_rigidly
+
+    @property
+    def turns_rigidly(self) -> bool:
+        """Whether the link turns in its gear or at its root, as a whole."""
+        return self.joint.gear_stiffness is not None or bool(self.root_springs)
+
+    @property
+    def root_springs(self) -> dict[str, tuple[float, float]]:
+        """Stiffness [N m/rad] and damping [N m s/rad] of the springs at the root, by axis: x, y, z."""
+        springs = {axis: getattr(self.root_stiffness, axis, None) for axis in ROOT_AXES}
+        return {axis: (k, float(getattr(self.root_damping, axis, 0.0))) for axis, k in springs.items() if k is not None}
 
     @property
     def beam(self) -> Line:
@@ -286,6 +317,8 @@ def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | Non
     return beam
 
 
+SAME_LENGTH = 1e-6
+"""Part of a beam's length by which its table may end beside it: the rounding of what was written."""
 BASE = "base"
 """What a link hangs on that hangs on none, unless one before it is called so."""
 
@@ -340,6 +373,8 @@ class Arm(Spec, frozen=True):
     """Materials by the names that links use."""
     sections: dict[str, Section] = msgspec.field(name="section", default_factory=dict)
     """Sections by the names that links use."""
+    rigidities: dict[str, Rigidity] = msgspec.field(name="rigidity", default_factory=dict)
+    """Tables of rigidities and mass along beams, by the names that links use."""
     tip: RigidBody = RigidBody()
     """Payload: rigid body in the tip frame, which is at the end of the last link."""
     base: Base = Base()
@@ -362,13 +397,17 @@ class Arm(Spec, frozen=True):
                 known = ", ".join(before)
                 yield f"{self.path(k)}.on = {link.on!r}: no link before it in the list; allowed are {known}{meant}"
             seen.add(link.name)
-            tables = (("material", self.materials), ("section", self.sections), ("section_tip", self.sections))
+            tables = (
+                ("material", self.materials), ("section", self.sections), ("section_tip", self.sections),
+                ("rigidity", self.rigidities),
+            )  # fmt: skip
             for key, table in tables:
                 name = getattr(link, key)
                 if name is not None and name not in table:
                     known = ", ".join(table) or "none"
                     meant = did_you_mean(name, table)
                     yield f"{self.path(k)}.{key} = {name!r}: not defined; defined are {known}{meant}"
+            yield from self._wrong_table(k, link)
             if link.section_tip is None:
                 continue
             shapes = [self.sections[n].shape for n in (link.section, link.section_tip) if n in self.sections]
@@ -378,6 +417,17 @@ class Arm(Spec, frozen=True):
             yield "link.dh.convention: differs from link to link; a table has one"
         if not self.base.free and all(link.joint.locked and not link.elastic for link in self.links):
             yield "link: every joint is locked and every link rigid; at least one must move"
+
+    def _wrong_table(self, k: int, link: Link) -> Iterator[str]:
+        """What a table of rigidities lacks for its link."""
+        table = self.rigidities.get(link.rigidity or "")
+        if table is None:
+            return
+        path = f"{self.path(k)}.rigidity = {link.rigidity!r}"
+        for column in table.lacks(link.flex):
+            yield f"{path}: has no {column}; flex = {link.flex!r} needs it"
+        if abs(table.x[-1] - link.beam.length) > SAME_LENGTH * link.beam.length:
+            yield f"{path}: ends at x = {table.x[-1]!r} m; the beam ends at {link.beam.length!r} m, and so must it"
 
     @property
     def parents(self) -> tuple[int, ...]:
@@ -408,10 +458,12 @@ class Arm(Spec, frozen=True):
         return f"<Arm: {short_list([f'{link.name!r} ({link.flex})' for link in self.links])}>"
 
     def loss_time(self, link: Link) -> float:
-        """Kelvin-Voigt's η [s] of a link's hinges: of its `damping`, or else of its material."""
-        if link.flex == "rigid" or link.material is None:
+        """Kelvin-Voigt's η [s] of a link's hinges: of its `damping`, or else of its material or table."""
+        if link.flex == "rigid":
             return 0.0
-        return (link.damping or self.materials[link.material]).loss_time
+        if link.damping is None and link.rigidity is not None:
+            return self.rigidities[link.rigidity].loss_time
+        return (link.damping or self.materials[link.material or ""]).loss_time
 
     def path(self, number: int, key: str = "link") -> str:
         """Path of a link by its number from 1, as `--set` takes it: `link.upper` or `link.2`; or below another key."""

@@ -144,7 +144,8 @@ class Drive(Spec, frozen=True):
     """Drive torque T_EX at the active joints, one column per link; at prismatic joints forces [N].
 
     constant: T_EX = torque [N m].  table: `torques`, one row per time, held outside, in between linear or, if `smooth`,
-    a cubic spline, which keeps the order of the integrator; or, if `hold`, each row held until the next time.
+    a cubic spline, which keeps the order of the integrator; or, if `hold`, each row held until the next time. They may
+    stand in a CSV `file`.
     pd: T_EX = kp (r − q) + kd (ṙ − q̇) + g, r the `target_deg`, or in time the `reference` [N m/rad, N m s/rad]; g by
     `gravity`: "none", the torque that holds the rigid arm at r against gravity ("rigid"), or that holds the arm as
     gravity bends it, its joints at r ("static").
@@ -168,6 +169,9 @@ class Drive(Spec, frozen=True):
     """Of a table: times of its rows [s]."""
     torques: tuple[PerLink, ...] | None = None
     """Of a table: one row per time, of one torque per link [N m], of prismatic joints one force [N]."""
+    file: str | None = None
+    """Of a table: a CSV file in place of `times` and `torques`, with heads "t [s]" and, of every driven joint,
+    "tau NAME [N m]"; a path from the scene's folder. It is read once, when the scene is."""
     kp: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
     """Of a law: position gains, one per link [N m/rad; N/m]; of computed_torque [1/s²]."""
     kd: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
@@ -194,17 +198,18 @@ class Drive(Spec, frozen=True):
         in_deg = self.target_deg is not None or self.target_m is None
         towards = ("target_deg" if in_deg else "target_m") if self.reference is None else "reference"
         wanted = {
-            "none": (), "constant": ("torque",), "table": ("times", "torques"),
+            "none": (), "constant": ("torque",), "table": ("times", "torques") if self.file is None else ("file",),
             "pd": ("kp", "kd", towards), "computed_torque": ("kp", "kd", towards),
         }[self.kind]  # fmt: skip
         may = ("target_m",) if towards == "target_deg" in wanted else ()
-        for name in ("torque", "times", "torques", "kp", "kd", "target_deg", "target_m", "reference"):
+        for name in ("torque", "times", "torques", "file", "kp", "kd", "target_deg", "target_m", "reference"):
             if (getattr(self, name) is not None) != (name in wanted) and name not in may:
                 takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
                 takes = takes.replace("target_deg", "target_deg or reference (target_m of joints that slide)")
                 state = ": missing;" if value is None else f" = {truncated(value)}:"
                 raise SceneError(f"{name}{state} drive kind {self.kind!r} takes {takes}")
-        check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
+        if self.file is None:
+            check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
         if self.gravity != "none" and self.kind != "pd":
             raise SceneError(f"gravity = {self.gravity!r}: needs drive kind 'pd'")
         if self.rate is not None and self.kind == "none":
@@ -215,7 +220,8 @@ class PrescribedMotion(Spec, frozen=True):
     """Prescribed motion of a link's active joint: its torque becomes an output.
 
     Angle [deg], rate [deg/s] and acceleration [deg/s²] at `times` [s], which start at 0; quintic polynomials in
-    between, then on at the last rate. Of a prismatic joint position [m], rate [m/s] and acceleration [m/s²].
+    between, then on at the last rate. Of a prismatic joint position [m], rate [m/s] and acceleration [m/s²]. They may
+    stand in a CSV `file`, at whose first row the joint then starts.
 
     Examples
     --------
@@ -230,7 +236,7 @@ class PrescribedMotion(Spec, frozen=True):
 
     link: str | int
     """Name or number, from 1, of the link whose joint moves so."""
-    times: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]
+    times: tuple[float, ...] = ()
     """Times of the rows [s], from 0 on."""
     angle_deg: Row | None = None
     """Angle at each time [deg]."""
@@ -244,9 +250,22 @@ class PrescribedMotion(Spec, frozen=True):
     """Of a prismatic joint: rate at each time [m/s]."""
     acceleration_m: Row | None = None
     """Of a prismatic joint: acceleration at each time [m/s²]."""
+    file: str | None = None
+    """A CSV file in place of all these, with heads "t [s]" and "q NAME [deg]", or any unit of angles, of a prismatic
+    joint of lengths; a path from the scene's folder. It is read once, when the scene is."""
+    cutoff: Positive | None = None
+    """Of a file: frequency at which a zero-phase low-pass of its angles lets half of the amplitude through [Hz]; rates
+    and accelerations are those of what is left. Default: the columns "qd NAME [deg/s]" and "qdd NAME [deg/s²]"."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.file is not None:
+            self._check_file()
+            return
+        if self.cutoff is not None:
+            raise SceneError(f"cutoff = {self.cutoff!r}: has no effect without a file; leave cutoff out")
+        if not self.times:
+            raise SceneError("times: missing; give them with the angles, rates and accelerations there, or a file")
         if self.times[0] != 0:
             raise SceneError(f"times[0] = {self.times[0]!r}: must be 0")
         require_increasing("times", self.times)
@@ -259,6 +278,11 @@ class PrescribedMotion(Spec, frozen=True):
             other = TWINS[name]
             if getattr(self, other) is not None:
                 raise SceneError(f"{other} = {truncated(getattr(self, other))}: {name} is given, too; give only one")
+
+    def _check_file(self) -> None:
+        for name in ("times", *OF_MOTION, *IN_METRES_OF_MOTION):
+            if getattr(self, name) not in (None, ()):
+                raise SceneError(f"file = {self.file!r}: {name} is given, too; give only one")
 
     @property
     def slides(self) -> bool:
@@ -281,7 +305,8 @@ class Wrench(Spec, frozen=True):
     """Force [N] and moment [N m] on the tip, acting at the tip frame's origin.
 
     Their components are in axes of frame = "world", frame 0, or "tip", with which they turn. They are constant, `force`
-    and `moment`, or a table: `forces`, `moments` or both, one row per time [s], held outside, in between as a drive's.
+    and `moment`, or a table: `forces`, `moments` or both, one row per time [s], held outside, in between as a drive's;
+    they may stand in a CSV `file`.
 
     Examples
     --------
@@ -305,6 +330,9 @@ class Wrench(Spec, frozen=True):
     """Of a table: a force per time [N]."""
     moments: tuple[Vector3, ...] | None = None
     """Of a table: a moment per time [N m]."""
+    file: str | None = None
+    """A CSV file in place of `times`, `forces` and `moments`, with heads "t [s]", "force x [N]" to "moment z [N m]";
+    what has no column is 0. A path from the scene's folder; it is read once, when the scene is."""
     smooth: bool = False
     """Of a table: a cubic spline between its rows; else linear."""
     hold: bool = False
@@ -313,6 +341,12 @@ class Wrench(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         tables = {"forces": self.forces, "moments": self.moments}
+        if self.file is not None:
+            for name in ("times", *tables, "force", "moment"):
+                value = getattr(self, name)
+                if value is not None and any(value):
+                    raise SceneError(f"file = {self.file!r}: {name} is given, too; give only one")
+            return
         check_table(self.times, tables, smooth=self.smooth, hold=self.hold)
         if self.times is None:
             for name, rows in tables.items():

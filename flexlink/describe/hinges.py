@@ -11,7 +11,9 @@ from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.data_files import is_user_file
+from flexlink.describe.root import ROOT_AXES
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
+from flexlink.describe.spec import truncated
 
 
 def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
@@ -47,9 +49,15 @@ def _of_all(arm: Arm) -> list[tuple[Array, Array]]:
 
 def _hinges_of(link: Link) -> tuple[Array, Array]:
     rule = lumping_rule(link.lumping)
+    _check_root(link)
     if link.flex == "rigid":
         return np.empty(0), np.empty(0)
     nodes, weights = _hinges(rule, link)
+    if nodes[0] == 0 and link.root_springs:
+        raise SceneError(
+            f"lumping = {link.lumping!r}: puts a hinge on the springs of root_stiffness, with no inertia between the "
+            "two; take a rule that puts none at the root, such as 'gauss' or 'gregory'"
+        )
     if nodes[0] == 0 and not _stands_alone(link):
         raise SceneError(
             f"lumping = {link.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two; "
@@ -58,6 +66,18 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
     if nodes[-1] == 1:
         raise SceneError(f"lumping = {link.lumping!r}: puts a hinge at the link's end, where it carries no inertia")
     return nodes, weights
+
+
+def _check_root(link: Link) -> None:
+    """Refuse springs at the root that turn about the axis of the free joint itself, at the same place."""
+    axis, lever = link.joint.direction, link.beam.start
+    sprung = np.array([name in link.root_springs for name in ROOT_AXES])
+    if axis[~sprung].any() or np.cross(axis, lever).any() or _stands_alone(link):
+        return
+    raise SceneError(
+        f"root_stiffness: turns about the axis {truncated(link.joint.axis)} of the free joint, with no inertia between "
+        "the two; lock the joint, with a rigid gear, or give it an armature or a hub"
+    )
 
 
 def _stands_alone(link: Link) -> bool:

@@ -14,7 +14,7 @@ OF_BASE = 6
 
 
 def rigidified(scene: Scene) -> Scene:
-    """The same scene with all links and gears rigid, so that its chain has the driven joints only.
+    """The same scene with all links, their roots and gears rigid, so that its chain has the driven joints only.
 
     All that has mass stays, and so do friction and rotors of the joints; hinges, their friction and damping go. It
     starts with the joints' angles and rates, `initial.joint_deg` and `rate_deg`, positions `joint_m` and `rate_m`.
@@ -54,4 +54,6 @@ def rigidified(scene: Scene) -> Scene:
 
 def _rigid(link: Link) -> Link:
     joint = replace(link.joint, gear_stiffness=None, gear_damping=0.0)
-    return replace(link, joint=joint, flex="rigid", segments=1, damping=None, friction=None)
+    return replace(
+        link, joint=joint, flex="rigid", segments=1, damping=None, friction=None, root_stiffness=None, root_damping=None
+    )

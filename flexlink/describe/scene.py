@@ -31,11 +31,13 @@ from flexlink.describe.conditions import (
     implied,
     whole,
 )
+from flexlink.describe.from_files import filled_from_files
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.mistakes import check_all, mistakes, raise_together
 from flexlink.describe.own_units import KIND, UNIT, Row, in_si, misplaced, together
 from flexlink.describe.reference import refuse_beyond
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
+from flexlink.describe.sensor import Sensor, sensor_mistakes
 from flexlink.describe.spec import (
     Spec,
     Vector3,
@@ -80,6 +82,8 @@ class Scene(Spec, frozen=True):
     """Motions of joints that are prescribed, `[[motion]]` in a file."""
     wrench: Wrench = Wrench()
     """Force and moment on the tip."""
+    sensor: tuple[Sensor, ...] = ()
+    """What is measured, `[[sensor]]` in a file: columns of every run."""
     run: RunSettings = RunSettings()
     """How to integrate."""
 
@@ -92,10 +96,19 @@ class Scene(Spec, frozen=True):
         }
         if not self.initial.joint_deg:
             self._put_joints_at_zero()
+        self._read_files()
         raise_together(self._wrong_lists())  # on whose lengths all else counts
         checks = [self._check_rate, lambda: self._check_limits(said), self._check_reference, self._check_motions]
-        checks += [self._check_base, self._check_wrench]
+        checks += [self._check_base, self._check_wrench, lambda: raise_together(sensor_mistakes(self.sensor, self.arm))]
         check_all(checks if self.run.controlled else [self._check_grid, *checks])
+
+    def _read_files(self) -> None:
+        """Tables in files become the scene's own; a joint that moves by one starts where its file does."""
+        filled = filled_from_files(
+            self.arm, motion=self.motion, drive=self.drive, wrench=self.wrench, initial=self.initial
+        )
+        for name, value in filled.items():
+            msgspec.structs.force_setattr(self, name, value)
 
     def _wrong_lists(self) -> Iterator[str]:
         """Lists of another length than the arm has links, numbers of joints that are locked, or in the wrong unit."""
@@ -442,8 +455,8 @@ class Scene(Spec, frozen=True):
             if "base" in table:
                 table["base"] = Inline(table["base"])
         order = (
-            "name", "about", "gravity", "base", "material", "section", "link", "tip", "initial", "drive", "motion",
-            "wrench", "run",
+            "name", "about", "gravity", "base", "material", "section", "rigidity", "link", "tip", "initial", "drive",
+            "motion", "wrench", "sensor", "run",
         )  # fmt: skip
         return toml_of({key: document[key] for key in order if key in document and document[key] != {}})
 
@@ -516,12 +529,19 @@ def load_scene(path: str | Path) -> Scene:
     _find_beside(path, get_in(raw, "drive", "reference", "shaper"), "kind")
     for link in raw["link"] if isinstance(raw.get("link"), list) else ():
         _find_beside(path, link, "lumping")
+    for table in (raw.get("drive"), raw.get("wrench"), *_tables(raw.get("motion"))):
+        if isinstance(table, dict) and isinstance(table.get("file"), str):
+            table["file"] = str(path.parent / table["file"])
     try:
         scene = scene_from(raw)
         check_named(scene)
     except (SceneError, DataFileError) as error:
         raise type(error)(f"{path}: {error}") from None
     return scene
+
+
+def _tables(value: object) -> list[Any]:
+    return value if isinstance(value, list) else []
 
 
 def _find_beside(scene: Path, table: object, key: str) -> None:

@@ -246,6 +246,7 @@ def _three_numbers(where: str, kind: Any, value: object) -> str:
 WRITTEN = {
     "link": (dict, "expected [[link]], a table for each link, in two pairs of brackets"),
     "motion": (dict, "expected [[motion]], a table for each motion, in two pairs of brackets"),
+    "sensor": (dict, "expected [[sensor]], a table for each sensor, in two pairs of brackets"),
     "damping": (float, "expected a table, such as { ratio = 0.01, at_hz = 5.0 }"),
     "kp": (float, "expected a list of one gain per link, such as [300.0, 300.0]"),
     "kd": (float, "expected a list of one gain per link, such as [30.0, 30.0]"),

@@ -24,7 +24,7 @@ from flexlink.describe.vary import Keys, parts_of, routes_to, to_document
 ELSEWHERE = {"run.tolerance", "run.relative_tolerance"}
 """Numbers that take others' place."""
 
-BESIDE_LINKS = {"tip", "material", "section", "gravity", "run"}
+BESIDE_LINKS = {"tip", "material", "section", "rigidity", "gravity", "run"}
 """Tables whose paths lead where they do whatever the links are."""
 
 Tree = dict[Any, Any]

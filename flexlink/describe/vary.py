@@ -1,9 +1,10 @@
 """The one way to vary a description: values by path, in the words of its TOML file.
 
 A path leads from table to table (`run.step`), to materials and sections by name (`material.steel.young`), to links by
-name or by number from 1 (`link.upper.length`, `link.2.length`), to motions by their link, and so to the items of lists
-of one number per link (`initial.joint_deg.upper`). A name with a dot stands in quotes (`link."a.b".length`). `*` stands
-for all: of links, for those on which the key has an effect. Messages name a value by the path that sets it.
+name or by number from 1 (`link.upper.length`, `link.2.length`), to motions by their link, to sensors by name, and so to
+the items of lists of one number per link (`initial.joint_deg.upper`). A name with a dot stands in quotes
+(`link."a.b".length`). `*` stands for all: of links, for those on which the key has an effect. Messages name a value by
+the path that sets it.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ from flexlink.describe.spec import (
 
 PATH = re.compile(r"""(?:"[^"]+"|'[^']+'|[^."']+)(?:\.(?:"[^"]+"|'[^']+'|[^."']+))*""")
 PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")
+
+NAMED = {"motion": "link", "sensor": "name"}
+"""Lists of tables other than links, and the key that names each."""
 
 Keys = tuple[Any, ...]
 """Of tables, and numbers of items from 0."""
@@ -177,8 +181,8 @@ class _Change:
         if isinstance(node, dict) and get_origin(kind) is dict:
             new = depth == len(self.parts) - 1  # a material or section as a whole
             return list(node) if part == "*" else [part if new else self._one_of(part, node)]
-        if isinstance(node, list) and above == "motion":
-            return self._numbers(part, [str(get_in(motion, "link")) for motion in node], [True] * len(node))
+        if isinstance(node, list) and above in NAMED:
+            return self._numbers(part, [str(get_in(item, NAMED[above])) for item in node], [True] * len(node))
         if isinstance(node, list) and (above == "link" or per_link):
             return self._numbers(
                 part, [str(get_in(link, "name")) for link in self.links], self._concerned(above, depth)

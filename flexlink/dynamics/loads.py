@@ -103,7 +103,7 @@ def internal_loads(
 
 def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> InternalLoads:
     bodies = chain.bodies
-    R, p, axes, _, ω, a, α = body_motion(chain, q, qd, qdd)
+    R, p, axes, _, ω, a, α, _ = body_motion(chain, q, qd, qdd)
     with np.errstate(over="ignore", invalid="ignore"):
         c = _each_by(R, bodies["center"])
         F = bodies["mass"][:, None] * (a + np.cross(α, c) + np.cross(ω, np.cross(ω, c)) - chain.gravity)

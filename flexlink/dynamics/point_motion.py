@@ -36,6 +36,7 @@ class BodyMotion(NamedTuple):
     angular_velocity: Array  # (bodies, 3), ω [rad/s]
     acceleration: Array  # (bodies, 3), without gravity [m/s²]
     angular_acceleration: Array  # (bodies, 3), α [rad/s²]
+    before: tuple[Array, Array]  # (n, 3) each, ω and α of what each hinge turns or slides on
 
 
 def body_motion(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
@@ -46,7 +47,7 @@ def body_motion(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
         turned, faster = axes * qd[:, None], axes * qdd[:, None]
         slid, slid_faster = (_slid(chain, part) for part in (turned, faster))
         before, ω = _after_hinges(chain, spans, turned)
-        _, α = _after_hinges(chain, spans, faster + np.cross(before, turned))
+        before_α, α = _after_hinges(chain, spans, faster + np.cross(before, turned))
         ω_before, α_before = of_parents(chain, ω, rest), of_parents(chain, α, rest)
         r = p - of_parents(chain, p, rest)
         v = np.cross(ω_before, r)
@@ -55,7 +56,7 @@ def body_motion(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
             v += slid
             a += slid_faster + 2 * np.cross(ω_before, slid)
         v, a = sums_outward(spans, v), sums_outward(spans, a)
-    return BodyMotion(R, p, axes, v, ω, a, α)
+    return BodyMotion(R, p, axes, v, ω, a, α, (before, before_α))
 
 
 def _slid(chain: Chain, rates: Array) -> Array:

@@ -7,6 +7,8 @@ coupled, its angles make the curvature at the cell's Gauss points, which take th
 
     κ(x_q) = 1/h Σ_j C_qj θ_j        ε = z κ_y − y κ_z
 
+Where EI is a table, κ = M/EI there, M the moment that the springs hold.
+
 Where springs hold rotation vectors φ, these stand for θ, and in cells of two −φ₁ × φ₂ / (6 h) adds to κ.
 """
 
@@ -18,7 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
+from flexlink.chain.compliance import curvatures
 from flexlink.chain.lumping import lump
+from flexlink.chain.table_beam import TableBeam
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.arm import AXES
@@ -90,14 +94,18 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
         raise ArgumentError(f"link = {link!r}: is rigid; expected one that bends, with flex of z, yz or xyz")
     angles = rows(chain.n, {"q": q})[0] if is_batch(q) else vector("q", q, chain.n, many=True)
     nodes, weights = hinges_of(arm)[number - 1]
-    length, cells = bent.beam.length, lumping_rule(bent.lumping).cells
+    rule, length = lumping_rule(bent.lumping), bent.beam.length
+    cells = rule.cells
     curvature, held = np.zeros((2, *angles.shape[:-1], len(nodes), 3))
     h = length * (cells.hinges if cells is not None else 1) / len(nodes)
     with np.errstate(over="ignore", invalid="ignore"):
         for axis in AXES[bent.flex]:
             hinges = [chain.index(number, segment, axis) for segment in range(1, len(nodes) + 1)]
             θ = held[..., axis - 1] = held_angles(chain, angles)[..., hinges]
-            if cells is None:
+            if bent.rigidity is not None:
+                beam = TableBeam(length, arm.rigidities[bent.rigidity])
+                curvature[..., axis - 1] = curvatures(beam, rule, (nodes, weights), θ)[axis - 1]
+            elif cells is None:
                 curvature[..., axis - 1] = θ / (weights * length)
             else:
                 curvature[..., axis - 1] = cells.cell.curvatures(θ, h)

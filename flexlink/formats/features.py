@@ -61,7 +61,7 @@ def _features() -> dict[str, Feature]:
             sdf=f"the torque c in <friction>, which Drake ignores; the width w of c tanh(q̇/w) {ignored}",
         ),
         "elastic gear": feature(
-            lambda _, chain: any(c.link and c.axis and not c.segment for c in chain.coordinates),
+            lambda scene, _: any(link.joint.gear_stiffness is not None for link in scene.arm.links),
             "two joints of one axis, first the motor, then the gear",
         ),
         "prescribed motion": feature(lambda scene, _: bool(scene.motion), "no motion: the joint moves freely"),

@@ -43,9 +43,9 @@ def _locked_gimbal(record: Record, q: Array) -> Hindrance | None:
     """The hinge of three axes, if there is one, of which the outer two nearly coincide."""
     # Cosine below which the outer two of three axes at one point nearly coincide: their rates are ten times the body's
     near_gimbal_lock = 0.1
-    chain, places = record.chain, [(c.link, c.segment) for c in record.chain.coordinates]
+    chain, places = record.chain, [(c.link, c.segment, c.of_root) for c in record.chain.coordinates]
     for place, group in itertools.groupby(range(chain.n), key=lambda k: places[k]):
-        axes = [k for k in group if place[1] and chain.coordinates[k].axis]
+        axes = [k for k in group if (place[1] or place[2]) and chain.coordinates[k].axis]
         if len(axes) == 3 and abs(np.cos(q[axes[1]])) < near_gimbal_lock:
             name, angle = chain.joint_name(axes[1]), np.degrees(q[axes[1]])
             return Hindrance(

@@ -32,7 +32,7 @@ from flexlink.kernels.layout import BODY, COUPLING, HINGE
 POINTS = 9
 PARTS = 1 / 16, 1 / 128, 1 / 1024
 """Of the number, or of 1 where it is 0: Δ, the first with which the numbers of the run are smooth."""
-VARIED = "material", "section", "link", "tip", "base", "drive", "initial"
+VARIED = "material", "section", "rigidity", "link", "tip", "base", "drive", "initial"
 """Tables whose numbers are parameters; those of a run change its steps."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Iterator
 
@@ -22,11 +23,16 @@ from flexlink.kernels.stepping.runge_kutta import integrate, stage
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.motion.chunk_size import ChunkSize
 from flexlink.motion.floating_steps import advance
+from flexlink.motion.sensing import sample_at
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import LawFailure
+from flexlink.sensors.readings import Readings
 
-Law = Callable[[float, Array, Array], ArrayLike]
-"""T_EX of the driven joints (d,), `chain.active`, in N m, from t [s], q [rad] and q̇ [rad/s], both (n,)."""
+Law = Callable[..., ArrayLike]
+"""T_EX of the driven joints (d,), `chain.active`, in N m, from t [s], q [rad] and q̇ [rad/s], both (n,), and, if it has
+a parameter `sensors`, from what they show, by the names of their columns."""
+SENSORS = "sensors"
+"""Name of a law's parameter by which it is told what sensors show."""
 Tableau = tuple[Array, Array, Array]
 """A, b and c of a method."""
 
@@ -64,9 +70,10 @@ class Control:
             last = (run.samples - 1) * run.steps_per_sample
             self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.fixed_step)
         self.drive = held_torques(chain, self.times, np.zeros((len(self.times), self.joints)))
+        self._problem, self._sensing = problem, Readings(problem.scene) if asks_for_sensors(law) else None
 
-    def torque(self, t: float, q: Array, qd: Array) -> Array:
-        """Torques of the law, limited to the drive's `effort`, shape (d,).
+    def torque(self, t: float, q: Array, qd: Array, sensors: dict[str, dict[str, float]] | None = None) -> Array:
+        """Torques of the law, limited to the drive's `effort`, shape (d,); `sensors`: what it is told by this name.
 
         Raises
         ------
@@ -76,7 +83,7 @@ class Control:
         if self.base is not None:
             q, qd = self.base.told_from_start(q, qd)
         try:
-            given = np.asarray(self.law(t, q.copy(), qd.copy()))
+            given = np.asarray(self.law(t, q.copy(), qd.copy(), **(sensors or {})))
         except Exception as error:
             raise LawFailure(f"{self._asked(t)} raised {type(error).__name__}: {error}") from error
         if given.dtype.kind in "fiu" and given.shape == (self.joints,):
@@ -93,8 +100,14 @@ class Control:
         return f"t = {t:.6g} s: control law {getattr(self.law, '__qualname__', type(self.law).__name__)}"
 
     def note(self, k: int, q: Array, qd: Array) -> None:
-        """Evaluate the law at instant `k`, and hold its torques from there."""
-        self.drive.feedforward.coefficients[k, 0] = self.torque(float(self.times[k]), q, qd)
+        """Evaluate the law at instant `k`, and hold its torques from there; sensors see what has acted before."""
+        t, held = float(self.times[k]), self.drive.feedforward.coefficients
+        sensors = None
+        if self._sensing is not None:
+            held[k, 0] = held[k - 1, 0] if k else 0.0
+            seen = sample_at(self._problem, self._problem.inputs._replace(drive=self.drive), t, q, qd)
+            sensors = {SENSORS: self._sensing.after(seen)}
+        held[k, 0] = self.torque(t, q, qd, sensors)
 
     def pieces(self, record: Record, run: RunSettings, state: tuple[Array, Array, Array]) -> Iterator[int]:
         """Integrate; yields, about every `BREATH`, the number of the last step whose state is finite, at first 0.
@@ -201,4 +214,17 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
             f"control: with {what}, a control law needs a rate; give rate, or take fixed steps of an explicit method: "
             "run.step, such as 1e-4, and run.method = 'RK4'"
         )
+    if asks_for_sensors(law):
+        if not scene.sensor:
+            raise ArgumentError("control: its parameter sensors asks for readings, but the scene has no [[sensor]]")
+        if rate is None:
+            raise ArgumentError("control: a law that is told what sensors show needs a rate; give rate [Hz]")
     return Control(law, rate, problem)
+
+
+def asks_for_sensors(law: Law) -> bool:
+    """Whether a law has a parameter `sensors`."""
+    try:
+        return SENSORS in inspect.signature(law).parameters
+    except (TypeError, ValueError):  # of what is not written in Python
+        return False

@@ -77,7 +77,8 @@ def simulate(
         the same numbers to the bit.
     control
         Control law tau(t, q, qd) in place of the scene's drive: torques of the driven joints (`chain.active`) [N m],
-        shape (d,), from time [s], angles [rad] and rates [rad/s], shape (n,).
+        shape (d,), from time [s], angles [rad] and rates [rad/s], shape (n,). A law tau(t, q, qd, sensors), which needs
+        a rate, is told what the scene's sensors show at its instants, too: numbers by the names of their columns.
     rate
         How often the law is asked [Hz], its torques held in between, as a real controller's are; None: at every stage
         of every step, fixed ones of an explicit method.

@@ -17,15 +17,18 @@ from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.springs import add_spring_energies
 from flexlink.inputs.drives import effort_of, held_torques, remembered
 from flexlink.inputs.problem import problem_of
+from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.motion.monitor import allowed_imbalance, tolerance_of
 from flexlink.motion.sampled_control import held_torques_advice
+from flexlink.motion.sensing import sample_at
 from flexlink.motion.simulate import prepare, started_from, steps_of
 from flexlink.results import balance
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
 from flexlink.results.stop_reasons import DivergenceError, Failure
+from flexlink.sensors.readings import Readings
 
 OFTEN = 128
 """Calls of `step` from one look at the power balance to the next; of the first ones, those of number 1, 2, 4, …"""
@@ -73,6 +76,7 @@ class Simulator:
         self._held = held_torques(
             self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain)
         )
+        self._readings: dict[str, float] = {}
         self._lengths: dict[float, int] = {}  # of durations that were asked for, in fixed steps
         self.reset()
 
@@ -105,10 +109,35 @@ class Simulator:
         self._time, self._calls = float(self._record.t[0]), 0
         if not self._run.controlled:
             self._time = self._record.origin * self._run.fixed_step
+        self._sensing = Readings(scene) if scene.sensor else None
         self._balance = balance.Balance(self.chain, np.zeros(3))
         self._balance.start(self._record.energy[:, 0])
         self._steps.go(self._pushed, self._time, self._time)  # compiles
+        self._look(self._driven)
         return self.state
+
+    def _look(self, inputs: Inputs) -> None:
+        """Let sensors see where the arm is, and what acts on it."""
+        if self._sensing is not None:
+            q, qd, *_ = self._steps.state
+            self._readings = self._sensing.after(sample_at(self._record.problem, inputs, self._time, q, qd))
+
+    @property
+    def readings(self) -> dict[str, float]:
+        """What the scene's sensors show now, by the names of their columns, "gauge [1]".
+
+        They see the arm at the end of every step, and take their signals as straight in between; accelerometers see
+        what acts in the step that ends. With the scene's own drive, and steps of `run.sample`, they are those of a run.
+
+        Examples
+        --------
+        >>> encoder = fl.Sensor(name="encoder", kind="joint", link="upper", resolution=0.01)  # rad
+        >>> arm = fl.Simulator(scene.varied({"sensor": (encoder,)}))
+        >>> after = arm.step(duration=0.1)
+        >>> print(after.q[0].round(4), arm.readings)  # rad
+        0.5576 {'encoder [rad]': 0.56}
+        """
+        return dict(self._readings)
 
     @property
     def time(self) -> float:
@@ -168,6 +197,7 @@ class Simulator:
             held = end - self._time if tau is not None else 0.0
             raise self._diverged(fault, held)
         self._time, self._calls = end, calls
+        self._look(inputs)
         return self.state
 
     def _restore(self, steps: Any, drive: Sequence[NDArray[Any]], remembered: Sequence[NDArray[Any]]) -> None:

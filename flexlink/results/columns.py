@@ -44,7 +44,8 @@ class Columns(Mapping[str, Array]):
     """Every sampled quantity of a run, shape (samples,), by its name with unit."""
 
     def __init__(self, run: RunSamples) -> None:
-        self._run, self._sources = run, sources_of(run.chain, run.work is not None)
+        sources = sources_of(run.chain, run.work is not None)
+        self._run, self._sources = run, {**sources, **{name: _reading(name) for name in run.sensor_names}}
 
     def __getitem__(self, name: str) -> Array:
         return self._sources[name](self._run)
@@ -78,6 +79,10 @@ def _sources(
         "elastic [J]": lambda run: np.asarray(run.energy.elastic),
         **(OF_BALANCED if balanced else {}),
     }
+
+
+def _reading(name: str) -> Source:
+    return lambda run: run.readings[name]
 
 
 def _of(field: str, k: int) -> Source:

@@ -47,7 +47,7 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
         "chain_gravity": chain.gravity, "chain_coordinates": np.array(chain.coordinates),
         "chain_links": np.array(chain.link_names), "chain_couplings": chain.couplings,
         "chain_tips": np.array([[chain.link_names.index(link), body] for link, body in chain.tips.items()]),
-        **_of_base(run),
+        **_of_base(run), **_of_sensors(run),
     }  # fmt: skip
 
 
@@ -56,6 +56,12 @@ def _of_base(run: RunSamples) -> dict[str, Any]:
         return {}
     moving = {f"momentum_{name}": value for name, value in run.base.momentum._asdict().items()}
     return {"attitude": run.base.attitude, "spin": run.base.spin, **moving}
+
+
+def _of_sensors(run: RunSamples) -> dict[str, Any]:
+    """What they show, for other readers; a run that is read again finds it from its scene."""
+    names = run.sensor_names
+    return {"sensors": np.array(names), "readings": np.array([run.readings[name] for name in names])} if names else {}
 
 
 def picture_format(path: Path) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,8 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.terms import Energy
 from flexlink.results import balance
+from flexlink.sensors.columns import sensor_columns
+from flexlink.sensors.signals import column_names
 
 
 class Steps(NamedTuple):
@@ -193,6 +196,28 @@ class RunSamples(Result):
             As in `qdd`.
         """
         return internal_loads(self.chain, self.q, self.qd, self.qdd, tip_wrench=self.tip_wrench)
+
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """Names with units of the columns of the scene's sensors."""
+        return () if self.scene is None else column_names(self.scene)
+
+    @functools.cached_property
+    def readings(self) -> Mapping[str, Array]:
+        """What the scene's sensors show at the samples, each of shape (samples,), by its name with unit.
+
+        Of delays and low-passes it counts what the signals were at the samples; in between they are taken as straight.
+
+        Raises
+        ------
+        SceneError
+            A sensor sits on a link that is fixed to the base.
+        SingularMassError
+            Of accelerometers, as in `qdd`.
+        """
+        if self.scene is None:
+            return {}
+        return {name: read_only(column) for name, column in sensor_columns(self.scene, self).items()}
 
     @property
     def imbalance(self) -> Array:

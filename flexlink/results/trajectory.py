@@ -43,7 +43,8 @@ class Trajectory(RunSamples):
         "t [s]", then by the names of joints "q upper [rad]", "qd upper [rad/s]", of driven ones "tau upper [N m]", of
         those that slide in m, m/s and N, then "tip x [m]", "tip y [m]", "tip z [m]", "kinetic [J]", "gravity [J]",
         "elastic [J]", of flexlink's own runs "work [J]", "imbalance [J]", and of a free base "attitude w [1]" and so on
-        to z, "spin x [rad/s]" in axes of the base, "momentum x [N s]" and "angular momentum x [N m s]".
+        to z, "spin x [rad/s]" in axes of the base, "momentum x [N s]" and "angular momentum x [N m s]"; last what the
+        scene's sensors show, under their names.
         """
         return Columns(self)
 
@@ -51,7 +52,8 @@ class Trajectory(RunSamples):
         """Write an .npz archive, which `load_trajectory` reads back equal to the bit, or a .csv table of `columns`.
 
         The archive holds t, q, qd, tau, tip, kinetic, gravity, elastic, work, imbalance, tip_wrench, joints, warnings,
-        steps, scene (TOML) and chain_… . Numbers of the table read back exactly. A file appears whole or not at all.
+        steps, scene (TOML), chain_… and, of a scene with sensors, their names, sensors, and readings. Numbers of the
+        table read back exactly. A file appears whole or not at all.
 
         Raises
         ------

@@ -23,8 +23,8 @@ from flexlink.describe.own_units import UNIT
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from flexlink.motion.simulate import simulate
+from flexlink.results.measured import Measured
 from flexlink.results.trajectory import Trajectory
-from flexlink.scene_report.measured import Measured
 
 
 class Tried(NamedTuple):
@@ -95,6 +95,12 @@ def numbers_of(scene: Scene) -> Iterator[Tried]:
         yield Tried(f"{of}.density", f"density of {name}", material.density)
         if material.loss_time:
             yield Tried(f"{of}.loss_time", f"damping of {name}", material.loss_time)
+    for name in dict.fromkeys(link.rigidity for link in arm.links if link.rigidity):
+        table, of = arm.rigidities[name], f"rigidity.{quoted(name)}"
+        yield Tried(f"{of}.stiffness_factor", f"stiffness of {name}", table.stiffness_factor)
+        yield Tried(f"{of}.mass_factor", f"mass of {name}", table.mass_factor)
+        if table.loss_time:
+            yield Tried(f"{of}.loss_time", f"damping of {name}", table.loss_time)
     if arm.tip.mass:
         yield Tried("tip.mass", "payload", arm.tip.mass)
     for number, (link, start) in enumerate(zip(arm.links, scene.starts, strict=True), 1):
@@ -103,6 +109,10 @@ def numbers_of(scene: Scene) -> Iterator[Tried]:
             value = getattr(joint, key)
             if value and not (joint.locked and key != "gear_stiffness"):
                 yield Tried(f"link.{number}.joint.{key}", f"{what} of {link.name}", value)
+        for axis, (stiffness, _) in link.root_springs.items():
+            yield Tried(
+                f"link.{number}.root_stiffness.{axis}", f"stiffness of the root of {link.name} about {axis}", stiffness
+            )
         if (
             not joint.locked
             and scene.initial.q is None

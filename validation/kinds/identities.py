@@ -121,7 +121,7 @@ def _equilibrium(chain: Chain, s: State) -> float:
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
     cut = fl.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
     f, n = cut.force, cut.moment
-    R, p, _, _, *turning = body_motion(chain, s.q, s.qd, qdd)
+    R, p, _, _, *turning, _ = body_motion(chain, s.q, s.qd, qdd)
     worst = 0.0
     for i, body in enumerate(chain.bodies[:-1]):
         ω, a, α = (R[i].T @ part[i] for part in turning)

@@ -58,11 +58,14 @@ def of_bodies(scene: Scene, about: Situation) -> Iterator[str]:
 
 
 def of_joints(scene: Scene, about: Situation) -> Iterator[str]:
-    """Rotors and gears beside what they move; torques beside what they turn."""
+    """Rotors, gears and roots beside what they move; torques beside what they turn."""
     arm, drive = scene.arm, scene.drive
     whole = about.inertia()
     for k, link in enumerate(arm.links):
         path, joint = arm.path(k + 1), link.joint
+        for axis, (stiffness, _) in link.root_springs.items():
+            sag = about.moment(k) / stiffness
+            yield from told(f"{path}.root_stiffness.{axis}", stiffness, "root_sag", sag, -1.0, f" {sag:.2g} rad")
         if joint.slides:
             yield from _of_sliding_joint(scene, about, k)
             continue

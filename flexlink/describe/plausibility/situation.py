@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from flexlink.describe.arm import Link
 from flexlink.describe.scene import Scene
 
@@ -67,6 +69,9 @@ def situation_of(scene: Scene) -> Situation:
         if link.section is not None and link.material is not None:
             area = scene.arm.sections[link.section].properties.area
             own += scene.arm.materials[link.material].density * area * link.beam.length
+        if link.rigidity is not None:
+            rows = scene.arm.rigidities[link.rigidity].rows
+            own += float(np.trapezoid(rows.masses[0], rows.x))
         masses.append(own)
     beyond = [*(math.hypot(*after.mount.xyz) for after in links[1:]), 0.0]
     spans = tuple(span(link) + more for link, more in zip(links, beyond, strict=True))

@@ -5,13 +5,13 @@
     A = | 0          1          |        B = | 0          |
         | ∂q̈/∂q      ∂q̈/∂q̇      |            | ∂q̈/∂u      |
 
-u are the drive torques; where a motion is prescribed, the acceleration.
+u are the drive torques; where a motion is prescribed, the acceleration. Low-passes of sensors add states z behind x.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,11 +25,11 @@ from flexlink.describe.conditions import Frame
 from flexlink.describe.own_units import TORQUE
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
-from flexlink.dynamics.placement import jacobian, tip_position
 from flexlink.dynamics.result import SavedResult
+from flexlink.dynamics.vibration.outputs import OUTPUTS, Output, OutputSource, joints_as
 
-Output = tuple[tuple[str, ...], Array, Array, Array]
-"""Names, values y, ∂y/∂q and ∂y/∂q̇."""
+LOW_PASS = "low-pass "
+"""How names of states of low-passes begin."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -41,15 +41,19 @@ class LinearModel(SavedResult):
     Attributes
     ----------
     A, B, C, D
-        Shapes (2n, 2n), (2n, m), (p, 2n), (p, m), in SI units and radians.
+        Shapes (2n + f, 2n + f), (2n + f, m), (p, 2n + f), (p, m), in SI units and radians; f is the number of states of
+        low-passes of sensors, 0 without them.
     x, u, y
-        The state (q, q̇), inputs and outputs that the model is about, shapes (2n,), (m,), (p,).
+        The state (q, q̇, z), inputs and outputs that the model is about, shapes (2n + f,), (m,), (p,).
     rate
-        ẋ = (q̇, q̈) there, shape (2n,); zero at an equilibrium.
+        ẋ = (q̇, q̈, ż) there, shape (2n + f,); zero at an equilibrium.
     states, inputs, outputs
         Their names with units: "q upper [rad]", "tau upper [N m]", "tip x [m]".
+    delays
+        By how much each output is seen later than C δx + D δu [s], shape (p,); zero but for sensors with a delay.
     eigenvalues
-        Of A [1/s], shape (2n,), slowest first; the slowest as accurate as the slowest joint's row, not the stiffest's.
+        Of A [1/s], shape (2n + f,), slowest first; the slowest as accurate as the slowest joint's row, not the
+        stiffest's.
     """
 
     A: Array
@@ -63,15 +67,20 @@ class LinearModel(SavedResult):
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    delays: Array
 
     @property
     def eigenvalues(self) -> Complex:
-        """λ of A [1/s], shape (2n,), slowest first, of A `graded`."""
-        λ = np.diag(linalg.schur(graded(self.A), output="complex")[0])
+        """λ of A [1/s], shape (2n + f,), slowest first, of A `graded`; low-passes, which nothing hears, keep theirs."""
+        n2 = len([name for name in self.states if not name.startswith(LOW_PASS)])
+        λ = np.diag(linalg.schur(graded(self.A[:n2, :n2]), output="complex")[0])
+        if n2 < len(self.A):
+            λ = np.concatenate([λ, linalg.eigvals(self.A[n2:, n2:])])
         return np.asarray(λ[np.argsort(np.abs(λ), kind="stable")])
 
     def __repr__(self) -> str:
-        return f"<LinearModel: {len(self.x)} states, {len(self.u)} inputs, {len(self.y)} outputs>"
+        late = f", delayed by up to {self.delays.max():g} s" if self.delays.any() else ""
+        return f"<LinearModel: {len(self.x)} states, {len(self.u)} inputs, {len(self.y)} outputs{late}>"
 
 
 def graded(A: Array) -> Array:
@@ -97,7 +106,7 @@ def linearize(
     *,
     tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
-    outputs: Sequence[str] = ("tip",),
+    outputs: Sequence[str | OutputSource] = ("tip",),
 ) -> LinearModel:
     """Linear model about any state, exact up to rounding: springs, friction, gravity, rates and loads counted.
 
@@ -117,7 +126,9 @@ def linearize(
         with which they turn.
     outputs
         Any of "tip" and "tip_rate", position [m] and velocity [m/s] of the tip in frame 0; "joints" and "joint_rates",
-        angles [rad] and rates [rad/s] of the driven joints; "state", x itself; one below the other.
+        angles [rad] and rates [rad/s] of the driven joints; "state", (q, q̇) itself; and `SensorOutputs(scene)`, what
+        sensors show: their low-passes are states of their own behind the arm's, their delays are told beside the model;
+        one below the other.
 
     Returns
     -------
@@ -144,80 +155,75 @@ def linearize(
     n = require_type("chain", chain, Chain).n
     q = vector("q", q, n)
     qd, tau = (np.zeros(n) if part is None else vector(name, part, n) for name, part in (("qd", qd), ("tau", tau)))
-    wanted = [require_one_of("outputs", name, OUTPUTS) for name in _names(outputs)]
+    wanted = _checked(outputs)
     slopes = forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)
-    names, values, by_angle, by_rate = zip(*(output(chain, q, qd) for output in wanted), strict=True)
-    C = np.hstack([np.vstack(by_angle), np.vstack(by_rate)])
+    qdd = forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)
+    found = [output for each in wanted for output in _outputs(each, chain, q, qd, qdd, tau)]
     driven = chain.active
     given_motion = chain.hinges["prescribed"][driven] != 0
-    A, B = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, len(driven)))  # no block of zeros besides: half a gigabyte each
-    np.fill_diagonal(A[:n, n:], 1.0)
-    A[n:, :n], A[n:, n:], B[n:] = slopes.dq, slopes.dqd, slopes.dtau[:, driven]
+    size = 2 * n + sum(len(output.names) * len(output.low_pass[1]) for output in found if output.low_pass)
+    A, B = np.zeros((size, size)), np.zeros((size, len(driven)))  # no block of zeros besides: half a gigabyte each
+    np.fill_diagonal(A[:n, n : 2 * n], 1.0)
+    A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n], B[n : 2 * n] = slopes.dq, slopes.dqd, slopes.dtau[:, driven]
+    C, D, z, states = _put_outputs(found, A, B, driven, n)
     return LinearModel(
         A=A,
         B=B,
         C=C,
-        D=np.zeros((len(C), len(driven))),
-        x=np.concatenate([q, qd]),
+        D=D,
+        x=np.concatenate([q, qd, z]),
         u=np.where(given_motion, 0.0, tau[driven]),
-        y=np.concatenate(values),
-        rate=np.concatenate([qd, forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)]),
-        states=_of_joints(chain, range(n), "q {} [{}]") + _of_joints(chain, range(n), "qd {} [{}/s]"),
+        y=np.concatenate([output.values for output in found]),
+        rate=np.concatenate([qd, qdd, np.zeros_like(z)]),
+        states=joints_as(chain, range(n), "q {} [{}]") + joints_as(chain, range(n), "qd {} [{}/s]") + states,
         inputs=tuple(
             f"{'qdd' if motion else 'tau'} {chain.joint_name(int(k))} "
             f"[{f'{chain.joint_units[k]}/s²' if motion else TORQUE[bool(chain.slides[k])]}]"
             for k, motion in zip(driven, given_motion, strict=True)
         ),
-        outputs=sum(names, ()),
+        outputs=tuple(name for output in found for name in output.names),
+        delays=np.concatenate([np.full(len(output.names), output.delay) for output in found]),
     )
 
 
-def _names(outputs: object) -> list[str]:
-    names = sequence("outputs", outputs, "str")
-    if not names:
+def _put_outputs(
+    found: Sequence[Output], A: Array, B: Array, driven: NDArray[np.intp], n: int
+) -> tuple[Array, Array, Array, tuple[str, ...]]:
+    """C, D and the states z of low-passes with their names, whose rows are written into A and B."""
+    rows = sum(len(output.names) for output in found)
+    C, D, z, states = np.zeros((rows, len(A))), np.zeros((rows, B.shape[1])), np.zeros(len(A) - 2 * n), list[str]()
+    row, at = 0, 2 * n
+    for output in found:
+        for k, name in enumerate(output.names):
+            by_state, by_input = np.concatenate([output.q[k], output.qd[k]]), np.zeros(B.shape[1])
+            if output.qdd is not None:
+                by_state, by_input = by_state + output.qdd[k] @ A[n : 2 * n, : 2 * n], output.qdd[k] @ B[n : 2 * n]
+            if output.tau is not None:
+                by_input = by_input + output.tau[k, driven]
+            if output.low_pass is None:
+                C[row, : 2 * n], D[row] = output.gain * by_state, output.gain * by_input
+            else:
+                own, b, c = output.low_pass
+                mine = slice(at, at := at + len(b))
+                A[mine, : 2 * n], A[mine, mine], B[mine] = np.outer(b, by_state), own, np.outer(b, by_input)
+                C[row, mine], z[mine.start - 2 * n : at - 2 * n] = (
+                    output.gain * c,
+                    -np.linalg.solve(own, b) * output.signal[k],
+                )
+                states += [f"{LOW_PASS}{i} {name}" for i in range(1, len(b) + 1)]
+            row += 1
+    return C, D, z, tuple(states)
+
+
+def _outputs(source: str | OutputSource, chain: Chain, q: Array, qd: Array, qdd: Array, tau: Array) -> Sequence[Output]:
+    return [OUTPUTS[source](chain, q, qd)] if isinstance(source, str) else source.outputs(chain, q, qd, qdd, tau)
+
+
+def _checked(outputs: object) -> list[str | OutputSource]:
+    wanted = sequence("outputs", outputs, "str")
+    if not wanted:
         raise ArgumentError(f"outputs = (): empty; allowed are {', '.join(OUTPUTS)}")
-    return names
-
-
-def _of_joints(chain: Chain, joints: Sequence[int] | NDArray[np.intp], pattern: str) -> tuple[str, ...]:
-    return tuple(pattern.format(chain.joint_name(int(k)), chain.joint_units[k]) for k in joints)
-
-
-def _tip(chain: Chain, q: Array, qd: Array) -> Output:
-    J = jacobian(chain, q).linear
-    return tuple(f"tip {axis} [m]" for axis in "xyz"), tip_position(chain, q), J, np.zeros_like(J)
-
-
-def _tip_rate(chain: Chain, q: Array, qd: Array) -> Output:
-    """v = Σ_k q̇_k J_k: a turn of hinge j turns the terms from j on, and moves the tip in all terms before.
-
-    ∂v/∂q_j = e_j × Σ_{k ≥ j} q̇_k J_k + Σ_{k < j} q̇_k e_k × J_j
-    """
-    tip = jacobian(chain, q)
-    J, e = tip.linear, tip.angular
-    turning, moving = e * qd, J * qd
-    before = np.cumsum(turning, axis=1) - turning
-    beyond = np.cumsum(moving[:, ::-1], axis=1)[:, ::-1]
-    slope = np.cross(e, beyond, axis=0) + np.cross(before, J, axis=0)
-    return tuple(f"tip rate {axis} [m/s]" for axis in "xyz"), J @ qd, slope, J
-
-
-def _joints(chain: Chain, q: Array, qd: Array) -> Output:
-    pick = np.eye(chain.n)[chain.active]
-    return _of_joints(chain, chain.active, "q {} [{}]"), q[chain.active], pick, np.zeros_like(pick)
-
-
-def _joint_rates(chain: Chain, q: Array, qd: Array) -> Output:
-    pick = np.eye(chain.n)[chain.active]
-    return _of_joints(chain, chain.active, "qd {} [{}/s]"), qd[chain.active], np.zeros_like(pick), pick
-
-
-def _state(chain: Chain, q: Array, qd: Array) -> Output:
-    every, unit = range(chain.n), np.eye(2 * chain.n)
-    names = _of_joints(chain, every, "q {} [{}]") + _of_joints(chain, every, "qd {} [{}/s]")
-    return names, np.concatenate([q, qd]), unit[:, : chain.n], unit[:, chain.n :]
-
-
-OUTPUTS: dict[str, Callable[[Chain, Array, Array], Output]] = {
-    "tip": _tip, "tip_rate": _tip_rate, "joints": _joints, "joint_rates": _joint_rates, "state": _state,
-}  # fmt: skip
+    for each in wanted:
+        if not hasattr(each, "outputs"):
+            require_one_of("outputs", each, OUTPUTS)
+    return wanted

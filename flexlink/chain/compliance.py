@@ -1,0 +1,134 @@
+"""How far the hinges of a beam give way whose EI varies as a table says: ∫ M/EI dx by moments at hinges, or in cells.
+
+A rule's hinges are nodes for the moment M, weighted for ∫ M dx. Where EI varies, jumps or has kinks, M still is smooth;
+so it is interpolated between nodes, and the rest is integrated exactly:
+
+    θ = ∫ M/EI dx = Σ_j c_j M_j        c_j = ∫ ℓ_j/EI dx        k_j = 1/c_j
+
+ℓ_j are Lagrange's polynomials of the nodes of an element, of `jacobi` of all nodes. With one node it is ∫ dx/EI over
+its stretch. In cells, of Gauss points x_q, M is the polynomial through M_q, and by complementary energy
+
+    ½ ∫ M²/EI dx = ½ M·F M        F_qr = ∫ ℓ_q ℓ_r/EI dx        K = (W C)ᵀ F⁻¹ (W C)        W = diag(w_q)
+
+which with EI constant is that of `schemes.cells`. Where ℓ_j would leave a hinge less than `LEAST` of what its own
+stretch gives way, or less than nothing, as beside a jump, all of its element take their stretches: order 2 there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.chain.table_beam import TableBeam
+from flexlink.common.types import Array
+from flexlink.describe.schemes.cells import Cells
+from flexlink.describe.schemes.lumping_rules import LumpingRule
+
+LEAST = 0.25
+"""Part of what a hinge's own stretch gives way, c_j at least."""
+ROUNDING = 1e-9
+"""Of sums of weights that are a part of the link."""
+MOST_NODES = 100
+"""Of one polynomial; rules with more over a whole link take stretches."""
+
+
+def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: Array) -> Array:
+    """1/c_j of every hinge about X, Y and Z, shape (3, N) [N m/rad]."""
+    given = np.empty((3, len(nodes)))
+    for panel in _panels(rule, nodes, weights):
+        own = _of_stretches(beam, panel)
+        found = own if panel.stretches_only else _of_moments(beam, rule, panel)
+        good = (found > LEAST * own).all(axis=1, keepdims=True)
+        given[:, panel.which] = 1 / np.where(good, found, own)
+    return given
+
+
+def cell_constants(beam: TableBeam, cells: Cells, count: int) -> Array:
+    """K of every cell about X, Y and Z, shape (3, cells, p, p) [N m/rad]."""
+    p, cell = cells.hinges, cells.cell
+    edges = np.linspace(0.0, 1.0, count // p + 1)
+    (owner, x, weight), per = beam.flexibility(edges, 2 * (p - 1))
+    local = (x - edges[owner]) * (count // p)
+    basis = _lagrange(cell.points, local)
+    F = np.zeros((3, count // p, p, p))
+    for axis in range(3):
+        np.add.at(F[axis], owner, (weight * per[axis])[:, None, None] * basis[:, :, None] * basis[:, None, :])
+    WC = cell.weights[:, None] * cell.curvature
+    return np.asarray(WC.T @ np.linalg.solve(F, np.broadcast_to(WC, F.shape)))
+
+
+def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], angles: Array) -> Array:
+    """κ = M/EI about X, Y and Z at hinges, or at Gauss points of cells, by angles (…, N) about one axis [rad/m].
+
+    Shape (3, …, N): of all axes, as if the angles were about each.
+    """
+    nodes, weights = hinges
+    if rule.cells is None:
+        return np.asarray(
+            [row * angles for row in spring_constants(beam, rule, nodes, weights) / beam.rigidities(nodes)]
+        )
+    cell, p = rule.cells.cell, rule.cells.hinges
+    K, places = cell_constants(beam, rule.cells, len(nodes)), rule.cells.gauss_points(len(nodes))
+    M = np.linalg.solve((cell.weights[:, None] * cell.curvature).T, K)  # (3, cells, p, p), of angles
+    each = angles.reshape(*angles.shape[:-1], -1, p)
+    moments = np.einsum("aeij,...ej->a...ei", M, each).reshape(3, *angles.shape)
+    EI = beam.rigidities(places)
+    return np.asarray([part / row for part, row in zip(moments, EI, strict=True)])
+
+
+class _Panel(NamedTuple):
+    """Hinges whose moments make one polynomial, on a part of the link."""
+
+    which: slice
+    edges: tuple[float, float]
+    nodes: Array
+    weights: Array
+    stretches: Array  # (N, 2), what each hinge stands for
+    stretches_only: bool
+
+
+def _panels(rule: LumpingRule, nodes: Array, weights: Array) -> list[_Panel]:
+    if rule.grid is not None:
+        half = np.diff(nodes).mean() / 2 if len(nodes) > 1 else 0.5
+        stretches = np.clip(np.column_stack([nodes - half, nodes + half]), 0.0, 1.0)
+        return [_Panel(slice(None), (0.0, 1.0), nodes, weights, stretches, True)]
+    size = len(nodes) if rule.element is None else len(rule.element.nodes)
+    count, panels = len(nodes) // size, []
+    for e in range(count):
+        which, edges = slice(e * size, (e + 1) * size), (e / count, (e + 1) / count)
+        ends = edges[0] + np.append(0.0, np.cumsum(weights[which]))
+        if abs(ends[-1] - edges[1]) > ROUNDING:  # weights for other moments than constant ones
+            ends[1:-1] = (nodes[which][1:] + nodes[which][:-1]) / 2
+        ends[-1] = edges[1]
+        stretches = np.column_stack([ends[:-1], ends[1:]])
+        panels.append(_Panel(which, edges, nodes[which], weights[which], stretches, size > MOST_NODES))
+    return panels
+
+
+def _of_stretches(beam: TableBeam, panel: _Panel) -> Array:
+    """w_j times the mean of L/EI over the stretch of each hinge, shape (3, N)."""
+    found = np.empty((3, len(panel.nodes)))
+    for j, ends in enumerate(panel.stretches):
+        (_, _, weight), per = beam.flexibility(ends, 0)
+        found[:, j] = per @ weight * (panel.weights[j] / (ends[1] - ends[0]))
+    return found
+
+
+def _of_moments(beam: TableBeam, rule: LumpingRule, panel: _Panel) -> Array:
+    """∫ ℓ_j L/EI over the panel, shape (3, N); with the factor of a rule's moments, g(x)/g(x_j)."""
+    (_, x, weight), per = beam.flexibility(np.array(panel.edges), len(panel.nodes))
+    basis = _lagrange(panel.nodes, x)
+    if rule.jacobi is not None:
+        tip, root = rule.jacobi.tip, rule.jacobi.root
+        basis *= ((1 - x) ** tip * x**root)[:, None] / ((1 - panel.nodes) ** tip * panel.nodes**root)
+    return np.asarray((per * weight) @ basis)
+
+
+def _lagrange(nodes: Array, x: Array) -> Array:
+    """ℓ_j(x), shape (points, N)."""
+    found = np.ones((len(x), len(nodes)))
+    for j, node in enumerate(nodes):
+        for other in np.delete(nodes, j):
+            found[:, j] *= (x - other) / (node - other)
+    return found

@@ -1,0 +1,119 @@
+"""A beam whose rigidities and mass are a table along it: integrals piece by piece between its rows, to rounding."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.types import Array
+from flexlink.describe.rigidity import Rigidity
+
+GAUSS = np.polynomial.legendre.leggauss(4)
+"""Exact for masses that are linear, times x², and for ∫∫ of them."""
+LARGEST_RATIO = 2.0
+"""Of a rigidity over a piece on which ∫ f/EI is found: 12 Gauss points, more by the degree of f, leave 5.8^−24."""
+
+
+class Points(NamedTuple):
+    """Gauss points between neighbouring edges, of all pieces one after the other."""
+
+    owner: NDArray[np.intp]  # number of the slice that each is in
+    x: Array
+    weight: Array  # of ∫ dx over the slice
+
+
+def points_between(edges: Array, knots: Array, rule: tuple[Array, Array] = GAUSS) -> Points:
+    """Points of a rule on every piece between edges and the knots inside."""
+    inside = knots[(knots > edges[0]) & (knots < edges[-1])]
+    cuts = np.unique(np.concatenate([edges, inside]))
+    half = np.diff(cuts) / 2
+    owner = np.clip(np.searchsorted(edges, cuts[:-1], side="right") - 1, 0, len(edges) - 2)
+    x, weight = cuts[:-1, None] + half[:, None] * (1 + rule[0]), half[:, None] * rule[1]
+    return Points(np.repeat(owner, len(rule[0])), x.ravel(), weight.ravel())
+
+
+@dataclasses.dataclass(frozen=True)
+class TableBeam:
+    """The continuous link, x from 0 to 1, in place of a beam of sections."""
+
+    length: float
+    table: Rigidity
+
+    @property
+    def knots(self) -> Array:
+        """Where columns have kinks or jump."""
+        return np.unique(self._places)[1:-1]
+
+    @property
+    def _places(self) -> Array:
+        x = self.table.rows.x
+        return np.asarray(x / x[-1])
+
+    def per_length(self, x: Array) -> Array:
+        """ρA [kg/m], ρI_y and ρI_z [kg m] at every x, shape (3, *x.shape); at a jump what lies outward."""
+        return np.array([np.interp(x, self._places, column) for column in self.table.rows.masses])
+
+    def rigidities(self, x: Array) -> Array:
+        """GJ, EI_y, EI_z at every x, shape (3, *x.shape) [N m²]."""
+        return np.array([np.interp(x, self._places, column) for column in self.table.rows.rigidities])
+
+    def rotary(self, x: Array) -> Array:
+        """ρI_y and ρI_z at every x, shape (2, *x.shape) [kg m]."""
+        return self.per_length(x)[1:]
+
+    def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
+        """∫ p dx and ∫ x p dx, p = (ρI_y + ρI_z) L, from each node to the next, of the last to the end [kg m²]."""
+        owner, x, weight = points_between(np.append(nodes, 1.0), self.knots)
+        polar = weight * self.length * self.rotary(x).sum(axis=0)
+        return _sums(owner, polar, len(nodes)), _sums(owner, x * polar, len(nodes))
+
+    def masses(self, start: Array, end: Array) -> Array:
+        """∫ ρA dx from each start to its end [kg], (N,), negative where the end is before the start."""
+        both = np.concatenate([start, end])
+        edges = np.unique(np.concatenate([[0.0], both, [1.0]]))
+        owner, x, weight = points_between(edges, self.knots)
+        pieces = _sums(owner, weight * self.length * self.per_length(x)[0], len(edges) - 1)
+        up_to = np.concatenate([[0.0], np.cumsum(pieces)])[np.searchsorted(edges, both)]
+        return np.asarray(up_to[len(start) :] - up_to[: len(start)])
+
+    def slices(self, edges: Array) -> tuple[Array, Array, Array]:
+        """Between neighbouring edges: mass (N,), distance of the centre (N,), moments of inertia about it (N, 3)."""
+        owner, x, weight = points_between(edges, self.knots)
+
+        def total(part: Array) -> Array:
+            return _sums(owner, part, len(edges) - 1)
+
+        mass_at, y_at, z_at = weight * self.length * self.per_length(x)
+        away = (x - edges[owner]) * self.length
+        mass, y, z = total(mass_at), total(y_at), total(z_at)
+        center = total(mass_at * away) / mass
+        bending = total(mass_at * (away - center[owner]) ** 2)
+        return mass, center, np.column_stack([y + z, y + bending, z + bending])
+
+    def flexibility(self, edges: Array, degree: int) -> tuple[Points, Array]:
+        """Points between edges for ∫ f/GJ, f/EI_y and f/EI_z, f of a degree, and L/GJ … there, shape (3, points)."""
+        found = points_between(edges, _fine(self.table), np.polynomial.legendre.leggauss(12 + degree // 2))
+        return found, self.length / self.rigidities(found.x)
+
+
+def _sums(owner: NDArray[np.intp], parts: Array, count: int) -> Array:
+    """Of the parts that each of so many slices owns."""
+    return np.bincount(owner, parts, count).astype(np.float64)
+
+
+@functools.lru_cache(maxsize=64)
+def _fine(table: Rigidity) -> Array:
+    """Knots between which no rigidity changes by more than `LARGEST_RATIO`."""
+    x, columns = table.rows.x / table.rows.x[-1], table.rows.rigidities
+    found = [x]
+    for k in np.flatnonzero(np.diff(x) > 0):
+        for first, last in columns[:, k : k + 2]:
+            count = int(np.ceil(abs(np.log(last / first)) / np.log(LARGEST_RATIO)))
+            if count > 1:
+                between = first * (last / first) ** (np.arange(1, count) / count)
+                found.append(x[k] + (x[k + 1] - x[k]) * (between - first) / (last - first))
+    return np.unique(np.concatenate(found))

@@ -1,0 +1,203 @@
+"""Motions, drives and wrenches whose tables stand in CSV files: read once, as a scene is made, and part of it then."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypedDict
+
+import numpy as np
+from msgspec.structs import replace
+
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.types import Array, T
+from flexlink.describe.arm import Arm, Link
+from flexlink.describe.conditions import Drive, InitialState, PrescribedMotion, Wrench
+from flexlink.describe.csv_table import CsvTable, head_of, read_csv
+from flexlink.describe.own_units import TORQUE, UNIT, Row
+from flexlink.describe.smoothing import smoothed
+from flexlink.describe.spec import short_list
+
+WRENCH = {"forces": ("force", "N"), "moments": ("moment", "N m")}
+"""What of a wrench stands in heads "force x [N]", "moment z [N m]"."""
+NEAR = {False: 1.0, True: 0.01}
+"""How far from a file's first angle [deg], of a joint that slides place [m], a scene may say that a joint starts."""
+
+
+class Filled(TypedDict, total=False):
+    """What a scene says with the tables of files in it."""
+
+    motion: tuple[PrescribedMotion, ...]
+    drive: Drive
+    wrench: Wrench
+    initial: InitialState
+
+
+def filled_from_files(
+    arm: Arm, *, motion: tuple[PrescribedMotion, ...], drive: Drive, wrench: Wrench, initial: InitialState
+) -> Filled:
+    """What changes where tables in files become a scene's own; a joint that moves by one starts where its file does.
+
+    Raises
+    ------
+    SceneError, DataFileError
+        As in `drive_from_file`, `wrench_from_file`, `motion_from_file`; another start is given.
+    """
+    filled: Filled = {}
+    if any(each.file is not None for each in motion):
+        motions = list(motion)
+        for k, each in enumerate(motion):
+            if each.file is not None and (number := _number(arm, each)):
+                motions[k] = motion_from_file(each, arm.links[number - 1])
+                initial = _started_with(initial, arm, number, motions[k])
+        filled |= {"motion": tuple(motions), "initial": initial}
+    if drive.file is not None:
+        filled["drive"] = drive_from_file(drive, arm, {_number(arm, each) for each in motion})
+    if wrench.file is not None:
+        filled["wrench"] = wrench_from_file(wrench)
+    return filled
+
+
+def _number(arm: Arm, motion: PrescribedMotion) -> int:
+    """Number of the link that moves; 0 of one that is not there, which the scene refuses."""
+    try:
+        return arm.number(motion.link)
+    except ArgumentError:
+        return 0
+
+
+def _started_with(initial: InitialState, arm: Arm, number: int, motion: PrescribedMotion) -> InitialState:
+    """The initial state with the first angle and rate of a motion; an angle near that may be given.
+
+    Raises
+    ------
+    SceneError
+        Another angle is given, or a rate.
+    """
+    near = {"joint": NEAR[motion.slides], "rate": 0.0}
+    changes = {}
+    for (name, allowed), column in zip(near.items(), motion.columns, strict=False):
+        key = f"{name}_{UNIT[motion.slides]}"
+        row, first = list(getattr(initial, key) or (0.0,) * len(arm.links)), column[0]
+        if len(row) != len(arm.links) or initial.q is not None or initial.time:
+            return initial
+        given = row[number - 1]
+        if given and abs(given - first) > allowed:
+            raise SceneError(
+                f"{arm.path(number, f'initial.{key}')} = {given!r}: the file of the motion of {motion.link!r} begins "
+                f"with {first:.6g}; check its unit, or leave this out: the joint starts where the file does"
+            )
+        row[number - 1] = first
+        changes[key] = tuple(row)
+    return replace(initial, **changes)
+
+
+def drive_from_file(drive: Drive, arm: Arm, moved: set[int]) -> Drive:
+    """A drive with the torques of its file: a column "tau NAME [N m]" for each joint that it drives.
+
+    Joints that are locked, or `moved` as prescribed, by the numbers of their links, need none.
+
+    Raises
+    ------
+    DataFileError
+        As in `read_csv` and `CsvTable.column`.
+    """
+
+    def filled(table: CsvTable) -> Drive:
+        columns = [_torques(table, link, k in moved) for k, link in enumerate(arm.links, 1)]
+        torques = tuple(map(tuple, np.column_stack(columns).tolist()))
+        return replace(drive, file=None, times=tuple(table.times.tolist()), torques=torques)
+
+    return _read("drive", drive.file or "", filled)
+
+
+def _torques(table: CsvTable, link: Link, moved: bool) -> Array:
+    quantity = f"tau {link.name}"
+    if link.joint.locked or (moved and quantity not in {head_of(head).quantity for head in table.heads}):
+        return np.zeros(len(table.values))
+    return table.column(quantity, TORQUE[link.joint.slides])
+
+
+def wrench_from_file(wrench: Wrench) -> Wrench:
+    """A wrench with the components in its file, "force x [N]" … "moment z [N m]"; those without a column are 0.
+
+    Raises
+    ------
+    DataFileError
+        There is none of them, or a head that begins so and is none; as in `drive_from_file`.
+    """
+
+    def filled(table: CsvTable) -> Wrench:
+        quantities = [head_of(head).quantity for head in table.heads]
+        allowed = {f"{name} {axis}" for name, _ in WRENCH.values() for axis in "xyz"}
+        for head, quantity in zip(table.heads, quantities, strict=True):
+            if quantity not in allowed and quantity.startswith(("force", "moment")):
+                raise DataFileError(f"{table.path}: column {head!r}: not known; expected {short_list(sorted(allowed))}")
+        if not allowed & set(quantities):
+            raise DataFileError(
+                f"{table.path}: no column such as 'force x [N]' or 'moment z [N m]'; columns: {short_list(table.heads)}"
+            )
+        rows = {}
+        for key, (name, unit) in WRENCH.items():
+            there = [f"{name} {axis}" in quantities for axis in "xyz"]
+            if any(there):
+                none = np.zeros(len(table.values))
+                columns = [
+                    table.column(f"{name} {axis}", unit) if given else none
+                    for axis, given in zip("xyz", there, strict=True)
+                ]
+                rows[key] = tuple(map(tuple, np.column_stack(columns).tolist()))
+        return replace(wrench, file=None, times=tuple(table.times.tolist()), **rows)
+
+    return _read("wrench", wrench.file or "", filled)
+
+
+def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
+    """A motion with the angles in its file, "q NAME [deg]", and their rates and accelerations.
+
+    With a `cutoff` these are the library's, `smoothed`, and the angles are, too; without one they are the file's,
+    "qd NAME [deg/s]" and "qdd NAME [deg/s²]".
+
+    Raises
+    ------
+    DataFileError
+        As in `drive_from_file`; or the times do not begin at 0.
+    SceneError
+        As in `smoothed`; or neither a cutoff is given nor rates and accelerations.
+    """
+
+    def filled(table: CsvTable) -> PrescribedMotion:
+        unit, slides, times = UNIT[link.joint.slides], link.joint.slides, table.times
+        if len(times) and times[0] != 0:
+            raise DataFileError(f"{table.path}: t begins at {float(times[0])!r} s; a motion begins at 0, so shift it")
+        place = table.column(f"q {link.name}", unit)
+        if motion.cutoff is not None:
+            columns = smoothed(times, place, motion.cutoff)
+        else:
+            there = {head_of(head).quantity for head in table.heads}
+            for name in (f"qd {link.name}", f"qdd {link.name}"):
+                if name not in there:
+                    raise SceneError(
+                        f"cutoff: missing; {table.path} has no column {name!r}. Give cutoff [Hz], by which rates and "
+                        "accelerations are found, or a file that has them"
+                    )
+            rates = (table.column(f"qd {link.name}", f"{unit}/s"), table.column(f"qdd {link.name}", f"{unit}/s²"))
+            columns = (place, *rates)
+        keys = ("position_m", "rate_m", "acceleration_m") if slides else ("angle_deg", "rate_deg", "acceleration_deg")
+        rows: dict[str, Row] = {key: tuple(part.tolist()) for key, part in zip(keys, columns, strict=True)}
+        return replace(motion, file=None, cutoff=None, times=tuple(times.tolist()), **rows)
+
+    return _read(f"motion.{motion.link}", motion.file or "", filled)
+
+
+def _read(path: str, file: str, filled: Callable[[CsvTable], T]) -> T:
+    """What becomes of the table in a file; errors say at which path it was named."""
+    try:
+        table = read_csv(Path(file))
+        if not len(table.values):
+            raise DataFileError(f"{file}: no rows; expected one or more below the heads")
+        return filled(table)
+    except DataFileError as error:
+        raise DataFileError(f"{path}.file = {file!r}: {str(error).removeprefix(f'{file}: ')}") from None
+    except SceneError as error:
+        raise SceneError(f"{path}.{error}") from None

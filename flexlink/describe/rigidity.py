@@ -1,0 +1,101 @@
+"""What a beam is from its root to its end, as a table: rigidities and mass per length, measured or from a program."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
+from flexlink.describe.spec import NonNegative, Positive, Spec, truncated
+
+COLUMNS = {"ei_y": "N m²", "ei_z": "N m²", "gj": "N m²", "rho_a": "kg/m", "rho_i_y": "kg m", "rho_i_z": "kg m"}
+"""What stands in a table beside x, with its unit."""
+HELD = {"z": ("ei_z",), "yz": ("ei_y", "ei_z"), "xyz": ("ei_y", "ei_z", "gj")}
+"""Rigidities that a link needs, by its flex."""
+
+
+class Rigidity(Spec, frozen=True):
+    """Rigidities and mass of a beam as a table along it, in place of a material and a section.
+
+    Columns are linear between rows; where a row repeats the x of the one before, they jump. Springs of hinges hold
+    ∫ dx/EI over what they stand for, segments have the mass, centre and inertia of their stretch, both exactly; in
+    cells of coupled springs masses stand at the cell's points, which leaves an error of order 2 where ρA jumps.
+    Of flex = "z" a link takes `ei_z`, of "yz" `ei_y`, too, of "xyz" `gj`, and inertia about its x.
+
+    Examples
+    --------
+    >>> spar = fl.Rigidity(x=(0.0, 0.4, 0.4, 2.0), ei_z=(90.0, 90.0, 30.0, 10.0), rho_a=(0.5, 0.5, 0.2, 0.1))
+    >>> wing = fl.Link(name="wing", length=2.0, flex="z", segments=9, rigidity="spar")
+    >>> chain = fl.lump(fl.Scene(name="wing", arm=fl.Arm(links=(wing,), rigidities={"spar": spar})))
+    >>> print(f"{chain.mass:.3f} kg, {chain.stiffness.max():.0f} … {chain.stiffness[-1]:.0f} N m/rad")
+    0.440 kg, 429 … 45 N m/rad
+    """
+
+    x: tuple[NonNegative, ...]
+    """Where the rows stand, from 0, the root of the beam, to its length [m]."""
+    rho_a: tuple[Positive, ...]
+    """Mass per length ρA [kg/m]."""
+    ei_y: tuple[Positive, ...] | None = None
+    """Rigidity EI against bending about the section's y [N m²]."""
+    ei_z: tuple[Positive, ...] | None = None
+    """Rigidity EI against bending about the section's z [N m²]."""
+    gj: tuple[Positive, ...] | None = None
+    """Rigidity GJ against twist [N m²]."""
+    rho_i_y: tuple[NonNegative, ...] | None = None
+    """Inertia per length about the section's y, ∫ ρ z² dA [kg m]. Default: 0, as of a thin beam."""
+    rho_i_z: tuple[NonNegative, ...] | None = None
+    """Inertia per length about the section's z, ∫ ρ y² dA [kg m]. Default: 0, as of a thin beam."""
+    loss_time: NonNegative = 0.0
+    """Kelvin-Voigt's loss time η [s], as of a material."""
+    stiffness_factor: Positive = 1.0
+    """Times what EI and GJ are of what the table says, along the whole beam: one number to vary or to fit [1]."""
+    mass_factor: Positive = 1.0
+    """Times what ρA and ρI are of what the table says, along the whole beam [1]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.x) < 2 or self.x[0] != 0:
+            raise SceneError(f"x = {truncated(self.x)}: expected two rows or more, the first at 0")
+        for k, (before, place) in enumerate(itertools.pairwise(self.x), 1):
+            if place < before or (k >= 2 and place == before == self.x[k - 2]):
+                raise SceneError(
+                    f"x[{k}] = {place!r}: must not be less than x[{k - 1}] = {before!r}; two rows at most have the same"
+                )
+        if self.x[0] == self.x[1] or self.x[-1] == self.x[-2]:
+            raise SceneError(f"x = {truncated(self.x)}: nothing jumps at the ends of a beam; give one row there")
+        for name in COLUMNS:
+            column = getattr(self, name)
+            if column is not None and len(column) != len(self.x):
+                raise SceneError(f"{name} = {truncated(column)}: must have as many numbers as x, {len(self.x)}")
+
+    def lacks(self, flex: str) -> Iterator[str]:
+        """Columns that a link of a flex needs, and that are not there; rotary inertia where it twists."""
+        yield from (name for name in HELD.get(flex, ()) if getattr(self, name) is None)
+        if flex == "xyz" and not any(map(any, (self.rho_i_y or (), self.rho_i_z or ()))):
+            yield "rho_i_y or rho_i_z"
+
+    @property
+    def rows(self) -> Rows:
+        """The table as arrays, with its factors."""
+        return _rows(self)
+
+
+class Rows(NamedTuple):
+    """A table as arrays."""
+
+    x: Array  # (rows,) [m]
+    rigidities: Array  # (3, rows) GJ, EI_y, EI_z [N m²], 1 where there is none
+    masses: Array  # (3, rows) ρA [kg/m], ρI_y, ρI_z [kg m]
+
+
+@functools.lru_cache(maxsize=64)
+def _rows(table: Rigidity) -> Rows:
+    none, nothing = (1.0,) * len(table.x), (0.0,) * len(table.x)
+    rigidities = np.array([table.gj or none, table.ei_y or none, table.ei_z or none])
+    masses = np.array([table.rho_a, table.rho_i_y or nothing, table.rho_i_z or nothing])
+    return Rows(np.array(table.x), table.stiffness_factor * rigidities, table.mass_factor * masses)

@@ -1,0 +1,59 @@
+"""How the motion of a point changes with angles, rates and accelerations: slopes of `point_motion`.
+
+Hinge j lies at p_j on axis e_j; what is before it moves with ω, α there, what is beyond turns about it, as a whole:
+
+    ∂p = e × r        ∂v = ω × (e × r) + e × u        ∂ω_P = e × (ω_P − ω)                  by q_j, r = p − p_j
+    ∂a = α × (e × r) + ω × (ω × (e × r)) + 2 ω × (e × u) + e × w
+    ∂v = e × r        ∂ω_P = e        ∂a = 2 ω × (e × r) + 2 e × u                          by q̇_j
+    ∂a = e × r                                                                              by q̈_j
+
+u and w are velocity and acceleration of the point as seen from before the hinge. One that slides shifts what is beyond:
+e stands for e × r, and 0 for e × u, e × w and ∂ω_P.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
+from flexlink.dynamics.placement import hinge_bodies, hinges_before
+from flexlink.dynamics.point_motion import body_motion
+
+
+class PointSlopes(NamedTuple):
+    """Slopes of what `point_motion` returns; by q, q̇ and q̈ where it depends on them."""
+
+    position: tuple[Array]  # (3, n) [m/rad]
+    gyroscope: tuple[Array, Array]  # (3, n) each
+    accelerometer: tuple[Array, Array, Array]  # (3, n) each
+
+
+def point_slopes(chain: Chain, q: Array, qd: Array, qdd: Array, body: int, point: Array) -> PointSlopes:
+    """Slopes at a state (n,) of a body's point, which is given in axes of the body [m]."""
+    moving, beyond = body_motion(chain, q, qd, qdd), hinge_bodies(chain)
+    R, ω_P, α_P = moving.rotations[body], moving.angular_velocity[body], moving.angular_acceleration[body]
+    c = R @ point
+    v = moving.velocity[body] + np.cross(ω_P, c)
+    a = moving.acceleration[body] + np.cross(α_P, c) + np.cross(ω_P, np.cross(ω_P, c))
+    ω, α = moving.before
+    e = np.where(hinges_before(chain, body)[:, None], moving.axes, 0.0)
+    r = moving.points[body] + c - moving.points[beyond]
+    u = v - moving.velocity[beyond] - np.cross(ω, r)
+    w = a - moving.acceleration[beyond] - np.cross(α, r) - np.cross(ω, np.cross(ω, r) + 2 * u)
+    shift, turn = np.cross(e, r), e.copy()
+    slides = chain.slides
+    shift[slides], turn[slides] = e[slides], 0.0
+    swung = np.cross(turn, u)
+    by_angle = np.cross(α, shift) + np.cross(ω, np.cross(ω, shift) + 2 * swung) + np.cross(turn, w)
+    seen_by_angle = by_angle - np.cross(turn, a - chain.gravity)  # the body turns, too
+    spun = -np.cross(turn, np.broadcast_to(ω, turn.shape))
+    accelerometer = _in(R, seen_by_angle), _in(R, 2 * (np.cross(ω, shift) + swung)), _in(R, shift)
+    return PointSlopes((np.ascontiguousarray(shift.T),), (_in(R, spun), _in(R, turn)), accelerometer)
+
+
+def _in(R: Array, rows: Array) -> Array:
+    """Vectors (n, 3) in axes of a body, shape (3, n)."""
+    return np.ascontiguousarray((rows @ R).T)

@@ -1,0 +1,197 @@
+"""Modes of an arm that moves steadily: about a shaft that spins, along a rail at constant speed.
+
+A motion with constant rates is an equilibrium of what else moves, T_GC(q, q̇) + T_FL(q) = 0, if it stays one: if neither
+these torques, nor M, nor K change along it. So do gravity along the shaft, none, and loads that turn with the tip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain.arguments import require_type, vector, wrench_vector
+from flexlink.chain.chain import Chain, Joints
+from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
+from flexlink.describe.conditions import Frame
+from flexlink.describe.spec import truncated
+from flexlink.dynamics import rounding
+from flexlink.dynamics.equilibrium import Equilibrium, solve_static
+from flexlink.dynamics.placement import unbent
+from flexlink.dynamics.tangent import load_torque, stiffness_matrix, unlocked
+from flexlink.dynamics.terms import mass_matrix
+from flexlink.dynamics.vibration.modal import Modes, modes
+from flexlink.dynamics.wrench import turns_with_tip
+
+LATER = 1.0, 2.5
+"""How far on a motion is looked at [rad], of joints that slide in lengths of the arm."""
+SAME = 1e-9
+"""Part of the sizes that torques, M and K are made of which may be rounding."""
+
+
+def modes_in_motion(
+    chain: Chain,
+    rates: Mapping[str, float],
+    q: ArrayLike | None = None,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world",
+    locked: Joints = (),
+    count: int | None = None,
+) -> Modes:
+    """Modes about the posture that an arm has while some of its joints move with constant rates.
+
+    The posture is `equilibrium_in_motion`, where centrifugal forces, gravity, springs and loads balance; modes about it
+    have centrifugal stiffness and gyroscopic coupling: M δq̈ + (D + G) δq̇ + K δq = 0, as `modes` says.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    rates
+        Constant rates [rad/s], of joints that slide [m/s], by the names of their links; they are held.
+    q
+        Posture to start from [rad], shape (n,); default: springs slack, joints at zero.
+    tip_wrench, frame
+        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame.
+    locked
+        Further coordinates that do not move, as in `modes`; a driven joint that is not locked swings freely.
+    count
+        How many modes, the slowest ones; None: all.
+
+    Returns
+    -------
+    Modes
+        Eigenvalues [1/s], shapes, paths [m], slowest first.
+
+    Raises
+    ------
+    ArgumentError
+        `rates` names no driven joint, or one that is locked; the motion is no steady one, as with gravity or a load
+        across a shaft; or as in `modes`.
+    ConvergenceError, SingularMassError
+        As in `solve_static` and `modes`.
+
+    Examples
+    --------
+    >>> level = fl.lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))  # no gravity across the shaft
+    >>> for rate in (0.0, 30.0):  # rad/s
+    ...     print(fl.modes_in_motion(level, {"upper": rate}, locked=["fore"], count=2).hertz.round(2))
+    [ 4.98 65.28]
+    [ 5.45 70.4 ]
+    """
+    rest = equilibrium_in_motion(chain, rates, q, tip_wrench=tip_wrench, frame=frame, locked=locked)
+    turning = _rates(chain, rates)
+    held = _held(chain, turning, rates, locked)
+    return modes(chain, rest.q, turning, tip_wrench=tip_wrench, frame=frame, locked=held, count=count)
+
+
+def equilibrium_in_motion(
+    chain: Chain,
+    rates: Mapping[str, float],
+    q: ArrayLike | None = None,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world",
+    locked: Joints = (),
+) -> Equilibrium:
+    """Posture of an arm some of whose joints move with constant rates: T_GC(q, q̇) + T_FL(q) = 0 of all others.
+
+    It is `solve_static(chain, q, qd)`, from springs that are slack, of a motion that is known to be a steady one.
+    Arguments and errors as in `modes_in_motion`.
+
+    Examples
+    --------
+    >>> level = fl.lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
+    >>> bent = fl.equilibrium_in_motion(level, {"upper": 3.0}, [0, 0, 0, 1.0, 0, 0], locked=["fore"])  # rad/s; rad
+    >>> print(np.degrees(bent.q[level.bending]).round(2))  # the elbow is bent, and swings outward
+    [-0.02 -0.07 -0.06 -0.01]
+    """
+    turning = _rates(require_type("chain", chain, Chain), rates)
+    held = _held(chain, turning, rates, locked)
+    start = unbent(chain, chain.rest.copy() if q is None else vector("q", q, chain.n))
+    rest = solve_static(chain, start, turning, tip_wrench=tip_wrench, frame=frame, locked=held)
+    if turning.any():
+        free = unlocked(chain, held)
+        _check_steady(chain, rest.q, _Steady(turning, wrench_vector(tip_wrench), turns_with_tip(frame), free))
+    return rest
+
+
+def _rates(chain: Chain, rates: Mapping[str, float]) -> Array:
+    """Rates of all joints (n,), of those that are not named 0."""
+    if not isinstance(rates, Mapping) or not rates:
+        raise ArgumentError(f"rates = {truncated(rates)}: expected a dict such as {{'hub': 50.0}}, in rad/s")
+    found = np.zeros(chain.n)
+    for name, rate in rates.items():
+        k = steady_joint(chain, name)
+        found[k] = vector(f"rates[{name!r}]", [rate], 1)[0]
+    return found
+
+
+def _held(chain: Chain, turning: Array, rates: Mapping[str, float], locked: Joints) -> NDArray[np.intp]:
+    """Joints that move as told, and those that are locked."""
+    named = [steady_joint(chain, name) for name in rates]
+    held = chain.joint_indices("locked", locked)
+    for k in named:
+        if k in held and turning[k]:
+            raise ArgumentError(f"locked: {chain.joint_name(k)!r} moves with a rate of {turning[k]:g}; leave it out")
+    return np.union1d(named, held).astype(np.intp)
+
+
+def steady_joint(chain: Chain, name: str) -> int:
+    """Number of the joint that `name` means.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such joint, it is locked in the scene, or it is a hinge with a spring.
+    """
+    k = chain.joint_index("rates", name, perhaps_locked=True)
+    if k < 0:
+        raise ArgumentError(
+            f"rates: {name!r} is locked in the scene; set its joint.locked to false, it is held at its rate"
+        )
+    if k not in chain.active and not (chain.has_free_base and chain.coordinates[k].link == 0):
+        driven = ", ".join(chain.joint_name(int(each)) for each in chain.active)
+        raise ArgumentError(f"rates: {name!r} is a hinge with a spring; allowed are driven joints: {driven}")
+    return k
+
+
+def _check_steady(chain: Chain, q: Array, small: _Steady) -> None:
+    """Refuse a motion along which torques, M or K of what is free change."""
+    step = small.qd / np.abs(small.qd / rounding.scales(chain)).max()
+    now = small.terms(chain, q)
+    for far in LATER:
+        then = small.terms(chain, q + far * step)
+        for what, before, after in zip(
+            ("the torques on", "the inertia of", "the stiffness of"), now, then, strict=True
+        ):
+            if np.abs(after - before).max() > SAME:
+                moving = ", ".join(chain.joint_name(int(k)) for k in np.flatnonzero(small.qd))
+                raise ArgumentError(
+                    f"rates: no steady motion: {what} what is free to move change as {moving} goes on, as with gravity "
+                    "or a load across a shaft; there are modes only about a motion that looks alike at all times"
+                )
+
+
+class _Steady(NamedTuple):
+    """What acts during a motion that should be steady, and which coordinates are free in it."""
+
+    qd: Array
+    wrench: Array
+    follower: bool
+    free: NDArray[np.intp]
+
+    def terms(self, chain: Chain, q: Array) -> tuple[Array, Array, Array]:
+        """T_GC, M and K of the free coordinates at a posture, each over the sizes that it is made of."""
+        qd, wrench, follower, free = self
+        loads = rounding.largest_load_stiffness(chain, qd, wrench)
+        stiff = np.sqrt(np.where(chain.stiffness + loads > 0, chain.stiffness + loads, 1.0))[free]
+        M, block = mass_matrix(chain, q), np.ix_(free, free)
+        inertia = np.sqrt(M.diagonal())[free]
+        torque = load_torque(chain, q, qd, wrench, follower) / np.where(loads > 0, loads, 1.0)
+        K = stiffness_matrix(chain, q, qd, wrench, follower)
+        return torque[free], M[block] / np.outer(inertia, inertia), K[block] / np.outer(stiff, stiff)

@@ -1,0 +1,266 @@
+"""What was measured, block by block, and what a scene gives in its place."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import ArgumentError, DataFileError, FlexlinkError, SceneError
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import did_you_mean
+from flexlink.dynamics.placement import tip_position
+from flexlink.dynamics.vibration.at_rest import rest_of
+from flexlink.dynamics.vibration.modal import modes
+from flexlink.identification.problem import FitModes, FitProblem, FitRun, FitStatic, Use
+from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.motion.simulate import simulate
+from flexlink.results.measured import Measured, measured_from, named, read_measured
+from flexlink.results.trajectory import Trajectory
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Block:
+    """Numbers that were measured with one instrument.
+
+    Attributes
+    ----------
+    name
+        What they are, with the unit; of a run its column.
+    y
+        The numbers in SI units, shape (n,), finite.
+    σ
+        Standard deviation of their noise, shape (n,).
+    stated
+        Whether the problem states it; else it follows from what the fit leaves.
+    t
+        Times of a run's column [s], shape (n,); None of single numbers, whose noise is independent.
+    gain, bias
+        Whether scale and zero are unknown.
+    """
+
+    name: str
+    y: Array
+    σ: Array
+    stated: bool
+    t: Array | None = None
+    gain: bool = False
+    bias: bool = False
+
+
+class Recorded:
+    """A run that was recorded.
+
+    Attributes
+    ----------
+    name, use
+        As the problem says.
+    scene
+        What it is computed from, but for the numbers that are sought.
+    blocks
+        Its columns.
+    rate
+        Samples per second of the file [Hz].
+    """
+
+    is_run = True
+
+    def __init__(self, problem: FitProblem, run: FitRun) -> None:
+        self.name, self.use, self.problem = run.name, run.use, run
+        scene = problem.scene.varied(run.set) if run.set else problem.scene
+        known = {"t [s]": None, **simulate(_short(scene)).columns}
+        measured = _measured(run, known)
+        first, last = run.window or (-math.inf, math.inf)
+        start = scene.initial.time
+        inside = (measured.t >= max(first, start)) & (measured.t <= last)
+        if inside.sum() < 2:
+            raise DataFileError(
+                f"run {run.name!r}: fewer than two samples from {max(first, start):g} to {last:g} s; the file goes "
+                f"from {measured.t[0]:g} to {measured.t[-1]:g} s"
+            )
+        t = measured.t[inside]
+        self.rate = float((len(t) - 1) / (t[-1] - t[0]))
+        self.scene = _as_long(scene, t, problem.tolerance)
+        heads = _by_name(run, known, measured.columns)
+        self.blocks = tuple(
+            _block(run, name, column[inside], t, heads, known)
+            for name, column in measured.columns.items()
+            if np.isfinite(column[inside]).any()
+        )
+        if not self.blocks:
+            raise DataFileError(f"run {run.name!r}: no measured values inside its window")
+        self.blocks = _with_noise(self.blocks)
+
+    def model(self, run: Trajectory) -> list[Array]:
+        """What a run has in place of its blocks, by cubic splines through its samples."""
+        columns = run.columns
+        return [_at(run.t, columns[block.name], block.t) for block in self.blocks]
+
+
+class Tapped:
+    """Frequencies, and ratios of damping, at rest."""
+
+    is_run = False
+
+    def __init__(self, problem: FitProblem, tapped: FitModes, number: int) -> None:
+        self.name, self.use, self.tapped = f"modes {number}", tapped.use, tapped
+        self.scene = problem.scene.varied(tapped.set) if tapped.set else problem.scene
+        numbers = tapped.numbers or tuple(range(1, len(tapped.hertz) + 1))
+        self.modes = np.array(numbers) - 1
+        σ = np.broadcast_to(np.array(tapped.deviation), len(tapped.hertz)).astype(float)
+        blocks = [Block("frequency [Hz]", np.array(tapped.hertz), σ, True)]
+        if tapped.ratios:
+            ratios = np.array(tapped.ratios)
+            blocks.append(Block("damping ratio [1]", ratios, np.full(len(ratios), tapped.ratio_deviation), True))
+        self.blocks = tuple(blocks)
+
+    def of(self, scene: Scene) -> list[Array]:
+        """What a scene has in place of its blocks."""
+        chain = lump(scene)
+        wrench, frame = initial_wrench(scene, chain)
+        rest = rest_of(chain, initial_state(scene, chain)[0], tip_wrench=wrench, frame=frame)
+        held = chain.active.tolist() if self.tapped.locked is None else list(self.tapped.locked)
+        found = modes(chain, rest.q, tip_wrench=wrench, frame=frame, locked=held)
+        elastic = np.flatnonzero(np.array(found.kinds) == "elastic")
+        if len(elastic) <= self.modes.max():
+            raise ArgumentError(
+                f"{self.name}: mode {self.modes.max() + 1} is asked for; the arm has {len(elastic)} elastic modes"
+            )
+        which = elastic[self.modes]
+        return [found.hertz[which], found.damping_ratios[which]][: len(self.blocks)]
+
+
+class Sagged:
+    """One coordinate of the tip at rest, or by how much it differs from another state."""
+
+    is_run = False
+
+    def __init__(self, problem: FitProblem, static: FitStatic, number: int) -> None:
+        self.name, self.use, self.static = f"static {number}", static.use, static
+        self.scene = problem.scene.varied(static.set) if static.set else problem.scene
+        self.blocks = (Block(f"tip {static.axis} [m]", np.array([static.value]), np.array([static.deviation]), True),)
+
+    def of(self, scene: Scene) -> list[Array]:
+        """What a scene has in place of its blocks."""
+        value = self._tip(scene)
+        if self.static.before is not None:
+            value -= self._tip(scene.varied(self.static.before))
+        return [np.array([value])]
+
+    def _tip(self, scene: Scene) -> float:
+        chain = lump(scene)
+        wrench, frame = initial_wrench(scene, chain)
+        rest = rest_of(chain, initial_state(scene, chain)[0], tip_wrench=wrench, frame=frame)
+        return float(tip_position(chain, rest.q)["xyz".index(self.static.axis)])
+
+
+Source = Recorded | Tapped | Sagged
+
+
+def sources_of(problem: FitProblem, use: Use) -> list[Source]:
+    """What was measured, and is used so.
+
+    Raises
+    ------
+    DataFileError, SceneError
+        A file or its columns, or what a run sets, are wrong; the message names the run.
+    """
+    found: list[Source] = []
+    for run in problem.run:
+        if run.use == use:
+            try:
+                found.append(Recorded(problem, run))
+            except (DataFileError, SceneError) as error:
+                said = str(error)
+                raise type(error)(said if said.startswith("run ") else f"run {run.name!r}: {said}") from None
+    found += [Tapped(problem, one, k) for k, one in enumerate(problem.modes, 1) if one.use == use]
+    found += [Sagged(problem, one, k) for k, one in enumerate(problem.static, 1) if one.use == use]
+    return found
+
+
+def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
+    if run.file:
+        return read_measured(Path(run.file), known, run.compare)
+    lengths = {head: len(column) for head, column in run.columns.items()}
+    if len(set(lengths.values())) != 1:
+        raise DataFileError(f"run {run.name!r}: columns of different length: {lengths}")
+    values = np.array(list(run.columns.values())).T
+    return measured_from(f"run {run.name!r}", list(run.columns), values, known, run.compare)
+
+
+def _short(scene: Scene) -> Scene:
+    """The same scene with a run of one sample: its columns."""
+    return scene.varied({"run.duration": scene.run.spacing})
+
+
+def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, object]) -> dict[str, dict[str, str]]:
+    """What the run says of columns: how each was called, by the name of the column of a run."""
+    where, found = f"run {run.name!r}", {}
+    for key in ("noise", "gain", "bias"):
+        found[key] = {named(where, head, known)[0]: head for head in getattr(run, key)}
+        for name, head in found[key].items():
+            if name not in compared:
+                likely = did_you_mean(head, compared)
+                raise DataFileError(f"{where}: {key} of {head!r}: no such column is compared{likely}")
+    return found
+
+
+def _block(
+    run: FitRun, name: str, y: Array, t: Array, heads: Mapping[str, Mapping[str, str]], known: Mapping[str, object]
+) -> Block:
+    there = np.isfinite(y)
+    head = heads["noise"].get(name)
+    σ = run.noise[head] * named(run.name, head, known)[1] if head is not None else math.nan
+    return Block(
+        name, y[there], np.full(int(there.sum()), σ), head is not None, t[there],
+        name in heads["gain"], name in heads["bias"],
+    )  # fmt: skip
+
+
+ASSUMED = 0.01
+"""Part of the range of columns of one unit that their noise is taken for at first, where nothing is stated."""
+
+
+def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
+    """A first guess of noise that is not stated."""
+    range_of: dict[str, float] = {}
+    for block in blocks:
+        unit = block.name.rpartition("[")[2]
+        range_of[unit] = max(range_of.get(unit, 0.0), float(np.ptp(block.y)))
+    return tuple(
+        block if block.stated else dataclasses.replace(
+            block, σ=np.full(len(block.y), ASSUMED * (range_of[block.name.rpartition("[")[2]] or 1.0))
+        )
+        for block in blocks
+    )  # fmt: skip
+
+
+def _as_long(scene: Scene, t: Array, tolerance: float) -> Scene:
+    """The scene with a run as long as its record, sampled as that is where it can be, and with smooth errors."""
+    changes: dict[str, object] = {}
+    if scene.run.controlled:
+        changes = {"run.relative_tolerance": tolerance}
+    between = float(np.median(np.diff(t)))
+    length = float(t[-1]) - scene.initial.time
+    for sample in (float(f"{between:.9g}"), scene.run.spacing):
+        duration = max(math.ceil(length / sample - 1e-6), 1) * sample
+        try:
+            return scene.varied({**changes, "run.sample": sample, "run.duration": float(f"{duration:.12g}")})
+        except FlexlinkError as error:
+            reason = error
+    raise reason
+
+
+def _at(t: Array, column: Array, times: Array | None) -> Array:
+    if times is None:
+        raise AssertionError
+    if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
+        return np.asarray(column[: len(times)])
+    return np.asarray(CubicSpline(t, column)(times))

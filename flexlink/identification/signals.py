@@ -1,0 +1,172 @@
+"""What a scene gives in place of the data, at several points of the search at once, and its slopes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.interruption import deferred
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.describe.variants import Variants
+from flexlink.identification.coordinates import Coordinate
+from flexlink.identification.data import Recorded, Source
+from flexlink.motion.batch import outcomes
+from flexlink.results.stop_reasons import InterruptedRunError
+from flexlink.results.trajectory import Trajectory
+
+Model = list[list[Array]]
+"""Of every source, of every block of it, what the scene gives."""
+STEP = 1e-3
+"""Step of differences in x, a part of the number or of its unit."""
+
+
+class Stencil(NamedTuple):
+    """Where a slope is taken from, in steps, and with which weights over the step."""
+
+    at: tuple[int, ...]
+    weights: tuple[float, ...]
+
+
+TWO = Stencil((-1, 1), (-0.5, 0.5))
+FOUR = Stencil((-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12))
+"""Errors of order 2 and 4."""
+UP, DOWN = Stencil((0, 1, 2), (-1.5, 2.0, -0.5)), Stencil((0, -1, -2), (1.5, -2.0, 0.5))
+"""At a bound, of order 2."""
+
+
+class Signals:
+    """Sources as functions of the coordinates.
+
+    Attributes
+    ----------
+    sources
+        What was measured.
+    coordinates
+        What is sought.
+    runs
+        How many runs have been computed.
+    """
+
+    def __init__(self, sources: Sequence[Source], coordinates: Sequence[Coordinate]) -> None:
+        self.sources, self.coordinates = sources, coordinates
+        self.runs = 0
+        self._own = [[k for k, one in enumerate(coordinates) if one.run in ("", source.name)] for source in sources]
+        self._variants = [
+            Variants(source.scene, [coordinates[k].path for k in own])
+            for source, own in zip(sources, self._own, strict=True)
+        ]
+
+    def scene(self, number: int, x: Array) -> Scene:
+        """The scene of a source at a point; errors as in `Scene.varied`."""
+        own = [self.coordinates[k] for k in self._own[number]]
+        values = [one.value(float(x[k])) for k, one in zip(self._own[number], own, strict=True)]
+        return self._variants[number].varied({one.path: v for one, v in zip(own, values, strict=True)})
+
+    def models(self, points: Sequence[Array], which: Sequence[int] | None = None) -> list[Model | FlexlinkError]:
+        """What the scene gives at each point, of all sources or some; or why it gives nothing there."""
+        numbers = range(len(self.sources)) if which is None else which
+        found: list[list[list[Array] | FlexlinkError]] = [
+            self._many([(number, x) for x in points]) for number in numbers
+        ]
+        return [self._whole([of_source[k] for of_source in found]) for k in range(len(points))]
+
+    def model(self, x: Array) -> Model:
+        """What the scene gives at one point.
+
+        Raises
+        ------
+        FlexlinkError
+            It gives nothing there.
+        """
+        found = self.models([x])[0]
+        if isinstance(found, FlexlinkError):
+            raise found
+        return found
+
+    def slopes(self, x: Array, stencil: Stencil = TWO, step: float = STEP) -> list[list[Array]]:
+        """∂(what the scene gives)/∂x of every block, shape (n, coordinates).
+
+        Raises
+        ------
+        FlexlinkError
+            The scene gives nothing next to this point.
+        """
+        found = []
+        for number, source in enumerate(self.sources):
+            own = self._own[number]
+            stencils = [self._stencil(k, x, stencil, step) for k in own]
+            points = [x + step * at * _unit(len(x), k) for k, one in zip(own, stencils, strict=True) for at in one.at]
+            values = self._many([(number, point) for point in points])
+            several = iter(_good(values))
+            slopes = [np.zeros((len(block.y), len(x))) for block in source.blocks]
+            for k, one in zip(own, stencils, strict=True):
+                for weight in one.weights:
+                    value = next(several)
+                    for slope, column in zip(slopes, value, strict=True):
+                        slope[:, k] += weight / step * np.asarray(column)
+            found.append(slopes)
+        return found
+
+    def _stencil(self, k: int, x: Array, stencil: Stencil, step: float) -> Stencil:
+        low, high = self.coordinates[k].bounds
+        far = step * max(stencil.at)
+        return UP if x[k] - far < low else DOWN if x[k] + far > high else stencil
+
+    def _many(self, asked: Sequence[tuple[int, Array]]) -> list[list[Array] | FlexlinkError]:
+        """What one source has at several points; runs go side by side where they can."""
+        if not asked:
+            return []
+        source = self.sources[asked[0][0]]
+        scenes: list[Scene | FlexlinkError] = []
+        for number, x in asked:
+            try:
+                scenes.append(self.scene(number, x))
+            except FlexlinkError as error:
+                scenes.append(error)
+        if not isinstance(source, Recorded):
+            return [_single(source, scene) for scene in scenes]
+        good = [scene for scene in scenes if isinstance(scene, Scene)]
+        self.runs += len(good)
+        with deferred() as stop:
+            ends = iter(outcomes(good, stop))
+        return [scene if isinstance(scene, FlexlinkError) else _of_run(source, next(ends)) for scene in scenes]
+
+    @staticmethod
+    def _whole(parts: Sequence[list[Array] | FlexlinkError]) -> Model | FlexlinkError:
+        for part in parts:
+            if isinstance(part, FlexlinkError):
+                return part
+        return [part for part in parts if not isinstance(part, FlexlinkError)]
+
+
+def _single(source: Source, scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
+    if isinstance(scene, FlexlinkError) or isinstance(source, Recorded):
+        return SceneError(str(scene))
+    try:
+        return source.of(scene)
+    except FlexlinkError as error:
+        return error
+
+
+def _of_run(source: Recorded, end: object) -> list[Array] | FlexlinkError:
+    if isinstance(end, InterruptedRunError):
+        raise end
+    if isinstance(end, Trajectory):
+        return source.model(end)
+    assert isinstance(end, FlexlinkError)
+    return end
+
+
+def _good(values: Sequence[list[Array] | FlexlinkError]) -> list[list[Array]]:
+    for value in values:
+        if isinstance(value, FlexlinkError):
+            raise value
+    return [value for value in values if not isinstance(value, FlexlinkError)]
+
+
+def _unit(n: int, k: int) -> Array:
+    return np.asarray(np.eye(n)[k])

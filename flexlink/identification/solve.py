@@ -1,0 +1,184 @@
+"""The search: single numbers first, then runs in growing windows; weights from what is left; several starts."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
+from flexlink.identification.coordinates import Coordinate, prior_rows
+from flexlink.identification.data import Block
+from flexlink.identification.residuals import Row, row_of
+from flexlink.identification.signals import Model, Signals
+
+WINDOWS = 0.15, 0.4, 1.0
+"""Parts of each run that are fitted one after the other: a long one alone has minima a period apart."""
+ROUNDS = 2
+"""How often noise that nobody states is taken anew from what is left."""
+NOWHERE = 1e8
+"""Residual where the scene gives nothing: the search turns back."""
+
+
+class Found(NamedTuple):
+    """Where a search ended.
+
+    Attributes
+    ----------
+    x
+        The point.
+    cost
+        Half the sum of squares, with the noise of the first search.
+    blocks
+        Of every source, with the noise that was taken at last.
+    """
+
+    x: Array
+    cost: float
+    blocks: list[list[Block]]
+
+
+class Search:
+    """Least squares of sources over coordinates.
+
+    Parameters
+    ----------
+    signals
+        What the scene gives.
+    loss
+        As `scipy.optimize.least_squares` has it.
+    """
+
+    def __init__(self, signals: Signals, loss: str) -> None:
+        self.signals, self.loss = signals, loss
+        self.coordinates: Sequence[Coordinate] = signals.coordinates
+
+    def from_start(self, x: Array) -> Found:
+        """Search from a point.
+
+        Raises
+        ------
+        FlexlinkError
+            The scene gives nothing at the start.
+        """
+        self.signals.model(x)
+        blocks = [list(source.blocks) for source in self.signals.sources]
+        single = [k for k, source in enumerate(self.signals.sources) if not source.is_run]
+        runs = len(single) < len(self.signals.sources)
+        if single and runs:
+            x = self.least(x, [part if k in single else [] for k, part in enumerate(blocks)], rough=True)
+        for part in WINDOWS[: len(WINDOWS) if runs else 0]:
+            x = self.least(x, [_first(one, part) for one in blocks], rough=part < 1)
+        if not runs:
+            x = self.least(x, blocks)
+        cost = self.cost(x, blocks)
+        several = sum(not block.stated for part in blocks for block in part) and sum(map(len, blocks)) > 1
+        for _ in range(ROUNDS if several else 0):
+            blocks = self.weighed(x, blocks)
+            x = self.least(x, blocks)
+        return Found(x, cost, self.weighed(x, blocks) if runs else blocks)
+
+    def rows(self, x: Array, blocks: Sequence[Sequence[Block]], *, slopes: bool = True) -> list[list[Row]]:
+        """All blocks at a point; errors as in `Signals.model`."""
+        model = self.signals.model(x)
+        by_x = self.signals.slopes(x) if slopes else [[None] * len(part) for part in model]
+        return _rows(blocks, model, by_x)
+
+    def cost(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
+        """Half the sum of squares."""
+        residual = self._residual(x, blocks)
+        return 0.5 * float(residual @ residual)
+
+    def weighed(self, x: Array, blocks: Sequence[Sequence[Block]]) -> list[list[Block]]:
+        """The blocks with the noise that is left at a point, where the problem states none."""
+        rows = self.rows(x, blocks, slopes=False)
+        return [
+            [block if block.stated or not row.residual.any() else _with(block, row)
+             for block, row in zip(part, of_part, strict=True)]
+            for part, of_part in zip(blocks, rows, strict=True)
+        ]  # fmt: skip
+
+    def least(
+        self, x: Array, blocks: Sequence[Sequence[Block]], *, rough: bool = False, held: int | None = None
+    ) -> Array:
+        """Where the sum of squares is least, from a point on; the coordinate `held` stays."""
+        free = np.arange(len(x)) != held
+        if not free.any():
+            return x
+        bounds = np.array([one.bounds for one in self.coordinates]).T[:, free]
+        fine: dict[str, Any] = dict.fromkeys(("ftol", "xtol", "gtol"), 1e-4 if rough else 1e-12)
+
+        def whole(part: Array) -> Array:
+            point = x.copy()
+            point[free] = part
+            return point
+
+        found = least_squares(
+            lambda part: self._residual(whole(part), blocks), np.clip(x[free], *bounds),
+            lambda part: self._jacobian(whole(part), blocks)[:, free], bounds=bounds, loss=self.loss, x_scale=1.0,
+            max_nfev=30 if rough else 100, **fine,
+        )  # fmt: skip
+        return whole(np.asarray(found.x))
+
+    def deviations(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        """Standard deviations if all noise were white, of the size that was taken, gains and biases at their best."""
+        J = self._jacobian(x, blocks)
+        return np.sqrt(np.diag(np.linalg.pinv(J.T @ J)))
+
+    def _residual(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        known, _ = prior_rows(self.coordinates, x)
+        try:
+            rows = _rows(blocks, self.signals.model(x), None)
+        except FlexlinkError:
+            return np.full(sum(len(b.y) for part in blocks for b in part) + len(known), NOWHERE)
+        return np.concatenate([known, *(row.residual for part in rows for row in part)])
+
+    def _jacobian(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        _, known = prior_rows(self.coordinates, x)
+        rows = _rows(blocks, self.signals.model(x), self.signals.slopes(x))
+        return np.vstack([known, *(row.slopes for part in rows for row in part)])
+
+
+def start_points(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
+    """The problem's own start, then points that fill the bounds, or a factor of 2 to either side, evenly."""
+    own = np.array([one.x(one.start) for one in coordinates])
+    low, high = np.array([_around(one) for one in coordinates]).T
+    points = qmc.LatinHypercube(len(own), seed=0).random(count - 1) if count > 1 else np.empty((0, len(own)))
+    return [own, *(low + (high - low) * points)]
+
+
+def _around(one: Coordinate) -> tuple[float, float]:
+    far, x = np.log(2.0) if one.log else 1.0, one.x(one.start)
+    low, high = one.bounds
+    if one.prior is not None:
+        x, far = one.x(one.prior[0]), min(far, 2 * one.prior[1] / one.size(one.prior[0]))
+    return max(low, x - far), min(high, x + far)
+
+
+def _rows(blocks: Sequence[Sequence[Block]], model: Model, slopes: Any) -> list[list[Row]]:
+    """A block may hold the first part of the data only; then the scene's numbers are cut alike."""
+    return [
+        [row_of(block, model[k][b][: len(block.y)], None if slopes is None or slopes[k][b] is None else
+                slopes[k][b][: len(block.y)])
+         for b, block in enumerate(part)]
+        for k, part in enumerate(blocks)
+    ]  # fmt: skip
+
+
+def _first(blocks: Sequence[Block], part: float) -> list[Block]:
+    """The blocks up to a part of their times; single numbers whole."""
+    cut = []
+    for block in blocks:
+        n = len(block.y) if block.t is None else max(int(np.ceil(part * len(block.y))), min(10, len(block.y)))
+        cut.append(dataclasses.replace(block, y=block.y[:n], σ=block.σ[:n], t=None if block.t is None else block.t[:n]))
+    return cut
+
+
+def _with(block: Block, row: Row) -> Block:
+    size = float(np.sqrt(np.mean((row.residual * block.σ) ** 2)))
+    return dataclasses.replace(block, σ=np.full(len(block.y), size))

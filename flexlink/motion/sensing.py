@@ -1,0 +1,31 @@
+"""One sample of a problem as it goes on: what sensors see there, with the torques that act."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexlink.common.types import Array
+from flexlink.dynamics.accelerations import solver_for
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.dynamics.terms import Energy
+from flexlink.kernels.inputs.record import Inputs
+from flexlink.kernels.stepping.samples import derive, prescribed_torques
+from flexlink.results.samples import RunSamples
+
+
+def sample_at(problem: InitialValueProblem, inputs: Inputs, t: float, q: Array, qd: Array) -> RunSamples:
+    """The one sample at time t [s] and a state (n,) of a run of the problem, under these inputs.
+
+    Of a free base the state is in the coordinates of the run, the sample in those of `problem.original`, as a run's is.
+    """
+    chain, time = problem.original, np.array([t])
+    wrench = inputs.tip_wrenches(time, q[None], qd[None])
+    if problem.base is not None:
+        q, qd = problem.base.told_from_start(q, qd)
+    states = time, q[None].copy(), qd[None].copy()
+    tau, tip, energy = np.zeros((1, chain.n)), np.empty((1, 3)), np.empty((3, 1))
+    derive(chain.arrays, inputs, 0, 1, *states, tau, tip, energy)
+    if len(inputs.motion.joints):
+        scratch = solver_for(chain, problem.run.solver).workspace(chain.arrays)
+        prescribed_torques(scratch, inputs._replace(wrench=wrench[0], table=None), *states, tau)
+    return RunSamples(chain, *states, tau, tip, Energy(*energy), tip_wrench=wrench, scene=problem.scene)

@@ -1,0 +1,116 @@
+"""What an instrument makes of a signal that is known at samples, and straight in between.
+
+    y(t) = gain · LP[u](t_k − delay) + bias + noise_k, rounded to multiples of `resolution`, t_k = k / rate ≤ t
+
+LP is exact for such a signal. Between samples h apart a smooth one differs from it by h² ü / 8, at most.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.types import Array, Complex
+from flexlink.describe.sensor import Sensor
+from flexlink.sensors.low_pass import LowPass, butterworth
+
+ON_TIME = 1e-9
+"""Part of the time between two instants by which a sample may be early and still be at the later one."""
+BLOCK = 256
+"""Numbers of noise that are made at once."""
+
+
+class Signal:
+    """A signal up to now, at samples and straight in between, and what a low-pass has made of it.
+
+    Before the first sample it was as it is there. Samples are added one by one, or again from an earlier time on.
+    """
+
+    def __init__(self, columns: int, low_pass: LowPass | None) -> None:
+        self.low_pass, self.count = low_pass, 0
+        modes = 0 if low_pass is None else len(low_pass.poles)
+        self._t, self._u = np.empty(16), np.empty((16, columns))
+        self._z: Complex = np.empty((16, columns, modes), np.complex128)
+
+    def add(self, t: Array, u: Array) -> None:
+        """Append samples u (samples, columns) at increasing times t [s]; what was there from the first one on goes."""
+        first = int(np.searchsorted(self._t[: self.count], t[0]))
+        self.count = stop = first + len(t)
+        while stop > len(self._t):
+            self._t, self._u, self._z = (np.concatenate([a, np.empty_like(a)]) for a in (self._t, self._u, self._z))
+        self._t[first:stop], self._u[first:stop] = t, u
+        if self.low_pass is not None:
+            self._follow(self.low_pass, first, stop)
+
+    def _follow(self, low_pass: LowPass, first: int, stop: int) -> None:
+        if not first:
+            self._z[0] = low_pass.settled(self._u[0])
+            first = 1
+        before = slice(first - 1, stop - 1)
+        h = np.diff(self._t[first - 1 : stop])[:, None]
+        g = np.diff(self._u[first - 1 : stop], axis=0) / h
+        forced = low_pass.advanced(np.zeros_like(self._z[before]), self._u[before], g, np.broadcast_to(h, g.shape))
+        kept = np.exp(h * low_pass.poles)
+        for k in range(first, stop):
+            self._z[k] = kept[k - first] * self._z[k - 1] + forced[k - first]
+
+    def at(self, times: Array) -> Array:
+        """What comes out of the low-pass at times [s] up to the last sample, shape (times, columns)."""
+        t, u = self._t[: self.count], self._u[: self.count]
+        k = np.maximum(np.searchsorted(t, times, side="right") - 1, 0)
+        after = np.minimum(k + 1, self.count - 1)
+        h = np.where(after > k, t[after] - t[k], 1.0)[:, None]
+        g = (u[after] - u[k]) / h
+        τ = np.maximum(times - t[k], 0.0)[:, None]  # nothing has changed before the first sample
+        if self.low_pass is None:
+            return np.asarray(u[k] + g * τ)
+        return self.low_pass.output(self.low_pass.advanced(self._z[k], u[k], g, np.broadcast_to(τ, g.shape)))
+
+
+class Instrument:
+    """The instrument of a sensor; without a rate it has a number of noise every `between` seconds."""
+
+    def __init__(self, sensor: Sensor, between: float) -> None:
+        self.sensor, self.rate = sensor, sensor.rate or 1 / between
+        low_pass = None if sensor.low_pass is None else butterworth(sensor.low_pass, sensor.order or 1)
+        self.signal = Signal(len(sensor.components), low_pass)
+
+    def readings(self, times: Array) -> Array:
+        """What it shows at times [s] up to the last sample of its signal, shape (times, columns)."""
+        sensor = self.sensor
+        instants = np.floor(times * self.rate + ON_TIME * np.maximum(1.0, times * self.rate))
+        asked = times if sensor.rate is None else instants / sensor.rate
+        shown = sensor.gain * self.signal.at(asked - sensor.delay) + sensor.bias
+        if sensor.noise:
+            numbers = [noise(f"{sensor.seed or 0} {sensor.name}{part}", instants) for part in sensor.components]
+            shown += sensor.noise * np.column_stack(numbers)
+        if sensor.resolution is not None:
+            shown = np.round(shown / sensor.resolution) * sensor.resolution
+        return np.asarray(shown)
+
+    @property
+    def between_samples(self) -> bool:
+        """Whether it may depend on what the signal is between samples."""
+        sensor = self.sensor
+        return bool(sensor.delay) or sensor.low_pass is not None or sensor.rate is not None
+
+
+def noise(key: str, instants: Array) -> Array:
+    """Numbers of a normal distribution that belong to instants of these numbers, the same in whatever order and run."""
+    blocks, places = np.divmod(instants.astype(np.int64), BLOCK)
+    found = np.empty(len(instants))
+    for block in np.unique(blocks).tolist():
+        found[blocks == block] = _block(key, block)[places[blocks == block]]
+    return found
+
+
+def _block(key: str, number: int) -> Array:
+    """By Philox's counter and the inverse of the distribution, which all versions of NumPy agree on."""
+    from scipy.special import ndtri  # noqa: PLC0415  time that few scenes need
+
+    hashed = int.from_bytes(hashlib.sha256(key.encode()).digest()[:16])
+    raw: NDArray[np.uint64] = np.random.Philox(key=hashed, counter=[0, number, 0, 0]).random_raw(BLOCK)
+    return np.asarray(ndtri(((raw >> np.uint64(11)) + 0.5) * math.ldexp(1.0, -53)))

@@ -1,0 +1,81 @@
+"""Butterworth's low-pass as its modes, exact for a signal that is straight from sample to sample.
+
+    H(s) = Π ω/(s − p_k) · … = Σ_k r_k/(s − p_k)        p_k = ω exp(iπ (2k + n + 1)/(2n)), k = 0 … n − 1
+    ż_k = p_k z_k + u        y = Σ_k r_k z_k, of which each pair of conjugate poles is kept as one
+
+With u(τ) = u + g τ: z(τ) = e^{pτ} z + τ φ₁(pτ) u + τ² φ₂(pτ) g, φ₁(x) = (eˣ − 1)/x, φ₂(x) = (eˣ − 1 − x)/x².
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.common.types import Array, Complex
+
+NEAR = 0.5
+"""Size of x below which φ₂ is summed: eˣ − 1 − x loses digits there."""
+TERMS = 18
+
+
+class LowPass(NamedTuple):
+    """Poles of the upper half plane, and what their modes count in the output."""
+
+    poles: Complex  # (modes,) [1/s]
+    weights: Complex  # (modes,) [1/s], y = Re Σ weights · z
+
+    def settled(self, u: Array) -> Complex:
+        """States (…, modes) of a signal (…) that has been so for ever."""
+        return np.asarray(-u[..., None] / self.poles)
+
+    def advanced(self, z: Complex, u: Array, g: Array, τ: Array) -> Complex:
+        """States (…, modes) later by τ ≥ 0 [s], of a signal that is u (…) now and grows by g a second."""
+        x = τ[..., None] * self.poles
+        τ, u, g = τ[..., None], u[..., None], g[..., None]
+        first, second = _phi(x)
+        return np.asarray(np.exp(x) * z + τ * first * u + τ**2 * second * g)
+
+    def output(self, z: Complex) -> Array:
+        """y (…) of states (…, modes)."""
+        return np.asarray((z @ self.weights).real)
+
+    @property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """A (n, n), B (n,), C (n,) of a real state with the same output: Re z and Im z of each mode, or Re z alone."""
+        sizes = [2 if p.imag else 1 for p in self.poles]
+        A, B, C = (np.zeros(shape) for shape in ((sum(sizes),) * 2, sum(sizes), sum(sizes)))
+        for p, w, end, size in zip(self.poles, self.weights, np.cumsum(sizes).tolist(), sizes, strict=True):
+            own = slice(end - size, end)
+            A[own, own] = np.array([[p.real, -p.imag], [p.imag, p.real]])[:size, :size]
+            B[end - size], C[own] = 1.0, [w.real, -w.imag][:size]
+        return A, B, C
+
+
+@functools.lru_cache(maxsize=64)
+def butterworth(hertz: float, order: int) -> LowPass:
+    """The low-pass that lets 1/√2 of the amplitude through at this frequency, and all of a constant."""
+    ω = 2 * math.pi * hertz
+    unit = np.exp(1j * math.pi * (2 * np.arange(order) + order + 1) / (2 * order))
+    apart = unit[:, None] - unit
+    np.fill_diagonal(apart, 1.0)
+    upper = slice((order + 1) // 2)
+    poles, weights = ω * unit[upper], 2 * ω / apart.prod(axis=1)[upper]
+    if order % 2:  # the last of them is real, and by itself
+        poles[-1], weights[-1] = poles[-1].real, weights[-1].real / 2
+    for array in (poles, weights):
+        array.setflags(write=False)
+    return LowPass(poles, weights)
+
+
+def _phi(x: Complex) -> tuple[Complex, Complex]:
+    """φ₁ and φ₂, also where x is small."""
+    near = np.abs(x) < NEAR
+    small, large = np.where(near, x, 0.0), np.where(near, 1.0, x)
+    series = np.full_like(small, 1.0 / math.factorial(TERMS + 2))
+    for k in range(TERMS + 1, 1, -1):
+        series = series * small + 1.0 / math.factorial(k)
+    second = np.where(near, series, (np.exp(large) - 1 - large) / large**2)
+    return 1 + x * second, second

@@ -1,0 +1,96 @@
+"""What sensors show as outputs of a linear model."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from flexlink.chain.arguments import require_type
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.describe.sensor import Sensor
+from flexlink.describe.spec import did_you_mean, truncated
+from flexlink.dynamics.vibration.outputs import Output
+from flexlink.sensors.low_pass import butterworth
+from flexlink.sensors.signals import column_names, joint_of, signal_of, slopes_of
+
+
+class SensorOutputs:
+    """The sensors of a scene, or those of some names, as outputs of `linearize`.
+
+    Gains and biases count, low-passes become states of the model, delays stand beside it. Sampling, resolution and
+    noise, which no linear model has, do not count.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    names
+        Of sensors; none: all.
+
+    Raises
+    ------
+    ArgumentError
+        The scene has no sensors, or none of such a name.
+
+    Examples
+    --------
+    >>> gauge = fl.Sensor(name="gauge", kind="strain", link="upper", x=0.1, fibre=(0.025, 0.0), low_pass=50.0)  # Hz
+    >>> model = fl.linearize(chain, q, outputs=(fl.SensorOutputs(scene.varied({"sensor": (gauge,)})),))
+    >>> model
+    <LinearModel: 13 states, 2 inputs, 1 outputs>
+    >>> print(model.outputs, model.states[-1])
+    ('gauge [1]',) low-pass 1 gauge [1]
+    """
+
+    def __init__(self, scene: Scene, *names: str) -> None:
+        self.scene, sensors = require_type("scene", scene, Scene), {sensor.name: sensor for sensor in scene.sensor}
+        if not sensors:
+            raise ArgumentError(f"scene = {scene!r}: has no [[sensor]]")
+        for name in names:
+            if name not in sensors:
+                raise ArgumentError(
+                    f"names = {truncated(name)}: no such sensor; allowed are {', '.join(sensors)}"
+                    f"{did_you_mean(name, sensors)}"
+                )
+        self.sensors = tuple(sensors[name] for name in names or sensors)
+
+    def __repr__(self) -> str:
+        return f"<SensorOutputs: {', '.join(sensor.name for sensor in self.sensors)}>"
+
+    def outputs(self, chain: Chain, q: Array, qd: Array, qdd: Array, tau: Array) -> list[Output]:
+        """Outputs about a state (n,).
+
+        Raises
+        ------
+        ArgumentError
+            A sensor shows the torque that a prescribed motion takes.
+        SceneError
+            As in `Trajectory.readings`.
+        """
+        return [self._output(sensor, chain, q, qd, qdd, tau) for sensor in self.sensors]
+
+    def _output(self, sensor: Sensor, chain: Chain, q: Array, qd: Array, qdd: Array, tau: Array) -> Output:
+        scene = self.scene
+        if sensor.kind in {"torque", "current"} and chain.hinges["prescribed"][joint_of(sensor, chain, scene)]:
+            raise ArgumentError(
+                f"outputs: sensor {sensor.name!r}: the motion of its joint is prescribed, its acceleration an input; "
+                "what torque that takes is no output of a linear model"
+            )
+        here = SimpleNamespace(chain=chain, q=q[None], qd=qd[None], qdd=qdd[None], tau=tau[None])
+        slopes = slopes_of(sensor, scene, chain, q, qd, qdd)
+        return Output(
+            names=column_names(scene, [sensor]),
+            signal=np.asarray(signal_of(sensor, scene, here)[:, 0]),
+            q=slopes.q,
+            qd=slopes.qd,
+            qdd=slopes.qdd if slopes.qdd.any() else None,
+            tau=slopes.tau if slopes.tau.any() else None,
+            gain=sensor.gain,
+            bias=sensor.bias,
+            low_pass=None if sensor.low_pass is None else butterworth(sensor.low_pass, sensor.order or 1).matrices,
+            delay=sensor.delay,
+        )

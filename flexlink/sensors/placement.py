@@ -1,0 +1,75 @@
+"""Where a sensor sits: the body that carries it, its place there, and the directions that it measures."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.chain.builder import Piece
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump, pieces
+from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
+from flexlink.describe.arm import Link
+from flexlink.describe.directions import unit
+from flexlink.describe.scene import Scene
+from flexlink.describe.sensor import Sensor, is_on_base
+from flexlink.dynamics.floating_base import BODY
+from flexlink.kernels.bodies.kinematics import forward_kinematics
+
+
+class Placement(NamedTuple):
+    """A point of a body, and the directions that are measured there."""
+
+    body: int  # its number in `chain.bodies`
+    point: Array  # (3,) from the body's origin, in its axes [m]
+    axes: Array  # (columns, 3) unit vectors in axes of the body; of a position in those of frame 0
+
+
+def placement_of(sensor: Sensor, scene: Scene) -> Placement:
+    """Where a sensor that sees how a point moves sits on the lumped arm.
+
+    Of the segments of a link that bends it is on the one in which its place lies, at a hinge on the outer one.
+
+    Raises
+    ------
+    SceneError
+        The link is fixed in frame 0; or as in `lump`.
+    """
+    chain, arm = lump(scene), scene.arm
+    wanted = np.eye(3) if sensor.axis is None else unit("axis", sensor.axis)[None]
+    if is_on_base(sensor, arm):
+        return Placement(BODY, np.array(sensor.point or (0.0, 0.0, 0.0)), wanted)
+    number = arm.number(sensor.link)
+    link, own = arm.links[number - 1], [piece for piece in pieces(scene) if piece.link == number]
+    root = own[0]
+    if not all(piece.body for piece in own):
+        raise SceneError(f"sensor.{sensor.name}.link = {sensor.link!r}: is fixed to the base; nothing moves there")
+    R, p, _ = forward_kinematics(chain.arrays, np.zeros(chain.n))
+    start, length, frame = link.beam
+    axes = R[root.body - 1] @ root.place.R @ frame.T  # of the link, in frame 0, where nothing is bent
+    origin = p[root.body - 1] + R[root.body - 1] @ root.place.p - axes @ start
+    body, place = _place(sensor, chain, link, own)
+    if sensor.point is not None:
+        along = float((np.array(sensor.point) - start) @ frame[:, 0])
+        body = _at(own, along / length if length else 1.0).body - 1
+        place = R[body].T @ (origin + axes @ sensor.point - p[body])
+    directions = wanted if sensor.kind == "position" else wanted @ axes.T @ R[body]
+    return Placement(body, place, directions)
+
+
+def _place(sensor: Sensor, chain: Chain, link: Link, own: list[Piece]) -> tuple[int, Array]:
+    """Body and place of a sensor along the beam, by default at the end of the link."""
+    if sensor.x is None and link.name in chain.tips:
+        return chain.tips[link.name], np.zeros(3)
+    part = 1.0 if sensor.x is None or not link.beam.length else sensor.x / link.beam.length
+    piece = _at(own, part)
+    first, last = piece.part
+    gone = (part - first) / (last - first) if last > first else 0.0
+    return piece.body - 1, piece.place.p + piece.place.R @ (piece.end * gone)
+
+
+def _at(own: list[Piece], part: float) -> Piece:
+    """The piece that holds this part of the link's length, the outer one of two."""
+    return next((piece for piece in reversed(own) if piece.part[0] <= part), own[0])

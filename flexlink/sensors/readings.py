@@ -1,0 +1,30 @@
+"""What the sensors of a scene show as time goes on: for control laws, and arms that are stepped from outside."""
+
+from __future__ import annotations
+
+from flexlink.describe.scene import Scene
+from flexlink.sensors.columns import Samples
+from flexlink.sensors.instrument import Instrument
+from flexlink.sensors.signals import column_names, signal_of
+
+
+class Readings:
+    """Instruments of a scene's sensors, and what each has seen so far."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self.names = scene, column_names(scene)
+        self._instruments = [Instrument(sensor, scene.run.spacing) for sensor in scene.sensor]
+
+    def after(self, seen: Samples) -> dict[str, float]:
+        """What they show, by the names of their columns, after one more sample; later ones are forgotten.
+
+        Raises
+        ------
+        SceneError, SingularMassError
+            As in `signal_of`.
+        """
+        shown: list[float] = []
+        for instrument in self._instruments:
+            instrument.signal.add(seen.t, signal_of(instrument.sensor, self._scene, seen).T)
+            shown += instrument.readings(seen.t)[0].tolist()
+        return dict(zip(self.names, shown, strict=True))

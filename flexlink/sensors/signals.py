@@ -1,0 +1,104 @@
+"""What the sensors of a scene see, before their instruments: of the states of a run, and its slopes at one state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.describe.sensor import OF_THE_DRIVE, Sensor
+from flexlink.dynamics.point_motion import point_motion
+from flexlink.dynamics.point_slopes import point_slopes
+from flexlink.sensors.gauge import gauge_slope, gauge_strain
+from flexlink.sensors.placement import placement_of
+
+
+class States(Protocol):
+    """What a run knows of its samples."""
+
+    @property
+    def chain(self) -> Chain:
+        """What moved."""
+
+    @property
+    def q(self) -> Array:
+        """Angles (samples, n)."""
+
+    @property
+    def qd(self) -> Array:
+        """Rates (samples, n)."""
+
+    @property
+    def tau(self) -> Array:
+        """Drive torques (samples, n)."""
+
+    @property
+    def qdd(self) -> Array:
+        """Accelerations (samples, n)."""
+
+
+class Slopes(NamedTuple):
+    """Slopes of signals (columns,) by angles, rates, accelerations and drive torques, each (columns, n)."""
+
+    q: Array
+    qd: Array
+    qdd: Array
+    tau: Array
+
+
+def signal_of(sensor: Sensor, scene: Scene, run: States) -> Array:
+    """What a sensor sees in the samples of a run, in SI units and radians, shape (columns, samples).
+
+    Raises
+    ------
+    SceneError
+        As in `placement_of`.
+    SingularMassError
+        Of accelerometers, as in `forward_dynamics`.
+    """
+    if sensor.kind == "strain":
+        return gauge_strain(sensor, scene, run.q)[None]
+    if sensor.kind in OF_THE_DRIVE:
+        k, seen = joint_of(sensor, run.chain, scene), run.q if sensor.kind == "joint" else run.tau
+        return seen[None, :, k] / (sensor.torque_constant or 1.0)
+    placed = placement_of(sensor, scene)
+    qdd = run.qdd if sensor.kind == "accelerometer" else np.zeros_like(run.q)
+    moving = point_motion(run.chain, run.q, run.qd, qdd, body=placed.body, point=placed.point)
+    return np.asarray(placed.axes @ getattr(moving, sensor.kind).T)
+
+
+def joint_of(sensor: Sensor, chain: Chain, scene: Scene) -> int:
+    """Sequential index of the joint that a sensor of a joint sits at."""
+    return chain.index(scene.arm.number(sensor.link), 0, 0)
+
+
+def slopes_of(sensor: Sensor, scene: Scene, chain: Chain, q: Array, qd: Array, qdd: Array) -> Slopes:
+    """Slopes of `signal_of` at a state (n,); errors as there."""
+    if sensor.kind == "strain":
+        return _slopes(chain.n, q=gauge_slope(sensor, scene, chain, q)[None])
+    if sensor.kind in OF_THE_DRIVE:
+        own = np.zeros((1, chain.n))
+        own[0, joint_of(sensor, chain, scene)] = 1.0 / (sensor.torque_constant or 1.0)
+        return _slopes(chain.n, **{"q" if sensor.kind == "joint" else "tau": own})
+    placed = placement_of(sensor, scene)
+    parts = getattr(point_slopes(chain, q, qd, qdd, placed.body, placed.point), sensor.kind)
+    return _slopes(chain.n, **{name: placed.axes @ part for name, part in zip(Slopes._fields, parts, strict=False)})
+
+
+def _slopes(n: int, **parts: Array) -> Slopes:
+    columns = len(next(iter(parts.values())))
+    return Slopes(*(parts.get(name, np.zeros((columns, n))) for name in Slopes._fields))
+
+
+def column_names(scene: Scene, sensors: Iterable[Sensor] | None = None) -> tuple[str, ...]:
+    """Names with units of the columns of a scene's sensors, or of some of them, in their order."""
+    arm = scene.arm
+    return tuple(
+        name
+        for sensor in (scene.sensor if sensors is None else sensors)
+        for name in sensor.columns(sensor.kind in OF_THE_DRIVE and arm.slides[arm.number(sensor.link) - 1])
+    )

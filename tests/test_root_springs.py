@@ -1,0 +1,190 @@
+"""Springs at the root of a link: closed forms of beams that are clamped softly, engines, and what is refused."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+from scipy.optimize import brentq
+
+import flexlink as fl
+
+E, RHO, LENGTH, WIDTH, HEIGHT = 210e9, 7850.0, 2.0, 0.03, 0.002
+EI, RHO_A = E * WIDTH * HEIGHT**3 / 12, RHO * WIDTH * HEIGHT
+HELD = fl.Joint(locked=True)
+
+
+def clamped(rule: str = "gauss", hinges: int = 16, **fields: object) -> fl.Scene:
+    """A steel strip of 2 m that bends about z, on a root of k L / EI = 3 unless the fields say otherwise."""
+    usual = {"root_stiffness": fl.RootStiffness(z=3 * EI / LENGTH), "joint": HELD}
+    strip = fl.Link(
+        name="strip", length=LENGTH, flex="z", segments=hinges + 1, lumping=rule, material="steel", section="strip",
+        **{**usual, **fields},
+    )  # fmt: skip
+    arm = fl.Arm(
+        links=(strip,), materials={"steel": fl.Material(young=E, density=RHO)},
+        sections={"strip": fl.Section(shape="rectangle", height=HEIGHT, width=WIDTH)},
+    )  # fmt: skip
+    return fl.Scene(name="strip", arm=arm, gravity=(0.0, 0.0, 0.0))
+
+
+def softly_clamped(ratio: float, count: int) -> np.ndarray:
+    """First frequencies [rad/s] of a beam on a root spring k = ratio EI/L, free at its tip, with x = β L:
+
+    ratio (1 + cos x cosh x) + x (cos x sinh x − sin x cosh x) = 0        ω = x² √(EI/ρA) / L²
+    """
+
+    def condition(x: float) -> float:
+        both = np.cos(x) * np.sinh(x) - np.sin(x) * np.cosh(x)
+        return float(ratio * (1 + np.cos(x) * np.cosh(x)) + x * both)
+
+    x = np.linspace(0.1, 4.0 * count, 2000)
+    roots = [brentq(condition, a, b) for a, b in itertools.pairwise(x) if condition(a) * condition(b) < 0]
+    return np.square(roots[:count]) * np.sqrt(EI / RHO_A) / LENGTH**2
+
+
+RULES = {
+    "gauss": 2e-5, "gauss_matched": 2e-5, "gauss_rotation": 2e-5, "legendre": 2e-5, "gregory": 6e-5, "lobatto2": 1e-4,
+    "lobatto2_rotation": 1e-4, "lobatto4": 3e-5, "midpoint": 1e-3, "open": 5e-3, "paper": 3e-2,
+}  # fmt: skip
+"""Error of the first two frequencies with 16 hinges, by rule; some ten times what the same rule has where it is clamped
+rigidly."""
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_softly_clamped_beam_has_the_frequencies_of_the_closed_form(rule: str) -> None:
+    chain = fl.lump(clamped(rule))
+    assert chain.joint_names[0] == "strip.root.z"
+    assert chain.coordinate("strip.root.z") == (1, 0, 6)
+    ω = fl.natural_frequencies(chain)
+    np.testing.assert_allclose(ω[:2], softly_clamped(3.0, 2), rtol=RULES[rule])
+
+
+def test_errors_fall_with_order_4_to_what_rotary_inertia_leaves() -> None:
+    exact = softly_clamped(3.0, 3)[2]
+    errors = [abs(fl.natural_frequencies(fl.lump(clamped("gauss", n)))[2] / exact - 1) for n in (4, 8, 16)]
+    assert errors[1] < errors[0] / 10
+    assert errors[2] < errors[1] / 10
+
+
+def test_a_stiff_root_is_a_rigid_one_and_a_soft_root_a_pin() -> None:
+    free, rigid = clamped(joint=fl.Joint(), root_stiffness=None), clamped(root_stiffness=None)
+    stiff = fl.natural_frequencies(fl.lump(clamped(root_stiffness=fl.RootStiffness(z=1e6 * EI))))[:3]
+    soft = fl.natural_frequencies(fl.lump(clamped(root_stiffness=fl.RootStiffness(z=1e-6 * EI))))[:3]
+    np.testing.assert_allclose(stiff, fl.natural_frequencies(fl.lump(rigid))[:3], rtol=1e-5)
+    np.testing.assert_allclose(soft[1:], fl.natural_frequencies(fl.lump(free))[1:3], rtol=1e-5)
+    assert soft[0] == pytest.approx(np.sqrt(1e-6 * EI / (RHO_A * LENGTH**3 / 3)), rel=1e-5)
+
+
+def test_a_root_adds_its_angle_to_the_sag_of_its_beam() -> None:
+    """δ = F L³/(3 EI) + F L²/k."""
+    scene, force, k = clamped(), 1e-4, 3 * EI / LENGTH
+    chain = fl.lump(scene)
+    q = fl.solve_static(chain, np.zeros(chain.n), tip_wrench=[0, force, 0, 0, 0, 0]).q
+    sag = force * LENGTH**3 / (3 * EI) + force * LENGTH**2 / k
+    assert fl.tip_position(chain, q)[1] == pytest.approx(sag, rel=1e-6)
+    assert q[0] == pytest.approx(force * LENGTH / k, rel=1e-6)
+
+
+def test_a_rigid_link_turns_on_its_root_about_each_axis_by_itself() -> None:
+    """ω² = k/I about every axis of the link's frame, and ζ = d ω/(2 k), whatever way the beam runs in it."""
+    k, d, inertia = (300.0, 500.0, 700.0), (0.3, 0.0, 0.7), (0.1, 0.2, 0.5)
+    link = fl.Link(
+        name="a", line=((0.0, 0.0, 0.0), (0.0, 0.5, 0.5)), joint=HELD, end=fl.RigidBody(inertia=inertia),
+        root_stiffness=fl.RootStiffness(x=k[0], y=k[1], z=k[2]), root_damping=fl.RootDamping(x=d[0], z=d[2]),
+    )  # fmt: skip
+    chain = fl.lump(make_scene(link, gravity=(0.0, 0.0, 0.0)))
+    assert chain.joint_names == ("a.root.x", "a.root.y", "a.root.z")
+    found = fl.modes(chain)
+    ω = np.sqrt(np.divide(k, inertia))
+    order = np.argsort(ω)
+    np.testing.assert_allclose(found.frequencies, ω[order], rtol=1e-12)
+    np.testing.assert_allclose(found.damping_ratios, (np.array(d) * ω / (2 * np.array(k)))[order], atol=1e-12)
+
+
+def arm_on_soft_roots(**fields: object) -> fl.Scene:
+    """Two links that bend, one skew in its frame, both on soft roots, and a rigid one."""
+    return make_scene(
+        flexible("a", "yz", 3, lumping="gauss", root_stiffness=fl.RootStiffness(x=4e3, y=2e3, z=3e3),
+                 root_damping=fl.RootDamping(y=0.5), joint=fl.Joint(armature=0.3, axis=(0.0, 1.0, 0.0))),
+        flexible("b", "xyz", 3, lumping="lobatto2", length=0.0, line=((0.1, 0.0, 0.0), (0.9, 0.5, 0.2)),
+                 root_stiffness=fl.RootStiffness(z=1e3), hub=fl.RigidBody(mass=0.5, inertia=(0.1, 0.1, 0.1)),
+                 joint=fl.Joint(gear_stiffness=500.0, armature=0.1), mount=fl.Mount(rpy_deg=(30, 0, 60))),
+        fl.Link(name="c", length=0.3, root_stiffness=fl.RootStiffness(y=200.0), joint=HELD),
+        tip=fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1)), **fields,
+    )  # fmt: skip
+
+
+def test_every_solver_knows_springs_at_the_root(rng) -> None:
+    chain = fl.lump(arm_on_soft_roots())
+    q, qd, tau = 0.1 * rng.standard_normal(chain.n), rng.standard_normal(chain.n), rng.standard_normal(chain.n)
+    torque = tau - fl.bias_torque(chain, q, qd) - fl.elastic_torque(chain, q) - fl.friction_torque(chain, qd)
+    qdd = np.linalg.solve(fl.mass_matrix(chain, q), torque)
+    for solver in ("articulated", "lu", "cholesky"):
+        np.testing.assert_allclose(fl.forward_dynamics(chain, q, qd, tau, solver=solver), qdd, rtol=1e-9, atol=1e-9)
+
+
+def test_files_and_engines_hold_springs_at_the_root() -> None:
+    found = fl.compare(arm_on_soft_roots(), samples=20)
+    assert found.passed, str(found)
+
+
+def test_implicit_and_explicit_steps_see_the_same_roots() -> None:
+    scene = arm_on_soft_roots(initial=fl.InitialState(joint_deg=(10.0, 20.0, 0.0)), gravity=(0.0, 0.0, -9.81))
+    explicit, implicit = (
+        fl.simulate(scene, method=method, step=step, duration=0.05, sample=0.05)
+        for method, step in (("RK4", 1e-4), ("Radau5", 5e-4))
+    )
+    np.testing.assert_allclose(implicit.tip[-1], explicit.tip[-1], atol=1e-9)
+    assert abs(explicit.imbalance[-1]) < 1e-9 * explicit.exchanged[-1]
+
+
+def test_the_slope_along_a_root_stiffness_is_that_of_the_oscillator() -> None:
+    """θ = θ₀ cos(ω t), ω² = k/I, under a moment that is gone: ∂θ/∂k = −θ₀ t sin(ω t) ω/(2k)."""
+    k, inertia, t, moment = 80.0, 0.2, 0.4, 1.0
+    link = fl.Link(name="a", joint=HELD, end=fl.RigidBody(inertia=(inertia,) * 3), root_stiffness=fl.RootStiffness(z=k))
+    scene = make_scene(
+        link, gravity=(0.0, 0.0, 0.0), initial=fl.InitialState(joint_deg=(0.0,), q=(moment / k,)),
+        run=fl.RunSettings(duration=t, step=1e-3, sample=t),
+    )  # fmt: skip
+    found = fl.sensitivities(scene, ["link.a.root_stiffness.z"])
+    ω = np.sqrt(k / inertia)
+    wanted = -moment / k * t * np.sin(ω * t) * ω / (2 * k)
+    assert found.q[-1, 0, 0] == pytest.approx(wanted, rel=1e-6)
+
+
+def test_a_root_is_rigid_in_the_eyes_of_a_controller_and_survives_toml(tmp_path) -> None:
+    scene, path = arm_on_soft_roots(), tmp_path / "roots.toml"
+    path.write_text(scene.to_toml(), encoding="utf-8")
+    assert fl.load_scene(path) == scene
+    assert fl.lump(fl.rigidified(scene)).joint_names == ("a", "b")
+    assert scene.varied({"link.a.root_stiffness.y": 1e4}).arm.links[0].root_stiffness == fl.RootStiffness(
+        x=4e3, y=1e4, z=3e3
+    )
+    assert scene.varied({"link.*.root_stiffness": None, "link.*.root_damping": None}).arm.links[2].elastic is False
+
+
+def test_advice_keeps_the_root_and_counts_hinges_beside_it() -> None:
+    scene = clamped(root_stiffness=fl.RootStiffness(z=30 * EI)).varied(
+        {"gravity": (0.0, -0.2, 0.0), "run": fl.RunSettings(duration=0.5)}
+    )
+    found = fl.advise(scene, tip=5e-3)
+    assert found.scene.arm.links[0].root_stiffness == scene.arm.links[0].root_stiffness
+
+
+def test_what_cannot_be_is_refused() -> None:
+    free = "turns about the axis .* of the free joint, with no inertia between the two"
+    with pytest.raises(fl.errors.SceneError, match=rf"^link\.strip\.root_stiffness: {free}"):
+        fl.lump(clamped(joint=fl.Joint()))
+    for fine in ({"joint": fl.Joint(armature=0.1)}, {"hub": fl.RigidBody(inertia=(0.0, 0.0, 0.1))}):
+        chain = fl.lump(clamped(**{"joint": fl.Joint(), **fine}))
+        assert np.linalg.eigvalsh(fl.mass_matrix(chain, np.zeros(chain.n))).min() > 0
+    for rule in ("hencky", "clamped"):
+        with pytest.raises(fl.errors.SceneError, match=r"^link\.strip\.lumping = .*on the springs of root_stiffness"):
+            fl.lump(clamped(rule))
+    with pytest.raises(fl.errors.SceneError, match=r"^root_damping\.x = 1\.0: needs a root_stiffness\.x"):
+        clamped(root_damping=fl.RootDamping(x=1.0))
+    with pytest.raises(fl.errors.SceneError, match=r"^z = 0\.0: expected float > 0"):
+        fl.RootStiffness(z=0.0)
