@@ -14,9 +14,9 @@ from flexlink.describe.scene import load_scene
 from reports.measurements import groups_of
 from reports.measurements import table as table_of
 from validation.case import Measured, load_cases, scene_file
+from validation.kinds import laboratory_arm, measurements
 from validation.kinds import measured as kind
-from validation.kinds import measurements
-from validation.measured import rotating_beam, strip_on_flange, wing_spar
+from validation.measured import rotating_beam, strip_on_flange, two_link, wing_spar
 from validation.measured.measurements import MEASUREMENTS, Measurement
 from validation.measured.readings import Derived, Reading
 from validation.measured.uncertainty import COVERAGE, Comparison, Convergence, grid_convergence, standard
@@ -214,3 +214,47 @@ def test_the_first_screen_says_what_the_cases_say():
     assert line[1] == 10.0
     assert line[4:] == tuple(float((series.columns["verdict"] == v).sum()) for v in kind.VERDICTS)
     assert sum(line[4:]) == 10.0
+
+
+# --- a laboratory's arm ----------------------------------------------------------------------------------------------
+
+
+def test_the_linear_model_finds_the_modes_and_the_weights_of_its_own_strains():
+    h, t = 0.01, np.arange(1500) * 0.01
+    u = np.column_stack([np.sin(t + 0.3 * t**2 / 8), np.cos(2 * t) * (t > 3)])
+    true = two_link.LinearModel(
+        np.array([math.log(11.0), 0.02, math.log(33.0), 0.01]), np.arange(8.0).reshape(4, 2) - 3
+    )
+    seen = true.strains(u, h)
+    found = two_link.linear_model(u, list(seen.T), h, t > 1.0, (1.8, 5.4))
+    assert np.allclose(found.poles, true.poles, atol=1e-6)
+    assert np.allclose(found.strains(u, h), seen, atol=1e-6 * np.abs(seen).max())
+
+
+def test_a_fit_is_100_where_nothing_is_left_and_0_where_nothing_is_said():
+    y = np.array([1.0, -2.0, 3.0])
+    assert two_link.fit_percent(y, y) == 100.0
+    assert two_link.fit_percent(y, 0 * y) == 0.0
+    assert two_link.fit_percent(y, 2 * y) == 0.0
+
+
+def test_a_case_whose_data_are_not_here_is_left_out_and_named_where_it_is_asked_for(tmp_path, monkeypatch):
+    monkeypatch.setattr("validation.case.HERE", tmp_path / "project" / "validation")
+    assert "measured_two_link" not in {case.name for case in load_cases()}
+    assert "measured_wing_spar" in {case.name for case in load_cases("measured*")}
+    with pytest.raises(ArgumentError, match=r"measured_two_link.*needs \.\./shared/measured/2dsfl_psf\.csv"):
+        load_cases("measured_two_link")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not (two_link.FOLDER / "2dsfl_psf.csv").exists(), reason="the recordings are not beside the checkout"
+)
+def test_the_laboratorys_arm_is_predicted_in_recordings_that_were_held_out():
+    (case,) = load_cases("measured_two_link")
+    made = measurements(laboratory_arm, case, kind_of(case)[1])
+    found = [each for each in made if isinstance(each, Measured)]
+    assert min(each.value for each in found if each.quantity == "fit, held out") > 60.0
+    ahead = [each.value for each in found if each.quantity == "ahead of the linear model, same recording"]
+    assert len(ahead) == 2
+    assert min(ahead) > 0.0

@@ -79,6 +79,9 @@ class Case(Spec, frozen=True):
     scenes: tuple[str, ...] = ()  # names of files in models/, also globs, or validation/scenes/
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
     by_name: bool = False  # runs only when it is asked for: it takes long
+    needs: str = (
+        ""  # path from the checkout of data that are no part of it; where they are missing the case is left out
+    )
     claim: str = ""
     sheet: Sheet | None = None  # of a benchmark that other codes can be judged by, too
     parts: str = ""
@@ -88,6 +91,11 @@ class Case(Spec, frozen=True):
     def part(self) -> str:
         """The value of which it is the part; "" of a whole case."""
         return self.name.removeprefix(f"{self.whole}-") if self.whole else ""
+
+    @property
+    def has_data(self) -> bool:
+        """Whether the data that it needs are there."""
+        return (HERE.parent / self.needs).exists()
 
     def divided(self) -> list[Case]:
         """Its parts, each with the common quantities and its own, "PART, …"; the case itself if it has none."""
@@ -197,6 +205,8 @@ def load_cases(*wanted: str) -> list[Case]:
         if not any(case.is_meant_by(pattern) for case in cases):
             known = ", ".join(case.name for case in cases)
             raise ArgumentError(f"case = {pattern!r}: no such case; there are {known}")
-    if not wanted:
-        return [case for case in cases if not case.by_name]
-    return [case for case in cases if any(case.is_meant_by(pattern) for pattern in wanted)]
+    chosen = [case for case in cases if any(map(case.is_meant_by, wanted))] if wanted else cases
+    left = [case for case in chosen if case.has_data and (wanted or not case.by_name)]
+    if chosen and not left:
+        raise ArgumentError(f"case = {chosen[0].name!r}: needs {chosen[0].needs}, which is not here")
+    return left

@@ -118,7 +118,7 @@ def _compared(
 
 def _measured(name: str, reading: Reading, compared: Comparison, inputs: Mapping[str, float]) -> Iterator[Measured]:
     """The error of a quantity, relative to D; one that D is too uncertain to judge is a quantity of its own."""
-    parts = ", ".join(f"{which} {u:.2g}" for which, u in sorted(inputs.items(), key=lambda item: -item[1]))
+    parts = ", ".join(f"{which} {u:.2g}" for which, u in sorted(inputs.items(), key=lambda item: -item[1])) or "nothing"
     told = COVERAGE * compared.u_measured <= compared.wanted
     quantity = f"|E| / |D|, {reading.group}" + ("" if told else ", read too coarsely")
     note = f"{compared.words(reading.unit)} Of u_input: {parts}."

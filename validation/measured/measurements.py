@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from flexlink.describe.scene import Scene
-from validation.measured import rotating_beam, strip_on_flange, wing_spar
+from validation.measured import rotating_beam, strip_on_flange, two_link_ringing, wing_spar
 from validation.measured.readings import Derived, Reading
 
 
@@ -30,5 +30,5 @@ class Measurement(NamedTuple):
 
 MEASUREMENTS = {
     module.__name__.rpartition(".")[2]: Measurement(module.readings, module.derived, module.predicted)
-    for module in (rotating_beam, strip_on_flange, wing_spar)
+    for module in (rotating_beam, strip_on_flange, two_link_ringing, wing_spar)
 }
