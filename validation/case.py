@@ -95,7 +95,7 @@ class Case(Spec, frozen=True):
     @property
     def has_data(self) -> bool:
         """Whether the data that it needs are there."""
-        return (HERE.parent / self.needs).exists()
+        return not self.needs or (HERE.parent / self.needs).exists()
 
     def divided(self) -> list[Case]:
         """Its parts, each with the common quantities and its own, "PART, …"; the case itself if it has none."""
