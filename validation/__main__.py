@@ -191,8 +191,8 @@ def _theirs(console: Console, options: argparse.Namespace) -> int:
         for judged in theirs.judge(options.theirs / f"{case.name}.csv", case, store.series(case.name))
     ]
     table = Table(*theirs.HEADS, box=None)
-    for judged in found:
-        table.add_row(*judged.cells(), style="red" if judged.passed is False else None)
+    for judged in (each for each in found if each.theirs is not None):
+        table.add_row(*map(escape, judged.cells()), style="red" if judged.passed is False else None)
     console.print(table)
     console.print(theirs.sentence(found), soft_wrap=True, highlight=False)
     return 1 if any(judged.passed is False for judged in found) else 0

@@ -60,10 +60,22 @@ def run(
                 same = "same recording" if window.run == FITTED.run else "another recording"
                 yield Measured(f"ahead of the linear model, {same}", ours - theirs, scene.name, varied=facts)
             rows.append((f"{window.name}, {name}", which, theirs, ours))
+    finer = _run(scene.varied(_finer(scene)), FITTED.run)
+    for window in (each for each in (FITTED, *HELD_OUT) if each.run == FITTED.run):
+        pairs = zip(_fits(finer, window, linear), _fits(first, window, linear), strict=True)
+        for (name, fine, _), (_, coarse, _) in pairs:
+            facts = {"situation": f"{window.name}, {name}"}
+            yield Measured("fit, changed by a finer grid", abs(fine - coarse), scene.name, varied=facts)
     columns = table(("what", "use", "free linear model, 12 numbers", "flexlink, 5 numbers"), rows)
     yield Series("held out", case.title, columns, "what", "", "fit [%]", group="use")
     if identify:
         yield from _identified(scene, sought)
+
+
+def _finer(scene: Scene) -> dict[str, float | int]:
+    """Twice the hinges of both links, and half the step."""
+    hinges = {f"link.{link.name}.segments": 2 * link.segments - 1 for link in scene.arm.links}
+    return {**hinges, "run.step": scene.run.fixed_step / 2}
 
 
 def _run(scene: Scene, name: str) -> Run:

@@ -6,11 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexlink.chain.lumping import lump
+import flexlink as fl
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.equilibrium import solve_static
-from flexlink.dynamics.vibration.modal import modes
-from flexlink.inputs.initial_state import initial_state
 from validation.measured.readings import Derived, Reading
 from validation.measured.uncertainty import standard
 from validation.reference_values import look_up
@@ -63,11 +60,7 @@ def predicted(scene: Scene) -> dict[str, float]:
 
 
 def _flap_frequencies(scene: Scene, rpm: float) -> list[float]:
-    chain = lump(scene)
-    q, rates = initial_state(scene, chain)
-    rates[0] = rpm * np.pi / 30
-    steady = solve_static(chain, q, rates, locked=[0])
-    found = modes(chain, steady.q, rates, locked=[0])
+    found = fl.modes_in_motion(fl.lump(scene), {"hub": rpm * np.pi / 30})
     motion = (np.abs(found.paths) ** 2).sum(axis=1)
     flap = motion[:, 2] > OUT_OF_PLANE * motion.sum(axis=1)
     return [float(f) for f in found.hertz[flap][:FLAP_MODES]]
