@@ -28,7 +28,7 @@ from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
 from flexlink.describe.links import link_number
-from flexlink.describe.spec import truncated
+from flexlink.describe.spec import short_list, truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.layout import COUPLING, SLIDES, ChainArrays
 
@@ -44,6 +44,7 @@ Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
 
 ROOT = 4
 """Axis in a `Coordinate` of the spring at a link's root that turns about X; those about Y and Z follow."""
+LAST_AXIS = ROOT + 2
 
 
 class Coordinate(NamedTuple):
@@ -127,7 +128,7 @@ class Chain:
         columns: list[list[Any]] = [hinges[name].tolist() for name in ("stiffness", "damping", "rest")]
         if len(self.couplings):
             heads.append("coupled with")
-            columns.append([", ".join(map(str, coupled)) for coupled in self.coupled_joints])
+            columns.append([short_list(list(map(str, coupled))) for coupled in self.coupled_joints])
         if self.slides.any():
             heads.append("slides")
             columns.append(["yes" if slides else "" for slides in self.slides.tolist()])
@@ -397,7 +398,7 @@ class Chain:
         1 upper.1.z
         """
         number = 0 if number_of(link) == 0 and self.has_free_base else link_number("link", link, self.link_names)
-        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, ROOT + 2))
+        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, LAST_AXIS))
         if wanted not in self._sequential:
             known = truncated(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
             raise ArgumentError(
