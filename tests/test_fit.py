@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from conftest import ROOT
 from random_fits import held
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.identification.colour import colour_of
+from flexlink.identification.colour import Colour, colour_of
 from flexlink.identification.interval import Part, spread_of
 
 THREE = {"material.aluminium.young": 63e9, "tip.mass": 8.6, "link.upper.joint.armature": 2.3}
@@ -93,6 +95,15 @@ class TestInterval:
         J = np.random.default_rng(1).standard_normal((2000, 2))
         found = spread_of([Part([e], [J], True)], np.zeros((0, 2)))
         np.testing.assert_allclose(found.covariance, np.linalg.inv(J.T @ J) * e.var(), atol=5e-5)
+
+    def test_whitening_is_the_inverse_root_of_the_covariance_to_its_first_sample(self) -> None:
+        a, n = np.array([1.0, -1.6, 0.9]), 50
+        pulse = lfilter([1.0], a, np.eye(1, 2000).ravel())
+        covariance = toeplitz([pulse[k:] @ pulse[: 2000 - k] for k in range(n)])
+        one = Colour(a, np.zeros(1))
+        W = one.whitened(np.eye(n))
+        np.testing.assert_allclose(W.T @ W, np.linalg.inv(covariance), atol=1e-11)
+        assert one.share == pytest.approx(covariance[0, 0] ** -0.5, rel=1e-12)
 
     def test_burg_finds_the_coefficients_of_a_resonance(self) -> None:
         rng, a = np.random.default_rng(5), np.array([1.0, -1.6, 0.9])

@@ -18,6 +18,7 @@ from flexlink.describe.spec import did_you_mean
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.at_rest import rest_of
 from flexlink.dynamics.vibration.modal import modes
+from flexlink.identification.colour import Colour
 from flexlink.identification.problem import FitModes, FitProblem, FitRun, FitStatic, Use
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
@@ -42,6 +43,8 @@ class Block:
         Whether the problem states it; else it follows from what the fit leaves.
     t
         Times of a run's column [s], shape (n,); None of single numbers, whose noise is independent.
+    colour
+        How the noise hangs together in time; None of white noise. σ is then the size of its innovations.
     gain, bias
         Whether scale and zero are unknown.
     """
@@ -51,6 +54,7 @@ class Block:
     σ: Array
     stated: bool
     t: Array | None = None
+    colour: Colour | None = None
     gain: bool = False
     bias: bool = False
 
@@ -219,7 +223,7 @@ def _block(
     head = heads["noise"].get(name)
     σ = run.noise[head] * named(run.name, head, known)[1] if head is not None else math.nan
     return Block(
-        name, y[there], np.full(int(there.sum()), σ), head is not None, t[there],
+        name, y[there], np.full(int(there.sum()), σ), head is not None, t[there], None,
         name in heads["gain"], name in heads["bias"],
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.interval import spread_of
 from flexlink.identification.judge import columns_of
 from flexlink.identification.problem import FitProblem
-from flexlink.identification.profile import profiled
+from flexlink.identification.profile import profiled, widened
 from flexlink.identification.residuals import row_of
 from flexlink.identification.signals import FOUR, STEP, Signals
 from flexlink.identification.solve import Found, Search, start_points
@@ -113,7 +113,7 @@ def fit(
     count, tell = integer("starts", starts, 1), progress or (lambda _: None)
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
     signals = Signals(sources, coordinates)
-    search = Search(signals, problem.loss)
+    search = Search(signals, problem.loss, coloured=problem.noise == "coloured")
     own = np.array([one.x(one.start) for one in coordinates])
     check = _check(signals, own, [list(source.blocks) for source in sources], _notes(sources))
     if not check.passed:
@@ -127,8 +127,9 @@ def fit(
     numbers = (*estimates(coordinates, best.x, spread), *linear_estimates(sources, rows, spread, len(coordinates)))
     if not after.passed:
         numbers = tuple(map(without_ends, numbers))
-    elif profile:
-        numbers = (*profiled(search, best, numbers[: len(coordinates)], tell), *numbers[len(coordinates) :])
+    else:
+        of_scene, others = numbers[: len(coordinates)], numbers[len(coordinates) :]
+        numbers = (*widened(search, best, profiled(search, best, of_scene, tell) if profile else of_scene), *others)
     columns = columns_of(problem, signals, best, own, tell)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
     warnings = _warnings(numbers, after, found, columns)
@@ -206,6 +207,11 @@ def _warnings(
     numbers: Sequence[Estimate], check: Check, found: Sequence[Found], columns: Sequence[FittedColumn]
 ) -> tuple[str, ...]:
     told = [f"{one.name} ended at its bound, {one.value:.6g}" for one in numbers if one.at_bound]
+    told += [
+        f"{one.name}: the data do not reject the start, {one.start:.6g}, either; the interval holds both"
+        for one in numbers
+        if one.widened
+    ]  # fmt: skip
     told += [one.text for one in check.directions]
     told += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > FAR]
     if len(found) > 1:

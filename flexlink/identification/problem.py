@@ -184,6 +184,9 @@ class FitProblem(Spec, frozen=True):
     """A sentence on what is fitted."""
     loss: Loss = "linear"
     """How residuals count; soft_l1 and huber bound the effect of outliers."""
+    noise: Literal["coloured", "white"] = "coloured"
+    """Whether residuals that hang together in time count by what is new in each (coloured: where they are noise, the
+    least uncertain answer), or all alike (white: the least simulation error). Intervals count it either way."""
     tolerance: Positive = 1e-8
     """Error of the fit's runs as a part of the reach, of scenes without fixed steps [1]; theirs is too rough for
     slopes."""

@@ -32,6 +32,32 @@ def profiled(search: Search, best: Found, numbers: Sequence[Estimate], tell: Cal
     return found
 
 
+def widened(search: Search, best: Found, numbers: Sequence[Estimate]) -> list[Estimate]:
+    """The numbers of the scene, intervals wide enough to hold the starts that the data do not reject.
+
+    A start outside an interval is tried as the profile's ends are: held, all others fitted anew. Where the sum of
+    squares is a parabola it is rejected.
+    """
+    least, white = search.cost(best.x, best.blocks), search.deviations(best.x, best.blocks)
+    found = []
+    for k, one in enumerate(numbers):
+        coordinate, point = search.coordinates[k], best.x.copy()
+        point[k] = coordinate.x(one.start)
+        if not one.low <= one.start <= one.high:
+            end = one.low if one.start < one.value else one.high
+            wanted = abs(coordinate.x(end) - float(best.x[k])) / float(white[k])
+            point = search.least(point, best.blocks, rough=True, held=k)
+            rise = 2 * (search.cost(point, best.blocks) - least)
+            if search.coloured:  # a start also has a noise of its own
+                rise = min(rise, search.unlikelihood(point, best.blocks) - search.unlikelihood(best.x, best.blocks))
+            if rise < wanted**2:
+                low, high = min(one.low, one.start), max(one.high, one.start)
+                found.append(dataclasses.replace(one, low=low, high=high, widened=True))
+                continue
+        found.append(one)
+    return found
+
+
 def _end(search: Search, best: Found, k: int, one: Estimate, side: int, least: float, white: float) -> float:
     """One end of the interval."""
     coordinate, x = search.coordinates[k], best.x

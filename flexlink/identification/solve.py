@@ -12,6 +12,7 @@ from scipy.stats import qmc
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
+from flexlink.identification.colour import colour_of
 from flexlink.identification.coordinates import Coordinate, prior_rows
 from flexlink.identification.data import Block
 from flexlink.identification.residuals import Row, row_of
@@ -21,6 +22,8 @@ WINDOWS = 0.15, 0.4, 1.0
 """Parts of each run that are fitted one after the other: a long one alone has minima a period apart."""
 ROUNDS = 2
 """How often noise that nobody states is taken anew from what is left."""
+MORE = 1.1
+"""How many times more may be left, in squares, where noise is taken to hang together."""
 NOWHERE = 1e8
 """Residual where the scene gives nothing: the search turns back."""
 
@@ -52,10 +55,12 @@ class Search:
         What the scene gives.
     loss
         As `scipy.optimize.least_squares` has it.
+    coloured
+        Whether noise of runs may hang together in time.
     """
 
-    def __init__(self, signals: Signals, loss: str) -> None:
-        self.signals, self.loss = signals, loss
+    def __init__(self, signals: Signals, loss: str, *, coloured: bool = False) -> None:
+        self.signals, self.loss, self.coloured = signals, loss, coloured
         self.coordinates: Sequence[Coordinate] = signals.coordinates
 
     def from_start(self, x: Array) -> Found:
@@ -77,11 +82,33 @@ class Search:
         if not runs:
             x = self.least(x, blocks)
         cost = self.cost(x, blocks)
-        several = sum(not block.stated for part in blocks for block in part) and sum(map(len, blocks)) > 1
-        for _ in range(ROUNDS if several else 0):
+        if not runs:
+            return Found(x, cost, blocks)
+        for _ in range(ROUNDS if self._weighs(blocks) else 0):
             blocks = self.weighed(x, blocks)
             x = self.least(x, blocks)
-        return Found(x, cost, self.weighed(x, blocks) if runs else blocks)
+        blocks = self.weighed(x, blocks)
+        return self._coloured(Found(x, cost, blocks)) if self.coloured else Found(x, cost, blocks)
+
+    def _coloured(self, white: Found) -> Found:
+        """The search with noise that hangs together in time.
+
+        Where it leaves clearly more than with white noise, the rest is no noise, but something that the scene does not
+        have: then what leaves least stays.
+        """
+        x, blocks = white.x, white.blocks
+        for _ in range(ROUNDS):
+            blocks = self.weighed(x, blocks, coloured=True)
+            x = self.least(x, blocks)
+        if self.cost(x, white.blocks) > MORE * self.cost(white.x, white.blocks):
+            return white
+        return Found(x, white.cost, self.weighed(x, blocks, coloured=True))
+
+    @staticmethod
+    def _weighs(blocks: Sequence[Sequence[Block]]) -> bool:
+        """Whether there is noise that nobody states, and that weighs."""
+        several = [block for part in blocks for block in part]
+        return len(several) > 1 and not all(block.stated for block in several)
 
     def rows(self, x: Array, blocks: Sequence[Sequence[Block]], *, slopes: bool = True) -> list[list[Row]]:
         """All blocks at a point; errors as in `Signals.model`."""
@@ -94,14 +121,26 @@ class Search:
         residual = self._residual(x, blocks)
         return 0.5 * float(residual @ residual)
 
-    def weighed(self, x: Array, blocks: Sequence[Sequence[Block]]) -> list[list[Block]]:
-        """The blocks with the noise that is left at a point, where the problem states none."""
-        rows = self.rows(x, blocks, slopes=False)
+    def unlikelihood(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
+        """−2 ln of the likelihood at a point, the noise of runs being what is left there, up to a constant."""
+        plain, total = [[white(block) for block in part] for part in blocks], 0.0
+        for part, of_part in zip(plain, self.rows(x, plain, slopes=False), strict=True):
+            for block, row in zip(part, of_part, strict=True):
+                if block.t is None:
+                    total += float(row.residual @ row.residual)
+                else:
+                    w = colour_of(row.residual).whitened(row.residual[:, None])
+                    total += len(w) * float(np.log(np.mean(w**2)))
+        return total
+
+    def weighed(self, x: Array, blocks: Sequence[Sequence[Block]], *, coloured: bool = False) -> list[list[Block]]:
+        """The blocks with the noise that is left at a point: its size where the problem states none, its colour."""
+        plain = [[white(block) for block in part] for part in blocks]
+        rows = self.rows(x, plain, slopes=False)
         return [
-            [block if block.stated or not row.residual.any() else _with(block, row)
-             for block, row in zip(part, of_part, strict=True)]
-            for part, of_part in zip(blocks, rows, strict=True)
-        ]  # fmt: skip
+            [_with(block, row, coloured=coloured) for block, row in zip(*part, strict=True)]
+            for part in zip(plain, rows, strict=True)
+        ]
 
     def least(
         self, x: Array, blocks: Sequence[Sequence[Block]], *, rough: bool = False, held: int | None = None
@@ -179,6 +218,19 @@ def _first(blocks: Sequence[Block], part: float) -> list[Block]:
     return cut
 
 
-def _with(block: Block, row: Row) -> Block:
-    size = float(np.sqrt(np.mean((row.residual * block.σ) ** 2)))
-    return dataclasses.replace(block, σ=np.full(len(block.y), size))
+def white(block: Block) -> Block:
+    """The block with noise that does not hang together, as large as before."""
+    if block.colour is None:
+        return block
+    return dataclasses.replace(block, σ=block.σ / block.colour.share, colour=None)
+
+
+def _with(block: Block, row: Row, *, coloured: bool) -> Block:
+    e = row.residual * block.σ
+    if not e.any():
+        return block
+    σ = block.σ if block.stated else np.full(len(e), float(np.sqrt(np.mean(e**2))))
+    if not coloured or block.t is None:
+        return dataclasses.replace(block, σ=σ)
+    colour = colour_of(e)
+    return dataclasses.replace(block, σ=σ * colour.share, colour=colour)
