@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
@@ -101,6 +102,17 @@ class Recorded:
         if not self.blocks:
             raise DataFileError(f"run {run.name!r}: no measured values inside its window")
         self.blocks = _with_noise(self.blocks)
+
+    def first(self, part: float) -> Recorded:
+        """The first part of the run, ten samples at least."""
+        cut = copy.copy(self)
+        cut.blocks = tuple(_first(block, part) for block in self.blocks)
+        end = max(float(np.asarray(block.t)[-1]) for block in cut.blocks)
+        run = self.scene.run
+        duration = math.ceil((end - self.scene.initial.time) / run.spacing - 1e-6) * run.spacing
+        shorter = {"run.duration": float(f"{duration:.12g}"), "run.sample": run.spacing}
+        cut.scene = self.scene.varied(shorter) if duration < run.duration else self.scene
+        return cut
 
     def model(self, run: Trajectory) -> list[Array]:
         """What a run has in place of its blocks, by cubic splines through its samples."""
@@ -260,6 +272,11 @@ def _as_long(scene: Scene, t: Array, tolerance: float) -> Scene:
         except FlexlinkError as error:
             reason = error
     raise reason
+
+
+def _first(block: Block, part: float) -> Block:
+    n = max(math.ceil(part * len(block.y)), min(10, len(block.y)))
+    return dataclasses.replace(block, y=block.y[:n], σ=block.σ[:n], t=None if block.t is None else block.t[:n])
 
 
 def _at(t: Array, column: Array, times: Array | None) -> Array:

@@ -123,7 +123,7 @@ def fit(
     best = found[0]
     rows = search.rows(best.x, best.blocks)
     spread = spread_of(parts_of(sources, rows), priors_of(coordinates, best.x, rows))
-    after = _check(signals, best.x, best.blocks, check.notes)
+    after = _check_after(signals, best, check)
     numbers = (*estimates(coordinates, best.x, spread), *linear_estimates(sources, rows, spread, len(coordinates)))
     if not after.passed:
         numbers = tuple(map(without_ends, numbers))
@@ -159,20 +159,28 @@ def _searched(search: Search, points: Sequence[Array], tell: Callable[[str], Non
 
 def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], notes: Sequence[str]) -> Check:
     """Slopes twice, with two steps: their difference is how well they are known."""
-    model = signals.model(x)
     slopes, finer = signals.slopes(x, FOUR), signals.slopes(x, FOUR, STEP / 2)
-    coordinates = signals.coordinates
-    _, known = prior_rows(coordinates, x)
-    whole = []
-    for by_x in (slopes, finer):
-        rows = [
-            [row_of(b, y, J) for b, y, J in zip(*part, strict=True)] for part in zip(blocks, model, by_x, strict=True)
-        ]
-        whole.append(stacked(rows, len(coordinates), known))
-    names = [*(one.name for one in coordinates), *linear_names(signals.sources)]
-    ranges = np.array([1.0] * len(coordinates) + large_changes(blocks))
-    error = float(np.linalg.norm((whole[0] - whole[1]) * ranges, 2))
-    return checked(whole[0] * ranges, error, names, notes)
+    J = _of_all(signals, x, blocks, slopes)
+    return checked(J, float(np.linalg.norm(J - _of_all(signals, x, blocks, finer), 2)), _names(signals), notes)
+
+
+def _check_after(signals: Signals, best: Found, before: Check) -> Check:
+    """The same where the search ended, with slopes at hand."""
+    J = _of_all(signals, best.x, best.blocks, signals.slopes(best.x))
+    return checked(J, before.error, before.names, before.notes)
+
+
+def _of_all(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], slopes: list[list[Array]]) -> Array:
+    """Slopes of all residuals to large changes of all numbers."""
+    parts = zip(blocks, signals.model(x), slopes, strict=True)
+    rows = [[row_of(b, y, J) for b, y, J in zip(*part, strict=True)] for part in parts]
+    _, known = prior_rows(signals.coordinates, x)
+    whole = stacked(rows, len(x), known)
+    return np.asarray(whole * np.array([1.0] * len(x) + large_changes(blocks)))
+
+
+def _names(signals: Signals) -> list[str]:
+    return [*(one.name for one in signals.coordinates), *linear_names(signals.sources)]
 
 
 def _of_run(one: Estimate, coordinates: Sequence[Coordinate]) -> bool:

@@ -17,6 +17,8 @@ from scipy.interpolate import PchipInterpolator
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.solve import Found, Search
 
+FURTHEST = 10.0
+"""Halves of an interval beyond which a start is taken for rejected."""
 AT = 0.5, 1.0, 1.6
 """Where the profile is taken, in halves of the interval."""
 
@@ -46,6 +48,9 @@ def widened(search: Search, best: Found, numbers: Sequence[Estimate]) -> list[Es
         if not one.low <= one.start <= one.high:
             end = one.low if one.start < one.value else one.high
             wanted = abs(coordinate.x(end) - float(best.x[k])) / float(white[k])
+            if abs(point[k] - float(best.x[k])) > FURTHEST * wanted * float(white[k]):
+                found.append(one)
+                continue
             point = search.least(point, best.blocks, rough=True, held=k)
             rise = 2 * (search.cost(point, best.blocks) - least)
             if search.coloured:  # a start also has a noise of its own

@@ -14,16 +14,19 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.identification.colour import colour_of
 from flexlink.identification.coordinates import Coordinate, prior_rows
-from flexlink.identification.data import Block
+from flexlink.identification.data import Block, Recorded
 from flexlink.identification.residuals import Row, row_of
 from flexlink.identification.signals import Model, Signals
 
-WINDOWS = 0.15, 0.4, 1.0
-"""Parts of each run that are fitted one after the other: a long one alone has minima a period apart."""
+WINDOWS = 0.0, 0.15, 0.4
+"""Parts of each run that are fitted one after the other before the whole: a long one alone has minima a period apart.
+Single numbers come first, alone, then with each part."""
 ROUNDS = 2
 """How often noise that nobody states is taken anew from what is left."""
 MORE = 1.1
 """How many times more may be left, in squares, where noise is taken to hang together."""
+ROUGH, FINE = 1e-4, 1e-12
+"""Relative changes at which a search ends: one on the way to another, and the last."""
 NOWHERE = 1e8
 """Residual where the scene gives nothing: the search turns back."""
 
@@ -72,23 +75,28 @@ class Search:
             The scene gives nothing at the start.
         """
         self.signals.model(x)
-        blocks = [list(source.blocks) for source in self.signals.sources]
-        single = [k for k, source in enumerate(self.signals.sources) if not source.is_run]
-        runs = len(single) < len(self.signals.sources)
-        if single and runs:
-            x = self.least(x, [part if k in single else [] for k, part in enumerate(blocks)], rough=True)
-        for part in WINDOWS[: len(WINDOWS) if runs else 0]:
-            x = self.least(x, [_first(one, part) for one in blocks], rough=part < 1)
-        if not runs:
-            x = self.least(x, blocks)
+        sources = self.signals.sources
+        blocks = [list(source.blocks) for source in sources]
+        single = [source for source in sources if not isinstance(source, Recorded)]
+        runs = len(single) < len(sources)
+        for part in WINDOWS if runs else ():
+            cut = [source.first(part) for source in sources if isinstance(source, Recorded)] if part else []
+            if part or single:
+                x = Search(Signals([*cut, *single], self.coordinates), self.loss).near(x)
+        last = not (self.coloured or self._weighs(blocks)) or not runs
+        x = self.least(x, blocks, rough=not last)
         cost = self.cost(x, blocks)
         if not runs:
             return Found(x, cost, blocks)
-        for _ in range(ROUNDS if self._weighs(blocks) else 0):
+        for _ in range(ROUNDS - self.coloured if self._weighs(blocks) else 0):
             blocks = self.weighed(x, blocks)
             x = self.least(x, blocks)
         blocks = self.weighed(x, blocks)
         return self._coloured(Found(x, cost, blocks)) if self.coloured else Found(x, cost, blocks)
+
+    def near(self, x: Array) -> Array:
+        """Where a rough search leads."""
+        return self.least(x, [list(source.blocks) for source in self.signals.sources], rough=True)
 
     def _coloured(self, white: Found) -> Found:
         """The search with noise that hangs together in time.
@@ -113,8 +121,7 @@ class Search:
     def rows(self, x: Array, blocks: Sequence[Sequence[Block]], *, slopes: bool = True) -> list[list[Row]]:
         """All blocks at a point; errors as in `Signals.model`."""
         model = self.signals.model(x)
-        by_x = self.signals.slopes(x) if slopes else [[None] * len(part) for part in model]
-        return _rows(blocks, model, by_x)
+        return _rows(blocks, model, self.signals.slopes(x) if slopes else None)
 
     def cost(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
         """Half the sum of squares."""
@@ -150,7 +157,7 @@ class Search:
         if not free.any():
             return x
         bounds = np.array([one.bounds for one in self.coordinates]).T[:, free]
-        fine: dict[str, Any] = dict.fromkeys(("ftol", "xtol", "gtol"), 1e-4 if rough else 1e-12)
+        fine: dict[str, Any] = dict.fromkeys(("ftol", "xtol", "gtol"), ROUGH if rough else FINE)
 
         def whole(part: Array) -> Array:
             point = x.copy()
@@ -200,22 +207,11 @@ def _around(one: Coordinate) -> tuple[float, float]:
 
 
 def _rows(blocks: Sequence[Sequence[Block]], model: Model, slopes: Any) -> list[list[Row]]:
-    """A block may hold the first part of the data only; then the scene's numbers are cut alike."""
     return [
-        [row_of(block, model[k][b][: len(block.y)], None if slopes is None or slopes[k][b] is None else
-                slopes[k][b][: len(block.y)])
-         for b, block in enumerate(part)]
+        [row_of(block, y, None if slopes is None else slopes[k][b])
+         for b, (block, y) in enumerate(zip(part, model[k], strict=True))]
         for k, part in enumerate(blocks)
     ]  # fmt: skip
-
-
-def _first(blocks: Sequence[Block], part: float) -> list[Block]:
-    """The blocks up to a part of their times; single numbers whole."""
-    cut = []
-    for block in blocks:
-        n = len(block.y) if block.t is None else max(int(np.ceil(part * len(block.y))), min(10, len(block.y)))
-        cut.append(dataclasses.replace(block, y=block.y[:n], σ=block.σ[:n], t=None if block.t is None else block.t[:n]))
-    return cut
 
 
 def white(block: Block) -> Block:
