@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: threads of a BLAS would wait for each other, and spin
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy
 
 import numba
 import numpy as np
@@ -44,9 +48,12 @@ settings.load_profile("any machine")  # how fast it is says nothing about the co
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with many slow tests first: at the end of a run in several processes none waits for one long test."""
+    """Files with many slow tests first: at the end of a run in several processes none waits for one long test.
+
+    Before all of them those that compile what others need.
+    """
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
-    items.sort(key=lambda item: -slow[item.path])
+    items.sort(key=lambda item: (item.get_closest_marker("first") is None, -slow[item.path]))
 
 
 class _TooSlow(BaseException):

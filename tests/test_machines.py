@@ -14,8 +14,9 @@ from flexlink.kernels.tools.machine_code import DiskCache
 
 def test_machines_have_names_of_their_own_and_name_tests_that_exist() -> None:
     assert len({machine.name for machine in FILE.machine}) == len(FILE.machine)
-    files = {*FILE.cpu, *(file for machine in FILE.machine for file in machine.files)}
-    assert [file for file in files if not (ROOT / file).is_file()] == []
+    tests = {*FILE.cpu, *FILE.everywhere, *(file for machine in FILE.machine for file in machine.files)}
+    for file, _, name in (test.partition("::") for test in tests):
+        assert f"def {name.rpartition('::')[2]}" in (ROOT / file).read_text(encoding="utf-8"), f"{file}: {name}"
     assert any(machine.quick for machine in FILE.machine)
 
 

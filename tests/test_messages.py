@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import tomllib
 from collections import Counter
 
@@ -11,11 +12,16 @@ from docs.generators import messages
 
 USUAL = [message for group in tomllib.loads(messages.USUAL.read_text(encoding="utf-8"))["group"]
          for message in group["message"]]  # fmt: skip
-SOURCE = list(messages.literals())
+
+
+@functools.cache
+def source() -> list[str]:
+    """Every literal of the library; reading them takes a second, which no other test has to wait for."""
+    return list(messages.literals())
 
 
 def said(text: str) -> bool:
-    return any(text in literal for literal in SOURCE)
+    return any(text in literal for literal in source())
 
 
 @pytest.mark.parametrize("message", USUAL, ids=lambda message: message["text"])

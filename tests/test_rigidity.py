@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 
 import flexlink as fl
 from flexlink.chain.variants import lump_many
+from flexlink.cli.main import main
 from flexlink.errors import SceneError
 
 STEP = 0.37  # m, of a beam of 1 m: where it becomes ten times as soft
@@ -228,3 +229,51 @@ def test_a_table_that_does_not_fit_its_link_is_refused() -> None:
             beam(STEPPED, **fields)
     with pytest.raises(SceneError, match=r"rigidity = 'spar': not defined; defined are none"):
         make_scene(fl.Link(name="a", length=1.0, rigidity="spar"))
+
+
+CSV = "x [mm],EI_z [N m²],rhoA [kg/m]\n0,50,2\n370,50,2\n370,5,0.6\n1000,5,0.6\n"
+SCENE = """name = "spar"
+[rigidity.spar]
+file = "spar.csv"
+[[link]]
+name = "spar"
+joint = { locked = true }
+length = 1.0
+flex = "z"
+segments = 17
+rigidity = "spar"
+"""
+
+
+def test_a_table_in_a_csv_file_beside_the_scene_is_that_table(tmp_path) -> None:
+    (tmp_path / "spar.csv").write_text(CSV, encoding="utf-8")
+    (tmp_path / "spar.toml").write_text(SCENE, encoding="utf-8")
+    scene = fl.load_scene(tmp_path / "spar.toml")
+    (tmp_path / "spar.csv").unlink()  # it has been read
+    assert scene.arm.rigidities["spar"].x == pytest.approx(STEPPED.x, abs=1e-15)
+    np.testing.assert_allclose(fl.lump(scene).stiffness, fl.lump(beam(STEPPED)).stiffness, rtol=1e-12)
+    assert scene.varied({"rigidity.spar.stiffness_factor": 2.0}).arm.rigidities["spar"].ei_z == STEPPED.ei_z
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (CSV.replace("x [mm]", "x"), "column 'x': without a unit"),
+        (CSV.replace("[N m²]", "[N m]"), "column 'EI_z [N m]': unit must be one of"),
+        (CSV.replace("EI_z", "EI"), "column 'EI [N m²]': not known; expected x [m], EI_y [N m²]"),
+        (CSV.replace(",rhoA [kg/m]", ",rhoI_z [kg m]"), "no column 'rhoA [kg/m]'"),
+        (CSV.replace("370,5,", "360,5,"), "x[2] = 0.36: must not be less than x[1] = 0.37"),
+        (CSV.replace("1000", "990"), "ends at x = 0.99 m; the beam ends at 1.0 m"),
+        (CSV.replace("x [mm]", "x [m]"), "ends at x = 1000.0 m; the beam ends at 1.0 m"),
+        (CSV.replace("50,2\n370", "-50,2\n370"), "line 2: ei_z must be positive"),
+        (CSV.replace("5,0.6", "5,a", 1), "line 4, rhoA [kg/m]: 'a' is not a number"),
+        (CSV.replace("50,2\n370", "50\n370"), "line 2: 2 cells; the header line has 3"),
+        ("", "is empty"),
+    ],
+)
+def test_a_mistake_in_a_csv_file_is_named_and_exits_2(text: str, said: str, tmp_path, capsys) -> None:
+    (tmp_path / "spar.csv").write_text(text, encoding="utf-8")
+    (tmp_path / "spar.toml").write_text(SCENE, encoding="utf-8")
+    assert main(["info", str(tmp_path / "spar.toml")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line

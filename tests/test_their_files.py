@@ -402,8 +402,9 @@ def test_a_flat_arm_is_put_back_by_a_rotation_not_by_a_mirror(rng: np.random.Gen
         assert np.abs(realigned.theirs.inertias - ours.inertias).max() <= 1e-12 * np.abs(ours.inertias).max()
 
 
-@pytest.mark.parametrize("read", [of_chain(CHAIN), of_chain(fl.lump(SPATIAL))], ids=["bent", "straight"])
-def test_a_record_as_a_chain_has_the_same_record(read) -> None:
+@pytest.mark.parametrize("chain", [CHAIN, fl.lump(SPATIAL)], ids=["bent", "straight"])
+def test_a_record_as_a_chain_has_the_same_record(chain: fl.Chain) -> None:
+    read = of_chain(chain)
     again = of_chain(to_chain(read, CHAIN))
     for field in ("axes", "points", "masses", "centers", "inertias", "stiffness", "rest", "gravity", "tip"):
         mine, theirs = getattr(read, field), getattr(again, field)

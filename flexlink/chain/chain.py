@@ -28,7 +28,7 @@ from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
 from flexlink.describe.links import link_number
-from flexlink.describe.spec import truncated
+from flexlink.describe.spec import short_list, truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.layout import COUPLING, SLIDES, ChainArrays
 
@@ -127,7 +127,7 @@ class Chain:
         columns: list[list[Any]] = [hinges[name].tolist() for name in ("stiffness", "damping", "rest")]
         if len(self.couplings):
             heads.append("coupled with")
-            columns.append([", ".join(map(str, coupled)) for coupled in self.coupled_joints])
+            columns.append([short_list(list(map(str, coupled))) for coupled in self.coupled_joints])
         if self.slides.any():
             heads.append("slides")
             columns.append(["yes" if slides else "" for slides in self.slides.tolist()])

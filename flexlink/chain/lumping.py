@@ -16,6 +16,7 @@ from flexlink.chain.arguments import require_type
 from flexlink.chain.builder import Builder, Piece, record_inertia, recorded
 from flexlink.chain.chain import ROOT, Chain, Coordinate
 from flexlink.chain.compliance import cell_constants, spring_constants
+from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
 from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
@@ -74,7 +75,7 @@ def lump(scene: Scene) -> Chain:
     arm = require_type("scene", scene, Scene).arm
     if has_own_rules(scene):
         return _lumped(scene)
-    return CHAINS(arm, (scene.name, scene.gravity, situation(scene)), lambda: _lumped(scene))
+    return CHAINS(arm, (scene.name, scene.gravity, situation(scene), posture_of(scene)), lambda: _lumped(scene))
 
 
 def situation(scene: Scene) -> tuple[object, ...]:
@@ -107,7 +108,7 @@ def _lumped(scene: Scene) -> Chain:
     for array in (bodies, hinges, couplings):
         _check_finite(scene.name, array)
     chain = frame.chain = frame.chain.with_numbers(scene.name, bodies, hinges, np.array(scene.gravity), couplings)
-    return chain
+    return with_constant_ratios(chain, scene)
 
 
 def pieces(scene: Scene) -> list[Piece]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.constant_ratio import posture_of
 from flexlink.chain.lumping import Frame, Springs, frame_of, has_own_rules, lump, situation
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import FlexlinkError
@@ -49,7 +50,7 @@ def _same_frame(before: Scene, scene: Scene) -> bool:
 
 def _frame(scene: Scene) -> Frame | None:
     try:
-        return None if has_own_rules(scene) else frame_of(scene)
+        return None if has_own_rules(scene) or posture_of(scene) else frame_of(scene)
     except FlexlinkError:
         return None
 

@@ -21,6 +21,7 @@ from flexlink.common.types import Array, Complex
 from flexlink.describe import data_files
 from flexlink.describe.own_units import in_words
 from flexlink.describe.scene import Scene
+from flexlink.describe.spec import short_list
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
@@ -93,7 +94,7 @@ def _kind(chain: Chain, k: int) -> str:
     if chain.coordinate(k).link == 0:
         return "of the free base"
     if chain.coordinate(k).axis:
-        coupled = ", ".join(map(str, chain.coupled_joints[k]))
+        coupled = short_list(list(map(str, chain.coupled_joints[k])))
         turned = ", of a rotation vector" if chain.bodies["springs"][chain.body(k)] else ""
         unit, more = "N/m" if slides else "N m/rad", f", coupled with {coupled}" if coupled else ""
         return f"k = {chain.stiffness[k]:.6g} {unit}{turned}{more}"

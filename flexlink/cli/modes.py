@@ -41,16 +41,19 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
-    """Frequency, damping ratio, kind, and the damping ratio that the links ask for at that frequency, η ω/2."""
-    η = [scene.arm.loss_time(link) for link in scene.arm.links if link.flex != "rigid"]
-    asks = any(η)
+    """Frequency, damping ratio, kind, and the damping ratio that the links ask for at that frequency, η ω/2 or ζ."""
+    bending = [link for link in scene.arm.links if link.flex != "rigid"]
+    constant = [link.damping.ratio for link in bending if link.damping is not None and link.damping.is_constant]
+    η = [scene.arm.loss_time(link) for link in bending if link.damping is None or not link.damping.is_constant]
+    asks = any(η) or any(constant)
     print("mode  frequency [Hz]  damping ratio  kind" + "      specified" * asks)
     for k in which:
         hertz, ratio = f"{found.hertz[k]:.6g}", f"{found.damping_ratios[k]:.4g}"
         if np.isnan(found.hertz[k]):
             hertz, ratio = "none: it falls", "–"
         line = f"{k + 1:4d}  {hertz:>14}  {ratio:>13}  {found.kinds[k]:<8}"
-        bounds = [f"{bound(η) * found.frequencies[k] / 2:.4g}" for bound in (min, max)] if asks else []
+        ratios = [*(each * found.frequencies[k] / 2 for each in η), *constant]
+        bounds = [f"{bound(ratios):.4g}" for bound in (min, max)] if asks else []
         print("  ".join([line, " … ".join(dict.fromkeys(bounds))]).rstrip())
 
 

@@ -128,9 +128,12 @@ class Section(Spec, frozen=True):
 class Damping(Spec, frozen=True):
     """Structural damping by its effect: the damping ratio of a bending or twisting mode at a frequency.
 
-    It is Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), the same in every hinge, under which the ratio of a
-    mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable step of
-    explicit methods: `flexlink info` says by how much.
+    proportional: Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), the same in every hinge, under which the ratio
+    of a mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable
+    step of explicit methods: `flexlink info` says by how much.
+    constant: dampers between all hinges of the links that have it, root and gear, too, such that every mode of the arm
+    where it starts, its joints held, has the same ratio, if all links that bend have it; elsewhere modes are near it.
+    For links without branches or slides between them.
 
     Examples
     --------
@@ -139,17 +142,36 @@ class Damping(Spec, frozen=True):
     >>> found = fl.modes(damped, q, locked=damped.active)
     >>> print(found.hertz[:2].round(2), found.damping_ratios[:2].round(4))  # in proportion to the frequency
     [ 5.7  26.87] [0.0135 0.064 ]
+    >>> alike = fl.Damping(ratio=0.01, law="constant")
+    >>> damped = fl.lump(scene.varied({"link.*.damping": alike}))
+    >>> print(fl.modes(damped, q, locked=damped.active).damping_ratios.round(4))
+    [0.01 0.01 0.01 0.01]
     """
 
     ratio: NonNegative
-    """Damping ratio ζ of the mode at `at_hz` [1]: 0.01 is 1 % of critical."""
-    at_hz: Positive
-    """Frequency of the mode that has this ratio [Hz]; at other frequencies the ratio grows in proportion."""
+    """Damping ratio ζ of the mode at `at_hz`, or of all modes [1]: 0.01 is 1 % of critical."""
+    at_hz: Positive | None = None
+    """Of the proportional law: frequency of the mode that has this ratio [Hz]; at others the ratio grows in
+    proportion."""
+    law: Literal["proportional", "constant"] = "proportional"
+    """Whether the ratio of a mode grows in proportion to its frequency, or all modes of the link have the same."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.law == "proportional" and self.at_hz is None:
+            raise SceneError("at_hz: missing; this key is required, unless law = 'constant'")
+        if self.law == "constant" and self.at_hz is not None:
+            raise SceneError(f"at_hz = {self.at_hz!r}: has no effect with law = 'constant'; leave it out")
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether all modes have the same ratio."""
+        return self.law == "constant"
 
     @property
     def loss_time(self) -> float:
-        """Kelvin-Voigt's η [s]."""
-        return self.ratio / (math.pi * self.at_hz)
+        """Kelvin-Voigt's η [s]; 0 where the ratio is constant."""
+        return 0.0 if self.at_hz is None else self.ratio / (math.pi * self.at_hz)
 
 
 class Friction(Spec, frozen=True):

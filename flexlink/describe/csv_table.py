@@ -22,6 +22,9 @@ UNITS = {
     "m": ("m", 1.0), "mm": ("m", 1e-3), "µm": ("m", 1e-6), "um": ("m", 1e-6),
     "s": ("s", 1.0), "ms": ("s", 1e-3),
     "N m": ("N m", 1.0), "N mm": ("N m", 1e-3), "kN m": ("N m", 1e3), "N": ("N", 1.0), "kN": ("N", 1e3),
+    "N m²": ("N m²", 1.0), "N m^2": ("N m²", 1.0), "kN m²": ("N m²", 1e3), "kN m^2": ("N m²", 1e3),
+    "N mm²": ("N m²", 1e-6), "N mm^2": ("N m²", 1e-6), "kg/m": ("kg/m", 1.0), "g/m": ("kg/m", 1e-3),
+    "kg m": ("kg m", 1.0),
 }  # fmt: skip
 """Units of heads, each with the one in SI and its size in it; "/s" and "/s²" may follow those of angles and lengths."""
 WITH_RATES = {"rad", "m"}

@@ -5,16 +5,22 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
+from flexlink.describe.csv_table import head_of, read_csv
 from flexlink.describe.spec import NonNegative, Positive, Spec, truncated
 
 COLUMNS = {"ei_y": "N m²", "ei_z": "N m²", "gj": "N m²", "rho_a": "kg/m", "rho_i_y": "kg m", "rho_i_z": "kg m"}
 """What stands in a table beside x, with its unit."""
+HEADS = {"EI_y": "ei_y", "EI_z": "ei_z", "GJ": "gj", "rhoA": "rho_a", "rhoI_y": "rho_i_y", "rhoI_z": "rho_i_z"}
+"""Heads of a CSV file, and the columns that they are."""
+TINY = float(np.finfo(np.float64).tiny)
 HELD = {"z": ("ei_z",), "yz": ("ei_y", "ei_z"), "xyz": ("ei_y", "ei_z", "gj")}
 """Rigidities that a link needs, by its flex."""
 
@@ -36,9 +42,9 @@ class Rigidity(Spec, frozen=True):
     0.440 kg, 429 … 45 N m/rad
     """
 
-    x: tuple[NonNegative, ...]
+    x: tuple[NonNegative, ...] = ()
     """Where the rows stand, from 0, the root of the beam, to its length [m]."""
-    rho_a: tuple[Positive, ...]
+    rho_a: tuple[Positive, ...] = ()
     """Mass per length ρA [kg/m]."""
     ei_y: tuple[Positive, ...] | None = None
     """Rigidity EI against bending about the section's y [N m²]."""
@@ -50,6 +56,9 @@ class Rigidity(Spec, frozen=True):
     """Inertia per length about the section's y, ∫ ρ z² dA [kg m]. Default: 0, as of a thin beam."""
     rho_i_z: tuple[NonNegative, ...] | None = None
     """Inertia per length about the section's z, ∫ ρ y² dA [kg m]. Default: 0, as of a thin beam."""
+    file: str | None = None
+    """A CSV file in place of all these, with heads "x [m]", "EI_z [N m²]", "EI_y [N m²]", "GJ [N m²]", "rhoA [kg/m]",
+    "rhoI_y [kg m]", "rhoI_z [kg m]"; a path from the scene's folder. It is read once, when the scene is."""
     loss_time: NonNegative = 0.0
     """Kelvin-Voigt's loss time η [s], as of a material."""
     stiffness_factor: Positive = 1.0
@@ -59,6 +68,8 @@ class Rigidity(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.file is not None:
+            self._read(self.file)
         if len(self.x) < 2 or self.x[0] != 0:
             raise SceneError(f"x = {truncated(self.x)}: expected two rows or more, the first at 0")
         for k, (before, place) in enumerate(itertools.pairwise(self.x), 1):
@@ -73,6 +84,18 @@ class Rigidity(Spec, frozen=True):
             if column is not None and len(column) != len(self.x):
                 raise SceneError(f"{name} = {truncated(column)}: must have as many numbers as x, {len(self.x)}")
 
+    def _read(self, file: str) -> None:
+        """Fill the columns by those of a file, whose own path then is not needed any more."""
+        for name in ("x", *COLUMNS):
+            if getattr(self, name):
+                raise SceneError(f"file = {file!r}: {name} is given, too; give only one")
+        try:
+            for name, column in _columns(Path(file)).items():
+                msgspec.structs.force_setattr(self, name, column)
+        except (DataFileError, SceneError) as error:
+            raise type(error)(f"file = {file!r}: {str(error).removeprefix(f'{file}: ')}") from None
+        msgspec.structs.force_setattr(self, "file", None)
+
     def lacks(self, flex: str) -> Iterator[str]:
         """Columns that a link of a flex needs, and that are not there; rotary inertia where it twists."""
         yield from (name for name in HELD.get(flex, ()) if getattr(self, name) is None)
@@ -83,6 +106,23 @@ class Rigidity(Spec, frozen=True):
     def rows(self) -> Rows:
         """The table as arrays, with its factors."""
         return _rows(self)
+
+
+def _columns(file: Path) -> dict[str, tuple[float, ...]]:
+    """Columns of a file by their keys; an unknown head is refused, since what is not read is not in the beam."""
+    table = read_csv(file)
+    given = [head_of(head).quantity for head in table.heads]
+    for head, quantity in zip(table.heads, given, strict=True):
+        if quantity != "x" and quantity not in HEADS:
+            known = [f"{known} [{COLUMNS[name]}]" for known, name in HEADS.items()]
+            raise DataFileError(f"{file}: column {head!r}: not known; expected {', '.join(['x [m]', *known])}")
+    found = {"x": table.column("x", "m"), "rho_a": table.column("rhoA", COLUMNS["rho_a"])}
+    found |= {name: table.column(head, COLUMNS[name]) for head, name in HEADS.items() if head in given}
+    for name, column in found.items():
+        low = 0.0 if name in {"x", "rho_i_y", "rho_i_z"} else TINY
+        if not (column >= low).all():
+            raise DataFileError(f"{file}: line {int(np.argmax(column < low)) + 2}: {name} must be positive")
+    return {name: tuple(column.tolist()) for name, column in found.items()}
 
 
 class Rows(NamedTuple):

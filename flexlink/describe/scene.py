@@ -529,7 +529,9 @@ def load_scene(path: str | Path) -> Scene:
     _find_beside(path, get_in(raw, "drive", "reference", "shaper"), "kind")
     for link in raw["link"] if isinstance(raw.get("link"), list) else ():
         _find_beside(path, link, "lumping")
-    for table in (raw.get("drive"), raw.get("wrench"), *_tables(raw.get("motion"))):
+    rigidities = raw.get("rigidity")
+    of_links = rigidities.values() if isinstance(rigidities, dict) else ()
+    for table in (raw.get("drive"), raw.get("wrench"), *_tables(raw.get("motion")), *of_links):
         if isinstance(table, dict) and isinstance(table.get("file"), str):
             table["file"] = str(path.parent / table["file"])
     try:

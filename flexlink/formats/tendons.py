@@ -55,11 +55,17 @@ def left_to_joints(chain: Chain, field: str) -> Array:
         k, (name, unit) = int(np.argmin(left)), SHARED[field]
         raise ArgumentError(
             f"joint {chain.joint_name(k)!r}: {name} to other joints of its cell are {taken[k]:.6g} {unit} together, "
-            f"its own {own[k]:.6g} {unit}: MuJoCo's tendons cannot hold that; use more segments in link "
-            f"{chain.link_names[chain.coordinate(k).link - 1]!r}, along which section or material change too fast, "
-            "or URDF or SDF"
+            f"its own {own[k]:.6g} {unit}: MuJoCo's tendons cannot hold that; {_instead(chain, k, field)}"
         )
     return left
+
+
+def _instead(chain: Chain, k: int, field: str) -> str:
+    """What to do about it: dampers go beyond the springs of a cell where a ratio is to be constant."""
+    if field == "damping" and (chain.couplings["stiffness"] == 0).any():
+        return "use damping of law = 'proportional', or URDF or SDF"
+    link = chain.link_names[chain.coordinate(k).link - 1]
+    return f"use more segments in link {link!r}, along which section or material change too fast, or URDF or SDF"
 
 
 class _Tendon(NamedTuple):

@@ -36,6 +36,7 @@ class Machine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     cpu: tuple[str, ...]
+    everywhere: tuple[str, ...]
     machine: tuple[Machine, ...]
 
 
@@ -114,7 +115,8 @@ def run_as(machine: Machine, files: Sequence[str], options: Sequence[str]) -> Ou
 
     began = time.perf_counter()
     with python_of(machine) as python:
-        command = [python, "-m", "pytest", "-q", "--no-header", "-p", "no:cacheprovider", *files, *options]
+        left_out = [f"--deselect={test}" for test in FILE.everywhere]
+        command = [python, "-m", "pytest", "-q", "--no-header", "-p", "no:cacheprovider", *left_out, *files, *options]
         done = subprocess.run(
             command, cwd=ROOT, env=environment(machine), preexec_fn=fewer_cores if machine.cores else None,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", errors="replace", check=False,

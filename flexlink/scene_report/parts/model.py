@@ -10,6 +10,7 @@ from flexlink.describe.arm import Link
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.own_units import in_own
 from flexlink.describe.plausibility.hints import hints
+from flexlink.describe.spec import short_list
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import frames
 from flexlink.pages.numbers import number, plural
@@ -61,7 +62,8 @@ def _links(study: Study) -> Table:
             lines.append((link.name, float(link.length), "rigid", 0, "", link.material or "", link.section or "", None))
         else:
             named = link.lumping, link.material or "", link.section or ""
-            lines.append((link.name, float(link.beam.length), link.flex, len(nodes), *named, arm.loss_time(link)))
+            loss = None if link.damping is not None and link.damping.is_constant else arm.loss_time(link)
+            lines.append((link.name, float(link.beam.length), link.flex, len(nodes), *named, loss))
     return Table("links", "Links", heads, tuple(lines))
 
 
@@ -110,6 +112,8 @@ def _each_spring(study: Study, *, slides: bool) -> Iterator[tuple[Cell, ...]]:
     for k in np.flatnonzero((chain.stiffness > 0) & (chain.slides == slides)):
         angles = (float(in_own([slides], [si])[0]) for si in (chain.rest[k], study.start[0][k]))
         coupled = (
-            (", ".join(map(chain.joint_name, chain.coupled_joints[k])),) if len(chain.couplings) and not slides else ()
+            (short_list(list(map(chain.joint_name, chain.coupled_joints[k]))),)
+            if len(chain.couplings) and not slides
+            else ()
         )
         yield (chain.joint_name(int(k)), float(chain.stiffness[k]), float(chain.damping[k]), *angles, *coupled)

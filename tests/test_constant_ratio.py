@@ -1,0 +1,140 @@
+"""Damping of law "constant": the ratio that was asked for in every mode, in steps and engines as in modes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.errors import ArgumentError, SceneError
+
+ALIKE = fl.Damping(ratio=0.02, law="constant")
+LOAD = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
+HELD = fl.Joint(locked=True)
+
+
+@pytest.mark.parametrize("rule", ["gauss", "lobatto2", "lobatto4", "gauss_rotation", "lobatto2_rotation", "hencky"])
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+def test_every_mode_has_the_ratio_where_the_arm_starts(rule: str, flex: str) -> None:
+    links = [flexible(name, flex, 5, lumping=rule, damping=ALIKE, hub=LOAD) for name in "ab"]
+    start = fl.InitialState(joint_deg=(10.0, 80.0))
+    scene = make_scene(*links, tip=LOAD, gravity=(0.0, 0.0, 0.0), initial=start)
+    chain = fl.lump(scene)
+    q, _ = fl.initial_state(scene, chain)
+    np.testing.assert_allclose(fl.modes(chain, q, locked=chain.active).damping_ratios, 0.02, rtol=1e-8)
+    elsewhere = fl.modes(chain, 0 * q, locked=chain.active).damping_ratios
+    assert np.abs(elsewhere / 0.02 - 1).max() > 0.1
+    straight = fl.lump(scene.varied({"initial.joint_deg": [0.0, 0.0]}))
+    np.testing.assert_allclose(fl.modes(straight, 0 * q, locked=chain.active).damping_ratios, 0.02, rtol=1e-8)
+
+
+def test_a_swing_of_the_second_mode_decays_by_its_ratio() -> None:
+    """|A(t)| = exp(−ζ ω t): the part of the second mode that is left after 5 periods, of a run."""
+    scene = make_scene(flexible("a", "z", 9, lumping="gauss", damping=ALIKE, joint=HELD), gravity=(0.0, 0.0, 0.0))
+    chain = fl.lump(scene)
+    undamped = fl.modes(fl.lump(scene.varied({"link.a.damping": None})))
+    shape, ω = undamped.shapes[1].real * 1e-3, undamped.frequencies[1]
+    end = 5 * 2 * np.pi / (ω * np.sqrt(1 - 0.02**2))
+    start = fl.InitialState(joint_deg=(0.0,), q=tuple(shape))
+    run = fl.simulate(scene.varied({"initial": start}), tolerance=1e-10, duration=end, sample=end)
+    M = fl.mass_matrix(chain, np.zeros(chain.n))
+    left = shape @ M @ run.q[-1] / (shape @ M @ shape)
+    assert left == pytest.approx(np.exp(-0.02 * ω * end), rel=1e-4)
+
+
+def test_a_soft_root_is_damped_with_its_beam_and_its_own_damper_comes_on_top() -> None:
+    root = {"root_stiffness": fl.RootStiffness(z=2e3), "joint": HELD}
+    soft = make_scene(flexible("a", lumping="gauss", damping=ALIKE, **root), tip=LOAD, gravity=(0.0, 0.0, 0.0))
+    np.testing.assert_allclose(fl.modes(fl.lump(soft)).damping_ratios, 0.02, rtol=1e-9)
+    more = fl.lump(soft.varied({"link.a.root_damping": fl.RootDamping(z=3.0)})).matrix("damping")
+    more[0, 0] -= 3.0
+    np.testing.assert_allclose(more, fl.lump(soft).matrix("damping"), rtol=1e-12)
+
+
+def test_links_may_have_different_ratios_and_others_none() -> None:
+    firm, soft = (fl.Damping(ratio=ratio, law="constant") for ratio in (0.01, 0.05))
+    links = flexible("a", damping=firm, joint=HELD), flexible("b", damping=soft, joint=HELD)
+    found = fl.modes(fl.lump(make_scene(*links, gravity=(0.0, 0.0, 0.0)))).damping_ratios
+    assert ((found > 0.009) & (found < 0.051)).all()
+    D = fl.lump(make_scene(links[0], flexible("b", joint=HELD))).matrix("damping")
+    assert (np.linalg.eigvalsh(D)[-4:] > 0).all()
+    assert not D[4:, 4:].any()
+
+
+def two_links(**fields: object) -> fl.Scene:
+    """Two links that turn about skew axes, of different rules."""
+    return make_scene(
+        flexible("a", "yz", 3, lumping="gauss", damping=ALIKE, joint=fl.Joint(axis=(0.0, 1.0, 0.0))),
+        flexible("b", "xyz", 3, lumping="lobatto2", damping=ALIKE, joint=fl.Joint(armature=0.1, gear_stiffness=500.0)),
+        **{"tip": LOAD, "gravity": (0.0, 0.0, -9.81), "initial": fl.InitialState(joint_deg=(0.0, 40.0)), **fields},
+    )  # fmt: skip
+
+
+PLANE = make_scene(
+    flexible("a", "z", 3, damping=ALIKE, lumping="gauss"), flexible("b", "z", 3, damping=ALIKE, lumping="lobatto2"),
+    tip=LOAD, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(0.0, 40.0)),
+)  # fmt: skip
+MOVED = fl.PrescribedMotion(
+    link="b", times=(0.0, 0.1), angle_deg=(40.0, 60.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
+)
+SERVO = fl.Drive(kind="pd", kp=(200.0, 200.0), kd=(5.0, 5.0), target_deg=(10.0, 20.0))
+
+
+@pytest.mark.parametrize(
+    "scene", [two_links(), PLANE, two_links(motion=(MOVED,)), two_links(drive=SERVO)],
+    ids=["space", "plane", "motion", "servo"],
+)  # fmt: skip
+def test_joints_between_damped_hinges_move_in_all_methods_alike(scene: fl.Scene) -> None:
+    runs = [
+        fl.simulate(scene, method=method, step=step, duration=0.05, sample=0.05)
+        for method, step in (("RK4", 2e-5), ("Radau5", 1e-4))
+    ]
+    np.testing.assert_allclose(runs[1].tip[-1], runs[0].tip[-1], atol=1e-10)
+    assert abs(runs[0].imbalance[-1]) < 1e-9 * runs[0].exchanged[-1]
+
+
+def test_friction_and_derivatives_are_those_of_the_whole_matrix(rng: np.random.Generator) -> None:
+    chain = fl.lump(two_links())
+    q, qd, tau = 0.1 * rng.standard_normal((3, chain.n))
+    np.testing.assert_allclose(fl.friction_torque(chain, qd), chain.matrix("damping") @ qd, atol=1e-12)
+    slopes = fl.forward_dynamics_derivatives(chain, q, qd, tau).dqd
+    up, down = (fl.forward_dynamics(chain, q, qd + h * np.eye(chain.n)[5], tau) for h in (1e-4, -1e-4))
+    np.testing.assert_allclose(slopes[:, 5], (up - down) / 2e-4, rtol=1e-5, atol=1e-5 * np.abs(slopes).max())
+
+
+def test_pinocchio_reads_the_dampers_and_mujoco_is_told_why_not() -> None:
+    assert fl.compare(two_links(), engines=["pinocchio"], samples=10).passed
+    with pytest.raises(ArgumentError, match=r"tendons cannot hold that; use damping of law = 'proportional', or URDF"):
+        fl.to_mjcf(fl.lump(make_scene(flexible("a", "z", 9, lumping="gauss", damping=ALIKE, joint=HELD))))
+
+
+def test_variants_have_dampers_of_their_own_payload() -> None:
+    scene = make_scene(flexible("a", damping=ALIKE, joint=HELD), tip=LOAD, gravity=(0.0, 0.0, 0.0))
+    heavy = scene.varied({"tip.mass": 30.0})
+    np.testing.assert_allclose(fl.modes(fl.lump(heavy)).damping_ratios, 0.02, rtol=1e-9)
+    short = {"run": fl.RunSettings(duration=0.01, step=1e-4), "wrench.force": (0.0, 5.0, 0.0)}
+    both = fl.simulate_many([scene.varied(short), heavy.varied(short)])
+    alone = fl.simulate(heavy.varied(short))
+    np.testing.assert_allclose(both[1].q[-1], alone.q[-1], rtol=1e-12, atol=1e-15)
+
+
+def test_the_command_says_what_was_asked_for(tmp_path, capsys) -> None:
+    scene = make_scene(flexible("a", damping=ALIKE, joint=HELD), gravity=(0.0, 0.0, 0.0))
+    assert main(["modes", str(scene.save(tmp_path / "a.toml")), "--count", "2"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[2:5] for line in lines[1:3]] == [["0.02", "elastic", "0.02"]] * 2
+
+
+def test_what_cannot_be_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"^at_hz: missing; this key is required, unless law = 'constant'"):
+        fl.Damping(ratio=0.01)
+    with pytest.raises(SceneError, match=r"^at_hz = 5\.0: has no effect with law = 'constant'"):
+        fl.Damping(ratio=0.01, at_hz=5.0, law="constant")
+    slide = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0))
+    between = flexible("a", damping=ALIKE), fl.Link(name="s", joint=slide, hub=LOAD), flexible("b", damping=ALIKE)
+    with pytest.raises(SceneError, match=r"^link\.a\.damping\.law = 'constant': a branch begins or a joint slides"):
+        fl.lump(make_scene(*between))
+    with pytest.raises(SceneError, match=r"402 hinges in all; at most 400"):
+        fl.lump(make_scene(flexible("a", "z", 403, damping=ALIKE)))
