@@ -39,13 +39,12 @@ def moved_by(file: Path, **fields: object) -> fl.Scene:
 class TestMotions:
     def test_with_a_cutoff_rates_are_the_librarys(self, tmp_path: Path) -> None:
         (motion,) = moved_by(swing_file(tmp_path), cutoff=40.0).motion
-        inside = (T > 0.1) & (T < 0.9)
         rate, acceleration = (
             np.degrees(part) for part in (np.pi * np.sin(2 * np.pi * T), 2 * np.pi**2 * np.cos(2 * np.pi * T))
         )
-        np.testing.assert_allclose(np.array(motion.angle_deg)[inside], SWING[inside], atol=1e-3)
-        np.testing.assert_allclose(np.array(motion.rate_deg)[inside], rate[inside], atol=1e-2)
-        np.testing.assert_allclose(np.array(motion.acceleration_deg)[inside], acceleration[inside], atol=1.0)
+        np.testing.assert_allclose(motion.angle_deg, SWING, atol=1e-3)
+        np.testing.assert_allclose(motion.rate_deg, rate, atol=0.2)
+        np.testing.assert_allclose(motion.acceleration_deg, acceleration, atol=30.0)
 
     def test_rates_and_accelerations_of_the_file_are_taken_as_they_are(self, tmp_path: Path) -> None:
         file = swing_file(tmp_path, **{"qd upper [rad/s]": T, "qdd upper [deg/s^2]": 2 * T, "other": T})
@@ -58,9 +57,9 @@ class TestMotions:
         file = csv(tmp_path / "run.csv", **{"t [ms]": 1e3 * T, "q upper [rad]": 0.3 + 0.1 * T})
         scene = moved_by(file, cutoff=20.0)
         assert scene.initial.joint_deg[0] == pytest.approx(np.degrees(0.3), rel=1e-9)
-        assert scene.initial.rate_deg[0] == pytest.approx(np.degrees(0.1), rel=1e-9)
+        assert scene.initial.rate_deg[0] == pytest.approx(np.degrees(0.1), rel=1e-7)
         run = fl.simulate(scene, step=1e-3, duration=1.0)
-        np.testing.assert_allclose(run.q[:, 0], 0.3 + 0.1 * run.t, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(run.q[:, 0], 0.3 + 0.1 * run.t, rtol=0, atol=1e-8)
 
     def test_a_joint_that_slides_has_lengths(self, tmp_path: Path) -> None:
         file = csv(tmp_path / "run.csv", **{"t [s]": T, "q cart [mm]": 100 * T})
@@ -76,14 +75,22 @@ class TestMotions:
 
 @pytest.mark.parametrize("part", [0.2, 1 / 3, 0.5, 1.0, 2.0])
 def test_the_low_pass_is_the_one_it_says_and_without_delay(part: float) -> None:
-    """1/(1 + (f/cutoff)⁴) of an oscillation, far from the ends of the record."""
+    """1/(1 + (f/cutoff)⁶) of an oscillation, far from the ends of the record."""
     t, cutoff = np.arange(0, 8, 0.005), 4.0
     y, inside, ω = np.sin(2 * np.pi * part * cutoff * t), (t > 3) & (t < 5), 2 * np.pi * part * cutoff
-    passed = 1 / (1 + part**4)
+    passed = 1 / (1 + part**6)
     place, rate, acceleration = (found[inside] for found in smoothed(t, y, cutoff))
-    np.testing.assert_allclose(place, passed * y[inside], rtol=0, atol=1e-6)
-    np.testing.assert_allclose(rate, passed * ω * np.cos(ω * t[inside]), rtol=0, atol=1e-5 * ω)
-    np.testing.assert_allclose(acceleration, -passed * ω**2 * y[inside], rtol=0, atol=1e-3 * ω**2)
+    np.testing.assert_allclose(place, passed * y[inside], rtol=0, atol=3e-7)
+    np.testing.assert_allclose(rate, passed * ω * np.cos(ω * t[inside]), rtol=0, atol=2e-6 * ω)
+    np.testing.assert_allclose(acceleration, -passed * ω**2 * y[inside], rtol=0, atol=2e-5 * ω**2)
+
+
+def test_a_parabola_passes_unchanged_up_to_the_ends_of_a_record() -> None:
+    t = np.cumsum(np.random.default_rng(1).uniform(0.5e-3, 1.5e-3, 3000))  # s, at uneven times
+    place, rate, acceleration = smoothed(t, 3 + 2 * t - 4 * t**2, 5.0)
+    np.testing.assert_allclose(place, 3 + 2 * t - 4 * t**2, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(rate, 2 - 8 * t, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(acceleration, -8.0, rtol=0, atol=1e-3)
 
 
 class TestDrives:

@@ -35,6 +35,7 @@ CRANE = fl.Scene(
     initial=fl.InitialState(joint_deg=(90.0, -45.0)),
     drive=fl.Drive(kind="constant", torque=(9000.0, 3000.0)),
     wrench=fl.Wrench(times=(0.0, 0.5, 1.0), forces=((0.0, 0.0, 0.0), (100.0, 0.0, 0.0), (0.0, 0.0, 0.0))),
+    sensor=(fl.Sensor(name="gauge", kind="strain", link="boom", x=0.1, fibre=(0.06, 0.0), delay=0.002),),
     run=fl.RunSettings(tolerance=1e-3, duration=2.0),
 )  # fmt: skip
 PD = {"kind": "pd", "kp": [1e5, 1e5], "kd": [1e3, 1e3]}
@@ -55,6 +56,8 @@ PLANTED: list[tuple[dict[str, Any], str, str]] = [
     ({"section.profile.i_y": 3e6}, "section.profile.i_y", "mm⁴"),
     ({"gravity": [0.0, 0.0, -9810.0]}, "gravity", "mm/s²"),
     ({"gravity": [0.0, 0.0, -1.0]}, "gravity", "g"),
+    ({"sensor.gauge.fibre": [60.0, 0.0]}, "sensor.gauge.fibre", "mm"),
+    ({"sensor.gauge.delay": 2.0}, "sensor.gauge.delay", "ms"),
     ({"tip.mass": 200e3}, "tip.mass", "g"),
     ({"tip.center": [150.0, 0.0, 0.0]}, "tip.center", "mm"),
     ({"tip.inertia": [5e6, 5e6, 5e6]}, "tip.inertia", "kg mm²"),

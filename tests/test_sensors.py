@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import SQUARE, flexible, make_scene
+from conftest import MODELS, SQUARE, flexible, make_scene
 from scipy import signal
 
 import flexlink as fl
 from flexlink.describe.sensor import Sensor
-from flexlink.sensors.instrument import Instrument
+from flexlink.dynamics.notes import notes
+from flexlink.scene_report.measured import read_measured
+from flexlink.sensors.instrument import Instrument, noise
 from flexlink.sensors.low_pass import butterworth
 from flexlink.sensors.signals import signal_of, slopes_of
 
@@ -113,6 +116,7 @@ def test_readings_are_held_between_instants_and_rounded() -> None:
     found = shown(t, t, rate=20.0, resolution=0.02)
     np.testing.assert_allclose(found, 0.02 * np.round(np.floor(20 * t + 1e-9) / 20 / 0.02), rtol=0, atol=1e-14)
     assert len(np.unique(found)) == 20
+    np.testing.assert_allclose(shown(t, t, rate=100.0), t, rtol=0, atol=1e-14)  # 0.29 · 100 is less than 29
 
 
 def test_noise_is_white_and_normal_and_comes_again_by_its_seed() -> None:
@@ -132,6 +136,9 @@ def test_the_numbers_of_noise_stay_what_they_are() -> None:
     """They are Philox's own, turned into normal ones here: no version of NumPy changes them."""
     found = shown(np.arange(3) / 100, np.zeros(3), noise=1.0, seed=1)
     np.testing.assert_allclose(found, [1.4092493637369143, 0.7193025410542524, -1.4400850108307892], rtol=1e-12)
+    np.testing.assert_allclose(
+        noise("1 s", np.arange(256.0, 259.0)), [1.1931000311153763, -0.7118232722036318, 1.0859994016770351], rtol=1e-12
+    )
 
 
 ARM = {"gravity": (0.5, -9.0, 1.0)}
@@ -186,6 +193,7 @@ def test_columns_go_into_files_and_come_back(tmp_path: Path) -> None:
     head, *_ = csv.reader(run.save(tmp_path / "run.csv").read_text(encoding="utf-8").splitlines())
     assert head == list(run.columns)
     assert "a, b [1]" in run.to_pandas()
+    np.testing.assert_array_equal(run.to_xarray()["readings"].sel(sensor="a, b [1]"), run.columns["a, b [1]"])
 
 
 def test_a_sweep_takes_what_a_sensor_shows_and_varies_it() -> None:
@@ -202,11 +210,17 @@ def test_a_sweep_takes_what_a_sensor_shows_and_varies_it() -> None:
     assert len(set(table.column("most"))) == 4
 
 
-def test_a_link_that_is_fixed_to_the_base_moves_no_sensor() -> None:
-    post = fl.Link(name="post", length=1.0, joint=fl.Joint(locked=True))
-    imu = Sensor(name="imu", kind="accelerometer", link="post")
-    with pytest.raises(fl.errors.SceneError, match=r"sensor\.imu\.link = 'post': is fixed to the base; nothing moves"):
-        fl.simulate(make_scene(post, flexible("boom"), sensor=(imu,))).columns["imu x [m/s²]"]
+def test_a_place_that_is_fixed_carries_no_sensor_and_one_beyond_the_first_hinge_does() -> None:
+    """Of a clamped beam, whose first segment is part of the base."""
+    near, far = (Sensor(name="imu", kind="accelerometer", link="beam", x=x) for x in (0.01, 0.9))
+    with pytest.raises(
+        fl.errors.SceneError, match=r"sensor\.imu: sits on what is fixed in frame 0, where nothing moves"
+    ):
+        fl.simulate(cantilever(near))
+    marker = Sensor(name="end", kind="position", link="beam")
+    run = fl.simulate(cantilever(far, marker).varied({"gravity": (0, 0, -9.81), "wrench": None}))
+    np.testing.assert_allclose([run.columns[f"imu {axis} [m/s²]"][0] for axis in "xyz"], [0, 0, 9.81], atol=1e-10)
+    np.testing.assert_array_equal([run.columns[f"end {axis} [m]"][0] for axis in "xyz"], run.tip[0])
 
 
 def test_a_satellite_carries_sensors(models: Path) -> None:
@@ -315,3 +329,130 @@ def test_a_law_that_asks_for_sensors_needs_some_and_a_rate() -> None:
         fl.simulate(scene, control=law)
     with pytest.raises(fl.errors.ArgumentError, match=r"asks for readings, but the scene has no \[\[sensor\]\]"):
         fl.simulate(scene.varied({"sensor": None}), control=law, rate=100.0)
+
+
+def test_samples_too_far_apart_for_a_low_pass_are_told_and_enough_of_them_are_not() -> None:
+    gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0), low_pass=50.0)
+    scene = cantilever(gauge).varied({"initial.passive": "zero", "run.duration": 0.4, "run.tolerance": 1e-5})
+    coarse, fine = (fl.simulate(scene, sample=sample) for sample in (0.005, 0.0005))
+    told = [note for note in coarse.notes if "sensor.gauge: between samples, 0.005 s apart" in note]
+    assert len(told) == 1
+    assert not [note for note in fine.notes if "sensor" in note]
+    exact = np.interp(coarse.t, fine.t, fine.columns["gauge [1]"])
+    off = np.abs(coarse.columns["gauge [1]"] - exact).max() / np.ptp(coarse.columns["gauge [1]"])
+    said = float(re.search(r"by ([0-9.]+)% of its range", told[0])[1]) / 100
+    assert off < said < 5 * off
+    plain = scene.varied({"sensor.gauge.low_pass": None, "sensor.gauge.delay": 0.04, "sensor.gauge.rate": 25.0})
+    assert not [note for note in fl.simulate(plain, sample=0.02).notes if "sensor" in note]
+
+
+def test_measurements_are_compared_with_what_sensors_show(tmp_path: Path) -> None:
+    encoder = Sensor(name="encoder", kind="joint", link="rod")
+    volts = Sensor(name="volts", kind="torque", link="rod", gain=0.1, unit="V")
+    (tmp_path / "measured.csv").write_text("t [ms],volts [V],encoder [deg]\n0,1,180\n10,2,90\n", encoding="utf-8")
+    found = read_measured(tmp_path / "measured.csv", turning(encoder, volts).columns)
+    assert found.columns["volts [V]"].tolist() == [1.0, 2.0]
+    np.testing.assert_allclose(found.columns["encoder [rad]"], [np.pi, np.pi / 2], rtol=1e-15)
+
+
+@pytest.mark.parametrize("fields", [{}, {"flex": "yz", "segments": 5}], ids=["rigid", "bends"])
+def test_places_and_directions_are_those_of_the_links_frame_wherever_its_beam_runs(fields: dict) -> None:
+    """A beam along y, beside the joint, which turns about y: R = R_y(θ) of a link that is not bent."""
+    θ, beam = 0.7, {"material": "aluminium", "section": "square", "line": ((0.1, 0.0, 0.0), (0.1, 0.6, 0.0))}
+    arm = fl.Link(name="arm", joint=fl.Joint(axis=(0, 1, 0)), **beam, **fields)
+    scene = make_scene(arm, gravity=(0, 0, -9.81))
+    chain, R = fl.lump(scene), np.array([[np.cos(θ), 0, np.sin(θ)], [0, 1, 0], [-np.sin(θ), 0, np.cos(θ)]])
+    none, turned, turns = np.zeros((3, chain.n))
+    turned[0], turns[0] = θ, 2.0
+    here, moving = Here(chain, turned, none, none, none), Here(chain, turned, turns, none, none)
+    places = {"x": (0.25, (0.1, 0.25, 0.0)), "point": ((0.3, 0.2, 0.1),) * 2, "axis": (None, (0.1, 0.6, 0.0))}
+    for key, (value, where) in places.items():
+        sees = {"name": "s", "link": "arm", key: value}
+        np.testing.assert_allclose(
+            signal_of(Sensor(kind="position", **sees), scene, here)[:, 0], R @ where, rtol=0, atol=1e-15
+        )
+        np.testing.assert_allclose(
+            signal_of(Sensor(kind="accelerometer", **sees), scene, here)[:, 0], R.T @ [0, 0, 9.81], rtol=0, atol=1e-14
+        )
+        np.testing.assert_allclose(
+            signal_of(Sensor(kind="gyroscope", **sees), scene, moving)[:, 0], [0, 2, 0], rtol=0, atol=1e-15
+        )
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+def test_markers_sit_where_links_begin_and_end(path: Path, rng: np.random.Generator) -> None:
+    """At the tips of all branches, at the joint of every link that moves, and on the way from there straight on."""
+    scene = fl.load_scene(path)
+    chain = fl.lump(scene)
+    q = rng.uniform(-0.5, 0.5, chain.n)
+    placed, here = fl.frames(chain, q), Here(chain, q, *np.zeros((3, chain.n)))
+
+    def at(link: str, **place: object) -> np.ndarray:
+        return signal_of(Sensor(name="s", kind="position", link=link, **place), scene, here)[:, 0]
+
+    for link in chain.tips:
+        np.testing.assert_allclose(at(link), fl.tip_position(chain, q, tip=link), rtol=0, atol=1e-14)
+    for link in scene.arm.links:
+        if link.joint.locked or link.joint.gear_stiffness:
+            continue
+        body = chain.body(link.name)
+        np.testing.assert_allclose(at(link.name, point=(0, 0, 0)), placed.points[body], rtol=0, atol=1e-14)
+        if link.beam.length and link.flex == "rigid":
+            start, stop = (at(link.name, x=x) for x in (0.0, link.beam.length))
+            middle = at(link.name, x=link.beam.length / 2)
+            np.testing.assert_allclose(middle, (start + stop) / 2, rtol=0, atol=1e-14)
+            assert np.linalg.norm(stop - start) == pytest.approx(link.beam.length)
+
+
+@pytest.mark.parametrize(("segments", "told"), [(2, "one, so its strain is even"), (3, "two, so"), (5, "")])
+def test_a_gauge_on_few_hinges_is_doubted(segments: int, told: str) -> None:
+    gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.1, fibre=(0.02, 0.0))
+    said = [note for note in notes(cantilever(gauge, segments=segments, lumping="midpoint")) if "sensor.gauge" in note]
+    assert len(said) == bool(told)
+    assert all(told in note for note in said)
+
+
+def test_the_strain_of_a_uniform_load_is_exact_from_three_hinges_on() -> None:
+    """ε = ρ A g (L − x)² / 2 · y / (E I)."""
+    gauge = Sensor(name="gauge", kind="strain", link="beam", x=0.2, fibre=(WIDTH / 2, 0.0))
+    scene = cantilever(gauge, segments=5).varied(
+        {"wrench": None, "gravity": (0, -9.81, 0), "material.aluminium.young": 7e19}
+    )
+    moment = 2700.0 * WIDTH**2 * 9.81 * (LENGTH - 0.2) ** 2 / 2
+    expected = moment * WIDTH / 2 / (7e19 * SQUARE.properties.i_z)
+    assert fl.simulate(scene).columns["gauge [1]"][0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_looking_does_not_change_what_is_seen() -> None:
+    """Nor what a drive that is asked at a rate holds."""
+    drive = fl.Drive(kind="pd", kp=(30.0, 30.0), kd=(3.0, 3.0), target_deg=(10.0, 20.0), rate=200.0)
+    settings = {"run.step": 1e-3, "run.sample": 0.01, "run.duration": 0.1, "run.method": "Radau5"}
+    seen = two_links(drive=drive).varied(settings)
+    unseen = seen.varied({"sensor": None})
+    arms = fl.Simulator(seen), fl.Simulator(unseen)
+    for duration in (0.01, 0.003, 0.007, 0.02):
+        states = [arm.step(duration=duration) for arm in arms]
+        np.testing.assert_array_equal(states[0].q, states[1].q)
+    np.testing.assert_array_equal(fl.simulate(seen).q, fl.simulate(unseen).q)
+
+
+def test_a_prescribed_joint_and_a_free_base_are_seen_by_a_simulator_too(models: Path) -> None:
+    """Torques that a motion takes, and an attitude that is told anew on the way."""
+    steps = {"run.step": 2e-3, "run.method": "Radau5", "run.sample": 0.05, "run.tolerance": None}
+    satellite = fl.load_scene(models / "satellite.toml").varied(
+        {**steps, "run.duration": 0.5, "initial.base.spin_deg": (200.0, 50.0, 30.0)}
+    )
+    gyro = Sensor(name="gyro", kind="gyroscope", link="base")
+    imu = Sensor(name="imu", kind="accelerometer", link=satellite.arm.links[-1].name)
+    motion = fl.PrescribedMotion(link="upper", times=(0.0, 0.5), angle_deg=(0.0, 30.0), rate_deg=(0.0, 0.0),
+                                 acceleration_deg=(0.0, 0.0))  # fmt: skip
+    moved = two_links(motion=(motion,)).varied({**steps, "run.duration": 0.2})
+    for scene in (satellite.varied({"sensor": (gyro, imu)}), moved):
+        run, arm = fl.simulate(scene), fl.Simulator(scene)
+        rows = [arm.readings]
+        for _ in run.t[1:]:
+            arm.step()
+            rows.append(arm.readings)
+        for name in run.sensor_names:
+            column = run.columns[name]
+            np.testing.assert_allclose([row[name] for row in rows], column, rtol=0, atol=1e-9 * np.abs(column).max())

@@ -29,6 +29,7 @@ from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.problem import problem_of
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.motion.evaluation_cost import machine_factor, step_cost
+from flexlink.sensors.signals import column_names
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -55,6 +56,8 @@ def _show(scene: Scene) -> None:
         print(f"  {k:4d}  {chain.joint_name(k):<16} {_kind(chain, k)}")
     if chain.n > listed:
         print(f"  … {chain.n - listed} more")
+    if scene.sensor:
+        print(f"sensors: {', '.join(column_names(scene))}")
     if chain.n > 10_000:  # the largest eigenvalues take more than a few seconds
         print(f"computing the fastest modes of {chain.n} joints …", file=sys.stderr)
     λ = fastest_eigenvalues(chain, q0)

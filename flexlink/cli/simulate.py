@@ -4,6 +4,7 @@ flexlink simulate models/paper_fig5.toml --plot fall.png --out fall.csv
 flexlink simulate models/paper_fig5.toml --method RK10 --step 2e-4 --duration 1
 flexlink simulate models/t3_spatial.toml --tolerance 1e-4
 flexlink simulate models/paper_fig5.toml --set 'link.*.segments=9' --set material.aluminium.young=35e9
+flexlink simulate arm.toml --sample 1e-3 --set sensor.gauge.seed=2 --out seen.csv
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.files import output_format
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
+from flexlink.sensors.columns import coarse_samples
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -113,6 +115,8 @@ def _warn(bar: Progress, text: str) -> None:
 def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
     """All that was asked for of the samples that are there."""
     print_lines("warning", run.warnings)
+    if run.scene is not None:
+        print_lines("note", coarse_samples(run.scene, run))
     if options.out is not None:
         write_or_keep(options.out, run.writer(options.out))
         print(f"samples: {options.out}")

@@ -10,10 +10,14 @@ from flexlink.chain.arguments import require_type
 from flexlink.chain.lumping import lump
 from flexlink.describe.arm import Link
 from flexlink.describe.conditions import DEFAULT_TOLERANCE
+from flexlink.describe.hinges import hinges_of
 from flexlink.describe.joint import Joint
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.start_notes import balance, slack_springs, unheld_joints
 from flexlink.dynamics.terms import elastic_torque
+
+ENOUGH = 3
+"""Hinges of a link through whose strains a parabola goes, as that of a uniform load."""
 
 
 def notes(scene: Scene) -> tuple[str, ...]:
@@ -36,7 +40,7 @@ def notes(scene: Scene) -> tuple[str, ...]:
     """
     require_type("scene", scene, Scene)
     starts = _stillness, slack_springs, unheld_joints, balance
-    idle = _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing, _beside_the_arm, _falling_base
+    idle = _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing, _beside_the_arm, _falling_base, _few_hinges
     with np.errstate(all="ignore"):  # numbers beyond float64 are refused where a run is made of them
         return tuple(note for each in (*starts, *idle) for note in each(scene))
 
@@ -115,6 +119,15 @@ def _falling_base(scene: Scene) -> Iterator[str]:
     """In orbit nothing falls; that gravity is there by default is easily forgotten."""
     if scene.arm.base.free and any(scene.gravity) and not scene.wrench.acts:
         yield f"gravity = {list(scene.gravity)}: nothing holds the free base, which falls; in an orbit it is [0, 0, 0]"
+
+
+def _few_hinges(scene: Scene) -> Iterator[str]:
+    """A moment that is a parabola along a link, of its weight and loads, takes three hinges."""
+    placed = hinges_of(scene.arm)
+    for sensor in scene.sensor:
+        if sensor.kind == "strain" and (found := len(placed[scene.arm.number(sensor.link) - 1][0])) < ENOUGH:
+            course = "one, so its strain is even" if found == 1 else "two, so its strain runs straight"
+            yield f"sensor.{sensor.name}: of hinges link {sensor.link!r} has {course}; take 5 segments or more"
 
 
 def _centers_of_nothing(scene: Scene) -> Iterator[str]:

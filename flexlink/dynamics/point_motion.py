@@ -18,16 +18,20 @@ from numpy.typing import ArrayLike
 from flexlink.chain.arguments import beyond_float64, require_type, vector
 from flexlink.chain.branches import Branch, of_parents, spans_of, sums_outward
 from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.dynamics.batches import each, is_batch
+from flexlink.dynamics.batches import about_state, is_batch, rows
 from flexlink.dynamics.placement import body_number, hinge_bodies
 from flexlink.dynamics.result import Result
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.tools.finite import is_finite
 
+AT_ONCE = 1000
+"""States whose bodies are looked at together: a few MB."""
+
 
 class BodyMotion(NamedTuple):
-    """All bodies of a chain at one state, in frame 0; points are their origins."""
+    """All bodies of a chain, in frame 0, at one state, or at several: second axes of all; points are their origins."""
 
     rotations: Array  # (bodies, 3, 3), R: v_0 = R v_body
     points: Array  # (bodies, 3) [m]
@@ -40,11 +44,25 @@ class BodyMotion(NamedTuple):
 
 
 def body_motion(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
-    """Motion of every body, of checked arguments; beyond float64 it is not finite."""
+    """Motion of every body at one state (n,), of checked arguments; beyond float64 it is not finite."""
     R, p, axes = forward_kinematics(chain.arrays, q)
-    spans, rest = spans_of(chain), np.zeros(3)
+    return _moving(chain, R, p, axes, qd, qdd)
+
+
+def body_motions(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
+    """`body_motion` at states (b, n), equal to the bit, with a second axis b in all its parts."""
+    R, p = np.empty((len(chain.bodies), len(q), 3, 3)), np.empty((len(chain.bodies), len(q), 3))
+    axes = np.empty((chain.n, len(q), 3))
+    for k, angles in enumerate(q):
+        R[:, k], p[:, k], axes[:, k] = forward_kinematics(chain.arrays, angles)
+    return _moving(chain, R, p, axes, qd.T, qdd.T)
+
+
+def _moving(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array) -> BodyMotion:
+    """Motion of bodies and hinges placed so, at rates and accelerations (n,) or (n, b)."""
+    spans, rest = spans_of(chain), np.zeros(p.shape[1:])
     with np.errstate(over="ignore", invalid="ignore"):
-        turned, faster = axes * qd[:, None], axes * qdd[:, None]
+        turned, faster = axes * qd[..., None], axes * qdd[..., None]
         slid, slid_faster = (_slid(chain, part) for part in (turned, faster))
         before, ω = _after_hinges(chain, spans, turned)
         before_α, α = _after_hinges(chain, spans, faster + np.cross(before, turned))
@@ -60,8 +78,8 @@ def body_motion(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
 
 
 def _slid(chain: Chain, rates: Array) -> Array:
-    """Take the rates along joints that slide out of those of all hinges (n, 3); returns their sums by body."""
-    slid = np.zeros((len(chain.bodies), 3))
+    """Take the rates along joints that slide out of those of all hinges (n, …, 3); returns their sums by body."""
+    slid = np.zeros((len(chain.bodies), *rates.shape[1:]))
     if chain.slides.any():
         np.add.at(slid, hinge_bodies(chain)[chain.slides], rates[chain.slides])
         rates[chain.slides] = 0.0
@@ -69,11 +87,11 @@ def _slid(chain: Chain, rates: Array) -> Array:
 
 
 def _after_hinges(chain: Chain, spans: list[Branch], terms: Array) -> tuple[Array, Array]:
-    """Of terms of the hinges, (n, 3), the sums from the base up to before each one, and up to each body."""
-    before, at = np.empty_like(terms), np.empty((len(chain.bodies), 3))
+    """Of terms of the hinges, (n, …, 3), the sums from the base up to before each one, and up to each body."""
+    before, at = np.empty_like(terms), np.empty((len(chain.bodies), *terms.shape[1:]))
     first, stop = chain.bodies["first"], chain.bodies["stop"]
     for parent, begin, end in spans:
-        start = at[parent] if parent >= 0 else np.zeros(3)
+        start = at[parent] if parent >= 0 else np.zeros(terms.shape[1:])
         hinges = slice(first[begin], stop[end - 1])
         sums = np.cumsum(np.concatenate([start[None], terms[hinges]]), axis=0)
         before[hinges] = sums[:-1]
@@ -142,18 +160,42 @@ def point_motion(
     >>> print(imu.position[:2].round(3), np.linalg.norm(imu.accelerometer).round(2))  # m; m/s²
     [0.954 0.446] 9.81
     """
-    if is_batch(q, qd, qdd):
-        return each(point_motion, chain, {"q": q, "qd": qd, "qdd": qdd}, body=body, tip=tip, point=point)
     n = require_type("chain", chain, Chain).n
     i, offset = body_number(chain, body, tip), vector("point", point, 3)
+    if is_batch(q, qd, qdd):
+        return _of_many(chain, *rows(n, {"q": q, "qd": qd, "qdd": qdd}), body=i, point=offset)
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
-    moving = body_motion(chain, q, qd, qdd)
-    R, ω, α = moving.rotations[i], moving.angular_velocity[i], moving.angular_acceleration[i]
-    c = R @ offset
-    with np.errstate(over="ignore", invalid="ignore"):
-        velocity = moving.velocity[i] + np.cross(ω, c)
-        acceleration = moving.acceleration[i] + np.cross(α, c) + np.cross(ω, np.cross(ω, c))
-        found = moving.points[i] + c, velocity, acceleration, R.T @ (acceleration - chain.gravity), R.T @ ω
+    found = _of_point(chain, body_motion(chain, q, qd, qdd), i, offset)
     if not is_finite(np.concatenate(found)):
         raise beyond_float64("the motion of the point", q=q, qd=qd, qdd=qdd, point=offset, gravity=chain.gravity)
     return PointMotion(*found)
+
+
+def _of_many(chain: Chain, q: Array, qd: Array, qdd: Array, *, body: int, point: Array) -> PointMotion:
+    """Of checked states (b, n)."""
+    found = np.empty((len(PointMotion.__dataclass_fields__), len(q), 3))
+    for start in range(0, len(q), AT_ONCE):
+        some = slice(start, start + AT_ONCE)
+        found[:, some] = _of_point(chain, body_motions(chain, q[some], qd[some], qdd[some]), body, point)
+    for k in np.flatnonzero(~np.isfinite(found).all(axis=(0, 2)))[:1].tolist():
+        try:
+            point_motion(chain, q[k], qd[k], qdd[k], body=body, point=point)
+        except ArgumentError as error:
+            raise about_state(k, error) from None
+    return PointMotion(*found)
+
+
+def _of_point(chain: Chain, moving: BodyMotion, i: int, offset: Array) -> tuple[Array, ...]:
+    """The fields of `PointMotion`, each (3,), or (b, 3)."""
+    R, ω, α = moving.rotations[i], moving.angular_velocity[i], moving.angular_acceleration[i]
+    c = R[..., 0] * offset[0] + R[..., 1] * offset[1] + R[..., 2] * offset[2]
+    with np.errstate(over="ignore", invalid="ignore"):
+        velocity = moving.velocity[i] + np.cross(ω, c)
+        acceleration = moving.acceleration[i] + np.cross(α, c) + np.cross(ω, np.cross(ω, c))
+        seen, spin = (_in_axes_of(R, part) for part in (acceleration - chain.gravity, ω))
+        return moving.points[i] + c, velocity, acceleration, seen, spin
+
+
+def _in_axes_of(R: Array, v: Array) -> Array:
+    """Rᵀ v."""
+    return np.asarray(R[..., 0, :] * v[..., :1] + R[..., 1, :] * v[..., 1:2] + R[..., 2, :] * v[..., 2:])

@@ -15,6 +15,7 @@ from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.initial_state import state_under
 from flexlink.inputs.references import check_start
+from flexlink.sensors.placement import check_placements
 
 
 def problem_of(scene: Scene, chain: Chain | None = None) -> InitialValueProblem:
@@ -28,6 +29,7 @@ def problem_of(scene: Scene, chain: Chain | None = None) -> InitialValueProblem:
     chain = lump(scene) if chain is None else chain
     base = FloatingBase(chain) if chain.has_free_base else None
     chain = chain if base is None else base.chain
+    check_placements(scene)
     inputs = input_arrays(scene, chain)
     return InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain), base)
 
@@ -44,6 +46,7 @@ def problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | FlexlinkE
             if chain.has_free_base:
                 found.append(problem_of(scene, chain))
                 continue
+            check_placements(scene)
             same = before is not None and _acts_alike(before.scene, scene)
             inputs = before.inputs if same and before is not None else input_arrays(scene, chain)
             before = InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain))

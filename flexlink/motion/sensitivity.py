@@ -16,6 +16,7 @@ from flexlink.dynamics.placement import jacobian
 from flexlink.dynamics.result import Result
 from flexlink.inputs.problem import problem_of
 from flexlink.kernels.derivatives.sensitivity import integrate_derivatives, tip_derivatives
+from flexlink.motion.column_slopes import column_slope
 from flexlink.motion.parameters import parametric
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
@@ -50,6 +51,32 @@ class Sensitivities(Result):
     q: Array
     qd: Array
     tip: Array
+
+    def column(self, name: str) -> Array:
+        """∂y/∂p of a column of the run, such as what a sensor shows, shape (samples, p) [its unit per unit].
+
+        By differences of the column, of states that move as they do along p; noise and resolution of sensors are left
+        out.
+
+        Raises
+        ------
+        ArgumentError
+            There is no such column, or its slope is not known: works and the imbalance are integrals.
+
+        Examples
+        --------
+        >>> gauge = fl.Sensor(name="gauge", kind="strain", link="upper", x=0.1, fibre=(0.025, 0.0))
+        >>> falling = scene.varied({"drive": fl.Drive(), "run.duration": 0.1, "sensor": (gauge,)})
+        >>> slopes = fl.sensitivities(falling, ["tip.mass"])
+        >>> print((1e6 * slopes.column("gauge [1]")[0]).round(1))  # µm/m per kg
+        [42.]
+        """
+        given = zip(self.parameters, self.values.tolist(), strict=True)
+        found = [
+            column_slope(self.run, path, value, name, self.q[..., p], self.qd[..., p])
+            for p, (path, value) in enumerate(given)
+        ]
+        return np.column_stack(found)
 
     def __repr__(self) -> str:
         return f"<Sensitivities of {self.run!r} to {', '.join(self.parameters)}>"

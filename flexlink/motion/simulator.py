@@ -135,7 +135,7 @@ class Simulator:
         >>> arm = fl.Simulator(scene.varied({"sensor": (encoder,)}))
         >>> after = arm.step(duration=0.1)
         >>> print(after.q[0].round(4), arm.readings)  # rad
-        0.5576 {'encoder [rad]': 0.56}
+        0.5486 {'encoder [rad]': 0.55}
         """
         return dict(self._readings)
 

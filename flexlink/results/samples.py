@@ -25,7 +25,7 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.terms import Energy
 from flexlink.results import balance
-from flexlink.sensors.columns import sensor_columns
+from flexlink.sensors.columns import coarse_samples, sensor_columns
 from flexlink.sensors.signals import column_names
 
 
@@ -139,8 +139,10 @@ class RunSamples(Result):
 
     @functools.cached_property
     def notes(self) -> tuple[str, ...]:
-        """What the run did by default, and what its scene says without effect, a line each."""
-        return () if self.scene is None else (*defaults(self.scene), *notes(self.scene))
+        """What the run did by default, what its scene says without effect, and sensors that need more samples."""
+        if self.scene is None:
+            return ()
+        return (*defaults(self.scene), *notes(self.scene), *coarse_samples(self.scene, self))
 
     @functools.cached_property
     def hints(self) -> tuple[str, ...]:
@@ -211,7 +213,7 @@ class RunSamples(Result):
         Raises
         ------
         SceneError
-            A sensor sits on a link that is fixed to the base.
+            A sensor sits on what is fixed in frame 0.
         SingularMassError
             Of accelerometers, as in `qdd`.
         """

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+import numpy as np
+
 from flexlink.common.errors import MissingDependencyError
 from flexlink.results.columns import Columns
 from flexlink.results.samples import RunSamples
@@ -32,10 +34,12 @@ def to_xarray(run: RunSamples) -> Any:
             **{name: (("time", "joint"), values, {"units": unit}) for name, (values, unit) in per_joint.items()},
             "tip": (("time", "axis"), run.tip, {"units": "m"}),
             **{name: (("time",), values, {"units": "J"}) for name, values in per_time.items()},
+            **({"readings": (("time", "sensor"), np.column_stack([*run.readings.values()]))} if run.readings else {}),
         },
         coords={
             "time": ("time", run.t, {"units": "s"}), "joint": list(run.chain.joint_names), "axis": list("xyz"),
             **({"unit": ("joint", list(run.chain.joint_units))} if mixed else {}),
+            **({"sensor": list(run.readings)} if run.readings else {}),
         },
         attrs={"name": run.chain.name, "warnings": "\n".join(run.warnings)},
     )  # fmt: skip

@@ -101,6 +101,8 @@ class Trajectory(RunSamples):
     def to_xarray(self) -> Any:
         """All samples as an xarray.Dataset: q, qd, tau (time, joint), tip (time, axis), energies (time); with `units`.
 
+        Of a scene with sensors, too, their readings (time, sensor).
+
         Raises
         ------
         MissingDependencyError

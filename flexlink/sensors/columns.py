@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
+from msgspec.structs import replace
 
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
@@ -21,14 +23,21 @@ class Samples(States, Protocol):
         """Times (samples,) [s]."""
 
 
-def readings_of(sensor: Sensor, scene: Scene, run: Samples, every: int = 1) -> Array:
-    """What a sensor shows in the samples of a run, shape (columns, samples), of which `every` so many is looked at.
+FEWEST = 8
+"""Samples from which on an error can be told by leaving out every other one."""
+COARSE = 0.01
+"""Part of the range of a column by which half of the samples may change it untold."""
 
-    Errors as in `signal_of`.
-    """
+
+def readings_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
+    """What a sensor shows in the samples of a run, shape (columns, samples); errors as in `signal_of`."""
+    return _shown(sensor, scene, run.t, signal_of(sensor, scene, run).T)
+
+
+def _shown(sensor: Sensor, scene: Scene, t: Array, signal: Array) -> Array:
     instrument = Instrument(sensor, scene.run.spacing)
-    instrument.signal.add(run.t[::every], signal_of(sensor, scene, run).T[::every])
-    return np.ascontiguousarray(instrument.readings(run.t[::every]).T)
+    instrument.signal.add(t, signal)
+    return np.ascontiguousarray(instrument.readings(t).T)
 
 
 def sensor_columns(scene: Scene, run: Samples) -> dict[str, Array]:
@@ -36,3 +45,23 @@ def sensor_columns(scene: Scene, run: Samples) -> dict[str, Array]:
     found = [column for sensor in scene.sensor for column in readings_of(sensor, scene, run)] if len(run.t) else []
     found = found or [np.empty(0)] * len(column_names(scene))
     return dict(zip(column_names(scene), found, strict=True))
+
+
+def coarse_samples(scene: Scene, run: Samples) -> Iterator[str]:
+    """Sensors of which samples of a run are too far apart: a signal that is straight in between is not the real one.
+
+    Without every other sample, the error is up to four times as large. Errors as in `signal_of`.
+    """
+    for sensor in scene.sensor if len(run.t) > FEWEST else ():
+        if Instrument(sensor, scene.run.spacing).known_at_samples:
+            continue
+        plain = replace(sensor, noise=0.0, seed=None, resolution=None)
+        signal = signal_of(sensor, scene, run).T
+        fine, coarse = _shown(plain, scene, run.t, signal), _shown(plain, scene, run.t[::2], signal[::2])
+        off, size = np.abs(fine[:, ::2] - coarse).max(), np.ptp(fine)
+        if off > COARSE * size:
+            yield (
+                f"sensor.{sensor.name}: between samples, {scene.run.spacing:g} s apart, its signal is taken as "
+                f"straight; half of them would change what it shows by {off / size:.1%} of its range; take a smaller "
+                "run.sample"
+            )

@@ -7,6 +7,7 @@ LP is exact for such a signal. Between samples h apart a smooth one differs from
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Complex
+from flexlink.describe.conditions import is_whole
 from flexlink.describe.sensor import Sensor
 from flexlink.sensors.low_pass import LowPass, butterworth
 
@@ -74,7 +76,7 @@ class Instrument:
     """The instrument of a sensor; without a rate it has a number of noise every `between` seconds."""
 
     def __init__(self, sensor: Sensor, between: float) -> None:
-        self.sensor, self.rate = sensor, sensor.rate or 1 / between
+        self.sensor, self.between, self.rate = sensor, between, sensor.rate or 1 / between
         low_pass = None if sensor.low_pass is None else butterworth(sensor.low_pass, sensor.order or 1)
         self.signal = Signal(len(sensor.components), low_pass)
 
@@ -92,10 +94,11 @@ class Instrument:
         return np.asarray(shown)
 
     @property
-    def between_samples(self) -> bool:
-        """Whether it may depend on what the signal is between samples."""
-        sensor = self.sensor
-        return bool(sensor.delay) or sensor.low_pass is not None or sensor.rate is not None
+    def known_at_samples(self) -> bool:
+        """Whether all that it asks of its signal, at every instant and so much earlier, is a sample of the run."""
+        sensor, apart = self.sensor, self.between
+        times = [sensor.delay, *([] if sensor.rate is None else [1 / sensor.rate])]
+        return sensor.low_pass is None and all(is_whole(time / apart) for time in times)
 
 
 def noise(key: str, instants: Array) -> Array:
@@ -107,10 +110,13 @@ def noise(key: str, instants: Array) -> Array:
     return found
 
 
+@functools.lru_cache(maxsize=256)
 def _block(key: str, number: int) -> Array:
     """By Philox's counter and the inverse of the distribution, which all versions of NumPy agree on."""
     from scipy.special import ndtri  # noqa: PLC0415  time that few scenes need
 
     hashed = int.from_bytes(hashlib.sha256(key.encode()).digest()[:16])
     raw: NDArray[np.uint64] = np.random.Philox(key=hashed, counter=[0, number, 0, 0]).random_raw(BLOCK)
-    return np.asarray(ndtri(((raw >> np.uint64(11)) + 0.5) * math.ldexp(1.0, -53)))
+    numbers: Array = ndtri(((raw >> np.uint64(11)) + 0.5) * math.ldexp(1.0, -53))
+    numbers.flags.writeable = False
+    return numbers

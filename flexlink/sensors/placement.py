@@ -35,7 +35,7 @@ def placement_of(sensor: Sensor, scene: Scene) -> Placement:
     Raises
     ------
     SceneError
-        The link is fixed in frame 0; or as in `lump`.
+        It sits on what is fixed in frame 0; or as in `lump`.
     """
     chain, arm = lump(scene), scene.arm
     wanted = np.eye(3) if sensor.axis is None else unit("axis", sensor.axis)[None]
@@ -43,31 +43,41 @@ def placement_of(sensor: Sensor, scene: Scene) -> Placement:
         return Placement(BODY, np.array(sensor.point or (0.0, 0.0, 0.0)), wanted)
     number = arm.number(sensor.link)
     link, own = arm.links[number - 1], [piece for piece in pieces(scene) if piece.link == number]
-    root = own[0]
-    if not all(piece.body for piece in own):
-        raise SceneError(f"sensor.{sensor.name}.link = {sensor.link!r}: is fixed to the base; nothing moves there")
-    R, p, _ = forward_kinematics(chain.arrays, np.zeros(chain.n))
-    start, length, frame = link.beam
-    axes = R[root.body - 1] @ root.place.R @ frame.T  # of the link, in frame 0, where nothing is bent
-    origin = p[root.body - 1] + R[root.body - 1] @ root.place.p - axes @ start
+    unbent = forward_kinematics(chain.arrays, np.zeros(chain.n))
+    R, p = np.concatenate([np.eye(3)[None], unbent.rotations]), np.concatenate([np.zeros((1, 3)), unbent.points])
+    (start, length, frame), root = link.beam, own[0]
+    axes = R[root.body] @ root.place.R @ frame.T  # of the link, in frame 0
+    origin = p[root.body] + R[root.body] @ root.place.p - axes @ start
     body, place = _place(sensor, chain, link, own)
     if sensor.point is not None:
         along = float((np.array(sensor.point) - start) @ frame[:, 0])
-        body = _at(own, along / length if length else 1.0).body - 1
+        body = _at(own, along / length if length else 1.0).body
         place = R[body].T @ (origin + axes @ sensor.point - p[body])
+    if not body:
+        raise SceneError(
+            f"sensor.{sensor.name}: sits on what is fixed in frame 0, where nothing moves; a place beyond the first "
+            "hinge does"
+        )
     directions = wanted if sensor.kind == "position" else wanted @ axes.T @ R[body]
-    return Placement(body, place, directions)
+    return Placement(body - 1, place, directions)
+
+
+def check_placements(scene: Scene) -> None:
+    """Know before a run where all sensors that see how points move sit; errors as in `placement_of`."""
+    for sensor in scene.sensor:
+        if sensor.sees_points:
+            placement_of(sensor, scene)
 
 
 def _place(sensor: Sensor, chain: Chain, link: Link, own: list[Piece]) -> tuple[int, Array]:
-    """Body and place of a sensor along the beam, by default at the end of the link."""
+    """Body, from 1, and place of a sensor along the beam, by default at the end of the link."""
     if sensor.x is None and link.name in chain.tips:
-        return chain.tips[link.name], np.zeros(3)
+        return chain.tips[link.name] + 1, np.zeros(3)
     part = 1.0 if sensor.x is None or not link.beam.length else sensor.x / link.beam.length
     piece = _at(own, part)
     first, last = piece.part
     gone = (part - first) / (last - first) if last > first else 0.0
-    return piece.body - 1, piece.place.p + piece.place.R @ (piece.end * gone)
+    return piece.body, piece.place.p + piece.place.R @ (piece.end * gone)
 
 
 def _at(own: list[Piece], part: float) -> Piece:

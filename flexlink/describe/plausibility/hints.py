@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from flexlink.common.memo import Memo
 from flexlink.describe.plausibility.angles_and_times import of_angles, of_times
 from flexlink.describe.plausibility.loads import of_bodies, of_gravity, of_joints, of_loads, of_places
+from flexlink.describe.plausibility.sensors import of_sensors
 from flexlink.describe.plausibility.situation import situation_of
 from flexlink.describe.plausibility.sizes import of_materials, of_sections
 from flexlink.describe.scene import Scene
@@ -49,6 +50,7 @@ def _hints(scene: Scene) -> Iterator[str]:
     yield from of_bodies(scene, about)
     yield from of_angles(scene)
     yield from of_times(scene, about)
+    yield from of_sensors(scene)
     if not causes:  # what follows from a mistaken number is mistaken, too
         loads = list(of_loads(scene, about))
         yield from loads or of_joints(scene, about)

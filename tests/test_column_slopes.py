@@ -1,0 +1,57 @@
+"""Slopes of columns of a run, sensors among them, are those of runs with other numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+
+import flexlink as fl
+
+SENSORS = (
+    fl.Sensor(name="gauge", kind="strain", link="boom", x=0.1, fibre=(0.02, 0.0), low_pass=30.0, order=2, delay=0.003,
+              noise=1e-3, resolution=1e-3),
+    fl.Sensor(name="imu", kind="accelerometer", link="boom", x=0.7, axis=(0, 1, 0)),
+)  # fmt: skip
+RUN = fl.RunSettings(method="RK4", step=2e-4, duration=0.1, sample=0.01)
+COLUMNS = "gauge [1]", "imu [m/s²]", "tip y [m]", "tau boom [N m]", "kinetic [J]"
+
+
+def scene_of(ratio: float) -> fl.Scene:
+    boom = flexible("boom", segments=3, damping=fl.Damping(ratio=ratio, at_hz=5.0), joint=fl.Joint(armature=0.5))
+    drive = fl.Drive(kind="pd", kp=(300.0,), kd=(20.0,), target_deg=(30.0,))
+    return make_scene(boom, drive=drive, sensor=SENSORS, gravity=(0, -9.81, 0), run=RUN, tip=fl.RigidBody(mass=2.0))
+
+
+@pytest.mark.parametrize("path", ["tip.mass", "material.aluminium.young", "drive.kp.boom", "link.boom.length"])
+def test_they_are_those_of_finite_differences_of_runs(path: str) -> None:
+    scene = scene_of(0.01)
+    slopes = fl.sensitivities(scene, [path])
+    smooth = scene.varied({"sensor.gauge.noise": None, "sensor.gauge.resolution": None})
+    h = 1e-4 * slopes.values[0]
+    runs = [fl.simulate(smooth.varied({path: slopes.values[0] + step * h})).columns for step in (1, -1, 2, -2)]
+    for name in COLUMNS:
+        near, nearer, far, farther = (columns[name] for columns in runs)
+        exact = (8 * (near - nearer) - (far - farther)) / (12 * h)
+        np.testing.assert_allclose(
+            slopes.column(name)[:, 0], exact, rtol=0, atol=1e-8 * np.abs(exact).max(), err_msg=name
+        )
+
+
+def test_a_number_at_its_least_is_moved_to_one_side() -> None:
+    """Of an undamped arm, whose damping cannot be less."""
+    slopes = fl.sensitivities(scene_of(0.0), ["link.boom.damping.ratio"])
+    near = [
+        fl.sensitivities(scene_of(ratio), ["link.boom.damping.ratio"]).column("imu [m/s²]") for ratio in (1e-8, 2e-8)
+    ]
+    expected = 2 * near[0] - near[1]
+    found = slopes.column("imu [m/s²]")
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+    assert np.abs(found).max() > 0
+
+
+def test_a_column_that_is_an_integral_is_refused() -> None:
+    slopes = fl.sensitivities(scene_of(0.01), ["tip.mass"])
+    for name in ("work [J]", "t [s]", "tip y"):
+        with pytest.raises(fl.errors.ArgumentError, match=r"no column with a slope; allowed are q boom \[rad\]"):
+            slopes.column(name)
