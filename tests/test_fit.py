@@ -72,6 +72,22 @@ class TestPlanted:
         assert found["bias of tip x [m] of 'fall'"].value == pytest.approx(0.02, rel=1e-4)
         assert found.scene.initial == scene.initial  # what one run has is no part of the scene
 
+    def test_sensors_with_noise_delay_and_resolution_are_fitted_by_what_they_see(self, scene: fl.Scene) -> None:
+        gauge = fl.Sensor(
+            name="root", kind="strain", link="upper", x=0.1, fibre=(0.0225, 0.0), gain=1e6, unit="µm/m", low_pass=20.0,
+            delay=0.01, noise=5.0, resolution=1.0, rate=200.0, seed=4,
+        )  # fmt: skip
+        here = scene.varied({"sensor": (gauge,)})
+        seen = fl.simulate(here.varied({"tip.mass": 8.5, "sensor.root.delay": 0.013})).columns["root [µm/m]"]
+        run = fl.FitRun(name="fall", columns={"t [s]": fl.simulate(here).t, "root [µm/m]": seen})
+        found = fl.fit(problem_of(here, ("tip.mass", "sensor.root.delay"), run))
+        assert found["tip.mass"].low < 8.5 < found["tip.mass"].high
+        assert found["sensor.root.delay"].low < 0.013 < found["sensor.root.delay"].high
+        assert found["sensor.root.delay"].half < 0.001
+        (column,) = found.columns
+        assert column.stated
+        assert column.times_noise == pytest.approx(1.0, abs=0.15)
+
     def test_random_arms_with_coloured_noise_have_their_true_values_inside(self) -> None:
         inside, count, _ = held(first=300, count=4)
         assert inside >= count - 2  # 200 arms: python tests/random_fits.py 200

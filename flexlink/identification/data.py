@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 from scipy.interpolate import CubicSpline
 
 from flexlink.chain.lumping import lump
@@ -26,6 +27,7 @@ from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.motion.simulate import simulate
 from flexlink.results.measured import Measured, measured_from, named, read_measured
 from flexlink.results.trajectory import Trajectory
+from flexlink.sensors.signals import column_names
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -92,10 +94,11 @@ class Recorded:
             )
         t = measured.t[inside]
         self.rate = float((len(t) - 1) / (t[-1] - t[0]))
-        self.scene = _as_long(scene, t, problem.tolerance)
+        self.scene = _as_long(_exact_sensors(scene), t, problem.tolerance)
         heads = _by_name(run, known, measured.columns)
+        of_sensors = _noise_of_sensors(scene)
         self.blocks = tuple(
-            _block(run, name, column[inside], t, heads, known)
+            _block(run, name, column[inside], t, heads, known, of_sensors.get(name, 0.0))
             for name, column in measured.columns.items()
             if np.isfinite(column[inside]).any()
         )
@@ -229,13 +232,14 @@ def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, ob
 
 
 def _block(
-    run: FitRun, name: str, y: Array, t: Array, heads: Mapping[str, Mapping[str, str]], known: Mapping[str, object]
-) -> Block:
+    run: FitRun, name: str, y: Array, t: Array, heads: Mapping[str, Mapping[str, str]], known: Mapping[str, object],
+    of_sensor: float,
+) -> Block:  # fmt: skip
     there = np.isfinite(y)
     head = heads["noise"].get(name)
-    σ = run.noise[head] * named(run.name, head, known)[1] if head is not None else math.nan
+    σ = run.noise[head] * named(run.name, head, known)[1] if head is not None else of_sensor
     return Block(
-        name, y[there], np.full(int(there.sum()), σ), head is not None, t[there], None,
+        name, y[there], np.full(int(there.sum()), σ), σ > 0, t[there], None,
         name in heads["gain"], name in heads["bias"],
     )  # fmt: skip
 
@@ -256,6 +260,23 @@ def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
         )
         for block in blocks
     )  # fmt: skip
+
+
+def _exact_sensors(scene: Scene) -> Scene:
+    """The scene with sensors that show what they see without noise and steps, which have no slopes."""
+    if not scene.sensor:
+        return scene
+    sensors = [replace(one, noise=0.0, seed=None, resolution=None, rate=None) for one in scene.sensor]
+    return replace(scene, sensor=tuple(sensors))
+
+
+def _noise_of_sensors(scene: Scene) -> dict[str, float]:
+    """Standard deviation of the readings of a scene's sensors, of noise and resolution, by column."""
+    return {
+        name: math.hypot(one.noise, (one.resolution or 0.0) / math.sqrt(12))
+        for one in scene.sensor
+        for name in column_names(scene, (one,))
+    }
 
 
 def _as_long(scene: Scene, t: Array, tolerance: float) -> Scene:

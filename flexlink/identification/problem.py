@@ -80,7 +80,8 @@ class FitRun(Spec, frozen=True):
     compare: tuple[str, ...] = ()
     """Columns that count, as in the file's heads; others may be anything. Default: all, and all must be known."""
     noise: dict[str, Positive] = msgspec.field(default_factory=dict)
-    """Standard deviation of a column's noise, by its head, in the head's unit. Default: what the fit leaves."""
+    """Standard deviation of a column's noise, by its head, in the head's unit. Default: that of the scene's sensor of
+    this name, else what the fit leaves."""
     gain: tuple[str, ...] = ()
     """Heads of columns whose scale is not known: the best one is found with the fit."""
     bias: tuple[str, ...] = ()
