@@ -9,8 +9,9 @@ import numpy as np
 from flexlink.chain.arguments import integer, require_callable, require_type
 from flexlink.common.errors import FlexlinkError, IdentifiabilityError
 from flexlink.common.types import Array
+from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
-from flexlink.identification.data import Block, Source, sources_of
+from flexlink.identification.data import Source, sources_of
 from flexlink.identification.estimates import estimates, linear_estimates, without_ends
 from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.identification.identifiability import Check, checked

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.common.types import Array
-from flexlink.identification.data import Block
+from flexlink.identification.block import Block
 
 
 class Row(NamedTuple):

@@ -13,7 +13,8 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.variants import Variants
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Recorded, Source
+from flexlink.identification.data import Source
+from flexlink.identification.recorded import Recorded
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
 from flexlink.results.stop_reasons import InterruptedRunError

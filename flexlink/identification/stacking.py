@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlink.common.types import Array
+from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, prior_rows
-from flexlink.identification.data import Block, Source
+from flexlink.identification.data import Source
 from flexlink.identification.interval import Part
 from flexlink.identification.residuals import Row
 
