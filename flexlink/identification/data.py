@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.identification.problem import FitProblem, Use
-from flexlink.identification.recorded import Recorded
+from flexlink.identification.recorded import Recorded, recorded
 from flexlink.identification.single import Sagged, Tapped
 
 Source = Recorded | Tapped | Sagged
@@ -22,7 +22,7 @@ def sources_of(problem: FitProblem, use: Use) -> list[Source]:
     for run in problem.run:
         if run.use == use:
             try:
-                found.append(Recorded(problem, run))
+                found.append(recorded(problem, run))
             except (DataFileError, SceneError) as error:
                 said = str(error)
                 raise type(error)(said if said.startswith("run ") else f"run {run.name!r}: {said}") from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
@@ -17,13 +16,14 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import did_you_mean
 from flexlink.identification.block import Block
-from flexlink.identification.problem import FitProblem, FitRun
+from flexlink.identification.problem import FitProblem, FitRun, Use
 from flexlink.motion.simulate import simulate
 from flexlink.results.measured import Measured, measured_from, named, read_measured
 from flexlink.results.trajectory import Trajectory
 from flexlink.sensors.signals import column_names
 
 
+@dataclasses.dataclass(eq=False)
 class Recorded:
     """A run that was recorded.
 
@@ -39,50 +39,58 @@ class Recorded:
         Samples per second of the file [Hz].
     """
 
-    is_run = True
-
-    def __init__(self, problem: FitProblem, run: FitRun) -> None:
-        self.name, self.use, self.problem = run.name, run.use, run
-        scene = problem.scene.varied(run.set) if run.set else problem.scene
-        known = {"t [s]": None, **simulate(_short(scene)).columns}
-        measured = _measured(run, known)
-        first, last = run.window or (-math.inf, math.inf)
-        start = scene.initial.time
-        inside = (measured.t >= max(first, start)) & (measured.t <= last)
-        if inside.sum() < 2:
-            raise DataFileError(
-                f"run {run.name!r}: fewer than two samples from {max(first, start):g} to {last:g} s; the file goes "
-                f"from {measured.t[0]:g} to {measured.t[-1]:g} s"
-            )
-        t = measured.t[inside]
-        self.rate = float((len(t) - 1) / (t[-1] - t[0]))
-        self.scene = _as_long(_exact_sensors(scene), t, problem.tolerance)
-        heads = _by_name(run, known, measured.columns)
-        of_sensors = _noise_of_sensors(scene)
-        self.blocks = tuple(
-            _block(run, name, column[inside], t, heads, known, of_sensors.get(name, 0.0))
-            for name, column in measured.columns.items()
-            if np.isfinite(column[inside]).any()
-        )
-        if not self.blocks:
-            raise DataFileError(f"run {run.name!r}: no measured values inside its window")
-        self.blocks = _with_noise(self.blocks)
+    name: str
+    use: Use
+    scene: Scene
+    blocks: tuple[Block, ...]
+    rate: float
 
     def first(self, part: float) -> Recorded:
         """The first part of the run, ten samples at least."""
-        cut = copy.copy(self)
-        cut.blocks = tuple(_first(block, part) for block in self.blocks)
-        end = max(float(np.asarray(block.t)[-1]) for block in cut.blocks)
+        blocks = tuple(_first(block, part) for block in self.blocks)
+        end = max(float(np.asarray(block.t)[-1]) for block in blocks)
         run = self.scene.run
         duration = math.ceil((end - self.scene.initial.time) / run.spacing - 1e-6) * run.spacing
         shorter = {"run.duration": float(f"{duration:.12g}"), "run.sample": run.spacing}
-        cut.scene = self.scene.varied(shorter) if duration < run.duration else self.scene
-        return cut
+        scene = self.scene.varied(shorter) if duration < run.duration else self.scene
+        return dataclasses.replace(self, scene=scene, blocks=blocks)
 
     def model(self, run: Trajectory) -> list[Array]:
         """What a run has in place of its blocks, by cubic splines through its samples."""
         columns = run.columns
         return [_at(run.t, columns[block.name], block.t) for block in self.blocks]
+
+
+def recorded(problem: FitProblem, run: FitRun) -> Recorded:
+    """A run of a problem, read.
+
+    Raises
+    ------
+    DataFileError, SceneError
+        Its file or columns, or what it sets, are wrong.
+    """
+    scene = problem.scene.varied(run.set) if run.set else problem.scene
+    known = {"t [s]": None, **simulate(_short(scene)).columns}
+    measured = _measured(run, known)
+    first, last = run.window or (-math.inf, math.inf)
+    first = max(first, scene.initial.time)
+    inside = (measured.t >= first) & (measured.t <= last)
+    if inside.sum() < 2:
+        raise DataFileError(
+            f"run {run.name!r}: fewer than two samples from {first:g} to {last:g} s; the file goes from "
+            f"{measured.t[0]:g} to {measured.t[-1]:g} s"
+        )
+    t, heads, of_sensors = measured.t[inside], _by_name(run, known, measured.columns), _noise_of_sensors(scene)
+    blocks = tuple(
+        _block(run, name, column[inside], t, heads, known, of_sensors.get(name, 0.0))
+        for name, column in measured.columns.items()
+        if np.isfinite(column[inside]).any()
+    )
+    if not blocks:
+        raise DataFileError(f"run {run.name!r}: no measured values inside its window")
+    rate = float((len(t) - 1) / (t[-1] - t[0]))
+    smooth = _as_long(exact(scene, problem.tolerance), t)
+    return Recorded(run.name, run.use, smooth, _with_noise(blocks), rate)
 
 
 def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
@@ -143,12 +151,11 @@ def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
     )  # fmt: skip
 
 
-def _exact_sensors(scene: Scene) -> Scene:
-    """The scene with sensors that show what they see without noise and steps, which have no slopes."""
-    if not scene.sensor:
-        return scene
+def exact(scene: Scene, tolerance: float) -> Scene:
+    """The scene with runs that have slopes: sensors without noise and steps, a tolerance as small as that."""
     sensors = [replace(one, noise=0.0, seed=None, resolution=None, rate=None) for one in scene.sensor]
-    return replace(scene, sensor=tuple(sensors))
+    plain = replace(scene, sensor=tuple(sensors)) if sensors else scene
+    return plain.varied({"run.relative_tolerance": tolerance}) if scene.run.controlled else plain
 
 
 def _noise_of_sensors(scene: Scene) -> dict[str, float]:
@@ -160,17 +167,14 @@ def _noise_of_sensors(scene: Scene) -> dict[str, float]:
     }
 
 
-def _as_long(scene: Scene, t: Array, tolerance: float) -> Scene:
-    """The scene with a run as long as its record, sampled as that is where it can be, and with smooth errors."""
-    changes: dict[str, object] = {}
-    if scene.run.controlled:
-        changes = {"run.relative_tolerance": tolerance}
+def _as_long(scene: Scene, t: Array) -> Scene:
+    """The scene with a run as long as its record, sampled as that is where it can be."""
     between = float(np.median(np.diff(t)))
     length = float(t[-1]) - scene.initial.time
     for sample in (float(f"{between:.9g}"), scene.run.spacing):
         duration = max(math.ceil(length / sample - 1e-6), 1) * sample
         try:
-            return scene.varied({**changes, "run.sample": sample, "run.duration": float(f"{duration:.12g}")})
+            return scene.varied({"run.sample": sample, "run.duration": float(f"{duration:.12g}")})
         except FlexlinkError as error:
             reason = error
     raise reason

@@ -20,8 +20,6 @@ from flexlink.inputs.tip_wrench import initial_wrench
 class Tapped:
     """Frequencies, and ratios of damping, at rest."""
 
-    is_run = False
-
     def __init__(self, problem: FitProblem, tapped: FitModes, number: int) -> None:
         self.name, self.use, self.tapped = f"modes {number}", tapped.use, tapped
         self.scene = problem.scene.varied(tapped.set) if tapped.set else problem.scene
@@ -52,8 +50,6 @@ class Tapped:
 
 class Sagged:
     """One coordinate of the tip at rest, or by how much it differs from another state."""
-
-    is_run = False
 
     def __init__(self, problem: FitProblem, static: FitStatic, number: int) -> None:
         self.name, self.use, self.static = f"static {number}", static.use, static
