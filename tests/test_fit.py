@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from conftest import ROOT
 from random_fits import held
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.identification.colour import colour_of
+from flexlink.identification.colour import Colour, colour_of
 from flexlink.identification.interval import Part, spread_of
 
 THREE = {"material.aluminium.young": 63e9, "tip.mass": 8.6, "link.upper.joint.armature": 2.3}
@@ -70,6 +72,22 @@ class TestPlanted:
         assert found["bias of tip x [m] of 'fall'"].value == pytest.approx(0.02, rel=1e-4)
         assert found.scene.initial == scene.initial  # what one run has is no part of the scene
 
+    def test_sensors_with_noise_delay_and_resolution_are_fitted_by_what_they_see(self, scene: fl.Scene) -> None:
+        gauge = fl.Sensor(
+            name="root", kind="strain", link="upper", x=0.1, fibre=(0.0225, 0.0), gain=1e6, unit="µm/m", low_pass=20.0,
+            delay=0.01, noise=5.0, resolution=1.0, rate=200.0, seed=4,
+        )  # fmt: skip
+        here = scene.varied({"sensor": (gauge,)})
+        seen = fl.simulate(here.varied({"tip.mass": 8.5, "sensor.root.delay": 0.013})).columns["root [µm/m]"]
+        run = fl.FitRun(name="fall", columns={"t [s]": fl.simulate(here).t, "root [µm/m]": seen})
+        found = fl.fit(problem_of(here, ("tip.mass", "sensor.root.delay"), run))
+        assert found["tip.mass"].low < 8.5 < found["tip.mass"].high
+        assert found["sensor.root.delay"].low < 0.013 < found["sensor.root.delay"].high
+        assert found["sensor.root.delay"].half < 0.001
+        (column,) = found.columns
+        assert column.stated
+        assert column.times_noise == pytest.approx(1.0, abs=0.15)
+
     def test_random_arms_with_coloured_noise_have_their_true_values_inside(self) -> None:
         inside, count, _ = held(first=300, count=4)
         assert inside >= count - 2  # 200 arms: python tests/random_fits.py 200
@@ -93,6 +111,15 @@ class TestInterval:
         J = np.random.default_rng(1).standard_normal((2000, 2))
         found = spread_of([Part([e], [J], True)], np.zeros((0, 2)))
         np.testing.assert_allclose(found.covariance, np.linalg.inv(J.T @ J) * e.var(), atol=5e-5)
+
+    def test_whitening_is_the_inverse_root_of_the_covariance_to_its_first_sample(self) -> None:
+        a, n = np.array([1.0, -1.6, 0.9]), 50
+        pulse = lfilter([1.0], a, np.eye(1, 2000).ravel())
+        covariance = toeplitz([pulse[k:] @ pulse[: 2000 - k] for k in range(n)])
+        one = Colour(a, np.zeros(1))
+        W = one.whitened(np.eye(n))
+        np.testing.assert_allclose(W.T @ W, np.linalg.inv(covariance), atol=1e-11)
+        assert one.share == pytest.approx(covariance[0, 0] ** -0.5, rel=1e-12)
 
     def test_burg_finds_the_coefficients_of_a_resonance(self) -> None:
         rng, a = np.random.default_rng(5), np.array([1.0, -1.6, 0.9])

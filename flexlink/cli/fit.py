@@ -20,7 +20,7 @@ from flexlink.common.errors import IdentifiabilityError
 from flexlink.identification.fit import check_fit, fit
 from flexlink.identification.fitted import Fitted, building
 from flexlink.identification.identifiability import Check
-from flexlink.identification.problem import load_fit
+from flexlink.identification.loading import load_fit
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

@@ -7,6 +7,7 @@ The order is the one of the least corrected information criterion (AICc), the co
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,8 @@ from scipy.stats import chi2
 
 from flexlink.common.types import Array
 
+WHITE = np.ones(1)
+"""Coefficients of white noise."""
 HIGHEST = 40
 """Largest order."""
 SHARE = 12
@@ -26,6 +29,31 @@ class Colour(NamedTuple):
 
     a: Array
     innovations: Array
+
+    def whitened(self, X: Array) -> Array:
+        """Columns X, shape (n, columns), as they come out where the noise comes out white, of the innovations' size.
+
+        The first p samples are predicted from the few before them: none counts more than the noise allows.
+        """
+        if not X.size:
+            return X
+        found, p, a, size = lfilter(self.a, [1.0], X, axis=0), len(self.a) - 1, self.a, 1.0
+        for t in range(p, 0, -1):  # the predictor of order t to that of order t − 1 (Levinson and Durbin)
+            k = a[t]
+            a = (a - k * a[::-1])[:t] / (1 - k * k)
+            size *= math.sqrt(1 - k * k)
+            if t <= len(X):
+                found[t - 1] = size * (a[::-1] @ X[:t])
+        return np.asarray(found)
+
+    @property
+    def share(self) -> float:
+        """Size of the innovations over that of the noise."""
+        a, size = self.a, 1.0
+        for t in range(len(self.a) - 1, 0, -1):
+            k = a[t]
+            a, size = (a - k * a[::-1])[:t] / (1 - k * k), size * math.sqrt(1 - k * k)
+        return size
 
     def pulled_back(self, J: Array, past: int) -> Array:
         """Hᵀ J, latest row first, H the pulse response from innovations on, `past` earlier ones, too, (n + past, k)."""

@@ -9,15 +9,16 @@ import numpy as np
 from flexlink.chain.arguments import integer, require_callable, require_type
 from flexlink.common.errors import FlexlinkError, IdentifiabilityError
 from flexlink.common.types import Array
+from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
-from flexlink.identification.data import Block, Source, sources_of
+from flexlink.identification.data import Source, sources_of
 from flexlink.identification.estimates import estimates, linear_estimates, without_ends
 from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.interval import spread_of
 from flexlink.identification.judge import columns_of
 from flexlink.identification.problem import FitProblem
-from flexlink.identification.profile import profiled
+from flexlink.identification.profile import profiled, widened
 from flexlink.identification.residuals import row_of
 from flexlink.identification.signals import FOUR, STEP, Signals
 from flexlink.identification.solve import Found, Search, start_points
@@ -113,7 +114,7 @@ def fit(
     count, tell = integer("starts", starts, 1), progress or (lambda _: None)
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
     signals = Signals(sources, coordinates)
-    search = Search(signals, problem.loss)
+    search = Search(signals, problem.loss, coloured=problem.noise == "coloured")
     own = np.array([one.x(one.start) for one in coordinates])
     check = _check(signals, own, [list(source.blocks) for source in sources], _notes(sources))
     if not check.passed:
@@ -123,12 +124,13 @@ def fit(
     best = found[0]
     rows = search.rows(best.x, best.blocks)
     spread = spread_of(parts_of(sources, rows), priors_of(coordinates, best.x, rows))
-    after = _check(signals, best.x, best.blocks, check.notes)
+    after = _check_after(signals, best, check)
     numbers = (*estimates(coordinates, best.x, spread), *linear_estimates(sources, rows, spread, len(coordinates)))
     if not after.passed:
         numbers = tuple(map(without_ends, numbers))
-    elif profile:
-        numbers = (*profiled(search, best, numbers[: len(coordinates)], tell), *numbers[len(coordinates) :])
+    else:
+        of_scene, others = numbers[: len(coordinates)], numbers[len(coordinates) :]
+        numbers = (*widened(search, best, profiled(search, best, of_scene, tell) if profile else of_scene), *others)
     columns = columns_of(problem, signals, best, own, tell)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
     warnings = _warnings(numbers, after, found, columns)
@@ -158,20 +160,28 @@ def _searched(search: Search, points: Sequence[Array], tell: Callable[[str], Non
 
 def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], notes: Sequence[str]) -> Check:
     """Slopes twice, with two steps: their difference is how well they are known."""
-    model = signals.model(x)
     slopes, finer = signals.slopes(x, FOUR), signals.slopes(x, FOUR, STEP / 2)
-    coordinates = signals.coordinates
-    _, known = prior_rows(coordinates, x)
-    whole = []
-    for by_x in (slopes, finer):
-        rows = [
-            [row_of(b, y, J) for b, y, J in zip(*part, strict=True)] for part in zip(blocks, model, by_x, strict=True)
-        ]
-        whole.append(stacked(rows, len(coordinates), known))
-    names = [*(one.name for one in coordinates), *linear_names(signals.sources)]
-    ranges = np.array([1.0] * len(coordinates) + large_changes(blocks))
-    error = float(np.linalg.norm((whole[0] - whole[1]) * ranges, 2))
-    return checked(whole[0] * ranges, error, names, notes)
+    J = _of_all(signals, x, blocks, slopes)
+    return checked(J, float(np.linalg.norm(J - _of_all(signals, x, blocks, finer), 2)), _names(signals), notes)
+
+
+def _check_after(signals: Signals, best: Found, before: Check) -> Check:
+    """The same where the search ended, with slopes at hand."""
+    J = _of_all(signals, best.x, best.blocks, signals.slopes(best.x))
+    return checked(J, before.error, before.names, before.notes)
+
+
+def _of_all(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], slopes: list[list[Array]]) -> Array:
+    """Slopes of all residuals to large changes of all numbers."""
+    parts = zip(blocks, signals.model(x), slopes, strict=True)
+    rows = [[row_of(b, y, J) for b, y, J in zip(*part, strict=True)] for part in parts]
+    _, known = prior_rows(signals.coordinates, x)
+    whole = stacked(rows, len(x), known)
+    return np.asarray(whole * np.array([1.0] * len(x) + large_changes(blocks)))
+
+
+def _names(signals: Signals) -> list[str]:
+    return [*(one.name for one in signals.coordinates), *linear_names(signals.sources)]
 
 
 def _of_run(one: Estimate, coordinates: Sequence[Coordinate]) -> bool:
@@ -206,6 +216,11 @@ def _warnings(
     numbers: Sequence[Estimate], check: Check, found: Sequence[Found], columns: Sequence[FittedColumn]
 ) -> tuple[str, ...]:
     told = [f"{one.name} ended at its bound, {one.value:.6g}" for one in numbers if one.at_bound]
+    told += [
+        f"{one.name}: the data do not reject the start, {one.start:.6g}, either; the interval holds both"
+        for one in numbers
+        if one.widened
+    ]  # fmt: skip
     told += [one.text for one in check.directions]
     told += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > FAR]
     if len(found) > 1:

@@ -37,6 +37,8 @@ class Estimate:
         Standard deviation.
     at_bound
         Whether the search ended at a bound of it.
+    widened
+        Whether the interval holds the start because the data do not reject it: the problem is far from linear.
     profile
         The interval where all other numbers are fitted anew with this one held; None if nobody asked.
     """
@@ -49,6 +51,7 @@ class Estimate:
     high: float
     deviation: float
     at_bound: bool = False
+    widened: bool = False
     profile: tuple[float, float] | None = None
 
     @property

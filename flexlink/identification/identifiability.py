@@ -71,6 +71,8 @@ class Check(NamedTuple):
         Expected standard deviation of each, a part of the number or of its unit; inf of one that is not held.
     notes
         What was found of columns, rates and noise.
+    error
+        Error of the slopes, a norm.
     """
 
     names: tuple[str, ...]
@@ -78,6 +80,7 @@ class Check(NamedTuple):
     directions: tuple[Direction, ...]
     expected: Array
     notes: tuple[str, ...] = ()
+    error: float = 0.0
 
     @property
     def lost(self) -> tuple[Direction, ...]:
@@ -114,7 +117,9 @@ def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[str] =
     expected = np.full(len(names), np.inf)
     unheld = (V[lost] ** 2).sum(axis=0) > COUNTS**2 / 10
     expected[moved] = np.where(unheld, np.inf, np.sqrt((V[~lost].T ** 2 / s[~lost] ** 2).sum(axis=1)))
-    return Check(tuple(names), np.append(s, np.zeros(len(names) - len(s))), tuple(directions), expected, tuple(notes))
+    return Check(
+        tuple(names), np.append(s, np.zeros(len(names) - len(s))), tuple(directions), expected, tuple(notes), error
+    )
 
 
 def _short(basis: Array) -> Array:

@@ -9,15 +9,17 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.identification.block import Block
 from flexlink.identification.colour import whiteness
 from flexlink.identification.coordinates import own_coordinates
-from flexlink.identification.data import Block, Recorded, Source, sources_of
+from flexlink.identification.data import Source, sources_of
 from flexlink.identification.fitted import FittedColumn
 from flexlink.identification.linear_reference import linear_models
 from flexlink.identification.problem import FitProblem
+from flexlink.identification.recorded import Recorded
 from flexlink.identification.residuals import Row, row_of
 from flexlink.identification.signals import Signals
-from flexlink.identification.solve import Found, Search
+from flexlink.identification.solve import Found, Search, white
 
 
 def columns_of(
@@ -84,23 +86,25 @@ def _beside(
     found = []
     for source, part, old, new in zip(sources, blocks, before, after, strict=True):
         for block, earlier, later in zip(part, old, new, strict=True):
-            was, now = row_of(block, earlier), row_of(block, later)
+            was, now = row_of(white(block), earlier), row_of(block, later)
+            given, σ = now.gain * later + now.bias, float(np.sqrt(np.mean(white(block).σ ** 2)))
+            left = given - block.y
             found.append(
                 FittedColumn(
-                    source.name,
-                    block.name,
-                    source.use,
-                    block.t,
-                    block.y,
-                    was.gain * earlier + was.bias,
-                    now.gain * later + now.bias,
-                    None,
-                    now.gain,
-                    now.bias,
-                    float(np.sqrt(np.mean(block.σ**2))),
-                    block.stated,
-                    float(np.sqrt(np.mean(now.residual**2))),
-                    whiteness(now.residual) if block.t is not None else float("nan"),
+                    source=source.name,
+                    name=block.name,
+                    use=source.use,
+                    t=block.t,
+                    measured=block.y,
+                    before=was.gain * earlier + was.bias,
+                    after=given,
+                    linear=None,
+                    gain=now.gain,
+                    bias=now.bias,
+                    noise=σ,
+                    stated=block.stated,
+                    times_noise=float(np.sqrt(np.mean((left / white(block).σ) ** 2))),
+                    whiteness=whiteness(left) if block.t is not None else float("nan"),
                 )
             )
     return found

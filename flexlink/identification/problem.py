@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
-from msgspec.structs import replace
 
-from flexlink.common.errors import DataFileError, SceneError
-from flexlink.describe import data_files
-from flexlink.describe.mistakes import mistakes, raise_together
-from flexlink.describe.scene import Scene, load_scene
-from flexlink.describe.spec import Positive, Spec, check_keys, decode, fields_of
-from flexlink.sweeps.plan import paths_of
+from flexlink.common.errors import SceneError
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Positive, Spec
 
 Use = Literal["fit", "check"]
 """What data are for: to fit, or to judge what was fitted without them."""
@@ -80,7 +75,8 @@ class FitRun(Spec, frozen=True):
     compare: tuple[str, ...] = ()
     """Columns that count, as in the file's heads; others may be anything. Default: all, and all must be known."""
     noise: dict[str, Positive] = msgspec.field(default_factory=dict)
-    """Standard deviation of a column's noise, by its head, in the head's unit. Default: what the fit leaves."""
+    """Standard deviation of a column's noise, by its head, in the head's unit. Default: that of the scene's sensor of
+    this name, else what the fit leaves."""
     gain: tuple[str, ...] = ()
     """Heads of columns whose scale is not known: the best one is found with the fit."""
     bias: tuple[str, ...] = ()
@@ -184,6 +180,9 @@ class FitProblem(Spec, frozen=True):
     """A sentence on what is fitted."""
     loss: Loss = "linear"
     """How residuals count; soft_l1 and huber bound the effect of outliers."""
+    noise: Literal["coloured", "white"] = "coloured"
+    """Whether residuals that hang together in time count by what is new in each (coloured: where they are noise, the
+    least uncertain answer), or all alike (white: the least simulation error). Intervals count it either way."""
     tolerance: Positive = 1e-8
     """Error of the fit's runs as a part of the reach, of scenes without fixed steps [1]; theirs is too rough for
     slopes."""
@@ -218,72 +217,3 @@ class FitProblem(Spec, frozen=True):
     def __repr__(self) -> str:
         sought = ", ".join(parameter.path for parameter in self.parameter)
         return f"<FitProblem of {self.scene.name!r}: {sought}>"
-
-
-def load_fit(path: str | Path) -> FitProblem:
-    """Read a problem's file.
-
-    Parameters
-    ----------
-    path
-        A TOML file: `scene`, a path from the file's own folder, then `[[parameter]]`, and `[[run]]`, `[[modes]]`,
-        `[[static]]`, what was measured.
-
-    Returns
-    -------
-    FitProblem
-        As the file says; the recorded runs' files are read when it is fitted.
-
-    Raises
-    ------
-    ArgumentError
-        `path` is no path.
-    SceneError
-        The message names the file, the key path, the value and what is allowed.
-    DataFileError
-        The file of a rule or method that the scene names is not valid.
-
-    Examples
-    --------
-    >>> problem = fl.load_fit("models/fits/tapped.toml")
-    >>> print(problem.scene.name, [parameter.path for parameter in problem.parameter])
-    three_links ['material.aluminium.young', 'tip.mass']
-    """
-    path = data_files.require_path("path", path)
-    raw = data_files.read_toml(path)
-    try:
-        fields = {field.encode_name: field for field in fields_of(FitProblem)}
-        check_keys(raw, fields, required=("scene", "parameter"))
-        if not isinstance(raw["scene"], str):
-            raise SceneError(f"scene = {raw['scene']!r}: expected the path of a scene file")
-        scene = load_scene(path.parent / raw.pop("scene"))
-        for part in ("run", "modes", "static"):
-            for table in raw.get(part, ()) if isinstance(raw.get(part), list) else ():
-                _as_paths(table)
-        raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
-        parts = {key: decode(value, fields[key].type, key) for key, value in raw.items()}
-        parts["run"] = tuple(_beside(path.parent, run) for run in parts.get("run", ()))
-        return FitProblem(scene=scene, **parts)
-    except (SceneError, DataFileError) as error:
-        raise type(error)(f"{path}: {error}") from None
-
-
-def _as_paths(table: Any) -> None:
-    """Keys that TOML has taken apart at their dots, as paths again."""
-    for key in ("set", "before") if isinstance(table, dict) else ():
-        if isinstance(table.get(key), dict):
-            table[key] = dict(paths_of(table[key]))
-
-
-def _beside(folder: Path, run: FitRun) -> FitRun:
-    """Files of a run, and of what it sets, are named from the folder of the problem."""
-    file = str((folder / run.file).absolute()) if run.file else ""
-    return replace(run, file=file, set=_files_beside(folder, run.set))
-
-
-def _files_beside(folder: Path, value: Any, key: str = "") -> Any:
-    if isinstance(value, dict):
-        return {name: _files_beside(folder, item, name.rpartition(".")[2]) for name, item in value.items()}
-    if isinstance(value, list):
-        return [_files_beside(folder, item) for item in value]
-    return str((folder / value).absolute()) if key == "file" and isinstance(value, str) else value

@@ -17,6 +17,8 @@ from scipy.interpolate import PchipInterpolator
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.solve import Found, Search
 
+FURTHEST = 10.0
+"""Halves of an interval beyond which a start is taken for rejected."""
 AT = 0.5, 1.0, 1.6
 """Where the profile is taken, in halves of the interval."""
 
@@ -29,6 +31,35 @@ def profiled(search: Search, best: Found, numbers: Sequence[Estimate], tell: Cal
         ends = tuple(_end(search, best, k, one, side, least, float(white[k])) for side in (-1, 1))
         found.append(dataclasses.replace(one, profile=(ends[0], ends[1])))
         tell(f"profile of {one.name}: {ends[0]:.6g} … {ends[1]:.6g}")
+    return found
+
+
+def widened(search: Search, best: Found, numbers: Sequence[Estimate]) -> list[Estimate]:
+    """The numbers of the scene, intervals wide enough to hold the starts that the data do not reject.
+
+    A start outside an interval is tried as the profile's ends are: held, all others fitted anew. Where the sum of
+    squares is a parabola it is rejected.
+    """
+    least, white = search.cost(best.x, best.blocks), search.deviations(best.x, best.blocks)
+    found = []
+    for k, one in enumerate(numbers):
+        coordinate, point = search.coordinates[k], best.x.copy()
+        point[k] = coordinate.x(one.start)
+        if not one.low <= one.start <= one.high:
+            end = one.low if one.start < one.value else one.high
+            wanted = abs(coordinate.x(end) - float(best.x[k])) / float(white[k])
+            if abs(point[k] - float(best.x[k])) > FURTHEST * wanted * float(white[k]):
+                found.append(one)
+                continue
+            point = search.least(point, best.blocks, rough=True, held=k)
+            rise = 2 * (search.cost(point, best.blocks) - least)
+            if search.coloured:  # a start also has a noise of its own
+                rise = min(rise, search.unlikelihood(point, best.blocks) - search.unlikelihood(best.x, best.blocks))
+            if rise < wanted**2:
+                low, high = min(one.low, one.start), max(one.high, one.start)
+                found.append(dataclasses.replace(one, low=low, high=high, widened=True))
+                continue
+        found.append(one)
     return found
 
 

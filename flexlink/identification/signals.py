@@ -13,7 +13,9 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.variants import Variants
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Recorded, Source
+from flexlink.identification.data import Source
+from flexlink.identification.recorded import Recorded
+from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
@@ -38,6 +40,15 @@ UP, DOWN = Stencil((0, 1, 2), (-1.5, 2.0, -0.5)), Stencil((0, -1, -2), (1.5, -2.
 """At a bound, of order 2."""
 
 
+KEPT = 4
+"""Points that are kept: a search asks for numbers, slopes and noise at the same ones."""
+
+
+class _Point(NamedTuple):
+    model: Model
+    slopes: list[list[Array]]
+
+
 class Signals:
     """Sources as functions of the coordinates.
 
@@ -55,6 +66,8 @@ class Signals:
         self.sources, self.coordinates = sources, coordinates
         self.runs = 0
         self._own = [[k for k, one in enumerate(coordinates) if one.run in ("", source.name)] for source in sources]
+        self._points: dict[bytes, _Point] = {}
+        self._beside = 2 * len(coordinates) < LANES and not any(source.scene.run.controlled for source in sources)
         self._variants = [
             Variants(source.scene, [coordinates[k].path for k in own])
             for source, own in zip(sources, self._own, strict=True)
@@ -66,14 +79,6 @@ class Signals:
         values = [one.value(float(x[k])) for k, one in zip(self._own[number], own, strict=True)]
         return self._variants[number].varied({one.path: v for one, v in zip(own, values, strict=True)})
 
-    def models(self, points: Sequence[Array], which: Sequence[int] | None = None) -> list[Model | FlexlinkError]:
-        """What the scene gives at each point, of all sources or some; or why it gives nothing there."""
-        numbers = range(len(self.sources)) if which is None else which
-        found: list[list[list[Array] | FlexlinkError]] = [
-            self._many([(number, x) for x in points]) for number in numbers
-        ]
-        return [self._whole([of_source[k] for of_source in found]) for k in range(len(points))]
-
     def model(self, x: Array) -> Model:
         """What the scene gives at one point.
 
@@ -82,10 +87,7 @@ class Signals:
         FlexlinkError
             It gives nothing there.
         """
-        found = self.models([x])[0]
-        if isinstance(found, FlexlinkError):
-            raise found
-        return found
+        return self._kept(x, slopes=self._beside).model
 
     def slopes(self, x: Array, stencil: Stencil = TWO, step: float = STEP) -> list[list[Array]]:
         """∂(what the scene gives)/∂x of every block, shape (n, coordinates).
@@ -95,21 +97,37 @@ class Signals:
         FlexlinkError
             The scene gives nothing next to this point.
         """
-        found = []
-        for number, source in enumerate(self.sources):
-            own = self._own[number]
-            stencils = [self._stencil(k, x, stencil, step) for k in own]
-            points = [x + step * at * _unit(len(x), k) for k, one in zip(own, stencils, strict=True) for at in one.at]
-            values = self._many([(number, point) for point in points])
-            several = iter(_good(values))
-            slopes = [np.zeros((len(block.y), len(x))) for block in source.blocks]
-            for k, one in zip(own, stencils, strict=True):
-                for weight in one.weights:
-                    value = next(several)
-                    for slope, column in zip(slopes, value, strict=True):
-                        slope[:, k] += weight / step * np.asarray(column)
-            found.append(slopes)
-        return found
+        if stencil is not TWO:
+            return [self._of_source(number, x, stencil, step)[1] for number in range(len(self.sources))]
+        return self._kept(x, slopes=True).slopes
+
+    def _kept(self, x: Array, *, slopes: bool) -> _Point:
+        """A point, computed once; of the last few."""
+        key = x.tobytes()
+        point = self._points.get(key)
+        if point is None or (slopes and not point.slopes):
+            parts = [self._of_source(k, x, TWO if slopes else None, STEP) for k in range(len(self.sources))]
+            point = _Point([values for values, _ in parts], [of_part for _, of_part in parts] if slopes else [])
+            self._points[key] = point
+            while len(self._points) > KEPT:
+                self._points.pop(next(iter(self._points)))
+        return point
+
+    def _of_source(
+        self, number: int, x: Array, stencil: Stencil | None, step: float
+    ) -> tuple[list[Array], list[Array]]:
+        """What one source has at a point, and its slopes, all in one batch; errors as in `slopes`."""
+        own = self._own[number] if stencil is not None else []
+        stencils = [self._stencil(k, x, stencil or TWO, step) for k in own]
+        points = [x + step * at * _unit(len(x), k) for k, one in zip(own, stencils, strict=True) for at in one.at]
+        values, *several = _good(self._many([(number, point) for point in (x, *points)]))
+        slopes = [np.zeros((len(block.y), len(x))) for block in self.sources[number].blocks]
+        beside = iter(several)
+        for k, one in zip(own, stencils, strict=True):
+            for weight in one.weights:
+                for slope, column in zip(slopes, next(beside), strict=True):
+                    slope[:, k] += weight / step * np.asarray(column)
+        return values, slopes
 
     def _stencil(self, k: int, x: Array, stencil: Stencil, step: float) -> Stencil:
         low, high = self.coordinates[k].bounds
@@ -134,13 +152,6 @@ class Signals:
         with deferred() as stop:
             ends = iter(outcomes(good, stop))
         return [scene if isinstance(scene, FlexlinkError) else _of_run(source, next(ends)) for scene in scenes]
-
-    @staticmethod
-    def _whole(parts: Sequence[list[Array] | FlexlinkError]) -> Model | FlexlinkError:
-        for part in parts:
-            if isinstance(part, FlexlinkError):
-                return part
-        return [part for part in parts if not isinstance(part, FlexlinkError)]
 
 
 def _single(source: Source, scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:

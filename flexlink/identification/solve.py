@@ -12,15 +12,22 @@ from scipy.stats import qmc
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
+from flexlink.identification.block import Block
+from flexlink.identification.colour import colour_of
 from flexlink.identification.coordinates import Coordinate, prior_rows
-from flexlink.identification.data import Block
+from flexlink.identification.recorded import Recorded
 from flexlink.identification.residuals import Row, row_of
 from flexlink.identification.signals import Model, Signals
 
-WINDOWS = 0.15, 0.4, 1.0
-"""Parts of each run that are fitted one after the other: a long one alone has minima a period apart."""
+WINDOWS = 0.0, 0.15, 0.4
+"""Parts of each run that are fitted one after the other before the whole: a long one alone has minima a period apart.
+Single numbers come first, alone, then with each part."""
 ROUNDS = 2
 """How often noise that nobody states is taken anew from what is left."""
+MORE = 1.1
+"""How many times more may be left, in squares, where noise is taken to hang together."""
+ROUGH, FINE = 1e-4, 1e-12
+"""Relative changes at which a search ends: one on the way to another, and the last."""
 NOWHERE = 1e8
 """Residual where the scene gives nothing: the search turns back."""
 
@@ -52,10 +59,12 @@ class Search:
         What the scene gives.
     loss
         As `scipy.optimize.least_squares` has it.
+    coloured
+        Whether noise of runs may hang together in time.
     """
 
-    def __init__(self, signals: Signals, loss: str) -> None:
-        self.signals, self.loss = signals, loss
+    def __init__(self, signals: Signals, loss: str, *, coloured: bool = False) -> None:
+        self.signals, self.loss, self.coloured = signals, loss, coloured
         self.coordinates: Sequence[Coordinate] = signals.coordinates
 
     def from_start(self, x: Array) -> Found:
@@ -67,41 +76,79 @@ class Search:
             The scene gives nothing at the start.
         """
         self.signals.model(x)
-        blocks = [list(source.blocks) for source in self.signals.sources]
-        single = [k for k, source in enumerate(self.signals.sources) if not source.is_run]
-        runs = len(single) < len(self.signals.sources)
-        if single and runs:
-            x = self.least(x, [part if k in single else [] for k, part in enumerate(blocks)], rough=True)
-        for part in WINDOWS[: len(WINDOWS) if runs else 0]:
-            x = self.least(x, [_first(one, part) for one in blocks], rough=part < 1)
-        if not runs:
-            x = self.least(x, blocks)
+        sources = self.signals.sources
+        blocks = [list(source.blocks) for source in sources]
+        single = [source for source in sources if not isinstance(source, Recorded)]
+        runs = len(single) < len(sources)
+        for part in WINDOWS if runs else ():
+            cut = [source.first(part) for source in sources if isinstance(source, Recorded)] if part else []
+            if part or single:
+                x = Search(Signals([*cut, *single], self.coordinates), self.loss).near(x)
+        last = not (self.coloured or self._weighs(blocks)) or not runs
+        x = self.least(x, blocks, rough=not last)
         cost = self.cost(x, blocks)
-        several = sum(not block.stated for part in blocks for block in part) and sum(map(len, blocks)) > 1
-        for _ in range(ROUNDS if several else 0):
+        if not runs:
+            return Found(x, cost, blocks)
+        for _ in range(ROUNDS - self.coloured if self._weighs(blocks) else 0):
             blocks = self.weighed(x, blocks)
             x = self.least(x, blocks)
-        return Found(x, cost, self.weighed(x, blocks) if runs else blocks)
+        blocks = self.weighed(x, blocks)
+        return self._coloured(Found(x, cost, blocks)) if self.coloured else Found(x, cost, blocks)
+
+    def near(self, x: Array) -> Array:
+        """Where a rough search leads."""
+        return self.least(x, [list(source.blocks) for source in self.signals.sources], rough=True)
+
+    def _coloured(self, white: Found) -> Found:
+        """The search with noise that hangs together in time.
+
+        Where it leaves clearly more than with white noise, the rest is no noise, but something that the scene does not
+        have: then what leaves least stays.
+        """
+        x, blocks = white.x, white.blocks
+        for _ in range(ROUNDS):
+            blocks = self.weighed(x, blocks, coloured=True)
+            x = self.least(x, blocks)
+        if self.cost(x, white.blocks) > MORE * self.cost(white.x, white.blocks):
+            return white
+        return Found(x, white.cost, self.weighed(x, blocks, coloured=True))
+
+    @staticmethod
+    def _weighs(blocks: Sequence[Sequence[Block]]) -> bool:
+        """Whether there is noise that nobody states, and that weighs."""
+        several = [block for part in blocks for block in part]
+        return len(several) > 1 and not all(block.stated for block in several)
 
     def rows(self, x: Array, blocks: Sequence[Sequence[Block]], *, slopes: bool = True) -> list[list[Row]]:
         """All blocks at a point; errors as in `Signals.model`."""
         model = self.signals.model(x)
-        by_x = self.signals.slopes(x) if slopes else [[None] * len(part) for part in model]
-        return _rows(blocks, model, by_x)
+        return _rows(blocks, model, self.signals.slopes(x) if slopes else None)
 
     def cost(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
         """Half the sum of squares."""
         residual = self._residual(x, blocks)
         return 0.5 * float(residual @ residual)
 
-    def weighed(self, x: Array, blocks: Sequence[Sequence[Block]]) -> list[list[Block]]:
-        """The blocks with the noise that is left at a point, where the problem states none."""
-        rows = self.rows(x, blocks, slopes=False)
+    def unlikelihood(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
+        """−2 ln of the likelihood at a point, the noise of runs being what is left there, up to a constant."""
+        plain, total = [[white(block) for block in part] for part in blocks], 0.0
+        for part, of_part in zip(plain, self.rows(x, plain, slopes=False), strict=True):
+            for block, row in zip(part, of_part, strict=True):
+                if block.t is None:
+                    total += float(row.residual @ row.residual)
+                else:
+                    w = colour_of(row.residual).whitened(row.residual[:, None])
+                    total += len(w) * float(np.log(np.mean(w**2)))
+        return total
+
+    def weighed(self, x: Array, blocks: Sequence[Sequence[Block]], *, coloured: bool = False) -> list[list[Block]]:
+        """The blocks with the noise that is left at a point: its size where the problem states none, its colour."""
+        plain = [[white(block) for block in part] for part in blocks]
+        rows = self.rows(x, plain, slopes=False)
         return [
-            [block if block.stated or not row.residual.any() else _with(block, row)
-             for block, row in zip(part, of_part, strict=True)]
-            for part, of_part in zip(blocks, rows, strict=True)
-        ]  # fmt: skip
+            [_with(block, row, coloured=coloured) for block, row in zip(*part, strict=True)]
+            for part in zip(plain, rows, strict=True)
+        ]
 
     def least(
         self, x: Array, blocks: Sequence[Sequence[Block]], *, rough: bool = False, held: int | None = None
@@ -111,7 +158,7 @@ class Search:
         if not free.any():
             return x
         bounds = np.array([one.bounds for one in self.coordinates]).T[:, free]
-        fine: dict[str, Any] = dict.fromkeys(("ftol", "xtol", "gtol"), 1e-4 if rough else 1e-12)
+        fine: dict[str, Any] = dict.fromkeys(("ftol", "xtol", "gtol"), ROUGH if rough else FINE)
 
         def whole(part: Array) -> Array:
             point = x.copy()
@@ -161,24 +208,26 @@ def _around(one: Coordinate) -> tuple[float, float]:
 
 
 def _rows(blocks: Sequence[Sequence[Block]], model: Model, slopes: Any) -> list[list[Row]]:
-    """A block may hold the first part of the data only; then the scene's numbers are cut alike."""
     return [
-        [row_of(block, model[k][b][: len(block.y)], None if slopes is None or slopes[k][b] is None else
-                slopes[k][b][: len(block.y)])
-         for b, block in enumerate(part)]
+        [row_of(block, y, None if slopes is None else slopes[k][b])
+         for b, (block, y) in enumerate(zip(part, model[k], strict=True))]
         for k, part in enumerate(blocks)
     ]  # fmt: skip
 
 
-def _first(blocks: Sequence[Block], part: float) -> list[Block]:
-    """The blocks up to a part of their times; single numbers whole."""
-    cut = []
-    for block in blocks:
-        n = len(block.y) if block.t is None else max(int(np.ceil(part * len(block.y))), min(10, len(block.y)))
-        cut.append(dataclasses.replace(block, y=block.y[:n], σ=block.σ[:n], t=None if block.t is None else block.t[:n]))
-    return cut
+def white(block: Block) -> Block:
+    """The block with noise that does not hang together, as large as before."""
+    if block.colour is None:
+        return block
+    return dataclasses.replace(block, σ=block.σ / block.colour.share, colour=None)
 
 
-def _with(block: Block, row: Row) -> Block:
-    size = float(np.sqrt(np.mean((row.residual * block.σ) ** 2)))
-    return dataclasses.replace(block, σ=np.full(len(block.y), size))
+def _with(block: Block, row: Row, *, coloured: bool) -> Block:
+    e = row.residual * block.σ
+    if not e.any():
+        return block
+    σ = block.σ if block.stated else np.full(len(e), float(np.sqrt(np.mean(e**2))))
+    if not coloured or block.t is None:
+        return dataclasses.replace(block, σ=σ)
+    colour = colour_of(e)
+    return dataclasses.replace(block, σ=σ * colour.share, colour=colour)

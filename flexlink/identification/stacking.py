@@ -7,9 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlink.common.types import Array
+from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, prior_rows
-from flexlink.identification.data import Block, Source
+from flexlink.identification.data import Source
 from flexlink.identification.interval import Part
+from flexlink.identification.recorded import Recorded
 from flexlink.identification.residuals import Row
 
 
@@ -37,7 +39,7 @@ def parts_of(sources: Sequence[Source], rows: Sequence[Sequence[Row]]) -> list[P
         for row in part:
             slopes.append(whole[at : at + len(row.residual)])
             at += len(row.residual)
-        parts.append(Part([row.residual for row in part], slopes, source.is_run))
+        parts.append(Part([row.residual for row in part], slopes, isinstance(source, Recorded)))
     return parts
 
 
