@@ -61,7 +61,23 @@ from flexlink.robots.importing import import_urdf
 from flexlink.sensors.outputs import SensorOutputs
 
 if TYPE_CHECKING:
-    from flexlink.on_demand import Sweep, compare, compare_trajectories, load_sweep, report, sweep
+    from flexlink.on_demand import (
+        FitModes,
+        FitParameter,
+        FitProblem,
+        FitRun,
+        FitStatic,
+        Fitted,
+        Sweep,
+        check_fit,
+        compare,
+        compare_trajectories,
+        fit,
+        load_fit,
+        load_sweep,
+        report,
+        sweep,
+    )
 
 
 __all__ = [
@@ -72,6 +88,12 @@ __all__ = [
     "Damping",
     "DenavitHartenberg",
     "Drive",
+    "FitModes",
+    "FitParameter",
+    "FitProblem",
+    "FitRun",
+    "FitStatic",
+    "Fitted",
     "FlexibleLink",
     "FlexlinkError",
     "Friction",
@@ -102,12 +124,14 @@ __all__ = [
     "beam_strain",
     "bias_torque",
     "buckling_loads",
+    "check_fit",
     "compare",
     "compare_trajectories",
     "elastic_torque",
     "energy",
     "equilibrium_in_motion",
     "errors",
+    "fit",
     "forward_dynamics",
     "forward_dynamics_derivatives",
     "frames",
@@ -120,6 +144,7 @@ __all__ = [
     "inverse_dynamics_derivatives",
     "jacobian",
     "linearize",
+    "load_fit",
     "load_scene",
     "load_sweep",
     "load_trajectory",

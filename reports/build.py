@@ -19,7 +19,7 @@ from flexlink.pages.page import make_folder, template
 from flexlink.pages.style import RC
 from flexlink.pages.tables import Table, table_csv
 from flexlink.pages.verdict import Report
-from reports import findings, reference, same, speed_limits, stored_full, verdict
+from reports import findings, measurements, reference, same, speed_limits, stored_full, verdict
 from reports.chapters import Section, chapter_of_kinds, contents, sections
 from reports.drawing import figures_of, modules
 from reports.results import Results, used
@@ -122,6 +122,7 @@ def write(
         paper=contents().paper,
         arm=[one for one in shown.get(SUMMARY, []) if one.name == ARM],
         overview=[one for one in shown.get(SUMMARY, []) if one.name != ARM],
+        measurements=_measurements(study, out),
         scenes=scene_names(study),
         failed=(failed := [row for row in study.rows if row.state == "FAIL"]),
         failing=_failing(failed),
@@ -156,6 +157,14 @@ def _same(study: Results, out: Path, beside_full: Path | None) -> Table | None:
     table = found.table()
     write_text(out / f"{table.name}.csv", table.csv)
     return table
+
+
+def _measurements(study: Results, out: Path) -> Table | None:
+    """The model against measurements, a line a group of quantities; None where there are none."""
+    found = measurements.table(study)
+    if found is not None:
+        write_text(out / f"{found.name}.csv", found.csv)
+    return found
 
 
 def _failing(rows: Sequence[Row]) -> Table:

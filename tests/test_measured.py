@@ -11,9 +11,9 @@ import pytest
 from conftest import ROOT
 
 import flexlink as fl
+from flexlink.results.measured import Measured, read_measured
 from flexlink.scene_report import building
-from flexlink.scene_report.fitting import Comparison, _least_squares, numbers_of
-from flexlink.scene_report.measured import Measured, read_measured
+from flexlink.scene_report.fitting import Comparison, numbers_of
 from flexlink.scene_report.report import report
 
 KNOWN = ("t [s]", "tip x [m]", "q upper [rad]", "qd upper [rad/s]")
@@ -137,16 +137,3 @@ def test_runs_that_are_fitted_go_on_to_the_sample_after_the_last_measurement(sce
     run, t = SimpleNamespace(t=np.array([0.0, 0.6])), np.array([0.0, 0.014])
     beside = Comparison(apart, cast("Any", run), Measured(t, {"tip x [m]": t}))
     assert beside.scene.run.duration == pytest.approx(0.02)
-
-
-def test_the_spread_of_a_number_is_that_of_what_is_left() -> None:
-    """2 x + noise of ±0.1 at 100 times: White's √Σ a²r² / Σ a² is 0.1 / (2 · 10)."""
-    noise = 0.1 * (-1.0) ** np.arange(100)
-
-    def residual(x: Any) -> np.ndarray:
-        return 2.0 * (x - 0.3) + noise
-
-    found = _least_squares(lambda x: cast("Any", x), residual, residual(0.0))
-    assert found is not None
-    assert found.x == pytest.approx(0.3)
-    assert found.spread == pytest.approx(0.005)

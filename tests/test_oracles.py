@@ -10,6 +10,7 @@ from mpmath import mp, mpf
 import flexlink as fl
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.stability_function import stability_function
+from reports.findings import oracles
 from validation.kinds.energy_drift import modal_loss, released_modes
 from validation.oracles import exact_runge_kutta
 from validation.oracles.common_origin import of_state
@@ -106,3 +107,20 @@ def test_the_release_of_a_straight_arm_gives_its_modes_the_energy_of_the_static_
     load = fl.gravity_torque(chain, np.zeros(chain.n))
     assert len(ω) == chain.n == 8
     assert E.sum() == pytest.approx(0.5 * load @ (load / chain.stiffness), rel=1e-12, abs=0)
+
+
+# --- what they share -------------------------------------------------------------------------------------------------
+
+
+def test_every_oracle_says_what_it_shares_and_imports_no_algorithm_of_the_library() -> None:
+    judges = oracles.judges()
+    files = {path.stem for path in oracles.ORACLES.glob("*.py")} - {"__init__"}
+    assert {file for judge in judges for file in judge.files} == files
+    data = {"flexlink.chain.chain", "flexlink.describe.schemes.methods"}  # numbers of a chain, coefficients of a method
+    for judge in judges:
+        assert set(judge.imports) <= data, judge.name
+
+
+def test_imports_are_found_through_other_oracles() -> None:
+    assert "flexlink.chain.chain" in oracles.imports_of("common_origin")
+    assert "flexlink.describe.schemes.methods" in oracles.imports_of("exact_runge_kutta")

@@ -20,6 +20,7 @@ from flexlink.describe.schemes.lumping_rules import LumpingRule
 from flexlink.describe.schemes.methods import Method
 from flexlink.describe.shaping import ShaperRule
 from flexlink.describe.spec import Spec
+from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic
 from flexlink.robots.collection import KnownArm
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.sweeps.plan import Sweep
@@ -28,9 +29,10 @@ from flexlink.sweeps.ranges import Range, Spread
 KEY_PAGES = {
     "scene.rst": [Scene],
     "sweep.rst": [Sweep, Range, Spread],
+    "fit.rst": [FitProblem, FitParameter, FitRun, FitModes, FitStatic],
     "data_files.rst": [LumpingRule, Method, ShaperRule, KnownArm, FlexibleLink],
 }
-WITHOUT_UNIT = {"Range", "Spread", "Element", "Jacobi", "RunSettings.max_evaluations"}
+WITHOUT_UNIT = {"FitParameter", "FitRun.noise", "Range", "Spread", "Element", "Jacobi", "RunSettings.max_evaluations"}
 """What varies has the unit of its key; places on an element, exponents and counts have none."""
 
 

@@ -21,6 +21,7 @@ try:
     from rich.markup import escape
     from rich.table import Table
 
+    from validation import theirs
     from validation.runner import run_cases
 except ImportError as missing:
     print(f"validation: {missing}; install with: python -m pip install -e '.[validation]'", file=sys.stderr)
@@ -37,6 +38,8 @@ EXAMPLES = """examples:
   python -m validation other_solvers_long   one of those that take minutes, and run only when they are named
   python -m validation --full               all of it, an hour; stopped and started again, it goes on where it was
   python -m validation --same reports/full  are the stored numbers the published ones? measures nothing
+  python -m validation --blank mine         CSV files of benchmarks and measurements for another code to fill in
+  python -m validation --theirs mine        judge that code by the same references
   python -m validation --list               what there is
 """
 
@@ -51,6 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise ArgumentError(f"--full {options.cases[0]}: --full means all cases; leave one of both away")
         if options.same:
             return _same(console, options.results, options.same)
+        if options.blank or options.theirs:
+            return _theirs(console, options)
         cases = load_cases(*(options.cases or (ALL if options.list or options.full else ())))
         if options.list:
             _print_cases(console, cases)
@@ -108,6 +113,19 @@ def _parser() -> argparse.ArgumentParser:
         help="measure nothing, and say whether the stored numbers are those of DIR, such as reports/full: equal to the "
         "bit, within rounding, different (exit code 1)",
     )
+    parser.add_argument(
+        "--theirs",
+        type=Path,
+        metavar="FOLDER",
+        help="judge another code: FOLDER/CASE.csv has its values by quantity, or its motion, beside the references of "
+        "the case (exit code 1: a value is not accepted)",
+    )
+    parser.add_argument(
+        "--blank",
+        type=Path,
+        metavar="FOLDER",
+        help="write these files for all cases that others can be judged by, or for the named ones, to be filled in",
+    )
     parser.add_argument("--no-report", action="store_true", help="do not write the report")
     parser.add_argument(
         "--results", type=Path, default=HERE / "results", metavar="DIR", help="store of the results (%(default)s)"
@@ -148,6 +166,36 @@ def _report(results: Path, full: bool) -> Path | None:
     module, make = ("reports.full", "save") if full else ("reports.build", "build")
     page: Path = getattr(importlib.import_module(module), make)(results, REPORT)
     return page
+
+
+def _theirs(console: Console, options: argparse.Namespace) -> int:
+    """Judge another code's files, or write blank ones; 0 if all that is given is accepted, 1 if not."""
+    if options.blank and options.theirs:
+        raise ArgumentError(f"--blank {options.blank}: not with --theirs; fill the files in between")
+    known = load_cases()
+    if options.theirs:
+        cases = theirs.cases_of(options.theirs, known)
+    else:
+        cases = theirs.open_to_others(load_cases(*options.cases) if options.cases else known)
+    store = Store(options.results)
+    store.prepare({case.name for case in load_cases(*ALL)})
+    for name, error in _run(console, cases, store, options).items():
+        raise FlexlinkError(f"{name}: {error}")
+    if options.blank:
+        for case in cases:
+            console.print(str(theirs.write_blank(options.blank, case, store.series(case.name))), highlight=False)
+        return 0
+    found = [
+        judged
+        for case in cases
+        for judged in theirs.judge(options.theirs / f"{case.name}.csv", case, store.series(case.name))
+    ]
+    table = Table(*theirs.HEADS, box=None)
+    for judged in (each for each in found if each.theirs is not None):
+        table.add_row(*map(escape, judged.cells()), style="red" if judged.passed is False else None)
+    console.print(table)
+    console.print(theirs.sentence(found), soft_wrap=True, highlight=False)
+    return 1 if any(judged.passed is False for judged in found) else 0
 
 
 def _same(console: Console, results: Path, folder: Path) -> int:

@@ -14,7 +14,7 @@ from flexlink.chain.arguments import require_one_of
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene, load_scene
-from flexlink.describe.spec import Spec, decode
+from flexlink.describe.spec import Positive, Spec, decode
 from validation.facts import Facts
 from validation.store import Bound
 
@@ -50,6 +50,17 @@ class Quantity(Spec, frozen=True):
             raise SceneError("reason: missing; a tolerance needs one")
 
 
+class Sheet(Spec, frozen=True):
+    """What any code's answer to a benchmark is judged by.
+
+    How its error is defined, which error is accepted (relative, or of a motion in its unit), and the values' unit.
+    """
+
+    error: str
+    accepted: Positive
+    unit: str
+
+
 class Case(Spec, frozen=True):
     """One TOML file in `cases/`; its name is the file's.
 
@@ -68,7 +79,11 @@ class Case(Spec, frozen=True):
     scenes: tuple[str, ...] = ()  # names of files in models/, also globs, or validation/scenes/
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
     by_name: bool = False  # runs only when it is asked for: it takes long
+    needs: str = (
+        ""  # path from the checkout of data that are no part of it; where they are missing the case is left out
+    )
     claim: str = ""
+    sheet: Sheet | None = None  # of a benchmark that other codes can be judged by, too
     parts: str = ""
     whole: str = ""  # of a part the name of its file
 
@@ -76,6 +91,11 @@ class Case(Spec, frozen=True):
     def part(self) -> str:
         """The value of which it is the part; "" of a whole case."""
         return self.name.removeprefix(f"{self.whole}-") if self.whole else ""
+
+    @property
+    def has_data(self) -> bool:
+        """Whether the data that it needs are there."""
+        return not self.needs or (HERE.parent / self.needs).exists()
 
     def divided(self) -> list[Case]:
         """Its parts, each with the common quantities and its own, "PART, …"; the case itself if it has none."""
@@ -185,6 +205,8 @@ def load_cases(*wanted: str) -> list[Case]:
         if not any(case.is_meant_by(pattern) for case in cases):
             known = ", ".join(case.name for case in cases)
             raise ArgumentError(f"case = {pattern!r}: no such case; there are {known}")
-    if not wanted:
-        return [case for case in cases if not case.by_name]
-    return [case for case in cases if any(case.is_meant_by(pattern) for pattern in wanted)]
+    chosen = [case for case in cases if any(map(case.is_meant_by, wanted))] if wanted else cases
+    left = [case for case in chosen if case.has_data and (wanted or not case.by_name)]
+    if chosen and not left:
+        raise ArgumentError(f"case = {chosen[0].name!r}: needs {chosen[0].needs}, which is not here")
+    return left

@@ -12,6 +12,7 @@ PAGES: dict[str, Callable[[Path], str]] = {
     "api.rst": api.page,
     "scene.rst": keys.scene_page,
     "sweep.rst": keys.sweep_page,
+    "fit.rst": keys.fit_page,
     "data_files.rst": keys.data_files_page,
     "command_line.rst": command_line.page,
     "methods.rst": schemes.methods_page,

@@ -24,6 +24,7 @@ from flexlink.describe.schemes.methods import Method
 from flexlink.describe.shaping import ShaperRule
 from flexlink.describe.spec import ONE_PER_LINK, Spec, default_of, fields_of
 from flexlink.describe.writing import toml_of
+from flexlink.identification.problem import FitProblem
 from flexlink.robots.collection import KnownArm
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.sweeps.plan import Sweep
@@ -60,6 +61,15 @@ value of ``grid`` and ``together`` is a list or a range, one of ``sample.keys`` 
 """
     roots = [("sweep", Sweep), ("sweep.grid.KEY", Range), ("sweep.sample.keys.KEY", Spread)]
     return _page("Keys of a sweep", intro, roots)
+
+
+def fit_page(_: Path) -> str:
+    """Keys of a fit, and of what was measured."""
+    intro = """\
+Everything that a problem's file, or :class:`flexlink.FitProblem` in Python, can say; ``fit.`` stands for the file. Keys
+below ``set`` and ``before`` are paths of the scene, see :doc:`scene`.
+"""
+    return _page("Keys of a fit", intro, [("fit", FitProblem)])
 
 
 def data_files_page(_: Path) -> str:

@@ -165,6 +165,29 @@ class ConvergenceError(FlexlinkError, ArithmeticError):
         return ConvergenceError, (str(self), self.q, self.load)
 
 
+class IdentifiabilityError(FlexlinkError, ValueError):
+    """Data that cannot hold the numbers which are sought; `check` is what they can tell, as `check_fit` gives it.
+
+    Examples
+    --------
+    >>> friction = fl.FitParameter(path="link.upper.joint.viscous", start=1.0)
+    >>> tapped = fl.FitModes(hertz=(5.7, 26.9), deviation=(0.01,))  # joints held: frequencies say nothing of friction
+    >>> try:
+    ...     fl.fit(fl.FitProblem(scene=scene, parameter=(friction,), modes=(tapped,)))
+    ... except fl.errors.IdentifiabilityError as error:
+    ...     print(error)
+    link.upper.joint.viscous has no effect on the data: expected ± ∞
+    """
+
+    def __init__(self, message: str, check: object) -> None:
+        super().__init__(message)
+        self.check = check
+
+    def __reduce__(self) -> tuple[type[IdentifiabilityError], tuple[str, object]]:
+        """As `UnstableStepError`."""
+        return IdentifiabilityError, (str(self), self.check)
+
+
 class InterruptedSweepError(KeyboardInterrupt):
     """Ctrl-C or SIGTERM during a sweep; a KeyboardInterrupt for all who stop at one. `signal` is its number.
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import jinja2
 
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.output import write_text
+from flexlink.pages.chapter import Chapter
 from flexlink.pages.numbers import amount, number
+from flexlink.pages.verdict import Fact, Verdict
 
 DATA = Path(__file__).parent / "data"
 
@@ -40,3 +44,16 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FlexlinkError(f"{path}: cannot be made a folder: {error.strerror or error}") from None
+
+
+def write_page(
+    folder: Path, name: str, kind: str, chapters: Sequence[Chapter], verdicts: Sequence[Verdict],
+    facts: Sequence[Fact], definitions: Mapping[str, str],
+) -> Path:  # fmt: skip
+    """Write index.html, chapter after chapter, whole; `kind` is what the page is, such as "report"."""
+    filled = template(DATA / "chapters.html").render(
+        title=f"{name}: flexlink {kind}", name=name, chapters=chapters, verdicts=verdicts, facts=facts,
+        definitions=definitions,
+    )  # fmt: skip
+    write_text(folder / "index.html", filled)
+    return folder / "index.html"

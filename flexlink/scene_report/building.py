@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 import time
 from collections.abc import Callable
@@ -12,12 +11,11 @@ import matplotlib as mpl
 import numpy as np
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.common.output import write_text
 from flexlink.pages.chapter import Chapter
-from flexlink.pages.page import make_folder, template
+from flexlink.pages.page import make_folder, write_page
+from flexlink.pages.part import Part, written
 from flexlink.pages.style import RC
 from flexlink.pages.verdict import Fact, Report, Verdict
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
 CHAPTERS = {
@@ -51,18 +49,13 @@ def build(study: Study, folder: Path, progress: Callable[[str], None]) -> Report
         if part is None:
             continue
         if isinstance(part, Part):
-            chapters.append(_written(Chapter(name, title, short), part, folder, definitions))
+            chapters.append(written(Chapter(name, title, short), part, folder, definitions))
             verdicts += part.verdicts
             facts += part.facts
         else:
             chapters.append(Chapter(name, title, short, failure=part))
         progress(f"{title}: {chapters[-1].failure or 'done'} ({time.perf_counter() - began:.1f} s)")
-    page = folder / "index.html"
-    filled = template(Path(__file__).parent / "data" / "scene.html").render(
-        title=f"{study.scene.name}: flexlink report", name=study.scene.name, chapters=chapters, verdicts=verdicts,
-        facts=facts, definitions=definitions,
-    )  # fmt: skip
-    write_text(page, filled)
+    page = write_page(folder, study.scene.name, "report", chapters, verdicts, facts, definitions)
     return Report(page, tuple(verdicts), chapters)
 
 
@@ -76,15 +69,3 @@ def _part(name: str, study: Study) -> Part | str | None:
         reason = str(error) if isinstance(error, FlexlinkError) else f"{type(error).__name__}: {error}"
         return " ".join(reason.split())
     return part
-
-
-def _written(chapter: Chapter, part: Part, folder: Path, definitions: dict[str, str]) -> Chapter:
-    """The chapter with what a part holds, its files written."""
-    for table in part.tables:
-        write_text(folder / f"{table.name}.csv", table.csv)
-    for name, text in part.files.items():
-        write_text(folder / name, text)
-    return dataclasses.replace(
-        chapter, sentences=part.sentences, tables=part.tables, literal=part.literal, files=tuple(part.files),
-        figures=tuple(picture.shown(folder, definitions) for picture in part.pictures),
-    )  # fmt: skip

@@ -2,15 +2,14 @@
 
     min over x of Σ r(x)²        r = (run − measured) / size of the column, at all times
 
-x is the number's change over its unit. Gauss and Newton's steps with the slope that the last two runs show, so that it
-works with every drive and method. Its spread is White's, as if what is left were noise.
+The search is that of fits. The spread is as if what is left were noise, however it hangs together in time.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cached_property
 from typing import NamedTuple
 
@@ -22,9 +21,23 @@ from flexlink.common.types import Array
 from flexlink.describe.own_units import UNIT
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
+from flexlink.identification.block import Block
+from flexlink.identification.coordinates import Coordinate
+from flexlink.identification.interval import spread_of
+from flexlink.identification.recorded import Recorded, exact
+from flexlink.identification.signals import Signals
+from flexlink.identification.solve import Search
+from flexlink.identification.stacking import parts_of
 from flexlink.motion.simulate import simulate
+from flexlink.results.measured import Measured
 from flexlink.results.trajectory import Trajectory
-from flexlink.scene_report.measured import Measured
+
+TOLERANCE = 1e-6
+"""Error of the runs that are tried as a part of the reach, of scenes without fixed steps."""
+LEAST = 0.02
+"""Least part of a positive number that is tried."""
+NOTHING = 0.02
+"""Part of the mean square difference that is not worth a search."""
 
 
 class Tried(NamedTuple):
@@ -181,54 +194,33 @@ class Comparison:
         found = [self.fit(number, before) for number in numbers_of(self.scene)] if self.differs else []
         return tuple(sorted((fit for fit in found if fit is not None), key=lambda fit: -fit.explained))
 
+    @cached_property
+    def _record(self) -> Recorded:
+        blocks = [
+            Block(name, column[there], np.full(int(there.sum()), self.sizes[name]), True, self.t[there])
+            for name, column in self.measured.items()
+            for there in [np.isfinite(column)]
+        ]
+        return Recorded("measured", "fit", exact(self.scene, TOLERANCE), tuple(blocks), math.nan)
+
     def fit(self, number: Tried, before: Array) -> Fit | None:
         """The best value of one number; None where it explains next to nothing, or no run with another value ends."""
-
-        def run_at(x: float) -> Trajectory | None:
-            try:
-                return simulate(self.scene.varied({number.path: number.value + x * number.unit}))
-            except FlexlinkError:
+        between = (-math.inf, math.inf) if number.is_angle else (LEAST * number.value, math.inf)
+        sought = Coordinate(number.path, "", number.value, False, number.unit, between, None)
+        search = Search(Signals([self._record], [sought]), "linear")
+        x, blocks = np.array([sought.x(number.value)]), [list(self._record.blocks)]
+        try:
+            (rows,) = search.rows(x, blocks)
+            r = np.concatenate([row.residual for row in rows])
+            slope = np.concatenate([row.slopes[:, 0] for row in rows])
+            if not slope.any() or (slope @ r) ** 2 < NOTHING * (slope @ slope) * (r @ r):
                 return None
-
-        found = _least_squares(run_at, self.residual, before)
-        if found is None:
+            x = search.near(x)
+            found = search.rows(x, blocks)
+            run = simulate(self.scene.varied({number.path: sought.value(float(x[0]))}))
+        except FlexlinkError:
             return None
-        explained = 1.0 - float(found.residual @ found.residual) / float(before @ before)
-        value, spread = number.value + found.x * number.unit, found.spread * number.unit
-        return Fit(number, value, spread, explained, self.off(found.run), found.run)
-
-
-class Point(NamedTuple):
-    """A change of a number, the run with it, what is left, and how well the change is known."""
-
-    x: float
-    run: Trajectory
-    residual: Array
-    spread: float
-
-
-def _least_squares(
-    run_at: Callable[[float], Trajectory | None], residual: Callable[[Trajectory], Array], before: Array
-) -> Point | None:
-    """The best change that was found; None without one."""
-    best: Point | None = None
-    largest_step = 0.9  # what is positive stays so
-    x, r, there = 0.0, before, 0.01
-    for trial in range(6):
-        run = run_at(there)
-        if run is None:
-            there = (x + there) / 2
-            continue
-        new = residual(run)
-        slope = (new - r) / (there - x)
-        steepness = float(slope @ slope)
-        if not steepness or (trial == 0 and (slope @ r) ** 2 < 0.02 * steepness * (r @ r)):
-            return None
-        step = min(max(-float(slope @ new) / steepness, -largest_step), largest_step)
-        spread = float(np.linalg.norm(slope * new)) / steepness  # White's, whatever each column's noise
-        if best is None or new @ new < best.residual @ best.residual:
-            best = Point(there, run, new, spread)
-        if abs(step) <= 0.1 * spread:  # not worth another run
-            break
-        x, r, there = there, new, max(there + step, (there - 1) / 2)
-    return best
+        left = sum(float(row.residual @ row.residual) for part in found for row in part)
+        spread = spread_of(parts_of([self._record], found), np.zeros((0, 1))).deviations[0] * number.unit
+        explained = 1.0 - left / float(before @ before)
+        return Fit(number, sought.value(float(x[0])), float(spread), explained, self.off(run), run)

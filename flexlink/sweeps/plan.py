@@ -214,10 +214,10 @@ def load_sweep(path: str | Path) -> Sweep:
         folder = path.parent
         for table, leaf in (("set", ()), ("grid", ("between",)), ("together", ("between",))):
             if isinstance(raw.get(table), dict):
-                raw[table] = _beside(folder, dict(_paths(raw[table], leaf)))
+                raw[table] = _beside(folder, dict(paths_of(raw[table], leaf)))
         sample = raw.get("sample")
         if isinstance(sample, dict) and isinstance(sample.get("keys"), dict):
-            sample["keys"] = _beside(folder, dict(_paths(sample["keys"], ("between", "mean", "deviation"))))
+            sample["keys"] = _beside(folder, dict(paths_of(sample["keys"], ("between", "mean", "deviation"))))
         scene = load_scene(folder / raw.pop("scene"))
         sweep = Sweep(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})
         Plan(sweep)
@@ -226,11 +226,11 @@ def load_sweep(path: str | Path) -> Sweep:
         raise type(error)(f"{path}: {error}") from None
 
 
-def _paths(table: Mapping[str, Any], leaf: tuple[str, ...], above: str = "") -> Iterator[tuple[str, Any]]:
+def paths_of(table: Mapping[str, Any], leaf: tuple[str, ...] = (), above: str = "") -> Iterator[tuple[str, Any]]:
     """Keys that TOML has taken apart at their dots, as paths again; a table with one of `leaf` is a value."""
     for key, value in table.items():
         if isinstance(value, dict) and value and not any(name in value for name in leaf):
-            yield from _paths(value, leaf, f"{above}{key}.")
+            yield from paths_of(value, leaf, f"{above}{key}.")
         else:
             yield f"{above}{key}", value
 

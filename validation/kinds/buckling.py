@@ -68,6 +68,22 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield published(pairs, f"{case.title} ({settings.best})")
 
 
+def error_at(case: Case, settings: Settings, at: Rule) -> float:
+    """Largest relative error of a critical load, as a data sheet has it."""
+    return _worst(case, settings, at, _critical)
+
+
+def mujoco_error_at(case: Case, settings: Settings, at: Rule) -> float:
+    """The same by MuJoCo's torques, from the exported file."""
+    return _worst(case, settings, at, _critical_in_mujoco)
+
+
+def _worst(case: Case, settings: Settings, at: Rule, found: Callable[[fl.Chain, Load], float]) -> float:
+    exact = {load.name: float(reference_array("critical_loads", load.key)) for load in settings.load}
+    chains = {load.name: fl.lump(load.variant.build(case, at)) for load in settings.load}
+    return max(abs(found(chains[load.name], load) / exact[load.name] - 1) for load in settings.load)
+
+
 def _wrench(load: Load, size: float) -> Array:
     return np.array([*(size * np.array(load.force)), 0.0, 0.0, 0.0])
 

@@ -6,7 +6,7 @@ steadily: its modes are those about that.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from flexlink import engines
 from flexlink.chain import free_base
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import of_mass_matrix
@@ -81,6 +82,36 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield published(pairs, f"{case.title} ({settings.best})")
 
 
+def error_at(case: Case, settings: Settings, at: Rule) -> float:
+    """Largest relative error of a frequency, all variants and modes, as a data sheet has it."""
+    return _worst(case, settings, at, lambda scene, variant: _frequencies(scene, variant, settings))
+
+
+def mujoco_error_at(case: Case, settings: Settings, at: Rule) -> float:
+    """The same by MuJoCo's M and torques, from the exported file.
+
+    Raises
+    ------
+    ArgumentError
+        Its modes are not told by kind.
+    """
+    if settings.kinds:
+        raise ArgumentError("MuJoCo's modes are not told by kind")
+
+    def found(scene: Scene, variant: Variant) -> Array:
+        state = _state(scene, variant, settings)
+        squares = _mujoco_squares(state)[state.rigid :][: settings.modes]
+        ω = np.append(np.sqrt(squares), np.full(settings.modes - len(squares), np.inf))
+        return ω / (2 * np.pi) if settings.unit == "Hz" else ω
+
+    return _worst(case, settings, at, found)
+
+
+def _worst(case: Case, settings: Settings, at: Rule, found: Callable[[Scene, Variant], Array]) -> float:
+    pairs = ((found(v.build(case, at), v), _exact(v, settings)) for v in settings.variant)
+    return max(float(np.abs(ω / exact - 1).max()) for ω, exact in pairs)
+
+
 def _measures(errors: Sequence[Array], settings: Settings) -> dict[str, float]:
     """Errors by measure, of those of each variant's modes."""
     if not settings.apart:
@@ -132,10 +163,9 @@ def _frequencies(scene: Scene, variant: Variant, settings: Settings) -> Array:
 def _parity(scene: Scene, variant: Variant, settings: Settings) -> Measured:
     """Largest difference of ω² in units of ‖M⁻¹‖₂ ΔM ω_max², ΔM the error of M that rounding explains."""
     state = _state(scene, variant, settings)
-    chain, q, qd, locked, rigid = state
+    chain, q, _, locked, rigid = state
     free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
-    engine = engines.load("mujoco", chain)
-    theirs = symmetric_squares(engine, q, springs(engine) + load_stiffness(engine, q, qd=qd), free)
+    theirs = _mujoco_squares(state)
     ours = state.modes.frequencies**2
     inverse = 1 / np.linalg.norm(mass_matrix(chain, q)[np.ix_(free, free)], -2)  # −2: the smallest singular value
     unit = inverse * of_mass_matrix(chain, q) * ours.max()
@@ -143,6 +173,14 @@ def _parity(scene: Scene, variant: Variant, settings: Settings) -> Measured:
     note = f"The first {settings.modes} frequencies differ by at most {first:.1g} of themselves."
     value = float(np.abs(theirs - ours).max() / unit)
     return Measured("MuJoCo's frequencies", value, "", "mujoco", _facts(variant, settings), note=note)
+
+
+def _mujoco_squares(state: _State) -> Array:
+    """ω² of all modes, by MuJoCo's M and torques."""
+    chain, q, qd, locked, _ = state
+    free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
+    engine = engines.load("mujoco", chain)
+    return symmetric_squares(engine, q, springs(engine) + load_stiffness(engine, q, qd=qd), free)
 
 
 def _price(case: Case, settings: Settings, points: Sequence[Point]) -> Iterator[Measured | Series]:

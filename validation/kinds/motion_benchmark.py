@@ -56,7 +56,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep, the best chain with its time integration error, and MuJoCo."""
-    exact = reference_array(settings.reference, "values")[:, list(settings.columns)]
+    exact = _exact(settings)
     run = functools.cache(lambda at: fl.simulate(_scene(case, settings, at)))
     points = [Point(at, _errors(settings, run(at), exact)) for at, _ in existing(case, settings.rules)]
     yield from report(settings, points, case.about, {"tip": "m"})
@@ -71,6 +71,25 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield from _motion(case, settings, ours, run(settings.beside), exact)
     yield from _independent(case, settings, run)
     yield from _parity(_scene(case, settings, settings.parity), settings.parity)
+
+
+def error_at(case: Case, settings: Settings, at: Rule) -> float:
+    """Tip error [m], as a data sheet has it."""
+    return _errors(settings, fl.simulate(_scene(case, settings, at)), _exact(settings))["tip"]
+
+
+def mujoco_error_at(case: Case, settings: Settings, at: Rule) -> float:
+    """The same by MuJoCo's accelerations, from the exported file; ArgumentError where a joint is prescribed."""
+    scene = _scene(case, settings, at)
+    chain = fl.lump(scene)
+    _, q, _ = engines.load("mujoco", chain).integrate(scene)
+    tip = np.array([fl.tip_position(chain, row)[:2] for row in q])
+    return largest_distance(tip, _exact(settings))
+
+
+def _exact(settings: Settings) -> Array:
+    """Tip of the reference, x and y (samples, 2) [m]."""
+    return reference_array(settings.reference, "values")[:, list(settings.columns)]
 
 
 def _scene(case: Case, settings: Settings, at: Rule) -> Scene:

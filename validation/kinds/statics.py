@@ -35,8 +35,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep, then every load on the best chain, native and in MuJoCo."""
-    all_loads = require_one_of(f"{case.path}: settings.loads", settings.loads, TIP_LOADS)
-    loads = [load for load in all_loads() if not settings.only or load.size in settings.only]
+    loads = _loads(case, settings)
     points = []
     for at, (scene,) in existing(case, settings.rules):
         chain = fl.lump(scene)
@@ -55,6 +54,17 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         yield Measured("tip error", _error(settings, chain, load, q), varied=facts, note=note)
         yield Measured("MuJoCo's residual", _residual(engine, chain, load, q), "", "mujoco", facts)
     yield published(pairs, f"{case.title} ({settings.best})")
+
+
+def error_at(case: Case, settings: Settings, at: Rule) -> float:
+    """Error of the worst load, as a data sheet has it."""
+    chain = fl.lump(Variant().build(case, at))
+    return max(_error(settings, chain, load, _equilibrium(chain, load)) for load in _loads(case, settings))
+
+
+def _loads(case: Case, settings: Settings) -> list[TipLoad]:
+    all_loads = require_one_of(f"{case.path}: settings.loads", settings.loads, TIP_LOADS)
+    return [load for load in all_loads() if not settings.only or load.size in settings.only]
 
 
 def _equilibrium(chain: fl.Chain, load: TipLoad) -> Array:

@@ -83,7 +83,7 @@ class SpatialChain:
 
     def equations(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[Any, Vector]:
         """M(q) [kg m²], an mpmath matrix (n, n), and T_GC(q, q̇) [N m]."""
-        hinges, bodies, _ = self._place(q, qd)
+        hinges, bodies, _ = self.place(q, qd)
         M, bias = mp.zeros(self.n, self.n), [mpf(0)] * self.n
         for body in bodies:
             v = {k: hinges.moves(k, body.center) for k in body.hinges}
@@ -104,7 +104,7 @@ class SpatialChain:
 
     def load(self, q: Sequence[Any], wrench: Sequence[Any]) -> Vector:
         """Jᵀ w of a wrench on the tip, axes of frame 0 [N m]."""
-        hinges, _, tip = self._place(q, [mpf(0)] * self.n)
+        hinges, _, tip = self.place(q, [mpf(0)] * self.n)
         force, moment, load = list(wrench[:3]), list(wrench[3:]), [mpf(0)] * self.n
         for k in tip.hinges:
             load[k] = mp.fdot(hinges.moves(k, tip.p), force) + mp.fdot(hinges.turns(k), moment)
@@ -140,7 +140,7 @@ class SpatialChain:
         rest = [t - b - s for t, b, s in zip(tau, bias, joint_torques(self.joints, q, qd), strict=True)]
         return list(mp.lu_solve(M, mp.matrix(rest)))
 
-    def _place(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[Hinges, list[Body], Frame]:
+    def place(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[Hinges, list[Body], Frame]:
         """The hinges, the bodies that have inertia, and the tip that the wrench acts on."""
         zero, one = mpf(0), mpf(1)
         rest = [zero] * 3

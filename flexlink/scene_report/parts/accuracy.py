@@ -9,11 +9,11 @@ import numpy as np
 
 from flexlink.pages.colours import BLUE, CYCLE, GREY, INK, MARKERS
 from flexlink.pages.numbers import number
+from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over, stacked_axes, tidy_logs
 from flexlink.pages.tables import Table, columns_csv, table_csv
 from flexlink.pages.verdict import State, Verdict
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.refinement import ENOUGH, Choice, Refinement
 from flexlink.scene_report.study import Study
 

@@ -12,9 +12,9 @@ from flexlink.diagnosis.trajectories import MEANINGFUL_TOLERANCE, RunDifference,
 from flexlink.engines import ENGINES
 from flexlink.pages.colours import engine_name
 from flexlink.pages.numbers import number
+from flexlink.pages.part import Part
 from flexlink.pages.tables import Table
 from flexlink.pages.verdict import State, Verdict
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
 STATES = 60  # at which terms are compared

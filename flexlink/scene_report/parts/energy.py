@@ -8,12 +8,12 @@ from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.pages.colours import BLUE, CYCLE, INK
 from flexlink.pages.numbers import number
+from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over, stacked_axes, tidy_linear
 from flexlink.pages.tables import columns_csv
 from flexlink.pages.verdict import State, Verdict
 from flexlink.results.trajectory import Trajectory
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
 

@@ -7,13 +7,13 @@ import numpy as np
 from flexlink.describe.own_units import TORQUE
 from flexlink.pages.colours import CYCLE
 from flexlink.pages.numbers import number
+from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import NAMED_CURVES, legend_over, stacked_axes
 from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.pages.verdict import Fact
 from flexlink.results.pictures.stress import peak_stress
 from flexlink.results.trajectory import Trajectory
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
 

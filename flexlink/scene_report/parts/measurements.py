@@ -8,13 +8,13 @@ import numpy as np
 
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.numbers import number, plural
+from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over, stacked_axes
 from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.pages.verdict import Verdict
+from flexlink.results.measured import read_measured
 from flexlink.scene_report.fitting import Comparison, Fit
-from flexlink.scene_report.measured import read_measured
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
 

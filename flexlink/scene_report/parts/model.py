@@ -14,10 +14,10 @@ from flexlink.describe.spec import short_list
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import frames
 from flexlink.pages.numbers import number, plural
+from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.tables import Cell, Table, table_csv
 from flexlink.scene_report.arm_picture import plot_chain
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
 

@@ -10,12 +10,12 @@ from flexlink.describe.own_units import UNIT, in_own
 from flexlink.dynamics.placement import frames
 from flexlink.pages.colours import CYCLE, GREY
 from flexlink.pages.numbers import number
+from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import NAMED_CURVES, colour_along, legend_over, stacked_axes
 from flexlink.pages.tables import columns_csv, table_csv
 from flexlink.pages.verdict import Verdict
 from flexlink.results.pictures.view import views_of
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 from flexlink.scene_report.views import draw_shadow, panels
 

@@ -7,8 +7,8 @@ import os
 import platform
 
 from flexlink.common.versions import processor, system, versions
+from flexlink.pages.part import Part
 from flexlink.pages.tables import Cell, Table
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
 

@@ -14,11 +14,11 @@ from flexlink.dynamics.vibration.at_rest import rest_of
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.colours import BLUE, GREY, INK
 from flexlink.pages.numbers import number
+from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import stacked_axes, tidy_logs
 from flexlink.pages.tables import Table, table_csv
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
 TOLERANCES = (1e-2, 1e-3, 1e-4)

@@ -13,12 +13,12 @@ from flexlink.dynamics.placement import frames, tip_position, unbent
 from flexlink.dynamics.terms import bias_torque
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.numbers import number
+from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over
 from flexlink.pages.tables import Table, table_csv
 from flexlink.pages.verdict import Fact
 from flexlink.results.pictures.view import views_of
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 from flexlink.scene_report.views import draw_arm, draw_shadow, panels
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from flexlink.diagnosis.comparison import compare
 from flexlink.diagnosis.diagnosis import Diagnosis
+from flexlink.pages.part import Part
 from flexlink.pages.tables import Table
 from flexlink.pages.verdict import Verdict
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
 

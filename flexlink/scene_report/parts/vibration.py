@@ -10,13 +10,13 @@ from flexlink.dynamics.vibration.modal import Modes
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.colours import BLUE, GREY, VERMILION
 from flexlink.pages.numbers import number
+from flexlink.pages.part import Part
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import WIDTH
 from flexlink.pages.tables import Cell, Table, table_csv
 from flexlink.pages.verdict import Fact
 from flexlink.results.pictures.view import view_of_motion
 from flexlink.results.resolved_modes import resolved
-from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
 from matplotlib.figure import Figure  # isort: skip

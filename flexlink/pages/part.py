@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
+from flexlink.common.output import write_text
+from flexlink.pages.chapter import Chapter
 from flexlink.pages.picture import Picture
 from flexlink.pages.tables import Table
 from flexlink.pages.verdict import Fact, Verdict
@@ -36,3 +39,15 @@ class Part:
     literal: str = ""
     files: dict[str, str] = dataclasses.field(default_factory=dict)
     facts: tuple[Fact, ...] = ()
+
+
+def written(chapter: Chapter, part: Part, folder: Path, definitions: dict[str, str]) -> Chapter:
+    """The chapter with what a part holds, its files written."""
+    for table in part.tables:
+        write_text(folder / f"{table.name}.csv", table.csv)
+    for name, text in part.files.items():
+        write_text(folder / name, text)
+    return dataclasses.replace(
+        chapter, sentences=part.sentences, tables=part.tables, literal=part.literal, files=tuple(part.files),
+        figures=tuple(picture.shown(folder, definitions) for picture in part.pictures),
+    )  # fmt: skip

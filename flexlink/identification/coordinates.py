@@ -1,0 +1,144 @@
+"""The numbers that are sought as coordinates x of a search: logarithms of positive ones, others over a unit."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import truncated
+from flexlink.identification.problem import FitParameter, FitProblem, FitRun
+
+FURTHEST = 1e3
+"""Factor from the start that is tried at most of a number that is sought by its logarithm."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Coordinate:
+    """One number that is sought: value = e^x, or unit · x.
+
+    Attributes
+    ----------
+    path
+        Its path in the scene.
+    run
+        Name of the run for which it is sought alone; "" of one for all.
+    start
+        Value where the search begins.
+    log
+        Whether x is its logarithm.
+    unit
+        Size of a large change of one that is not.
+    between
+        Least and largest value.
+    prior
+        Value and standard deviation that are known already.
+    """
+
+    path: str
+    run: str
+    start: float
+    log: bool
+    unit: float
+    between: tuple[float, float]
+    prior: tuple[float, float] | None
+
+    @property
+    def name(self) -> str:
+        """How messages call it."""
+        return f"{self.path} of run {self.run!r}" if self.run else self.path
+
+    def x(self, value: float) -> float:
+        """The coordinate of a value."""
+        if self.log:
+            return math.log(value) if value > 0 else -math.inf
+        return value / self.unit
+
+    def value(self, x: float) -> float:
+        """The value at a coordinate."""
+        return math.exp(x) if self.log else self.unit * x
+
+    def size(self, value: float) -> float:
+        """∂value/∂x there."""
+        return value if self.log else self.unit
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Least and largest x."""
+        low, high = self.between
+        return self.x(low), self.x(high)
+
+
+def coordinates_of(problem: FitProblem) -> tuple[Coordinate, ...]:
+    """All numbers that are sought, those of single runs last.
+
+    Raises
+    ------
+    SceneError
+        A path leads nowhere, to several numbers that differ, or to none; or the start is out of bounds.
+    """
+    found = [coordinate_of(problem.scene, parameter) for parameter in problem.parameter]
+    for run in problem.run:
+        if run.use == "fit":
+            found += own_coordinates(problem, run)
+    return tuple(found)
+
+
+def own_coordinates(problem: FitProblem, run: FitRun) -> list[Coordinate]:
+    """Numbers that are sought for one run alone; errors as in `coordinates_of`."""
+    scene = problem.scene.varied(run.set) if run.set else problem.scene
+    return [coordinate_of(scene, parameter, run.name) for parameter in run.parameter]
+
+
+def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coordinate:
+    """A number of a scene; errors as in `coordinates_of`."""
+    value = _value(scene, parameter)
+    log = parameter.scale == "log" or (
+        parameter.scale == "auto" and value > 0 and not parameter.path.startswith("initial.")
+    )
+    low, high = parameter.between or (-math.inf, math.inf)
+    if log and (value <= 0 or high <= 0):
+        raise SceneError(f"parameter {parameter.path} = {value!r}: is not positive; give scale = 'linear'")
+    if parameter.prior is not None and log and parameter.prior[0] <= 0:
+        raise SceneError(f"parameter {parameter.path}: prior = {list(parameter.prior)}: is not positive")
+    if not parameter.within(value):
+        raise SceneError(f"parameter {parameter.path} = {value!r}: outside between = {[low, high]}; give start")
+    if value == 0 and parameter.between is None and not parameter.path.startswith("initial."):
+        raise SceneError(
+            f"parameter {parameter.path} = {value!r}: how large it may be is not known; give between, or a start"
+        )
+    width = (high - low) / 2
+    unit = width if math.isfinite(width) else abs(value) or 1.0
+    ends = (max(low, value / FURTHEST), min(high, value * FURTHEST)) if log else (low, high)
+    return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior)
+
+
+def _value(scene: Scene, parameter: FitParameter) -> float:
+    values = scene.values_at(parameter.path)
+    if parameter.start is not None:
+        return parameter.start
+    if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
+        raise SceneError(
+            f"parameter {parameter.path} = {truncated(values[0])}: not a number in the scene; set it, or give start"
+        )
+    if len(set(values)) != 1:
+        raise SceneError(
+            f"parameter {parameter.path} = {truncated(values)}: the values differ; name each path by itself"
+        )
+    return float(values[0])
+
+
+def prior_rows(coordinates: Sequence[Coordinate], x: Array) -> tuple[Array, Array]:
+    """(x − prior) / deviation of those that have one, and its slopes, shape (priors, coordinates)."""
+    known = [(k, one) for k, one in enumerate(coordinates) if one.prior is not None]
+    residual, slopes = np.zeros(len(known)), np.zeros((len(known), len(coordinates)))
+    for row, (k, one) in enumerate(known):
+        mean, deviation = one.prior or (0.0, 1.0)
+        weight = one.size(mean) / deviation
+        residual[row], slopes[row, k] = (x[k] - one.x(mean)) * weight, weight
+    return residual, slopes

@@ -1,0 +1,230 @@
+"""fit(problem) and check_fit(problem): what the data can tell, the search, and how well its result is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from flexlink.chain.arguments import integer, require_callable, require_type
+from flexlink.common.errors import FlexlinkError, IdentifiabilityError
+from flexlink.common.types import Array
+from flexlink.identification.block import Block
+from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
+from flexlink.identification.data import Source, sources_of
+from flexlink.identification.estimates import estimates, linear_estimates, without_ends
+from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
+from flexlink.identification.identifiability import Check, checked
+from flexlink.identification.interval import spread_of
+from flexlink.identification.judge import columns_of
+from flexlink.identification.problem import FitProblem
+from flexlink.identification.profile import profiled, widened
+from flexlink.identification.residuals import row_of
+from flexlink.identification.signals import FOUR, STEP, Signals
+from flexlink.identification.solve import Found, Search, start_points
+from flexlink.identification.stacking import large_changes, linear_names, parts_of, priors_of, stacked
+
+
+def check_fit(problem: FitProblem) -> Check:
+    """What the data can tell of the numbers that are sought, before any are fitted.
+
+    From the slopes of all data at the start, over the noise that the problem states (where it states none, 1 % of the
+    range of the columns of one unit): numbers without effect, combinations that cannot be told apart, expected ±.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+
+    Returns
+    -------
+    Check
+        Names, singular values, directions that the data do not hold, in words, expected standard deviations.
+
+    Raises
+    ------
+    DataFileError
+        A file of a run cannot be read: a column or a unit that is not known, times that do not increase …
+    SceneError
+        A path leads nowhere, or a start is out of bounds; or the scene cannot be computed there.
+
+    Examples
+    --------
+    >>> sought = tuple(fl.FitParameter(path=f"material.aluminium.{name}") for name in ("young", "density"))
+    >>> bare = scene.varied({"tip.mass": 0.0})
+    >>> check = fl.check_fit(
+    ...     fl.FitProblem(scene=bare, parameter=sought, modes=(fl.FitModes(hertz=(11.0, 50.0), deviation=(0.01,)),))
+    ... )
+    >>> print(check.passed, check.directions[0].names)
+    False ('material.aluminium.density', 'material.aluminium.young')
+    """
+    problem = require_type("problem", problem, FitProblem)
+    coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
+    signals = Signals(sources, coordinates)
+    x = np.array([one.x(one.start) for one in coordinates])
+    return _check(signals, x, [list(source.blocks) for source in sources], _notes(sources))
+
+
+def fit(
+    problem: FitProblem, *, starts: int = 1, profile: bool = False, progress: Callable[[str], None] | None = None
+) -> Fitted:  # fmt: skip
+    """Find the numbers of a scene with which it gives what was measured, and say how well the data hold them.
+
+    Checked first (`check_fit`). Single numbers are fitted first, then runs in growing windows, by
+    `scipy.optimize.least_squares` with logarithms of positive numbers; gains and biases are at their best throughout
+    (variable projection). Intervals count how residuals hang together in time.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    starts
+        How many starts: the scene's values, then points that fill the bounds.
+    profile
+        Whether each interval is found by fitting all other numbers anew, too, with this one held beside its best value.
+    progress
+        Called with a line on every part that is done.
+
+    Returns
+    -------
+    Fitted
+        The fitted scene, each number with its 95 % interval, correlations, residuals.
+
+    Raises
+    ------
+    IdentifiabilityError
+        The data cannot hold the numbers: the message names those without effect, or that cannot be told apart.
+    DataFileError, SceneError
+        As in `check_fit`.
+
+    Examples
+    --------
+    >>> recorded = fl.simulate(scene.varied({"tip.mass": 4.5, "run.duration": 0.5}))
+    >>> data = {"t [s]": recorded.t, "tip y [m]": recorded.tip[:, 1]}
+    >>> found = fl.fit(
+    ...     fl.FitProblem(
+    ...         scene=scene, parameter=(fl.FitParameter(path="tip.mass"),), run=(fl.FitRun(name="fall", columns=data),)
+    ...     )
+    ... )
+    >>> print(f"{found['tip.mass'].value:.4f} kg")
+    4.5000 kg
+    """
+    problem = require_type("problem", problem, FitProblem)
+    require_callable("progress", progress)
+    count, tell = integer("starts", starts, 1), progress or (lambda _: None)
+    coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
+    signals = Signals(sources, coordinates)
+    search = Search(signals, problem.loss, coloured=problem.noise == "coloured")
+    own = np.array([one.x(one.start) for one in coordinates])
+    check = _check(signals, own, [list(source.blocks) for source in sources], _notes(sources))
+    if not check.passed:
+        raise IdentifiabilityError("; also ".join(one.text for one in check.lost), check)
+    tell("checked: every number is held by the data")
+    found = _searched(search, start_points(coordinates, count), tell)
+    best = found[0]
+    rows = search.rows(best.x, best.blocks)
+    spread = spread_of(parts_of(sources, rows), priors_of(coordinates, best.x, rows))
+    after = _check_after(signals, best, check)
+    numbers = (*estimates(coordinates, best.x, spread), *linear_estimates(sources, rows, spread, len(coordinates)))
+    if not after.passed:
+        numbers = tuple(map(without_ends, numbers))
+    else:
+        of_scene, others = numbers[: len(coordinates)], numbers[len(coordinates) :]
+        numbers = (*widened(search, best, profiled(search, best, of_scene, tell) if profile else of_scene), *others)
+    columns = columns_of(problem, signals, best, own, tell)
+    changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
+    warnings = _warnings(numbers, after, found, columns)
+    return Fitted(
+        problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
+        tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, warnings,
+    )  # fmt: skip
+
+
+def _values(coordinates: Sequence[Coordinate], x: Array) -> tuple[float, ...]:
+    return tuple(one.value(float(at)) for one, at in zip(coordinates, x, strict=True))
+
+
+def _searched(search: Search, points: Sequence[Array], tell: Callable[[str], None]) -> list[Found]:
+    """Where the starts lead, the best first; only the problem's own must lead somewhere."""
+    found = []
+    for k, x in enumerate(points):
+        try:
+            found.append(search.from_start(x))
+        except FlexlinkError:
+            if k == 0:
+                raise
+            continue
+        tell(f"start {k + 1} of {len(points)}: half the sum of squares {found[-1].cost:.6g}")
+    return sorted(found, key=lambda end: end.cost)
+
+
+def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], notes: Sequence[str]) -> Check:
+    """Slopes twice, with two steps: their difference is how well they are known."""
+    slopes, finer = signals.slopes(x, FOUR), signals.slopes(x, FOUR, STEP / 2)
+    J = _of_all(signals, x, blocks, slopes)
+    return checked(J, float(np.linalg.norm(J - _of_all(signals, x, blocks, finer), 2)), _names(signals), notes)
+
+
+def _check_after(signals: Signals, best: Found, before: Check) -> Check:
+    """The same where the search ended, with slopes at hand."""
+    J = _of_all(signals, best.x, best.blocks, signals.slopes(best.x))
+    return checked(J, before.error, before.names, before.notes)
+
+
+def _of_all(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], slopes: list[list[Array]]) -> Array:
+    """Slopes of all residuals to large changes of all numbers."""
+    parts = zip(blocks, signals.model(x), slopes, strict=True)
+    rows = [[row_of(b, y, J) for b, y, J in zip(*part, strict=True)] for part in parts]
+    _, known = prior_rows(signals.coordinates, x)
+    whole = stacked(rows, len(x), known)
+    return np.asarray(whole * np.array([1.0] * len(x) + large_changes(blocks)))
+
+
+def _names(signals: Signals) -> list[str]:
+    return [*(one.name for one in signals.coordinates), *linear_names(signals.sources)]
+
+
+def _of_run(one: Estimate, coordinates: Sequence[Coordinate]) -> bool:
+    return any(other.run and other.name == one.name for other in coordinates)
+
+
+def _notes(sources: Sequence[Source]) -> list[str]:
+    """What was read, and what is assumed of noise."""
+    found = []
+    for source in sources:
+        names = ", ".join(block.name for block in source.blocks)
+        rate = f" at {source.rate:.4g} Hz" if hasattr(source, "rate") else ""
+        found.append(f"{source.name}: {names}; {len(source.blocks[0].y)} samples{rate}")
+        unknown = [block.name for block in source.blocks if not block.stated]
+        if unknown:
+            found.append(f"{source.name}: noise of {', '.join(unknown)} is not stated; 1 % of the range is assumed")
+    return found
+
+
+FAR = 2.0
+"""How many times the noise that is stated the residuals may be before that is told."""
+
+
+def _too_far(one: FittedColumn) -> str:
+    return (
+        f"{one.source}, {one.name}: what is left is {one.times_noise:.2g} times the noise that is stated: more noise, "
+        "or something that the scene does not have"
+    )
+
+
+def _warnings(
+    numbers: Sequence[Estimate], check: Check, found: Sequence[Found], columns: Sequence[FittedColumn]
+) -> tuple[str, ...]:
+    told = [f"{one.name} ended at its bound, {one.value:.6g}" for one in numbers if one.at_bound]
+    told += [
+        f"{one.name}: the data do not reject the start, {one.start:.6g}, either; the interval holds both"
+        for one in numbers
+        if one.widened
+    ]  # fmt: skip
+    told += [one.text for one in check.directions]
+    told += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > FAR]
+    if len(found) > 1:
+        same = sum(bool(np.allclose(end.x, found[0].x, rtol=0, atol=1e-4)) for end in found)
+        if same < len(found):
+            told.append(f"{same} of {len(found)} starts led to the best answer; others end higher")
+    return tuple(told)

@@ -1,0 +1,144 @@
+"""What data can tell, before any is fitted: from slopes at the start and the noise that is stated.
+
+    J = ∂(data / noise)/∂x = U S Vᵀ
+
+A direction v in which the expected standard deviation 1/s is a whole factor e, or s is no more than the error of J, is
+not held by the data: a number without effect, or a combination that changes nothing that was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.common.types import Array
+
+FREE = 1.0
+"""Expected standard deviation of a direction, a part of its numbers, from which on it is not held."""
+WEAK = 0.1
+"""The same from which on it is told."""
+COUNTS = 0.2
+"""Share of the largest effect among a direction's numbers that makes another one part of it."""
+
+
+class Direction(NamedTuple):
+    """A combination of numbers that the data hold badly.
+
+    Attributes
+    ----------
+    names
+        The numbers in it, the one with the largest part first.
+    parts
+        How far each goes.
+    deviation
+        Expected standard deviation along it, a part of the numbers or of their units.
+    lost
+        Whether the data do not hold it at all.
+    """
+
+    names: tuple[str, ...]
+    parts: tuple[float, ...]
+    deviation: float
+    lost: bool
+
+    @property
+    def text(self) -> str:
+        """A sentence."""
+        if len(self.names) == 1:
+            how = "has no effect on the data" if self.lost else "is hardly held by the data"
+            return f"{self.names[0]} {how}: expected ± {_percent(self.deviation)}"
+        how = "cannot be told apart" if self.lost else "can hardly be told apart"
+        moved = ", ".join(
+            f"{name} {10 * p / self.parts[0]:+.2g} %" for name, p in zip(self.names, self.parts, strict=True)
+        )
+        return f"{' and '.join(self.names)} {how}: {moved} changes nothing that was measured by more than its noise"
+
+
+class Check(NamedTuple):
+    """What the data can tell.
+
+    Attributes
+    ----------
+    names
+        What is sought: numbers of the scene, then gains and biases.
+    singular_values
+        Of the slopes over the noise, largest first.
+    directions
+        Combinations that are held badly, the worst first.
+    expected
+        Expected standard deviation of each, a part of the number or of its unit; inf of one that is not held.
+    notes
+        What was found of columns, rates and noise.
+    error
+        Error of the slopes, a norm.
+    """
+
+    names: tuple[str, ...]
+    singular_values: Array
+    directions: tuple[Direction, ...]
+    expected: Array
+    notes: tuple[str, ...] = ()
+    error: float = 0.0
+
+    @property
+    def lost(self) -> tuple[Direction, ...]:
+        """Combinations that the data do not hold: the fit is refused."""
+        return tuple(one for one in self.directions if one.lost)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every number can be found."""
+        return not self.lost
+
+
+def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[str] = ()) -> Check:
+    """Judge slopes J of all residuals, shape (data, all), known up to `error`, of each column a large change's.
+
+    A number without effect stands alone; of what is left, combinations are as short as they can be.
+    """
+    least = max(1 / FREE, 10 * error)
+    size = np.linalg.norm(J, axis=0)
+    moved = np.flatnonzero(size > least)
+    directions = [
+        Direction((names[k],), (1.0,), np.inf if size[k] <= 10 * error else 1 / float(size[k]), True)
+        for k in np.flatnonzero(size <= least).tolist()
+    ]
+    some = J[:, moved]
+    _, s, V = np.linalg.svd(np.vstack([some, np.zeros((len(moved),) * 2)]), full_matrices=False)
+    lost = s <= least
+    of_some = [names[k] for k in moved.tolist()]
+    for v in _short(V[lost]):
+        along = float(np.linalg.norm(some @ v))
+        directions.append(_direction(of_some, v, size[moved], np.inf if along <= 10 * error else 1 / along, lost=True))
+    for k in np.flatnonzero(~lost & (s < 1 / WEAK))[::-1].tolist():
+        directions.append(_direction(of_some, V[k], size[moved], 1 / float(s[k]), lost=False))
+    expected = np.full(len(names), np.inf)
+    unheld = (V[lost] ** 2).sum(axis=0) > COUNTS**2 / 10
+    expected[moved] = np.where(unheld, np.inf, np.sqrt((V[~lost].T ** 2 / s[~lost] ** 2).sum(axis=1)))
+    return Check(
+        tuple(names), np.append(s, np.zeros(len(names) - len(s))), tuple(directions), expected, tuple(notes), error
+    )
+
+
+def _short(basis: Array) -> Array:
+    """Directions of unit length that span the same, with as many zeros as elimination finds."""
+    rows = basis.copy()
+    for k in range(len(rows)):
+        column = int(np.abs(rows[k]).argmax())
+        rows[k] /= rows[k, column]
+        others = np.arange(len(rows)) != k
+        rows[others] -= np.outer(rows[others, column], rows[k])
+    return np.asarray(rows / np.linalg.norm(rows, axis=1)[:, None])
+
+
+def _direction(names: Sequence[str], v: Array, effects: Array, deviation: float, lost: bool) -> Direction:
+    """The numbers in it are those whose effects on the data cancel, or would be noticed alone."""
+    effect = np.abs(v) * effects
+    order = [int(k) for k in np.argsort(-np.abs(v)) if effect[k] > COUNTS * effect.max()]
+    return Direction(tuple(names[k] for k in order), tuple(float(v[k]) for k in order), float(deviation), lost)
+
+
+def _percent(part: float) -> str:
+    return "∞" if not np.isfinite(part) else f"{100 * part:.2g} %"

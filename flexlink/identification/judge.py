@@ -1,0 +1,124 @@
+"""Every column that was measured beside what the scene gives before and after a fit, and beside a free linear model."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.identification.block import Block
+from flexlink.identification.colour import whiteness
+from flexlink.identification.coordinates import own_coordinates
+from flexlink.identification.data import Source, sources_of
+from flexlink.identification.fitted import FittedColumn
+from flexlink.identification.linear_reference import linear_models
+from flexlink.identification.problem import FitProblem
+from flexlink.identification.recorded import Recorded
+from flexlink.identification.residuals import Row, row_of
+from flexlink.identification.signals import Signals
+from flexlink.identification.solve import Found, Search, white
+
+
+def columns_of(
+    problem: FitProblem, signals: Signals, best: Found, start: Array, tell: Callable[[str], None]
+) -> tuple[FittedColumn, ...]:
+    """All columns, those that were fitted first."""
+    before, after = signals.model(start), signals.model(best.x)
+    found = _beside(signals.sources, best.blocks, before, after)
+    rows = [[row_of(b, y) for b, y in zip(*part, strict=True)] for part in zip(best.blocks, after, strict=True)]
+    gains = _gains(best.blocks, rows)
+    values = {one.path: one.value(float(x)) for one, x in zip(signals.coordinates, best.x, strict=True) if not one.run}
+    fitted = [(one, signals.scene(k, best.x)) for k, one in enumerate(signals.sources) if isinstance(one, Recorded)]
+    checks: list[tuple[Recorded, Scene]] = []
+    for source in sources_of(problem, "check"):
+        source.blocks = tuple(_known_gain(block, gains) for block in source.blocks)
+        columns, scene = _kept(problem, source, values, gains)
+        found += columns
+        checks += [(source, scene)] if isinstance(source, Recorded) else []
+        tell(f"checked against {source.name}")
+    return tuple(_with_linear(found, fitted, checks))
+
+
+def _with_linear(
+    columns: Sequence[FittedColumn], fitted: Sequence[tuple[Recorded, Scene]], kept: Sequence[tuple[Recorded, Scene]]
+) -> list[FittedColumn]:
+    """The same columns, those of runs with what a free linear model gives."""
+    models = linear_models(fitted, kept)
+    if models is None:
+        return list(columns)
+    runs = [source for source, _ in (*fitted, *kept)]
+    given = {
+        (source.name, block.name): model
+        for source, several in zip(runs, models, strict=True)
+        for block, model in zip(source.blocks, several, strict=True)
+    }
+    return [dataclasses.replace(one, linear=given.get((one.source, one.name))) for one in columns]
+
+
+def _kept(
+    problem: FitProblem, source: Source, values: dict[str, float], gains: dict[str, float]
+) -> tuple[list[FittedColumn], Scene]:
+    """A source that was not fitted, and its scene; numbers that are its own are sought first, all others held."""
+    own = next((run for run in problem.run if run.name == source.name), None)
+    coordinates = own_coordinates(problem, own) if own is not None else []
+    signals, x = Signals([source], coordinates), np.array([one.x(one.start) for one in coordinates])
+    before = signals.model(_best(signals, problem, x))
+    source.scene = source.scene.varied(values)
+    signals = Signals([source], coordinates)
+    x = _best(signals, problem, x)
+    after = signals.model(x)
+    after = [[gains.get(b.name, 1.0) * y for b, y in zip(source.blocks, after[0], strict=True)]]
+    columns = _beside([source], [source.blocks], before, after)
+    columns = [dataclasses.replace(one, gain=gains.get(one.name, one.gain)) for one in columns]
+    return columns, signals.scene(0, x)
+
+
+def _best(signals: Signals, problem: FitProblem, x: Array) -> Array:
+    return Search(signals, problem.loss).from_start(x).x if len(x) else x
+
+
+def _beside(
+    sources: Sequence[Source], blocks: Sequence[Sequence[Block]], before: list[list[Array]], after: list[list[Array]]
+) -> list[FittedColumn]:
+    found = []
+    for source, part, old, new in zip(sources, blocks, before, after, strict=True):
+        for block, earlier, later in zip(part, old, new, strict=True):
+            was, now = row_of(white(block), earlier), row_of(block, later)
+            given, σ = now.gain * later + now.bias, float(np.sqrt(np.mean(white(block).σ ** 2)))
+            left = given - block.y
+            found.append(
+                FittedColumn(
+                    source=source.name,
+                    name=block.name,
+                    use=source.use,
+                    t=block.t,
+                    measured=block.y,
+                    before=was.gain * earlier + was.bias,
+                    after=given,
+                    linear=None,
+                    gain=now.gain,
+                    bias=now.bias,
+                    noise=σ,
+                    stated=block.stated,
+                    times_noise=float(np.sqrt(np.mean((left / white(block).σ) ** 2))),
+                    whiteness=whiteness(left) if block.t is not None else float("nan"),
+                )
+            )
+    return found
+
+
+def _gains(blocks: Sequence[Sequence[Block]], rows: Sequence[Sequence[Row]]) -> dict[str, float]:
+    """Gains that were found, by column; the mean where several runs have it."""
+    found: dict[str, list[float]] = {}
+    for part, of_part in zip(blocks, rows, strict=True):
+        for block, row in zip(part, of_part, strict=True):
+            if block.gain:
+                found.setdefault(block.name, []).append(row.gain)
+    return {name: float(np.mean(several)) for name, several in found.items()}
+
+
+def _known_gain(block: Block, gains: dict[str, float]) -> Block:
+    return dataclasses.replace(block, gain=False) if block.name in gains else block

@@ -1,0 +1,142 @@
+"""A free linear model of the same order: is it the numbers of the scene that are wrong, or the scene?
+
+    y_c(t) = Σ_j Re(a_cj e^{λ_j t}) + Σ_u Σ_j Re(b_cju ∫ e^{λ_j (t − s)} u(s) ds) + d_c
+
+λ_j begin at the fitted scene's modes at rest, as many as the records can show, and are sought; residues b of each
+column and input u, the accelerations of prescribed joints, are the same in all runs, a and d each run's own. All but λ
+are linear, at their best throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.vibration.at_rest import modes_at_rest, rest_of
+from flexlink.identification.recorded import Recorded
+from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.simulate import simulate
+
+MOST = 6
+"""Modes."""
+SHOWN = 0.35
+"""Highest frequency of a mode, a part of the rate of the records."""
+
+
+def linear_models(
+    fitted: Sequence[tuple[Recorded, Scene]], kept: Sequence[tuple[Recorded, Scene]]
+) -> list[list[Array]] | None:
+    """What the model gives in place of all blocks of the runs that are fitted, then of those kept to check.
+
+    None where a linear model says nothing: joints that are free to swing, or driven by a law, or no modes that the
+    records show.
+    """
+    runs = [*fitted, *kept]
+    if not fitted or not all(_held(scene) for _, scene in runs):
+        return None
+    try:
+        λ = _modes(fitted[0][1], min(source.rate for source, _ in fitted))
+        inputs = [_accelerations(scene) for _, scene in runs]
+    except FlexlinkError:
+        return None
+    if not len(λ):
+        return None
+    columns = sorted({block.name for source, _ in fitted for block in source.blocks})
+    start = np.concatenate([np.log(np.abs(λ)), -λ.real / np.abs(λ)])
+
+    def residual(p: Array) -> Array:
+        fits = [_column(name, _poles(p), fitted, inputs) for name in columns]
+        return np.concatenate([left for left, _ in fits])
+
+    far = np.concatenate([np.full(len(λ), 0.7), np.full(len(λ), 0.3)])
+    found = least_squares(residual, start, bounds=(start - far, start + far), max_nfev=40).x
+    shared = {name: _column(name, _poles(found), fitted, inputs)[1] for name in columns}
+    return [
+        [_given(block.name, _poles(found), source, taken, shared) for block in source.blocks]
+        for (source, _), taken in zip(runs, inputs, strict=True)
+    ]
+
+
+def _held(scene: Scene) -> bool:
+    """All joints that could swing are locked, or led."""
+    led = {scene.arm.number(motion.link) for motion in scene.motion}
+    return all(link.joint.locked or k in led for k, link in enumerate(scene.arm.links, 1))
+
+
+def _modes(scene: Scene, rate: float) -> Array:
+    """The slowest eigenvalues at rest, of those that swing, one of each pair."""
+    chain = lump(scene)
+    found = modes_at_rest(chain, rest_of(chain, initial_state(scene, chain)[0]))
+    λ = found.eigenvalues
+    return np.asarray([one for one in λ if 0 < abs(one.imag) < 2 * np.pi * SHOWN * rate][:MOST])
+
+
+def _poles(p: Array) -> Array:
+    size, ratio = np.exp(p[: len(p) // 2]), np.clip(p[len(p) // 2 :], -0.99, 0.99)
+    return np.asarray(size * (-ratio + 1j * np.sqrt(1 - ratio**2)))
+
+
+def _accelerations(scene: Scene) -> tuple[Array, Array]:
+    """Times of a run, and accelerations of its prescribed joints, shape (samples, joints)."""
+    run = simulate(scene)
+    led = np.flatnonzero(run.chain.hinges["prescribed"] != 0)
+    return run.t, np.asarray(CubicSpline(run.t, run.qd[:, led])(run.t, 1)).reshape(len(run.t), len(led))
+
+
+def _shapes(λ: Array, times: Array, taken: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Of each run its own shapes, and those that inputs give, at the times of a block."""
+    t, u = taken
+    free = np.exp(np.outer(times - t[0], λ))
+    own = np.hstack([free.real, free.imag, np.ones((len(times), 1))])
+    forced = []
+    h = float(t[1] - t[0])
+    for one in λ:
+        E = np.exp(one * h)
+        last = (E - 1 - one * h) / (one**2 * h)  # inputs are linear between samples
+        first = (E - 1) / one - last
+        for column in u.T:
+            z = lfilter([last, first], [1.0, -E], column.astype(complex))
+            forced += [z.real, z.imag]
+    of_inputs = np.array(forced).T if forced else np.empty((len(t), 0))
+    same = len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * (1 + times[-1]))
+    return own, of_inputs[: len(times)] if same else np.asarray(CubicSpline(t, of_inputs)(times))
+
+
+def _column(
+    name: str, λ: Array, fitted: Sequence[tuple[Recorded, Scene]], inputs: Sequence[tuple[Array, Array]]
+) -> tuple[Array, Array]:
+    """Residuals of a column in all runs over its noise, and what inputs weigh in it."""
+    rows, targets = [], []
+    there = [
+        (block, taken)
+        for (source, _), taken in zip(fitted, inputs, strict=False)
+        for block in source.blocks
+        if block.name == name
+    ]
+    shapes = [_shapes(λ, np.asarray(block.t), taken) for block, taken in there]
+    width = [own.shape[1] for own, _ in shapes]
+    for k, ((own, forced), (block, _)) in enumerate(zip(shapes, there, strict=True)):
+        before, behind = np.zeros((len(own), sum(width[:k]))), np.zeros((len(own), sum(width[k + 1 :])))
+        rows.append(np.hstack([forced, before, own, behind]) / block.σ[:, None])
+        targets.append(block.y / block.σ)
+    Φ, target = np.vstack(rows), np.concatenate(targets)
+    best = np.linalg.lstsq(Φ, target, rcond=None)[0]
+    return np.asarray(Φ @ best - target), np.asarray(best[: shapes[0][1].shape[1]])
+
+
+def _given(name: str, λ: Array, source: Recorded, taken: tuple[Array, Array], shared: dict[str, Array]) -> Array:
+    """What the model gives of a column of one run; its own start and zero at their best."""
+    block = next(block for block in source.blocks if block.name == name)
+    if name not in shared:
+        return np.full(len(block.y), np.nan)
+    own, forced = _shapes(λ, np.asarray(block.t), taken)
+    by_inputs = forced @ shared[name]
+    return np.asarray(by_inputs + own @ np.linalg.lstsq(own, block.y - by_inputs, rcond=None)[0])

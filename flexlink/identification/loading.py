@@ -1,0 +1,85 @@
+"""A problem from its file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from msgspec.structs import replace
+
+from flexlink.common.errors import DataFileError, SceneError
+from flexlink.describe import data_files
+from flexlink.describe.mistakes import mistakes, raise_together
+from flexlink.describe.scene import load_scene
+from flexlink.describe.spec import check_keys, decode, fields_of
+from flexlink.identification.problem import FitProblem, FitRun
+from flexlink.sweeps.plan import paths_of
+
+
+def load_fit(path: str | Path) -> FitProblem:
+    """Read a problem's file.
+
+    Parameters
+    ----------
+    path
+        A TOML file: `scene`, a path from the file's own folder, then `[[parameter]]`, and `[[run]]`, `[[modes]]`,
+        `[[static]]`, what was measured.
+
+    Returns
+    -------
+    FitProblem
+        As the file says; the recorded runs' files are read when it is fitted.
+
+    Raises
+    ------
+    ArgumentError
+        `path` is no path.
+    SceneError
+        The message names the file, the key path, the value and what is allowed.
+    DataFileError
+        The file of a rule or method that the scene names is not valid.
+
+    Examples
+    --------
+    >>> problem = fl.load_fit("models/fits/tapped.toml")
+    >>> print(problem.scene.name, [parameter.path for parameter in problem.parameter])
+    three_links ['material.aluminium.young', 'tip.mass']
+    """
+    path = data_files.require_path("path", path)
+    raw = data_files.read_toml(path)
+    try:
+        fields = {field.encode_name: field for field in fields_of(FitProblem)}
+        check_keys(raw, fields, required=("scene", "parameter"))
+        if not isinstance(raw["scene"], str):
+            raise SceneError(f"scene = {raw['scene']!r}: expected the path of a scene file")
+        scene = load_scene(path.parent / raw.pop("scene"))
+        for part in ("run", "modes", "static"):
+            for table in raw.get(part, ()) if isinstance(raw.get(part), list) else ():
+                _as_paths(table)
+        raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
+        parts = {key: decode(value, fields[key].type, key) for key, value in raw.items()}
+        parts["run"] = tuple(_beside(path.parent, run) for run in parts.get("run", ()))
+        return FitProblem(scene=scene, **parts)
+    except (SceneError, DataFileError) as error:
+        raise type(error)(f"{path}: {error}") from None
+
+
+def _as_paths(table: Any) -> None:
+    """Keys that TOML has taken apart at their dots, as paths again."""
+    for key in ("set", "before") if isinstance(table, dict) else ():
+        if isinstance(table.get(key), dict):
+            table[key] = dict(paths_of(table[key]))
+
+
+def _beside(folder: Path, run: FitRun) -> FitRun:
+    """Files of a run, and of what it sets, are named from the folder of the problem."""
+    file = str((folder / run.file).absolute()) if run.file else ""
+    return replace(run, file=file, set=_files_beside(folder, run.set))
+
+
+def _files_beside(folder: Path, value: Any, key: str = "") -> Any:
+    if isinstance(value, dict):
+        return {name: _files_beside(folder, item, name.rpartition(".")[2]) for name, item in value.items()}
+    if isinstance(value, list):
+        return [_files_beside(folder, item) for item in value]
+    return str((folder / value).absolute()) if key == "file" and isinstance(value, str) else value

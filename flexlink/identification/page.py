@@ -1,0 +1,217 @@
+"""The page of a fit: numbers and their intervals, data beside the scene, what is left and its spectrum."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
+from flexlink.pages.chapter import Chapter
+from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
+from flexlink.pages.numbers import number, plural
+from flexlink.pages.page import make_folder, write_page
+from flexlink.pages.part import Part, written
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import RC, legend_over, stacked_axes
+from flexlink.pages.tables import Cell, Table, columns_csv
+from flexlink.pages.verdict import Fact, Report, Verdict
+
+PANELS = 4
+"""Columns that are drawn; more panels are too many for a page."""
+WHITE = 0.01
+"""Probability below which residuals are no white noise."""
+
+
+def build(fitted: Fitted, folder: Path, command: str) -> Report:
+    """Write the page and its files: fitted scene, JSON, tables, pictures. Errors as in `Fitted.report`."""
+    make_folder(folder)
+    fitted.save(folder / "fit.json")
+    parts = {
+        "numbers": ("Numbers that were found", "Numbers", _numbers(fitted)),
+        "data": ("Measured and computed", "Data", _data(fitted)),
+        "left": ("What is left", "Residuals", _left(fitted)),
+        "told": ("What the data can tell", "Identifiability", _told(fitted)),
+        "reproduce": ("How to reproduce", "Reproduce", _reproduce(fitted, command)),
+    }
+    definitions: dict[str, str] = {}
+    with mpl.rc_context(RC):
+        chapters = [
+            written(Chapter(name, title, short), part, folder, definitions)
+            for name, (title, short, part) in parts.items()
+        ]
+    verdicts = _verdicts(fitted)
+    facts = [Fact(f"{number(one.value, 4)} ± {number(one.half, 2)}", one.name) for one in fitted.numbers if one.path]
+    page = write_page(folder, fitted.scene.name, "fit", chapters, verdicts, facts, definitions)
+    return Report(page, tuple(verdicts), chapters)
+
+
+def _verdicts(fitted: Fitted) -> list[Verdict]:
+    held = fitted.identifiable
+    found = [
+        Verdict(
+            "Identifiability", "pass" if held else "fail", "held" if held else "not held",
+            f"The data hold {plural(len(fitted.numbers), 'number')}." if held else
+            f"{fitted.warnings[0]}.",
+        )
+    ]  # fmt: skip
+    worst = max(fitted.judged, key=lambda one: one.off(one.after) / (one.noise or 1.0))
+    by = "kept to check" if worst.use == "check" else "fitted; none were kept to check"
+    text = f"{worst.name} of {worst.source}: RMS difference {number(worst.off(worst.before))} before, "
+    text += f"{number(worst.off(worst.after))} after ({by})."
+    better = fitted.better
+    found.append(Verdict("Fit", "pass" if better else "fail", "better" if better else "worse", text))
+    linear = [one for one in fitted.judged if one.linear is not None and np.isfinite(one.linear).all()]
+    if linear:
+        ours, theirs = (float(np.mean([one.fit(model) for one, model in pairs])) for pairs in (
+            [(one, one.after) for one in linear], [(one, one.linear) for one in linear]))  # fmt: skip
+        good = ours >= theirs - 1.0  # %
+        said = "explains as much as" if good else "explains less than"
+        found.append(Verdict("Model", "pass" if good else "doubt", "numbers" if good else "structure",
+            f"The fitted scene {said} a free linear model of the same order: {number(ours)} and {number(theirs)} % "
+            + ("of the signal: nothing is missing in it that a linear model has." if good else
+               "of the signal: no values of its numbers give all that was measured.")))  # fmt: skip
+    return found
+
+
+def _numbers(fitted: Fitted) -> Part:
+    heads = ["number", "before", "fitted", "from", "to", "± in %", "standard deviation"]
+    profile = any(one.profile for one in fitted.numbers)
+    lines: list[tuple[Cell, ...]] = [
+        (one.name, one.start, one.value, one.low, one.high, 100 * one.half / abs(one.value) if one.value else None,
+         one.deviation, *(_ends(one) if profile else ()))
+        for one in fitted.numbers
+    ]  # fmt: skip
+    heads += ["profile from", "profile to"] if profile else []
+    sentences = (
+        "Intervals hold the true value in 95 % of cases if the scene is right; they count how the residuals hang "
+        "together in time.",
+        *(f"Note: {warning}." for warning in fitted.warnings),
+    )
+    names = tuple(one.name for one in fitted.numbers)
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (name, *row.tolist()) for name, row in zip(names, fitted.correlation, strict=True)
+    )
+    return Part(sentences, tables=(
+        Table("numbers", "Numbers with 95 % intervals", tuple(heads), tuple(lines)),
+        Table("correlation", "Correlation", ("", *names), rows, to_look_up=True),
+    ))  # fmt: skip
+
+
+def _ends(one: Estimate) -> tuple[float | None, float | None]:
+    low, high = one.profile or (math.nan, math.nan)
+    return _none(low), _none(high)
+
+
+def _data(fitted: Fitted) -> Part:
+    lines = tuple(
+        (one.source, one.name, one.use, one.off(one.before), one.off(one.after),
+         None if one.linear is None else one.off(one.linear), *(_none(one.fit(m)) for m in (one.before, one.after,
+         one.linear)), one.gain, one.bias)
+        for one in fitted.columns
+    )  # fmt: skip
+    heads = (
+        "of", "column", "use", "RMS before", "RMS after", "RMS free linear", "fit before [%]", "fit after [%]",
+        "fit free linear [%]", "gain", "bias",
+    )  # fmt: skip
+    sentences: tuple[str, ...] = ("Fit is 1 − |difference| / |measured less its mean|. RMS in SI units.",)
+    if all(one.linear is None for one in fitted.columns):
+        sentences += ("No free linear model beside it: joints swing free, or there is no run.",)
+    single = tuple(
+        (f"{one.source}, {one.name}", float(m), float(b), float(a))
+        for one in fitted.columns if one.t is None
+        for m, b, a in zip(one.measured, one.before, one.after, strict=True)
+    )  # fmt: skip
+    tables = [Table("columns", "Measured columns", heads, lines)]
+    if single:
+        tables.append(Table("single", "Single numbers", ("number", "measured", "before", "fitted"), single))
+    drawn = _drawn(fitted)
+    return Part(sentences, pictures=(_overlay(drawn),) if drawn else (), tables=tuple(tables))
+
+
+def _drawn(fitted: Fitted) -> list[FittedColumn]:
+    """Columns kept to check first."""
+    return sorted((one for one in fitted.columns if one.t is not None), key=lambda one: one.use)[:PANELS]
+
+
+def _overlay(drawn: list[FittedColumn]) -> Picture:
+    figure, axes = stacked_axes(len(drawn), 2.2, share=False)
+    columns: dict[str, np.ndarray] = {}
+    for panel, one in zip(axes, drawn, strict=True):
+        panel.plot(one.t, one.measured, ".", color=GREY, markersize=3, label="measured")
+        panel.plot(one.t, one.before, color=VERMILION, linewidth=0.8, label="before")
+        panel.plot(one.t, one.after, color=BLUE, label="fitted")
+        panel.set_ylabel(one.name)
+        panel.set_title(f"{one.source} ({one.use})", loc="left")
+        columns |= {f"{one.source}: t [s]": np.asarray(one.t)} | {
+            f"{one.source}: {label} {one.name}": values
+            for label, values in (("measured", one.measured), ("before", one.before), ("fitted", one.after))
+        }
+    axes[-1].set_xlabel("time [s]")
+    legend_over(axes[0], figure=figure)
+    return Picture("beside", "Measured and computed", figure, "Measured, before and after the fit.", _padded(columns))
+
+
+def _left(fitted: Fitted) -> Part:
+    runs = [one for one in fitted.columns if one.t is not None]
+    coloured = [one for one in runs if one.whiteness < WHITE]
+    if not runs:
+        return Part(("Single numbers only: see the table above.",))
+    said = (
+        f"{len(coloured)} of {plural(len(runs), 'column')} leave more than white noise (Ljung and Box, 20 lags, "
+        f"p < {WHITE:g}): coloured noise of instruments, or something that the scene does not have."
+        if coloured else "What is left looks like white noise in every column (Ljung and Box, 20 lags)."
+    )  # fmt: skip
+    lines = tuple((one.source, one.name, one.off(one.after), one.noise, one.whiteness) for one in runs)
+    heads = ("of", "column", "RMS", "noise", "p of whiteness")
+    drawn = _drawn(fitted)
+    figure, axes = stacked_axes(len(drawn), 2.0, share=False)
+    columns: dict[str, np.ndarray] = {}
+    for panel, one in zip(axes, drawn, strict=True):
+        f, root = _spectrum(np.asarray(one.t), one.after - one.measured)
+        panel.loglog(f, root, color=INK, linewidth=0.9)
+        panel.set_ylabel(f"{one.name.rpartition(' [')[2].rstrip(']')}/√Hz")
+        panel.set_title(f"{one.source}: {one.name}", loc="left")
+        columns |= {f"{one.source}: f of {one.name} [Hz]": f, f"{one.source}: {one.name}": root}
+    axes[-1].set_xlabel("frequency [Hz]")
+    caption = "Square root of the residuals' power spectral density."
+    picture = Picture("spectrum", "Spectrum of what is left", figure, caption, _padded(columns))
+    return Part((said,), pictures=(picture,), tables=(Table("left", "What is left", heads, lines),))
+
+
+def _spectrum(t: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    rate, window = (len(t) - 1) / (t[-1] - t[0]), np.hanning(len(e))
+    power = np.abs(np.fft.rfft(window * (e - e.mean()))) ** 2 * 2 / (rate * (window @ window))
+    return np.fft.rfftfreq(len(e), 1 / rate)[1:], np.sqrt(power[1:])
+
+
+def _told(fitted: Fitted) -> Part:
+    check = fitted.check
+    lines = tuple((name, None if not np.isfinite(e) else 100 * float(e)) for name, e in
+                  zip(check.names, check.expected, strict=True))  # fmt: skip
+    sentences = tuple(f"{one.text}." for one in check.directions) or ("Every number, and every combination, is held.",)
+    values = tuple((k, float(s)) for k, s in enumerate(check.singular_values, 1))
+    return Part((*sentences, *(f"{note}." for note in check.notes)), tables=(
+        Table("expected", "Expected standard deviation, noise white", ("number", "± in % of it or its unit"), lines),
+        Table("singular_values", "Singular values of the slopes over the noise", ("number", "value"), values,
+              to_look_up=True),
+    ))  # fmt: skip
+
+
+def _reproduce(fitted: Fitted, command: str) -> Part:
+    scene = fitted.scene.to_toml()
+    sentences = (f"Made by: {command}",) if command else ()
+    return Part(sentences, literal=scene, files={"fitted.toml": scene})
+
+
+def _padded(columns: dict[str, np.ndarray]) -> str:
+    longest = max(len(column) for column in columns.values())
+    return columns_csv({
+        name: np.pad(column, (0, longest - len(column)), constant_values=np.nan) for name, column in columns.items()
+    })  # fmt: skip
+
+
+def _none(value: float) -> float | None:
+    return value if np.isfinite(value) else None

@@ -1,0 +1,193 @@
+"""A run that was recorded, block by block, and what a scene gives in its place."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from msgspec.structs import replace
+from scipy.interpolate import CubicSpline
+
+from flexlink.common.errors import DataFileError, FlexlinkError
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import did_you_mean
+from flexlink.identification.block import Block
+from flexlink.identification.problem import FitProblem, FitRun, Use
+from flexlink.motion.simulate import simulate
+from flexlink.results.measured import Measured, measured_from, named, read_measured
+from flexlink.results.trajectory import Trajectory
+from flexlink.sensors.signals import column_names
+
+
+@dataclasses.dataclass(eq=False)
+class Recorded:
+    """A run that was recorded.
+
+    Attributes
+    ----------
+    name, use
+        As the problem says.
+    scene
+        What it is computed from, but for the numbers that are sought.
+    blocks
+        Its columns.
+    rate
+        Samples per second of the file [Hz].
+    """
+
+    name: str
+    use: Use
+    scene: Scene
+    blocks: tuple[Block, ...]
+    rate: float
+
+    def first(self, part: float) -> Recorded:
+        """The first part of the run, ten samples at least."""
+        blocks = tuple(_first(block, part) for block in self.blocks)
+        end = max(float(np.asarray(block.t)[-1]) for block in blocks)
+        run = self.scene.run
+        duration = math.ceil((end - self.scene.initial.time) / run.spacing - 1e-6) * run.spacing
+        shorter = {"run.duration": float(f"{duration:.12g}"), "run.sample": run.spacing}
+        scene = self.scene.varied(shorter) if duration < run.duration else self.scene
+        return dataclasses.replace(self, scene=scene, blocks=blocks)
+
+    def model(self, run: Trajectory) -> list[Array]:
+        """What a run has in place of its blocks, by cubic splines through its samples."""
+        columns = run.columns
+        return [_at(run.t, columns[block.name], block.t) for block in self.blocks]
+
+
+def recorded(problem: FitProblem, run: FitRun) -> Recorded:
+    """A run of a problem, read.
+
+    Raises
+    ------
+    DataFileError, SceneError
+        Its file or columns, or what it sets, are wrong.
+    """
+    scene = problem.scene.varied(run.set) if run.set else problem.scene
+    known = {"t [s]": None, **simulate(_short(scene)).columns}
+    measured = _measured(run, known)
+    first, last = run.window or (-math.inf, math.inf)
+    first = max(first, scene.initial.time)
+    inside = (measured.t >= first) & (measured.t <= last)
+    if inside.sum() < 2:
+        raise DataFileError(
+            f"run {run.name!r}: fewer than two samples from {first:g} to {last:g} s; the file goes from "
+            f"{measured.t[0]:g} to {measured.t[-1]:g} s"
+        )
+    t, heads, of_sensors = measured.t[inside], _by_name(run, known, measured.columns), _noise_of_sensors(scene)
+    blocks = tuple(
+        _block(run, name, column[inside], t, heads, known, of_sensors.get(name, 0.0))
+        for name, column in measured.columns.items()
+        if np.isfinite(column[inside]).any()
+    )
+    if not blocks:
+        raise DataFileError(f"run {run.name!r}: no measured values inside its window")
+    rate = float((len(t) - 1) / (t[-1] - t[0]))
+    smooth = _as_long(exact(scene, problem.tolerance), t)
+    return Recorded(run.name, run.use, smooth, _with_noise(blocks), rate)
+
+
+def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
+    if run.file:
+        return read_measured(Path(run.file), known, run.compare)
+    lengths = {head: len(column) for head, column in run.columns.items()}
+    if len(set(lengths.values())) != 1:
+        raise DataFileError(f"run {run.name!r}: columns of different length: {lengths}")
+    values = np.array(list(run.columns.values())).T
+    return measured_from(f"run {run.name!r}", list(run.columns), values, known, run.compare)
+
+
+def _short(scene: Scene) -> Scene:
+    """The same scene with a run of one sample: its columns."""
+    return scene.varied({"run.duration": scene.run.spacing})
+
+
+def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, object]) -> dict[str, dict[str, str]]:
+    """What the run says of columns: how each was called, by the name of the column of a run."""
+    where, found = f"run {run.name!r}", {}
+    for key in ("noise", "gain", "bias"):
+        found[key] = {named(where, head, known)[0]: head for head in getattr(run, key)}
+        for name, head in found[key].items():
+            if name not in compared:
+                likely = did_you_mean(head, compared)
+                raise DataFileError(f"{where}: {key} of {head!r}: no such column is compared{likely}")
+    return found
+
+
+def _block(
+    run: FitRun, name: str, y: Array, t: Array, heads: Mapping[str, Mapping[str, str]], known: Mapping[str, object],
+    of_sensor: float,
+) -> Block:  # fmt: skip
+    there = np.isfinite(y)
+    head = heads["noise"].get(name)
+    σ = run.noise[head] * named(run.name, head, known)[1] if head is not None else of_sensor
+    return Block(
+        name, y[there], np.full(int(there.sum()), σ), σ > 0, t[there], None,
+        name in heads["gain"], name in heads["bias"],
+    )  # fmt: skip
+
+
+ASSUMED = 0.01
+"""Part of the range of columns of one unit that their noise is taken for at first, where nothing is stated."""
+
+
+def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
+    """A first guess of noise that is not stated."""
+    range_of: dict[str, float] = {}
+    for block in blocks:
+        unit = block.name.rpartition("[")[2]
+        range_of[unit] = max(range_of.get(unit, 0.0), float(np.ptp(block.y)))
+    return tuple(
+        block if block.stated else dataclasses.replace(
+            block, σ=np.full(len(block.y), ASSUMED * (range_of[block.name.rpartition("[")[2]] or 1.0))
+        )
+        for block in blocks
+    )  # fmt: skip
+
+
+def exact(scene: Scene, tolerance: float) -> Scene:
+    """The scene with runs that have slopes: sensors without noise and steps, a tolerance as small as that."""
+    sensors = [replace(one, noise=0.0, seed=None, resolution=None, rate=None) for one in scene.sensor]
+    plain = replace(scene, sensor=tuple(sensors)) if sensors else scene
+    return plain.varied({"run.relative_tolerance": tolerance}) if scene.run.controlled else plain
+
+
+def _noise_of_sensors(scene: Scene) -> dict[str, float]:
+    """Standard deviation of the readings of a scene's sensors, of noise and resolution, by column."""
+    return {
+        name: math.hypot(one.noise, (one.resolution or 0.0) / math.sqrt(12))
+        for one in scene.sensor
+        for name in column_names(scene, (one,))
+    }
+
+
+def _as_long(scene: Scene, t: Array) -> Scene:
+    """The scene with a run as long as its record, sampled as that is where it can be."""
+    between = float(np.median(np.diff(t)))
+    length = float(t[-1]) - scene.initial.time
+    for sample in (float(f"{between:.9g}"), scene.run.spacing):
+        duration = max(math.ceil(length / sample - 1e-6), 1) * sample
+        try:
+            return scene.varied({"run.sample": sample, "run.duration": float(f"{duration:.12g}")})
+        except FlexlinkError as error:
+            reason = error
+    raise reason
+
+
+def _first(block: Block, part: float) -> Block:
+    n = max(math.ceil(part * len(block.y)), min(10, len(block.y)))
+    return dataclasses.replace(block, y=block.y[:n], σ=block.σ[:n], t=None if block.t is None else block.t[:n])
+
+
+def _at(t: Array, column: Array, times: Array | None) -> Array:
+    if times is None:
+        raise AssertionError
+    if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
+        return np.asarray(column[: len(times)])
+    return np.asarray(CubicSpline(t, column)(times))

@@ -1,0 +1,183 @@
+"""What a scene gives in place of the data, at several points of the search at once, and its slopes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.interruption import deferred
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.describe.variants import Variants
+from flexlink.identification.coordinates import Coordinate
+from flexlink.identification.data import Source
+from flexlink.identification.recorded import Recorded
+from flexlink.kernels.tools.lanes import LANES
+from flexlink.motion.batch import outcomes
+from flexlink.results.stop_reasons import InterruptedRunError
+from flexlink.results.trajectory import Trajectory
+
+Model = list[list[Array]]
+"""Of every source, of every block of it, what the scene gives."""
+STEP = 1e-3
+"""Step of differences in x, a part of the number or of its unit."""
+
+
+class Stencil(NamedTuple):
+    """Where a slope is taken from, in steps, and with which weights over the step."""
+
+    at: tuple[int, ...]
+    weights: tuple[float, ...]
+
+
+TWO = Stencil((-1, 1), (-0.5, 0.5))
+FOUR = Stencil((-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12))
+"""Errors of order 2 and 4."""
+UP, DOWN = Stencil((0, 1, 2), (-1.5, 2.0, -0.5)), Stencil((0, -1, -2), (1.5, -2.0, 0.5))
+"""At a bound, of order 2."""
+
+
+KEPT = 4
+"""Points that are kept: a search asks for numbers, slopes and noise at the same ones."""
+
+
+class _Point(NamedTuple):
+    model: Model
+    slopes: list[list[Array]]
+
+
+class Signals:
+    """Sources as functions of the coordinates.
+
+    Attributes
+    ----------
+    sources
+        What was measured.
+    coordinates
+        What is sought.
+    runs
+        How many runs have been computed.
+    """
+
+    def __init__(self, sources: Sequence[Source], coordinates: Sequence[Coordinate]) -> None:
+        self.sources, self.coordinates = sources, coordinates
+        self.runs = 0
+        self._own = [[k for k, one in enumerate(coordinates) if one.run in ("", source.name)] for source in sources]
+        self._points: dict[bytes, _Point] = {}
+        self._beside = 2 * len(coordinates) < LANES and not any(source.scene.run.controlled for source in sources)
+        self._variants = [
+            Variants(source.scene, [coordinates[k].path for k in own])
+            for source, own in zip(sources, self._own, strict=True)
+        ]
+
+    def scene(self, number: int, x: Array) -> Scene:
+        """The scene of a source at a point; errors as in `Scene.varied`."""
+        own = [self.coordinates[k] for k in self._own[number]]
+        values = [one.value(float(x[k])) for k, one in zip(self._own[number], own, strict=True)]
+        return self._variants[number].varied({one.path: v for one, v in zip(own, values, strict=True)})
+
+    def model(self, x: Array) -> Model:
+        """What the scene gives at one point.
+
+        Raises
+        ------
+        FlexlinkError
+            It gives nothing there.
+        """
+        return self._kept(x, slopes=self._beside).model
+
+    def slopes(self, x: Array, stencil: Stencil = TWO, step: float = STEP) -> list[list[Array]]:
+        """∂(what the scene gives)/∂x of every block, shape (n, coordinates).
+
+        Raises
+        ------
+        FlexlinkError
+            The scene gives nothing next to this point.
+        """
+        if stencil is not TWO:
+            return [self._of_source(number, x, stencil, step)[1] for number in range(len(self.sources))]
+        return self._kept(x, slopes=True).slopes
+
+    def _kept(self, x: Array, *, slopes: bool) -> _Point:
+        """A point, computed once; of the last few."""
+        key = x.tobytes()
+        point = self._points.get(key)
+        if point is None or (slopes and not point.slopes):
+            parts = [self._of_source(k, x, TWO if slopes else None, STEP) for k in range(len(self.sources))]
+            point = _Point([values for values, _ in parts], [of_part for _, of_part in parts] if slopes else [])
+            self._points[key] = point
+            while len(self._points) > KEPT:
+                self._points.pop(next(iter(self._points)))
+        return point
+
+    def _of_source(
+        self, number: int, x: Array, stencil: Stencil | None, step: float
+    ) -> tuple[list[Array], list[Array]]:
+        """What one source has at a point, and its slopes, all in one batch; errors as in `slopes`."""
+        own = self._own[number] if stencil is not None else []
+        stencils = [self._stencil(k, x, stencil or TWO, step) for k in own]
+        points = [x + step * at * _unit(len(x), k) for k, one in zip(own, stencils, strict=True) for at in one.at]
+        values, *several = _good(self._many([(number, point) for point in (x, *points)]))
+        slopes = [np.zeros((len(block.y), len(x))) for block in self.sources[number].blocks]
+        beside = iter(several)
+        for k, one in zip(own, stencils, strict=True):
+            for weight in one.weights:
+                for slope, column in zip(slopes, next(beside), strict=True):
+                    slope[:, k] += weight / step * np.asarray(column)
+        return values, slopes
+
+    def _stencil(self, k: int, x: Array, stencil: Stencil, step: float) -> Stencil:
+        low, high = self.coordinates[k].bounds
+        far = step * max(stencil.at)
+        return UP if x[k] - far < low else DOWN if x[k] + far > high else stencil
+
+    def _many(self, asked: Sequence[tuple[int, Array]]) -> list[list[Array] | FlexlinkError]:
+        """What one source has at several points; runs go side by side where they can."""
+        if not asked:
+            return []
+        source = self.sources[asked[0][0]]
+        scenes: list[Scene | FlexlinkError] = []
+        for number, x in asked:
+            try:
+                scenes.append(self.scene(number, x))
+            except FlexlinkError as error:
+                scenes.append(error)
+        if not isinstance(source, Recorded):
+            return [_single(source, scene) for scene in scenes]
+        good = [scene for scene in scenes if isinstance(scene, Scene)]
+        self.runs += len(good)
+        with deferred() as stop:
+            ends = iter(outcomes(good, stop))
+        return [scene if isinstance(scene, FlexlinkError) else _of_run(source, next(ends)) for scene in scenes]
+
+
+def _single(source: Source, scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
+    if isinstance(scene, FlexlinkError) or isinstance(source, Recorded):
+        return SceneError(str(scene))
+    try:
+        return source.of(scene)
+    except FlexlinkError as error:
+        return error
+
+
+def _of_run(source: Recorded, end: object) -> list[Array] | FlexlinkError:
+    if isinstance(end, InterruptedRunError):
+        raise end
+    if isinstance(end, Trajectory):
+        return source.model(end)
+    assert isinstance(end, FlexlinkError)
+    return end
+
+
+def _good(values: Sequence[list[Array] | FlexlinkError]) -> list[list[Array]]:
+    for value in values:
+        if isinstance(value, FlexlinkError):
+            raise value
+    return [value for value in values if not isinstance(value, FlexlinkError)]
+
+
+def _unit(n: int, k: int) -> Array:
+    return np.asarray(np.eye(n)[k])

@@ -1,0 +1,233 @@
+"""The search: single numbers first, then runs in growing windows; weights from what is left; several starts."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
+from flexlink.identification.block import Block
+from flexlink.identification.colour import colour_of
+from flexlink.identification.coordinates import Coordinate, prior_rows
+from flexlink.identification.recorded import Recorded
+from flexlink.identification.residuals import Row, row_of
+from flexlink.identification.signals import Model, Signals
+
+WINDOWS = 0.0, 0.15, 0.4
+"""Parts of each run that are fitted one after the other before the whole: a long one alone has minima a period apart.
+Single numbers come first, alone, then with each part."""
+ROUNDS = 2
+"""How often noise that nobody states is taken anew from what is left."""
+MORE = 1.1
+"""How many times more may be left, in squares, where noise is taken to hang together."""
+ROUGH, FINE = 1e-4, 1e-12
+"""Relative changes at which a search ends: one on the way to another, and the last."""
+NOWHERE = 1e8
+"""Residual where the scene gives nothing: the search turns back."""
+
+
+class Found(NamedTuple):
+    """Where a search ended.
+
+    Attributes
+    ----------
+    x
+        The point.
+    cost
+        Half the sum of squares, with the noise of the first search.
+    blocks
+        Of every source, with the noise that was taken at last.
+    """
+
+    x: Array
+    cost: float
+    blocks: list[list[Block]]
+
+
+class Search:
+    """Least squares of sources over coordinates.
+
+    Parameters
+    ----------
+    signals
+        What the scene gives.
+    loss
+        As `scipy.optimize.least_squares` has it.
+    coloured
+        Whether noise of runs may hang together in time.
+    """
+
+    def __init__(self, signals: Signals, loss: str, *, coloured: bool = False) -> None:
+        self.signals, self.loss, self.coloured = signals, loss, coloured
+        self.coordinates: Sequence[Coordinate] = signals.coordinates
+
+    def from_start(self, x: Array) -> Found:
+        """Search from a point.
+
+        Raises
+        ------
+        FlexlinkError
+            The scene gives nothing at the start.
+        """
+        self.signals.model(x)
+        sources = self.signals.sources
+        blocks = [list(source.blocks) for source in sources]
+        single = [source for source in sources if not isinstance(source, Recorded)]
+        runs = len(single) < len(sources)
+        for part in WINDOWS if runs else ():
+            cut = [source.first(part) for source in sources if isinstance(source, Recorded)] if part else []
+            if part or single:
+                x = Search(Signals([*cut, *single], self.coordinates), self.loss).near(x)
+        last = not (self.coloured or self._weighs(blocks)) or not runs
+        x = self.least(x, blocks, rough=not last)
+        cost = self.cost(x, blocks)
+        if not runs:
+            return Found(x, cost, blocks)
+        for _ in range(ROUNDS - self.coloured if self._weighs(blocks) else 0):
+            blocks = self.weighed(x, blocks)
+            x = self.least(x, blocks)
+        blocks = self.weighed(x, blocks)
+        return self._coloured(Found(x, cost, blocks)) if self.coloured else Found(x, cost, blocks)
+
+    def near(self, x: Array) -> Array:
+        """Where a rough search leads."""
+        return self.least(x, [list(source.blocks) for source in self.signals.sources], rough=True)
+
+    def _coloured(self, white: Found) -> Found:
+        """The search with noise that hangs together in time.
+
+        Where it leaves clearly more than with white noise, the rest is no noise, but something that the scene does not
+        have: then what leaves least stays.
+        """
+        x, blocks = white.x, white.blocks
+        for _ in range(ROUNDS):
+            blocks = self.weighed(x, blocks, coloured=True)
+            x = self.least(x, blocks)
+        if self.cost(x, white.blocks) > MORE * self.cost(white.x, white.blocks):
+            return white
+        return Found(x, white.cost, self.weighed(x, blocks, coloured=True))
+
+    @staticmethod
+    def _weighs(blocks: Sequence[Sequence[Block]]) -> bool:
+        """Whether there is noise that nobody states, and that weighs."""
+        several = [block for part in blocks for block in part]
+        return len(several) > 1 and not all(block.stated for block in several)
+
+    def rows(self, x: Array, blocks: Sequence[Sequence[Block]], *, slopes: bool = True) -> list[list[Row]]:
+        """All blocks at a point; errors as in `Signals.model`."""
+        model = self.signals.model(x)
+        return _rows(blocks, model, self.signals.slopes(x) if slopes else None)
+
+    def cost(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
+        """Half the sum of squares."""
+        residual = self._residual(x, blocks)
+        return 0.5 * float(residual @ residual)
+
+    def unlikelihood(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
+        """−2 ln of the likelihood at a point, the noise of runs being what is left there, up to a constant."""
+        plain, total = [[white(block) for block in part] for part in blocks], 0.0
+        for part, of_part in zip(plain, self.rows(x, plain, slopes=False), strict=True):
+            for block, row in zip(part, of_part, strict=True):
+                if block.t is None:
+                    total += float(row.residual @ row.residual)
+                else:
+                    w = colour_of(row.residual).whitened(row.residual[:, None])
+                    total += len(w) * float(np.log(np.mean(w**2)))
+        return total
+
+    def weighed(self, x: Array, blocks: Sequence[Sequence[Block]], *, coloured: bool = False) -> list[list[Block]]:
+        """The blocks with the noise that is left at a point: its size where the problem states none, its colour."""
+        plain = [[white(block) for block in part] for part in blocks]
+        rows = self.rows(x, plain, slopes=False)
+        return [
+            [_with(block, row, coloured=coloured) for block, row in zip(*part, strict=True)]
+            for part in zip(plain, rows, strict=True)
+        ]
+
+    def least(
+        self, x: Array, blocks: Sequence[Sequence[Block]], *, rough: bool = False, held: int | None = None
+    ) -> Array:
+        """Where the sum of squares is least, from a point on; the coordinate `held` stays."""
+        free = np.arange(len(x)) != held
+        if not free.any():
+            return x
+        bounds = np.array([one.bounds for one in self.coordinates]).T[:, free]
+        fine: dict[str, Any] = dict.fromkeys(("ftol", "xtol", "gtol"), ROUGH if rough else FINE)
+
+        def whole(part: Array) -> Array:
+            point = x.copy()
+            point[free] = part
+            return point
+
+        found = least_squares(
+            lambda part: self._residual(whole(part), blocks), np.clip(x[free], *bounds),
+            lambda part: self._jacobian(whole(part), blocks)[:, free], bounds=bounds, loss=self.loss, x_scale=1.0,
+            max_nfev=30 if rough else 100, **fine,
+        )  # fmt: skip
+        return whole(np.asarray(found.x))
+
+    def deviations(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        """Standard deviations if all noise were white, of the size that was taken, gains and biases at their best."""
+        J = self._jacobian(x, blocks)
+        return np.sqrt(np.diag(np.linalg.pinv(J.T @ J)))
+
+    def _residual(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        known, _ = prior_rows(self.coordinates, x)
+        try:
+            rows = _rows(blocks, self.signals.model(x), None)
+        except FlexlinkError:
+            return np.full(sum(len(b.y) for part in blocks for b in part) + len(known), NOWHERE)
+        return np.concatenate([known, *(row.residual for part in rows for row in part)])
+
+    def _jacobian(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        _, known = prior_rows(self.coordinates, x)
+        rows = _rows(blocks, self.signals.model(x), self.signals.slopes(x))
+        return np.vstack([known, *(row.slopes for part in rows for row in part)])
+
+
+def start_points(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
+    """The problem's own start, then points that fill the bounds, or a factor of 2 to either side, evenly."""
+    own = np.array([one.x(one.start) for one in coordinates])
+    low, high = np.array([_around(one) for one in coordinates]).T
+    points = qmc.LatinHypercube(len(own), seed=0).random(count - 1) if count > 1 else np.empty((0, len(own)))
+    return [own, *(low + (high - low) * points)]
+
+
+def _around(one: Coordinate) -> tuple[float, float]:
+    far, x = np.log(2.0) if one.log else 1.0, one.x(one.start)
+    low, high = one.bounds
+    if one.prior is not None:
+        x, far = one.x(one.prior[0]), min(far, 2 * one.prior[1] / one.size(one.prior[0]))
+    return max(low, x - far), min(high, x + far)
+
+
+def _rows(blocks: Sequence[Sequence[Block]], model: Model, slopes: Any) -> list[list[Row]]:
+    return [
+        [row_of(block, y, None if slopes is None else slopes[k][b])
+         for b, (block, y) in enumerate(zip(part, model[k], strict=True))]
+        for k, part in enumerate(blocks)
+    ]  # fmt: skip
+
+
+def white(block: Block) -> Block:
+    """The block with noise that does not hang together, as large as before."""
+    if block.colour is None:
+        return block
+    return dataclasses.replace(block, σ=block.σ / block.colour.share, colour=None)
+
+
+def _with(block: Block, row: Row, *, coloured: bool) -> Block:
+    e = row.residual * block.σ
+    if not e.any():
+        return block
+    σ = block.σ if block.stated else np.full(len(e), float(np.sqrt(np.mean(e**2))))
+    if not coloured or block.t is None:
+        return dataclasses.replace(block, σ=σ)
+    colour = colour_of(e)
+    return dataclasses.replace(block, σ=σ * colour.share, colour=colour)

@@ -1,0 +1,83 @@
+"""What was measured: a CSV of times and columns of a trajectory, in its units or in those of instruments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.common.errors import DataFileError
+from flexlink.common.types import Array
+from flexlink.describe.csv_table import TIME, in_si, read_csv
+from flexlink.describe.spec import short_list
+
+
+class Measured(NamedTuple):
+    """Times [s], shape (samples,), and what was measured at them in SI units, nan where nothing was."""
+
+    t: Array
+    columns: dict[str, Array]
+
+
+def read_measured(path: Path, known: Mapping[str, object], only: Sequence[str] = ()) -> Measured:
+    """Read a CSV whose heads are "t [s]" and names of columns of a trajectory.
+
+    Parameters
+    ----------
+    path
+        The file.
+    known
+        What may be there, by the names of `Trajectory.columns`.
+    only
+        Heads of the columns that are wanted; others may then be anything. Default: all.
+
+    Raises
+    ------
+    DataFileError
+        The file cannot be read; a head that is not known, or twice, or not there; a cell that is no number; times that
+        do not increase, or nothing measured.
+    """
+    _, heads, values = read_csv(path)
+    return measured_from(str(path), heads, values, known, only)
+
+
+def measured_from(
+    where: str, heads: Sequence[str], values: Array, known: Mapping[str, object], only: Sequence[str] = ()
+) -> Measured:
+    """What was measured, from columns with their heads, shape (samples, heads); otherwise as `read_measured`."""
+    absent = [name for name in only if name not in heads]
+    if absent:
+        raise DataFileError(f"{where}: no column {absent[0]!r}; columns: {short_list(list(heads))}")
+    counted = [k for k, head in enumerate(heads) if not only or head in only or (in_si(head) or ("",))[0] == TIME]
+    names, sizes = zip(*(named(where, heads[k], known) for k in counted), strict=True)
+    twice = [name for name in names if names.count(name) > 1]
+    if TIME not in names or twice:
+        wrong = f"column {twice[0]!r} appears twice" if twice else f"no column {TIME!r}"
+        raise DataFileError(f"{where}: {wrong}; columns: {short_list(list(heads))}")
+    columns = dict(zip(names, (values[:, counted] * sizes).T, strict=True))
+    t = columns.pop(TIME)
+    if len(t) < 2 or not (np.diff(t) > 0).all():
+        raise DataFileError(f"{where}: {TIME}: expected two or more times, each later than the one before")
+    if not any(np.isfinite(column).any() for column in columns.values()):
+        raise DataFileError(f"{where}: no measured values; expected columns such as 'tip x [m]'")
+    return Measured(t, columns)
+
+
+def named(where: str, head: str, known: Mapping[str, object]) -> tuple[str, float]:
+    """The column of a trajectory that a head means, and the size of its unit there.
+
+    Raises
+    ------
+    DataFileError
+        It means none.
+    """
+    if head in known:
+        return head, 1.0
+    found = in_si(head)
+    if found is not None and found[0] in known:
+        return found
+    raise DataFileError(
+        f"{where}: column {head!r}: not known; expected {short_list(list(known))}, or in deg, mm, µm, ms"
+    )

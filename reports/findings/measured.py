@@ -1,0 +1,30 @@
+"""Every measured quantity: error beside validation uncertainty, its parts, and the verdict; and held-out recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from flexlink.pages.tables import Table
+from reports.measurements import WHAT
+from reports.results import Results
+
+SECTION = "measured"
+HELD_OUT = "held out"
+TAKES = (HELD_OUT,)
+COLUMNS = ("quantity", "unit", "S", "D", "E", "u_num", "GCI", "order", "u_input", "u_D", "u_val", "verdict")
+HEADS = {"GCI": "grid convergence index", "order": "observed order", "S": "S, simulated", "D": "D, measured"}
+DIGITS = 4
+
+
+def find(results: Results) -> Iterator[Table]:
+    """A table of held-out recordings, then one of quantities a case."""
+    for case, series in results.showing(HELD_OUT):
+        fits = tuple(zip(*(column.tolist() for column in series.columns.values()), strict=True))
+        title = f"{results.cases[case][0].title}: fit [%]"
+        words = "100 (1 − |measured − model| / |measured|): 100 is perfect, 0 as good as nothing."
+        yield Table(f"{case}.held_out", title, tuple(series.columns), fits, (words,), opened=True)
+    heads = tuple(HEADS.get(name, name) for name in COLUMNS)
+    for case, series in results.showing(WHAT):
+        lines = tuple(zip(*(series.columns[name].tolist() for name in COLUMNS), strict=True))
+        title = results.cases[case][0].title
+        yield Table(f"{case}.quantities", f"{title}: all quantities", heads, lines, (), to_look_up=True)

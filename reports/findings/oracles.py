@@ -1,0 +1,64 @@
+"""What each judge has in common with flexlink: words of oracles.toml, and the imports of its source."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+from flexlink.describe.data_files import read_toml
+from flexlink.describe.spec import Spec, decode
+from flexlink.pages.tables import Table
+from reports.results import Results
+from validation.sources import ROOT
+
+SECTION = "agreement"
+FILE = Path(__file__).parent.parent / "oracles.toml"
+ORACLES = ROOT / "validation" / "oracles"
+TYPES = {"flexlink.common.types", "flexlink.common.errors"}
+"""Names of arrays and errors, which hold no number."""
+HEADS = ("judge", "shares with flexlink", "does by itself", "imports of flexlink")
+ASKED = {"judge", "judge_trees", "measured", "manufactured"}  # kinds of a study that the table belongs to
+
+
+class Judge(Spec, frozen=True):
+    """A program, an oracle of the study, formulas or experiments."""
+
+    name: str
+    shares: str
+    own: str
+    files: tuple[str, ...] = ()  # of validation/oracles/
+
+    @property
+    def imports(self) -> tuple[str, ...]:
+        """Modules of flexlink that its files, or oracles that they use, import, but for types and errors."""
+        return tuple(sorted(set().union(*map(imports_of, self.files)) - TYPES))
+
+
+class Judges(Spec, frozen=True):
+    """The whole file."""
+
+    judge: tuple[Judge, ...]
+
+
+def judges() -> tuple[Judge, ...]:
+    """All of them, in order."""
+    found: Judges = decode(read_toml(FILE), Judges)
+    return found.judge
+
+
+def imports_of(oracle: str) -> set[str]:
+    """Modules of flexlink that an oracle's file imports, itself or by another oracle."""
+    tree = ast.parse((ORACLES / f"{oracle}.py").read_text(encoding="utf-8"))
+    modules = {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    modules |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    others = {name.rpartition(".")[2] for name in modules if name.startswith("validation.oracles.")}
+    found = {name for name in modules if name.partition(".")[0] == "flexlink"}
+    return found.union(*map(imports_of, others))
+
+
+def find(results: Results) -> Iterator[Table]:
+    """One table."""
+    if not ASKED.isdisjoint(planned.kind for planned in results.plan.values()):
+        lines = tuple((j.name, j.shares, j.own, ", ".join(j.imports) or "–") for j in judges())
+        yield Table("judges", "What each judge shares with flexlink", HEADS, lines, (), to_look_up=True)

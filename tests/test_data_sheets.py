@@ -1,0 +1,48 @@
+"""Data sheets of the benchmarks: which there are, at which settings, and what stands in them."""
+
+from __future__ import annotations
+
+import pytest
+
+from flexlink.describe.spec import decode
+from validation import kinds
+from validation.case import Case, Measured, load_cases
+from validation.kinds import data_sheets
+from validation.store import Series
+
+SHEETS = [case for case in load_cases() if case.sheet]
+
+
+def settings_of(case: Case):
+    return decode(case.settings, kinds.SETTINGS[case.kind], "settings")
+
+
+@pytest.mark.parametrize("case", SHEETS, ids=lambda case: case.name)
+def test_a_sheet_says_its_error_and_has_settings_from_few_to_many_hinges(case):
+    assert case.sheet.error
+    assert case.sheet.accepted > 0
+    assert case.sheet.unit in {"rad/s", "Hz", "m", "N"}
+    settings = settings_of(case)
+    hinges = [at.hinges for at in data_sheets._settings(settings)]
+    assert hinges == sorted(set(hinges))
+    assert 2 <= len(hinges) <= 3
+    assert hasattr(kinds.KINDS[case.kind], "error_at")
+
+
+def test_every_benchmark_of_these_kinds_has_a_sheet():
+    wanted = {"frequencies", "statics", "buckling", "motion_benchmark"}
+    assert {case.name for case in SHEETS} == {case.name for case in load_cases() if case.kind in wanted}
+
+
+def test_a_sheet_holds_accuracy_and_time_of_flexlink_and_mujoco_which_agree_in_the_error():
+    (case,) = load_cases("data_sheets")
+    *numbers, sheet = data_sheets.run(case, benchmarks=("physics_tip_mass",))
+    assert isinstance(sheet, Series)
+    columns = sheet.columns
+    half = len(columns["error"]) // 2
+    assert columns["program"].tolist() == ["flexlink"] * half + ["MuJoCo"] * half
+    assert columns["error"][:half] == pytest.approx(columns["error"][half:], rel=1e-6)
+    assert (columns["CPU time [s]"] > 0).all()
+    assert "accepted: 0.001." in sheet.title
+    (best,) = [n.value for n in numbers if isinstance(n, Measured) and n.quantity == "best error / accepted"]
+    assert best == pytest.approx(columns["error"][:half].min() / 1e-3)

@@ -1,0 +1,290 @@
+"""Numbers of a scene from measurements: planted ones come back, intervals hold them, what cannot be told is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from random_fits import held
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.identification.colour import Colour, colour_of
+from flexlink.identification.interval import Part, spread_of
+
+THREE = {"material.aluminium.young": 63e9, "tip.mass": 8.6, "link.upper.joint.armature": 2.3}
+
+
+@pytest.fixture(scope="module")
+def scene() -> fl.Scene:
+    """Three links that fall for a second, sampled at 200 Hz."""
+    return fl.load_scene(ROOT / "models" / "three_links.toml").varied({"run.duration": 1.0, "run.sample": 0.005})
+
+
+def record(scene: fl.Scene, names: tuple[str, ...], noise: float = 0.0, seed: int = 0) -> dict[str, np.ndarray]:
+    """What instruments with white noise see of a run."""
+    run, rng = fl.simulate(scene), np.random.default_rng(seed)
+    return {"t [s]": run.t} | {name: run.columns[name] + noise * rng.standard_normal(len(run.t)) for name in names}
+
+
+def problem_of(scene: fl.Scene, paths: tuple[str, ...], run: fl.FitRun) -> fl.FitProblem:
+    return fl.FitProblem(scene=scene, parameter=tuple(fl.FitParameter(path=path) for path in paths), run=(run,))
+
+
+@pytest.mark.slow
+class TestPlanted:
+    def test_three_numbers_of_an_arm_come_back_inside_their_intervals_whatever_the_start(self, scene: fl.Scene) -> None:
+        run = fl.FitRun(name="fall", columns=record(scene.varied(THREE), ("tip x [m]", "tip z [m]"), 1e-3))
+        start = {"material.aluminium.young": 9e10, "tip.mass": 7.0}
+        one, other = (fl.fit(problem_of(s, tuple(THREE), run)) for s in (scene, scene.varied(start)))
+        for path, value in THREE.items():
+            assert one[path].low < value < one[path].high
+            assert one[path].value == pytest.approx(other[path].value, rel=1e-6)
+            assert one[path].half < 0.02 * value
+        assert one.passed
+        assert all(column.noise == pytest.approx(1e-3, rel=0.1) for column in one.columns)
+
+    def test_without_noise_they_come_back_exactly_also_from_angles_in_degrees_and_lengths_in_mm(
+        self, scene: fl.Scene
+    ) -> None:
+        exact = record(scene.varied({"tip.mass": 9.0}), ("tip x [m]", "q upper [rad]"))
+        units = {"t [ms]": 1e3, "tip x [mm]": 1e3, "q upper [deg]": 180 / np.pi}
+        columns = {head: size * column for (head, size), column in zip(units.items(), exact.values(), strict=True)}
+        found = fl.fit(problem_of(scene, ("tip.mass",), fl.FitRun(name="fall", columns=columns)))
+        assert found["tip.mass"].value == pytest.approx(9.0, rel=1e-7)
+
+    def test_a_gain_a_bias_and_where_a_run_starts_are_found_with_the_mass(self, scene: fl.Scene) -> None:
+        columns = record(scene.varied({"tip.mass": 9.0, "initial.joint_deg.fore": -62.0}), ("tip x [m]", "tip z [m]"))
+        columns["tip x [m]"] = 1.25 * columns["tip x [m]"] + 0.02
+        run = fl.FitRun(
+            name="fall", columns=columns, gain=("tip x [m]",), bias=("tip x [m]",),
+            parameter=(fl.FitParameter(path="initial.joint_deg.fore", between=(-70.0, -50.0)),),
+        )  # fmt: skip
+        found = fl.fit(problem_of(scene, ("tip.mass",), run))
+        assert found["tip.mass"].value == pytest.approx(9.0, rel=1e-6)
+        assert found["initial.joint_deg.fore of run 'fall'"].value == pytest.approx(-62.0, abs=1e-5)
+        assert found["gain of tip x [m] of 'fall'"].value == pytest.approx(1.25, rel=1e-5)
+        assert found["bias of tip x [m] of 'fall'"].value == pytest.approx(0.02, rel=1e-4)
+        assert found.scene.initial == scene.initial  # what one run has is no part of the scene
+
+    def test_sensors_with_noise_delay_and_resolution_are_fitted_by_what_they_see(self, scene: fl.Scene) -> None:
+        gauge = fl.Sensor(
+            name="root", kind="strain", link="upper", x=0.1, fibre=(0.0225, 0.0), gain=1e6, unit="µm/m", low_pass=20.0,
+            delay=0.01, noise=5.0, resolution=1.0, rate=200.0, seed=4,
+        )  # fmt: skip
+        here = scene.varied({"sensor": (gauge,)})
+        seen = fl.simulate(here.varied({"tip.mass": 8.5, "sensor.root.delay": 0.013})).columns["root [µm/m]"]
+        run = fl.FitRun(name="fall", columns={"t [s]": fl.simulate(here).t, "root [µm/m]": seen})
+        found = fl.fit(problem_of(here, ("tip.mass", "sensor.root.delay"), run))
+        assert found["tip.mass"].low < 8.5 < found["tip.mass"].high
+        assert found["sensor.root.delay"].low < 0.013 < found["sensor.root.delay"].high
+        assert found["sensor.root.delay"].half < 0.001
+        (column,) = found.columns
+        assert column.stated
+        assert column.times_noise == pytest.approx(1.0, abs=0.15)
+
+    def test_random_arms_with_coloured_noise_have_their_true_values_inside(self) -> None:
+        inside, count, _ = held(first=300, count=4)
+        assert inside >= count - 2  # 200 arms: python tests/random_fits.py 200
+
+
+class TestInterval:
+    def test_a_mean_in_noise_of_first_order_is_as_uncertain_as_the_textbook_says(self) -> None:
+        ρ, n, rng = 0.8, 400, np.random.default_rng(3)
+        told = []
+        for _ in range(60):
+            w = rng.standard_normal(n + 100)
+            e = np.zeros(n + 100)
+            for k in range(1, n + 100):
+                e[k] = ρ * e[k - 1] + w[k]
+            told.append(spread_of([Part([e[100:] - e[100:].mean()], [np.ones((n, 1))], True)], np.zeros((0, 1))))
+        true = 1 / (1 - ρ) / np.sqrt(n)  # long-run standard deviation over √n
+        assert np.median([one.deviations[0] for one in told]) == pytest.approx(true, rel=0.12)
+
+    def test_white_noise_gives_the_classical_interval(self) -> None:
+        e = np.random.default_rng(0).standard_normal(2000)
+        J = np.random.default_rng(1).standard_normal((2000, 2))
+        found = spread_of([Part([e], [J], True)], np.zeros((0, 2)))
+        np.testing.assert_allclose(found.covariance, np.linalg.inv(J.T @ J) * e.var(), atol=5e-5)
+
+    def test_whitening_is_the_inverse_root_of_the_covariance_to_its_first_sample(self) -> None:
+        a, n = np.array([1.0, -1.6, 0.9]), 50
+        pulse = lfilter([1.0], a, np.eye(1, 2000).ravel())
+        covariance = toeplitz([pulse[k:] @ pulse[: 2000 - k] for k in range(n)])
+        one = Colour(a, np.zeros(1))
+        W = one.whitened(np.eye(n))
+        np.testing.assert_allclose(W.T @ W, np.linalg.inv(covariance), atol=1e-11)
+        assert one.share == pytest.approx(covariance[0, 0] ** -0.5, rel=1e-12)
+
+    def test_burg_finds_the_coefficients_of_a_resonance(self) -> None:
+        rng, a = np.random.default_rng(5), np.array([1.0, -1.6, 0.9])
+        w, e = rng.standard_normal(5000), np.zeros(5000)
+        for k in range(2, 5000):
+            e[k] = w[k] - a[1] * e[k - 1] - a[2] * e[k - 2]
+        np.testing.assert_allclose(colour_of(e).a[:3], a, atol=0.05)
+
+
+FLEX = "material.aluminium.young", "material.aluminium.density"
+
+
+class TestIdentifiability:
+    @pytest.mark.parametrize(
+        ("paths", "changes"),
+        [
+            (FLEX, {"tip.mass": 0.0}),
+            ((*FLEX, "link.upper.length"), {"tip.mass": 0.0}),
+            (("material.aluminium.young", "material.aluminium.loss_time"), {}),
+            (("material.aluminium.young", "link.upper.joint.viscous"), {"link.upper.joint.viscous": 1.0}),
+            (("material.aluminium.young", "tip.mass"), {"material.aluminium.density": 1e-6}),
+        ],
+    )
+    def test_what_frequencies_cannot_tell_is_refused_before_the_fit(
+        self, scene: fl.Scene, paths: tuple[str, ...], changes: dict[str, float]
+    ) -> None:
+        bare = scene.varied({**changes, "gravity": (0.0, 0.0, 0.0)}) if changes else scene
+        tapped = fl.FitModes(hertz=(3.0, 4.0, 16.0), deviation=(0.02,))
+        problem = fl.FitProblem(
+            scene=bare, parameter=tuple(fl.FitParameter(path=path) for path in paths), modes=(tapped,)
+        )
+        with pytest.raises(fl.errors.IdentifiabilityError) as refused:
+            fl.fit(problem)
+        named = {name for one in refused.value.check.lost for name in one.names}
+        assert named & set(paths[-2:])
+
+    def test_a_prior_makes_a_pair_identifiable(self, scene: fl.Scene) -> None:
+        bare = scene.varied({"tip.mass": 0.0, "gravity": (0.0, 0.0, 0.0)})
+        density = fl.FitParameter(path=FLEX[1], prior=(2700.0, 27.0))
+        tapped = fl.FitModes(hertz=(12.0,), deviation=(0.05,))
+        problem = fl.FitProblem(scene=bare, parameter=(fl.FitParameter(path=FLEX[0]), density), modes=(tapped,))
+        assert fl.check_fit(problem).passed
+        assert not fl.check_fit(fl.FitProblem(scene=bare, parameter=tuple(map(_plain, FLEX)), modes=(tapped,))).passed
+
+    def test_the_two_loss_factors_of_one_ringing_are_named_as_a_pair(self, scene: fl.Scene) -> None:
+        paths = "link.upper.damping.ratio", "link.fore.damping.ratio"
+        damped = scene.varied({f"link.{name}.damping": {"ratio": 0.01, "at_hz": 3.0} for name in ("upper", "fore")})
+        tapped = fl.FitModes(hertz=(3.2,), deviation=(0.02,), ratios=(0.002,), ratio_deviation=1e-5)
+        problem = fl.FitProblem(scene=damped, parameter=tuple(map(_plain, paths)), modes=(tapped,))
+        (lost,) = fl.check_fit(problem).lost
+        assert set(lost.names) == set(paths)
+        assert "cannot be told apart" in lost.text
+
+
+def _plain(path: str) -> fl.FitParameter:
+    return fl.FitParameter(path=path)
+
+
+class TestSingleNumbers:
+    def test_frequencies_and_a_sag_give_stiffness_and_payload(self, scene: fl.Scene) -> None:
+        true = scene.varied({"material.aluminium.young": 66e9, "tip.mass": 8.2})
+        chain = fl.lump(true)
+        q = fl.initial_state(true, chain)[0]
+        found = fl.modes(chain, q, locked=chain.active.tolist())
+        hertz = tuple(found.hertz[np.array(found.kinds) == "elastic"][:3].tolist())
+        hung = fl.tip_position(chain, q)[2]
+        problem = fl.FitProblem(
+            scene=scene,
+            parameter=(fl.FitParameter(path="material.aluminium.young"), fl.FitParameter(path="tip.mass")),
+            modes=(fl.FitModes(hertz=hertz, deviation=(0.01,)),),
+            static=(fl.FitStatic(axis="z", value=float(hung), deviation=1e-4),),
+        )
+        fitted = fl.fit(problem)
+        assert fitted["tip.mass"].value == pytest.approx(8.2, rel=1e-6)
+        assert fitted["material.aluminium.young"].value == pytest.approx(66e9, rel=1e-6)
+        assert fitted["tip.mass"].high > 8.2 > fitted["tip.mass"].low
+
+
+class TestProblem:
+    SCENE = f'scene = "{ROOT / "models" / "three_links.toml"}"\n'
+
+    @pytest.mark.parametrize(
+        ("text", "reason"),
+        [
+            ('[[parameter]]\npath = "tip.mass"\n', "nothing to fit"),
+            ('[[parameter]]\npath = "tip.mass"\nbetween = [2, 1]\n', "must be less"),
+            ('[[parameter]]\npth = "tip.mass"\n', "unknown key; allowed are path"),
+            ("parameter = []\n[[modes]]\nhertz = [1]\ndeviation = [0.1]\n", "parameter"),
+            ('[[parameter]]\npath = "tip.mas"\n[[modes]]\nhertz = [1]\ndeviation = [0.1]\n', "did you mean 'mass'"),
+            ('[[parameter]]\npath = "tip.mass"\n[[modes]]\nhertz = [1]\n', "deviation: missing"),
+            ('[[parameter]]\npath = "tip.mass"\n[[run]]\nname = "a"\n', "give either a file or columns"),
+            ('[[parameter]]\npath = "tip.mass"\n[[run]]\nname = "a"\nfile = "none.csv"\n', "none.csv"),
+            (
+                '[[parameter]]\npath = "tip.mass"\n[[modes]]\nset.tip.mass = 1.0\nhertz = [1]\ndeviation = [0.1]\n',
+                "is sought as a parameter",
+            ),
+        ],
+    )
+    def test_mistakes_of_a_file_are_named(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, reason: str
+    ) -> None:
+        path = tmp_path / "problem.toml"
+        path.write_text(self.SCENE + text, encoding="utf-8")
+        assert main(["fit", str(path)]) == 2
+        line, *_ = capsys.readouterr().err.splitlines()
+        assert reason in line
+
+    @pytest.mark.parametrize(
+        ("head", "said", "reason"),
+        [
+            ("tip x [km]", {}, "not known"),
+            ("q upper [m]", {}, "not known"),
+            ("tip x [m]", {"noise": {"tip y [m]": 1.0}}, "no such column is compared"),
+            ("tip x [m]", {"compare": ("tip q [m]",)}, "no column 'tip q [m]'"),
+            ("tip x [m]", {"window": (5.0, 6.0)}, "fewer than two samples"),
+        ],
+    )
+    def test_planted_mistakes_of_a_record_are_named_with_their_run(
+        self, scene: fl.Scene, head: str, said: dict[str, object], reason: str
+    ) -> None:
+        run = fl.FitRun(name="swing", columns={"t [s]": (0.0, 0.1, 0.2), head: (1.0, 1.1, 1.2)}, **said)
+        with pytest.raises(fl.errors.DataFileError) as refused:
+            fl.check_fit(problem_of(scene, ("tip.mass",), run))
+        assert reason in str(refused.value)
+        assert "run 'swing'" in str(refused.value)
+
+
+class TestCommand:
+    def test_check_prints_what_the_data_can_tell_and_refuses_with_1(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        model = ROOT / "models" / "fits" / "tapped.toml"
+        assert main(["fit", str(model), "--check"]) == 0
+        assert "tip.mass                  expected ± " in capsys.readouterr().out
+        text = model.read_text(encoding="utf-8").replace("../three", str(ROOT / "models" / "three"))
+        lost = tmp_path / "lost.toml"
+        lost.write_text(text + '[[parameter]]\npath = "material.aluminium.loss_time"\n', encoding="utf-8")
+        assert main(["fit", str(lost)]) == 1
+        assert "refused: material.aluminium.loss_time has no effect on the data" in capsys.readouterr().out
+
+    @pytest.mark.slow
+    def test_a_csv_becomes_a_fitted_scene_a_page_and_json(
+        self, scene: fl.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        columns = record(scene.varied({"tip.mass": 8.5, "run.duration": 0.5}), ("tip x [m]", "tip z [m]"), 1e-3)
+        for name in ("one", "two"):
+            table = np.column_stack(list(columns.values()))
+            np.savetxt(tmp_path / f"{name}.csv", table, delimiter=",", header=",".join(columns), comments="")
+        scene.save(tmp_path / "arm.toml")
+        runs = "".join(
+            f'[[run]]\nname = "{name}"\nfile = "{name}.csv"\nuse = "{use}"\n'
+            for name, use in (("one", "fit"), ("two", "check"))
+        )
+        (tmp_path / "fit.toml").write_text(
+            'scene = "arm.toml"\n[[parameter]]\npath = "tip.mass"\n' + runs, encoding="utf-8"
+        )
+        assert main(["fit", str(tmp_path / "fit.toml"), "--out", str(tmp_path / "out"), "--profile"]) == 0
+        assert "tip.mass  8.5" in capsys.readouterr().out
+        told = json.loads((tmp_path / "out" / "fit.json").read_text(encoding="utf-8"))
+        assert told["passed"]
+        assert told["numbers"][0]["low"] < 8.5 < told["numbers"][0]["high"]
+        low, high = told["numbers"][0]["profile"]
+        assert (low, high) == pytest.approx((told["numbers"][0]["low"], told["numbers"][0]["high"]), rel=1e-3)
+        fitted = fl.load_scene(tmp_path / "out" / "fitted.toml")
+        assert fitted.arm.tip.mass == told["numbers"][0]["value"]
+        page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+        assert "Identifiability" in page
+        assert "Spectrum of what is left" in page

@@ -1,0 +1,260 @@
+"""Cases against measurements: grids, uncertainties, verdicts, and the models that stand beside the measured numbers."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import msgspec
+import numpy as np
+import pytest
+
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.scene import load_scene
+from reports.measurements import groups_of
+from reports.measurements import table as table_of
+from validation.case import Measured, load_cases, scene_file
+from validation.kinds import laboratory_arm, measurements
+from validation.kinds import measured as kind
+from validation.measured import rotating_beam, strip_on_flange, two_link, wing_spar
+from validation.measured.measurements import MEASUREMENTS, Measurement
+from validation.measured.readings import Derived, Reading
+from validation.measured.uncertainty import COVERAGE, Comparison, Convergence, grid_convergence, standard
+from validation.oracles import tensioned_beam
+from validation.runner import kind_of
+
+CASES = {case.name: case for case in load_cases("measured_*")}
+
+
+# --- grids -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [1.0, 1.7, 2.0])
+def test_of_a_power_law_the_order_is_found_and_the_index_is_125_percent_of_the_error(order):
+    exact, error = 3.0, 0.4
+    found = grid_convergence(*(exact + error / n**order for n in (1, 2, 4)), formal=2.0)
+    assert found.order == pytest.approx(order, rel=1e-12)
+    assert found.grid_index == pytest.approx(1.25 * error / 4**order, rel=1e-12)
+
+
+def test_an_order_above_the_formal_one_is_luck_and_makes_no_error_smaller():
+    lucky = grid_convergence(*(1.0 + 1.0 / n**4 for n in (1, 2, 4)), formal=2.0)
+    assert lucky.order == pytest.approx(4.0)
+    assert lucky.grid_index == pytest.approx(1.25 * abs(1 / 256 - 1 / 16) / 3)
+
+
+@pytest.mark.parametrize("values", [(1.0, 1.1, 1.05), (1.0, 1.1, 1.3), (1.0, 1.0, 1.02)])
+def test_without_convergence_there_is_no_order_and_the_index_is_three_times_the_largest_difference(values):
+    found = grid_convergence(*values, formal=2.0)
+    assert math.isnan(found.order)
+    assert found.grid_index == pytest.approx(3.0 * np.abs(np.diff(values)).max())
+
+
+def test_no_index_is_smaller_than_rounding():
+    assert grid_convergence(1.0, 1.0, 1.0, 2.0, rounding=1e-9).grid_index == 1e-9
+
+
+# --- uncertainties and verdicts --------------------------------------------------------------------------------------
+
+
+def test_of_bounds_alone_the_standard_uncertainty_is_that_of_a_rectangle():
+    samples = np.linspace(-2.0, 2.0, 100_001)
+    assert standard(2.0) == pytest.approx(samples.std(), rel=1e-4)
+
+
+def compared(error: float, u: float = 1.0, wanted: float = 3.0) -> Comparison:
+    return Comparison(10.0 + error, 10.0, Convergence(2.0, 0.0), 0.6 * u, 0.8 * u, wanted)
+
+
+@pytest.mark.parametrize(
+    ("error", "wanted", "verdict"),
+    [
+        (1.9, 3.0, "validated to u_val"), (-1.9, 3.0, "validated to u_val"),
+        (2.1, 3.0, "not validated"), (-2.1, 3.0, "not validated"), (2.1, 1.0, "not validated"),
+        (0.0, 1.0, "cannot be told"), (math.nan, 3.0, "not validated"),
+    ],
+)  # fmt: skip
+def test_the_verdict_is_that_of_the_standard(error, wanted, verdict):
+    assert compared(error, wanted=wanted).u_val == pytest.approx(1.0)
+    assert compared(error, wanted=wanted).verdict == verdict
+
+
+def test_what_two_readings_give_has_the_spread_that_random_readings_have():
+    readings = {"a": Reading(3.0, 0.03, "Hz", ""), "b": Reading(2.0, 0.05, "Hz", "")}
+    random = np.random.default_rng(1)
+    a, b = (random.normal(r.value, r.u, 200_000) for r in readings.values())
+    for how, values in (("ratio", a / b), ("difference", a - b)):
+        found = Derived("", "", how, "a", "b").reading(readings)
+        assert found.value == pytest.approx(values.mean(), rel=2e-3)
+        assert found.u == pytest.approx(values.std(), rel=2e-2)
+
+
+# --- models: closed forms and other programs' numbers --------------------------------------------------------------
+
+
+def test_the_rotating_beam_at_rest_has_the_frequencies_of_a_clamped_beam():
+    scene = load_scene(scene_file("swept_beam")).varied({"link.straight.segments": 9, "link.tip.segments": 3})
+    found = rotating_beam.predicted(scene)
+    length, young, density, thickness = 37.5 * 0.0254, 10.6e6 * 6894.757, 2.51e-4 * 1.06869e7, 0.063 * 0.0254
+    for mode, root in (("flap 1", 1.875104), ("flap 2", 4.694091), ("flap 3", 7.854757)):
+        exact = (root / length) ** 2 * math.sqrt(young * thickness**2 / 12 / density) / (2 * math.pi)
+        assert found[f"{mode}, 0 rpm, 0°"] == pytest.approx(exact, rel=1e-3)
+
+
+def test_the_strip_hanging_and_standing_has_the_frequencies_of_a_beam_under_its_own_weight():
+    found = strip_on_flange.predicted(load_scene(scene_file("strip_on_flange")).varied({"link.strip.segments": 17}))
+    length, young, density, thickness = 0.52, 190e9, 7870.0, 0.001
+    weight = 12 * density * 9.81 * length**3 / (young * thickness**2)  # ρA g L³ / EI
+    unit = math.sqrt(young * thickness**2 / 12 / density) / (2 * math.pi * length**2)
+    for attitude, sign in (("down", 1), ("up", -1)):
+        exact = unit * float(tensioned_beam.frequencies(tensioned_beam.Beam(gravity=sign * weight), 1)[0])
+        assert found[f"{attitude}, {strip_on_flange.MEAN}"] == pytest.approx(exact, rel=1e-3)
+
+
+def test_the_spar_under_a_small_mass_sinks_as_a_beam_does():
+    light = load_scene(scene_file("wing_spar")).varied({"section.spar.area": 1e-12, "gravity": [0.0, 0.0, -0.0981]})
+    expected = 100 * 0.2 * 0.0981 * 0.55**2 / (3 * 4.426)
+    assert wing_spar.predicted(light)["0.2 kg"] == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_line_through_the_amplitudes_is_that_of_the_formulas():
+    x, y = np.array([1.0, 2.0, 4.0]), np.array([2.1, 2.9, 5.05])
+    coefficients, covariance = np.polyfit(x, y, 1, cov="unscaled")
+    scatter = np.sum((y - np.polyval(coefficients, x)) ** 2)  # / (3 − 2)
+    value, error = strip_on_flange._at_zero(x, y)
+    assert value == pytest.approx(coefficients[1])
+    assert error == pytest.approx(math.sqrt(scatter * covariance[1, 1]))
+
+
+def test_36_frequencies_54_runs_and_ten_masses_are_read():
+    assert len(rotating_beam.readings()) == 36
+    assert sum(len(runs) for moves in strip_on_flange._moves().values() for runs in moves.values()) == 54
+    assert len(wing_spar.readings()) == 10
+    for measurement in MEASUREMENTS.values():
+        assert all(reading.u > 0 for reading in measurement.all_readings().values())
+
+
+# --- the cases -------------------------------------------------------------------------------------------------------
+
+
+def results(name: str, **changes):
+    """Numbers by quantity and situation, and the table."""
+    case = CASES[name]
+    settings = msgspec.structs.replace(kind_of(case)[1], **changes)
+    found, tables = {}, []
+    for each in measurements(kind, case, settings):
+        if isinstance(each, Measured):
+            found[each.quantity, each.varied.get("situation")] = each
+        else:
+            tables.append(each)
+    return found, tables[0]
+
+
+def test_e_is_printed_beside_u_val_with_every_part_of_it():
+    found, series = results("measured_strip_on_flange")
+    note = found["|E| / |D|, frequency", "level, mean of the runs"].note
+    said = ("S = ", "D = ", "E = ", "u_num = ", "grid convergence index", "order", "u_input = ", "u_D = ", "u_val = ")
+    assert all(word in note for word in said)
+    assert "validated to u_val" in note
+    c = series.columns
+    assert np.allclose(c["u_val"] ** 2, c["u_num"] ** 2 + c["u_input"] ** 2 + c["u_D"] ** 2)
+    assert np.allclose(c["E"], c["S"] - c["D"])
+    assert np.allclose(c["order"][:2], 2.0, atol=0.1)  # hanging and standing: the rule's order
+
+
+def test_tolerances_of_e_and_thickness_give_the_uncertainty_that_the_frequency_formula_has(monkeypatch):
+    at_rest = Measurement(
+        lambda: {"flap 1": Reading(1.4, 0.1, "Hz", "frequency")}, lambda: (),
+        lambda scene: {"flap 1": rotating_beam._flap_frequencies(scene, 0.0)[0]},
+    )  # fmt: skip
+    monkeypatch.setitem(MEASUREMENTS, "rotating_beam", at_rest)
+    _, series = results("measured_rotating_beam")
+    (u,), (frequency,) = series.columns["u_input"], series.columns["S"]
+    assert u / frequency == pytest.approx(math.hypot(0.02 / 2, 0.02) / math.sqrt(3), rel=1e-3)
+
+
+def test_what_is_read_too_coarsely_to_judge_the_model_by_is_no_failure():
+    found, series = results("measured_strip_on_flange")
+    name = f"down − up, {strip_on_flange.MEAN}"
+    assert found["|E| / |D|, gravity's split, read too coarsely", name].value > 0.02
+    assert ("|E| / |D|, gravity's split", name) not in found
+    assert series.columns["verdict"][series.columns["quantity"] == name] == ["cannot be told"]
+
+
+def test_a_model_that_is_wrong_is_not_validated(monkeypatch):
+    scene = load_scene(scene_file("strip_on_flange"))
+    wrong = scene.varied({"material.steel.young": 1.25 * 190e9})
+    monkeypatch.setattr(type(CASES["measured_strip_on_flange"]), "load_scenes", lambda self: [wrong])
+    _, series = results("measured_strip_on_flange")
+    c = series.columns
+    frequencies = [v for v, g in zip(c["verdict"], c["group"], strict=True) if g.startswith("frequency")]
+    assert frequencies == ["not validated"] * 6
+    assert (np.abs(c["E"]) > COVERAGE * c["u_val"]).sum() >= 6
+
+
+def test_a_measurement_that_is_not_there_is_named():
+    case = CASES["measured_wing_spar"]
+    settings = kind_of(case)[1]
+    with pytest.raises(ArgumentError, match=r"settings\.measurement = 'wing'"):
+        list(kind.run(case, msgspec.structs.replace(settings, measurement="wing")))
+
+
+def test_the_first_screen_says_what_the_cases_say():
+    _, series = results("measured_wing_spar")
+    (group,) = groups_of("measured_wing_spar", "Spar: bent", series)
+    assert group.title == "Spar"
+    assert np.allclose(group.error, 100 * series.columns["E"] / series.columns["D"])
+
+    stored = SimpleNamespace(
+        cases={"measured_wing_spar": [SimpleNamespace(title="Spar: bent")]},
+        showing=lambda what: [("measured_wing_spar", series)],
+    )
+    (line,) = table_of(stored).lines
+    assert line[0] == "Spar: deflection"
+    assert line[1] == 10.0
+    assert line[4:] == tuple(float((series.columns["verdict"] == v).sum()) for v in kind.VERDICTS)
+    assert sum(line[4:]) == 10.0
+
+
+# --- a laboratory's arm ----------------------------------------------------------------------------------------------
+
+
+def test_the_linear_model_finds_the_modes_and_the_weights_of_its_own_strains():
+    h, t = 0.01, np.arange(1500) * 0.01
+    u = np.column_stack([np.sin(t + 0.3 * t**2 / 8), np.cos(2 * t) * (t > 3)])
+    true = two_link.LinearModel(
+        np.array([math.log(11.0), 0.02, math.log(33.0), 0.01]), np.arange(8.0).reshape(4, 2) - 3
+    )
+    seen = true.strains(u, h)
+    found = two_link.linear_model(u, list(seen.T), h, t > 1.0, (1.8, 5.4))
+    assert np.allclose(found.poles, true.poles, atol=1e-6)
+    assert np.allclose(found.strains(u, h), seen, atol=1e-6 * np.abs(seen).max())
+
+
+def test_a_fit_is_100_where_nothing_is_left_and_0_where_nothing_is_said():
+    y = np.array([1.0, -2.0, 3.0])
+    assert two_link.fit_percent(y, y) == 100.0
+    assert two_link.fit_percent(y, 0 * y) == 0.0
+    assert two_link.fit_percent(y, 2 * y) == 0.0
+
+
+def test_a_case_whose_data_are_not_here_is_left_out_and_named_where_it_is_asked_for(tmp_path, monkeypatch):
+    monkeypatch.setattr("validation.case.HERE", tmp_path / "project" / "validation")
+    assert "measured_two_link" not in {case.name for case in load_cases()}
+    assert "measured_wing_spar" in {case.name for case in load_cases("measured*")}
+    with pytest.raises(ArgumentError, match=r"measured_two_link.*needs \.\./shared/measured/2dsfl_psf\.csv"):
+        load_cases("measured_two_link")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not (two_link.FOLDER / "2dsfl_psf.csv").exists(), reason="the recordings are not beside the checkout"
+)
+def test_the_laboratorys_arm_is_predicted_in_recordings_that_were_held_out():
+    (case,) = load_cases("measured_two_link")
+    made = measurements(laboratory_arm, case, kind_of(case)[1])
+    found = [each for each in made if isinstance(each, Measured)]
+    assert min(each.value for each in found if each.quantity == "fit, held out") > 60.0
+    ahead = [each.value for each in found if each.quantity == "ahead of the linear model, same recording"]
+    assert len(ahead) == 2
+    assert min(ahead) > -0.2  # equals, or beats

@@ -1,0 +1,46 @@
+"""The domain of validity: the thick beam's oracle, and what the case says of thick and of pushed links."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from validation.case import Measured, load_cases
+from validation.kinds import measurements, validity
+from validation.oracles.thick_beam import Beam, frequencies
+from validation.runner import kind_of
+
+SLENDER = Beam(1.0, 1.0, 0.0, 1e30, 1.0)
+
+
+def test_a_beam_that_does_not_shear_has_the_roots_of_euler_and_bernoulli():
+    roots = [1.875104068711961, 4.694091132974175, 7.854757438237613]
+    assert np.allclose(np.sqrt(frequencies(SLENDER, 3)), roots, rtol=1e-10)
+
+
+def test_a_short_beam_that_only_shears_is_a_bar_in_shear():
+    stiff = Beam(1e6, 1.0, 0.0, 1.0, 1.0)  # w'' = −ω² w / k_s G A: a quarter wave
+    assert np.allclose(frequencies(stiff, 1), math.pi / 2, rtol=1e-4)
+
+
+def test_a_push_of_eulers_load_leaves_no_frequency():
+    critical = math.pi**2 / 4
+    low, lower = (frequencies(SLENDER._replace(push=part * critical), 1)[0] for part in (0.98, 0.999))
+    assert lower**2 / low**2 == pytest.approx(0.001 / 0.02, rel=0.01)
+
+
+def test_a_crossing_is_between_its_points_and_nothing_where_there_is_none():
+    assert validity._crossing(np.array([0.0, 1.0, 2.0]), [0.0, 0.2, 0.6], 0.4) == pytest.approx(1.5)
+    assert math.isnan(validity._crossing(np.array([0.0, 1.0]), [0.0, 0.2], 0.4))
+
+
+def test_modes_need_ever_more_slender_links_and_pushed_ones_more_hinges():
+    (case,) = load_cases("validity")
+    found = [each for each in measurements(validity, case, kind_of(case)[1]) if isinstance(each, Measured)]
+    least = [each.value for each in found if each.quantity == "least slenderness"]
+    assert least == sorted(least)
+    assert 7.0 < least[0] < 9.0  # 0.6 (h/L)², as shear and Poisson's ratio give it
+    most = [each.value for each in found if each.quantity == "largest push"]
+    assert most == sorted(most)

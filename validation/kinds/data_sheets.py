@@ -1,0 +1,77 @@
+"""Data sheets of the beam's benchmarks, in the form of the IFToMM's library of computational benchmarks.
+
+Of each: description, how the error is defined, which is accepted, and at three settings, few, more and many hinges,
+the accuracy and the CPU time, building and loading the model included, of flexlink and, where it can, of MuJoCo.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.spec import decode
+from validation import kinds
+from validation.case import Case, Measured, load_cases
+from validation.facts import Facts
+from validation.physics.variant import Rule
+from validation.store import Series, table
+
+TIMED = True
+
+ENGINES = (("flexlink", "native", "error_at"), ("MuJoCo", "mujoco", "mujoco_error_at"))
+HEADS = ("program", "rule", "hinges a link", "error", "accepted", "CPU time [s]")
+WORTH_TWICE = 0.03  # s: shorter measurements are repeated, and the faster one counts
+
+
+def run(case: Case, benchmarks: tuple[str, ...] = ()) -> Iterator[Measured | Series]:
+    """A sheet a benchmark, all that have one if none is named."""
+    for sheet in (each for each in load_cases() if each.sheet and each.name in (benchmarks or (each.name,))):
+        yield from _sheet(sheet)
+
+
+def _sheet(case: Case) -> Iterator[Measured | Series]:
+    assert case.sheet is not None
+    kind = kinds.KINDS[case.kind]
+    settings: Any = decode(case.settings, kinds.SETTINGS[case.kind], "settings")
+    rows, best = [], float("inf")
+    for name, engine, function in ENGINES:
+        measure: Callable[..., float] | None = getattr(kind, function, None)
+        if measure is None:
+            continue
+        for at in _settings(settings):
+            try:
+                error, seconds = _timed(measure, case, settings, at)
+            except FlexlinkError:  # it cannot do this one
+                break
+            facts: Facts = {"job": case.name, **at.facts}
+            yield Measured("error", error, case.scenes[0], engine, facts)
+            yield Measured("CPU time", seconds, case.scenes[0], engine, facts, timed=True)
+            rows.append((name, at.rule, at.hinges, error, case.sheet.accepted, seconds))
+            best = min(best, error) if engine == "native" else best
+    yield Measured("best error / accepted", best / case.sheet.accepted, case.scenes[0], varied={"job": case.name})
+    about = f"{case.about} Error: {case.sheet.error}; accepted: {case.sheet.accepted:g}."
+    yield Series(
+        "data sheet", f"{case.title}. {about}", table(HEADS, rows), "hinges a link", "", "error", part=case.name
+    )
+
+
+def _settings(settings: Any) -> list[Rule]:
+    """Of the rule that the case judges fewest hinges that have all modes, the case's own and most; or a middle one."""
+    rule, own = str(settings.best.rule), int(settings.best.hinges)
+    counts = [n for n in sorted(settings.rules.get(rule, (own,))) if n >= getattr(settings, "modes", 1)]
+    between = own if own in counts[1:-1] else counts[len(counts) // 2]
+    return [Rule(rule=rule, hinges=n) for n in sorted({counts[0], between, counts[-1]})]
+
+
+def _timed(measure: Callable[..., float], case: Case, settings: Any, at: Rule) -> tuple[float, float]:
+    """The error and the CPU time [s]; compiled before."""
+    seconds = float("inf")
+    for _ in range(2):
+        start = time.process_time()
+        error = measure(case, settings, at)
+        seconds = min(seconds, time.process_time() - start)
+        if seconds > WORTH_TWICE:
+            break
+    return error, seconds

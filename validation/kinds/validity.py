@@ -1,0 +1,99 @@
+"""Domain of validity in numbers: how thick a link may be, and how close to buckling, before theory or chain is off.
+
+A chain is a beam of Euler and Bernoulli: what is missing is shear. The truth is Timoshenko's beam; of a link that a
+force pushes along its axis it is the slender beam under that force, and the error is that of the hinges.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from flexlink.chain.lumping import lump
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Positive, Spec
+from flexlink.dynamics.vibration.modal import modes
+from validation.case import Case, Measured
+from validation.oracles import thick_beam
+from validation.oracles.thick_beam import Beam
+from validation.store import Series, table
+
+SHEAR_FACTOR = 5 / 6  # of a rectangle
+RIGID = 1e30  # N: a beam that does not shear
+
+
+class Settings(Spec, frozen=True, kw_only=True):
+    """Lengths over heights, ascending; the number of modes; pushing forces as parts of Euler's load, by hinges.
+
+    `within` is the error that counts as valid. The pushed link is as slender as `thin` says.
+    """
+
+    slenderness: tuple[Positive, ...]
+    modes: int
+    within: Positive
+    push: tuple[float, ...]
+    hinges: tuple[int, ...]
+    thin: Positive
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Slenderness from which on each mode is within the bound, and the push up to which the first one is."""
+    (scene,) = case.load_scenes()
+    errors = np.array([_by_shear(scene, ratio, settings.modes) for ratio in settings.slenderness])
+    rows = []
+    for k in range(settings.modes):
+        name = f"mode {k + 1}"
+        least = _crossing(np.log(settings.slenderness)[::-1], np.log(errors[::-1, k]), math.log(settings.within))
+        note = f"At L/h = {settings.slenderness[0]:g} the error is {100 * errors[0, k]:.2g} %."
+        yield Measured("least slenderness", math.exp(least), scene.name, varied={"measure": name}, note=note)
+        rows += [(name, ratio, error) for ratio, error in zip(settings.slenderness, errors[:, k], strict=True)]
+    columns = table(("mode", "L / h", "error"), rows)
+    axes = "L / h", "length over height [1]", "frequency too high by [1]"
+    yield Series("slenderness", case.title, columns, *axes, "log", "log", group="mode", part="shear")
+    pushed = []
+    for hinges in settings.hinges:
+        found = np.array([_under_push(scene, settings.thin, part, hinges) for part in settings.push])
+        most = _crossing(np.array(settings.push), found, settings.within)
+        yield Measured("largest push", most, scene.name, varied={"hinges": hinges})
+        pushed += [(f"{hinges} hinges", part, error) for part, error in zip(settings.push, found, strict=True)]
+    columns = table(("hinges", "P / Pₑ", "error"), pushed)
+    axes = "P / Pₑ", "push, of Euler's load [1]", "error of mode 1 [1]"
+    yield Series("push", case.title, columns, *axes, "linear", "log", group="hinges", part="axial load")
+
+
+def _beam(scene: Scene, ratio: float) -> tuple[Scene, Beam]:
+    """The scene's link with a square section of its length / ratio, and Timoshenko's beam of the same numbers."""
+    (link,), (material,) = scene.arm.links, scene.arm.materials.values()
+    h = link.length / ratio
+    thick = scene.varied({"section.bar.height": h, "section.bar.width": h})
+    shear = SHEAR_FACTOR * material.young / (2 * (1 + material.poisson)) * h**2
+    I = h**4 / 12
+    return thick, Beam(material.young * I, material.density * h**2, material.density * I, shear, link.length)
+
+
+def _by_shear(scene: Scene, ratio: float, count: int) -> Array:
+    """How much too high the first frequencies are, of the exact ones."""
+    thick, beam = _beam(scene, ratio)
+    return np.asarray(modes(lump(thick)).frequencies[:count] / thick_beam.frequencies(beam, count) - 1)
+
+
+def _under_push(scene: Scene, ratio: float, part: float, hinges: int) -> float:
+    """|error| of the first frequency under a part of Euler's load."""
+    thin, beam = _beam(scene, ratio)
+    push = part * math.pi**2 / 4 * beam.EI / beam.length**2
+    chain = lump(thin.varied({"link.beam.segments": hinges + 1}))
+    found = modes(chain, tip_wrench=[-push, 0, 0, 0, 0, 0]).frequencies[0]
+    exact = thick_beam.frequencies(beam._replace(rotary=0.0, shear=RIGID, push=push), 1)[0]
+    return float(abs(found / exact - 1))
+
+
+def _crossing(x: Array, error: Sequence[float] | Array, bound: float) -> float:
+    """Where an error that grows along x passes a bound, between its points linear; nan if it does not."""
+    for k in range(1, len(x)):
+        low, high = error[k - 1], error[k]
+        if low <= bound < high:
+            return float(x[k - 1] + (x[k] - x[k - 1]) * (bound - low) / (high - low))
+    return math.nan

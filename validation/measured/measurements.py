@@ -1,0 +1,34 @@
+"""What has been measured, by name: each a file of this folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+from flexlink.describe.scene import Scene
+from validation.measured import rotating_beam, strip_on_flange, two_link_ringing, wing_spar
+from validation.measured.readings import Derived, Reading
+
+
+class Measurement(NamedTuple):
+    """Values that were measured, what is derived of them, and what a chain says of the same."""
+
+    readings: Callable[[], dict[str, Reading]]
+    derived: Callable[[], Iterable[Derived]]
+    predicted: Callable[[Scene], dict[str, float]]
+
+    def all_readings(self) -> dict[str, Reading]:
+        """Measured values by name, derived ones last."""
+        found = self.readings()
+        return found | {each.name: each.reading(found) for each in self.derived()}
+
+    def predict(self, scene: Scene) -> dict[str, float]:
+        """Values of the chain by the same names."""
+        found = self.predicted(scene)
+        return found | {each.name: each.of(found) for each in self.derived()}
+
+
+MEASUREMENTS = {
+    module.__name__.rpartition(".")[2]: Measurement(module.readings, module.derived, module.predicted)
+    for module in (rotating_beam, strip_on_flange, two_link_ringing, wing_spar)
+}

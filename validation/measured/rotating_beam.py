@@ -1,0 +1,70 @@
+"""Natural frequencies of a rotating beam with a swept tip (Epps and Chandra 1996), read from printed figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+import flexlink as fl
+from flexlink.describe.scene import Scene
+from validation.measured.readings import Derived, Reading
+from validation.measured.uncertainty import standard
+from validation.reference_values import look_up
+
+DATA = "measured/rotating_beam"
+READ_WITHIN = 0.02  # of the full scale of a figure, for which the largest value of a mode stands here
+FLAP_MODES = 3
+SLOWEST = "flap 1", "0 rpm"
+OUT_OF_PLANE = 0.5  # share of a mode's motion along the axis of rotation: bending across the plane, or within it
+
+
+def readings() -> dict[str, Reading]:
+    """The 36 frequencies [Hz]."""
+    found = {}
+    for mode, speeds in look_up(DATA, "frequency_hz").items():
+        u = standard(READ_WITHIN * max(max(values) for values in speeds.values()))
+        for speed, values in speeds.items():
+            for sweep, value in zip(look_up(DATA, "sweep_deg"), values, strict=True):
+                found[_name(mode, speed, sweep)] = Reading(value, u, "Hz", "frequency")
+    return found
+
+
+def derived() -> Iterator[Derived]:
+    """How each frequency goes with sweep, and with speed, but for the slowest: 1.4 to 1.8 Hz are read to 0.3 Hz."""
+    sweeps = look_up(DATA, "sweep_deg")
+    for mode, speeds in look_up(DATA, "frequency_hz").items():
+        for speed in speeds:
+            if (mode, speed) == SLOWEST:
+                continue
+            straight = _name(mode, speed, sweeps[0])
+            for sweep in sweeps[1:]:
+                name = f"{mode}, {speed}, {sweep}° / {sweeps[0]}°"
+                yield Derived(name, "trend with sweep", "ratio", _name(mode, speed, sweep), straight)
+        slow, fast = list(speeds)[1:]
+        for sweep in sweeps:
+            name = f"{mode}, {sweep}°, {fast} / {slow}"
+            yield Derived(name, "trend with speed", "ratio", _name(mode, fast, sweep), _name(mode, slow, sweep))
+
+
+def predicted(scene: Scene) -> dict[str, float]:
+    """The same frequencies of the chain, about its steady rotation, in which the swept tip bends it."""
+    found = {}
+    speeds = list(next(iter(look_up(DATA, "frequency_hz").values())))
+    for sweep in look_up(DATA, "sweep_deg"):
+        swept = scene.varied({"link.tip.mount.rpy_deg": [0.0, 0.0, float(sweep)]})
+        for speed in speeds:
+            for k, value in enumerate(_flap_frequencies(swept, float(speed.removesuffix(" rpm")))):
+                found[_name(f"flap {k + 1}", speed, sweep)] = value
+    return found
+
+
+def _flap_frequencies(scene: Scene, rpm: float) -> list[float]:
+    found = fl.modes_in_motion(fl.lump(scene), {"hub": rpm * np.pi / 30})
+    motion = (np.abs(found.paths) ** 2).sum(axis=1)
+    flap = motion[:, 2] > OUT_OF_PLANE * motion.sum(axis=1)
+    return [float(f) for f in found.hertz[flap][:FLAP_MODES]]
+
+
+def _name(mode: str, speed: str, sweep: float) -> str:
+    return f"{mode}, {speed}, {sweep}°"

@@ -1,0 +1,83 @@
+"""Ringing of a steel strip on a robot's flange after the robot has stopped, in three attitudes.
+
+The frequency that was measured falls with the amplitude, by 1 % from the smallest to the largest. Modes are those of
+small motion: beside the mean of the runs stands the frequency at amplitude zero, on a straight line through the means
+of the moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.equilibrium import solve_static
+from flexlink.dynamics.vibration.modal import modes
+from flexlink.inputs.initial_state import initial_state
+from validation.measured.readings import Derived, Reading
+from validation.reference_values import look_up
+
+DATA = "measured/steel_strip_on_flange"
+AXES = 7
+MEAN, SMALL = "mean of the runs", "at amplitude zero"
+
+
+def readings() -> dict[str, Reading]:
+    """Ringing frequencies by attitude [Hz].
+
+    Of a mean u is the scatter of the runs, for it is the amplitude that differs, which the model does not know. Of the
+    line it is the standard error of its value at amplitude zero.
+    """
+    found = {}
+    for attitude, moves in _moves().items():
+        runs = [run for move in moves.values() for run in move]
+        frequencies = [run[3] for run in runs]
+        spread = float(np.std(frequencies, ddof=1))
+        found[f"{attitude}, {MEAN}"] = Reading(float(np.mean(frequencies)), spread, "Hz", "frequency")
+        means = np.array(
+            [[np.mean([run[5] for run in move]), np.mean([run[3] for run in move])] for move in moves.values()]
+        )
+        found[f"{attitude}, {SMALL}"] = Reading(*_at_zero(*means.T), "Hz", "frequency, small amplitude")
+    return found
+
+
+def derived() -> Iterator[Derived]:
+    """What gravity does: hanging stiffens, standing softens."""
+    for which, group in ((MEAN, "gravity's split"), (SMALL, "gravity's split, small amplitude")):
+        yield Derived(f"down − up, {which}", group, "difference", f"down, {which}", f"up, {which}")
+
+
+def predicted(scene: Scene) -> dict[str, float]:
+    """The first frequency of the strip about its sag, at the mean of the attitudes in which the moves ended."""
+    found = {}
+    for attitude, moves in _moves().items():
+        values = [_first_frequency(scene, np.mean([run[2] for run in move], axis=0)) for move in moves.values()]
+        found[f"{attitude}, {MEAN}"] = found[f"{attitude}, {SMALL}"] = float(np.mean(values))
+    return found
+
+
+def _moves() -> dict[str, dict[str, list[list[Any]]]]:
+    """attitude → move → its runs."""
+    found: dict[str, dict[str, list[list[Any]]]] = {}
+    for run in look_up(DATA, "runs"):
+        found.setdefault(run[1], {}).setdefault(run[0].rpartition("_")[0], []).append(run)
+    return found
+
+
+def _at_zero(x: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
+    """Value at x = 0 of the straight line of least squares, and its standard error."""
+    design = np.column_stack([np.ones(len(x)), x])
+    line, residual, *_ = np.linalg.lstsq(design, np.asarray(y), rcond=None)
+    variance = residual[0] / (len(x) - 2)
+    return float(line[0]), float(np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0]))
+
+
+def _first_frequency(scene: Scene, stop_deg: Sequence[float]) -> float:
+    turned = scene.varied({"initial.joint_deg": [*map(float, stop_deg), 0.0]})
+    chain = lump(turned)
+    held = range(AXES)
+    sag = solve_static(chain, initial_state(turned, chain)[0], locked=held)
+    return float(modes(chain, sag.q, locked=held).hertz[0])

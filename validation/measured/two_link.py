@@ -1,0 +1,134 @@
+"""Runs of a two-link flexible arm of a laboratory (2DSFL), and a free linear model beside the arm's.
+
+The recordings (MIT licence) are not part of the project: they are read from ../shared/measured, beside the checkout.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+from scipy.signal import butter, cont2discrete, lfilter
+
+from flexlink.common.errors import DataFileError
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.motion.simulate import simulate
+from validation.sources import ROOT
+
+FOLDER = ROOT.parent / "shared" / "measured"
+HEADS = {"q1 [deg]": "q one [deg]", "q2 [deg]": "q two [deg]"}  # as a run of the scene calls them
+STRAINS = ("strain angle 1 [deg]", "strain angle 2 [deg]")
+LINKS = ("one", "two")
+CUTOFF = 15.0  # Hz of the recorded angles; they turn below 3 Hz
+LOW_PASS, ORDER = 2.0, 2  # Hz: the recorder's, of strains
+SETTLED = 1.2  # s: until then the first run's strain 1 is missing
+
+
+class Window(NamedTuple):
+    """A part of a recording: its name, the recording and the times [s]."""
+
+    name: str
+    run: str
+    start: float
+    end: float
+
+    def of(self, t: Array) -> Array:
+        """Which samples it holds."""
+        return np.asarray((t >= self.start - 1e-9) & (t <= self.end + 1e-9))
+
+
+FITTED = Window("psf, first half", "psf", SETTLED, 10.0)
+HELD_OUT = (Window("psf, second half", "psf", 10.0, 19.6), Window("fsf", "fsf", SETTLED, 19.4))
+
+
+def recorded(run: str) -> dict[str, Array]:
+    """Columns of a recording, angles called as the scene does.
+
+    Raises
+    ------
+    DataFileError
+        There is none: the recordings stand beside the checkout, or nowhere.
+    """
+    path = FOLDER / f"2dsfl_{run}.csv"
+    try:
+        heads, *rows = csv.reader(path.read_text(encoding="utf-8").splitlines())
+    except OSError as error:
+        raise DataFileError(f"{path}: cannot be read: {error.strerror or error}") from None
+    table = np.array(rows, dtype=np.float64)
+    return {HEADS.get(head, head): column for head, column in zip(heads, table.T, strict=True)}
+
+
+def write_renamed(run: str, folder: Path) -> Path:
+    """A recording with the scene's heads, as prescribed motions read it."""
+    columns = recorded(run)
+    path = folder / f"{run}.csv"
+    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
+    return path
+
+
+def led_by(path: Path) -> list[dict[str, object]]:
+    """Motions of both joints from such a file."""
+    return [{"link": link, "file": str(path), "cutoff": CUTOFF} for link in LINKS]
+
+
+def simulated(scene: Scene, run: str, end: float) -> tuple[Mapping[str, Array], Array]:
+    """Columns of the scene's run with the recorded angles, and the angles' accelerations (samples, 2) [rad/s²]."""
+    with tempfile.TemporaryDirectory() as folder:
+        led = scene.varied({"motion": led_by(write_renamed(run, Path(folder))), "run.duration": end})
+    found = simulate(led)
+    joints = [found.chain.joint_names.index(link) for link in LINKS]
+    return found.columns, np.asarray(CubicSpline(found.t, found.qd[:, joints])(found.t, 1))
+
+
+def fit_percent(measured: Array, model: Array) -> float:
+    """100 (1 − ‖measured − model‖ / ‖measured‖): 100 is perfect, 0 as good as nothing at all."""
+    return float(100 * (1 - np.linalg.norm(measured - model) / np.linalg.norm(measured)))
+
+
+class LinearModel(NamedTuple):
+    """Two modes that the joints' accelerations u drive, from rest, through the recorder's low-pass: 12 numbers.
+
+    z̈_j + 2 ζ_j ω_j ż_j + ω_j² z_j = u,  y_c = Σ_ju b_cju z_ju: ω and ζ of two modes, and b.
+    """
+
+    poles: Array  # log ω, ζ of each mode
+    weights: Array  # (inputs × modes, strains)
+
+    def strains(self, u: Array, h: float) -> Array:
+        """Both strains (samples, 2)."""
+        return np.asarray(_shapes(self.poles, u, h) @ self.weights)
+
+
+def linear_model(u: Array, measured: Sequence[Array], h: float, there: Array, start: Sequence[float]) -> LinearModel:
+    """The best one of the samples that are `there`; modes begin at frequencies `start` [Hz]."""
+    y = np.column_stack(measured)[there]
+    begin = np.array([[math.log(2 * math.pi * f), 0.015] for f in start]).ravel()
+
+    def weights(p: Array) -> Array:
+        return np.asarray(np.linalg.lstsq(_shapes(p, u, h)[there], y, rcond=None)[0])
+
+    def residual(p: Array) -> Array:
+        return np.asarray((_shapes(p, u, h)[there] @ weights(p) - y).ravel())
+
+    low, high = begin - np.tile([0.3, 0.014], len(start)), begin + np.tile([0.3, 0.2], len(start))
+    best = least_squares(residual, begin, bounds=(low, high), x_scale=np.tile([0.01, 0.005], len(start))).x
+    return LinearModel(best, weights(best))
+
+
+def _shapes(p: Array, u: Array, h: float) -> Array:
+    """Responses of each mode to each input, through the low-pass (samples, inputs × modes)."""
+    smooth = butter(ORDER, LOW_PASS, fs=1 / h)
+    columns = []
+    for log_rate, ratio in p.reshape(-1, 2):
+        ω = math.exp(log_rate)
+        b, a, _ = cont2discrete(([1.0], [1.0, 2 * ratio * ω, ω**2]), h, method="foh")
+        columns += [lfilter(*smooth, lfilter(b.ravel(), a, column)) for column in u.T]
+    return np.column_stack(columns)

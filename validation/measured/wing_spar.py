@@ -1,0 +1,44 @@
+"""A wing's spar bent to two fifths of its span by masses on its tip."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.equilibrium import solve_static
+from flexlink.dynamics.placement import tip_position
+from validation.measured.readings import Derived, Reading
+from validation.measured.uncertainty import standard
+from validation.reference_values import look_up
+
+DATA = "measured/wing_spar"
+READ_WITHIN = 0.2  # percent of the span, 1 mm: not stated by the source
+
+
+def readings() -> dict[str, Reading]:
+    """Deflection of the tip [% of the span], counted from where it hangs without a mass."""
+    found = {}
+    for mass, value in zip(look_up(DATA, "tip_mass_kg"), look_up(DATA, "tip_deflection_percent_of_span"), strict=True):
+        if mass:
+            found[f"{mass:g} kg"] = Reading(-value, standard(READ_WITHIN), "% of the span", "deflection")
+    return found
+
+
+def derived() -> Iterator[Derived]:
+    """Nothing."""
+    return iter(())
+
+
+def predicted(scene: Scene) -> dict[str, float]:
+    """The same of the chain."""
+    chain = lump(scene)
+    span = float(np.linalg.norm(tip_position(chain, np.zeros(chain.n))))
+    weight = scene.gravity[2]
+
+    def height(mass: float) -> float:
+        return float(tip_position(chain, solve_static(chain, tip_wrench=[0, 0, mass * weight, 0, 0, 0]).q)[2])
+
+    return {f"{m:g} kg": 100 * (height(0.0) - height(m)) / span for m in look_up(DATA, "tip_mass_kg") if m}

@@ -1,0 +1,55 @@
+"""Frequencies of a clamped beam that shears (Timoshenko 1921), or that a force pushes along its axis, by matrices.
+
+Deflection w, turn of the section ψ, moment M and force Q across the unbent axis; P is a dead force on the tip that
+pushes, taken on slender beams only, of which w' = ψ:
+
+    w' = ψ + Q / k_s G A      ψ' = M / EI      M' = −Q − (ρI ω² + P) ψ      Q' = −ρA ω² w
+
+Clamped: w = ψ = 0; free: M = Q = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from flexlink.common.types import Array
+
+
+class Beam(NamedTuple):
+    """EI [N m²], ρA [kg/m], ρI [kg m], k_s G A [N], length [m] and a force that pushes [N]."""
+
+    EI: float
+    mass: float
+    rotary: float
+    shear: float
+    length: float
+    push: float = 0.0
+
+
+def free_tip(beam: Beam, ω: float) -> float:
+    """Determinant of M and Q at the tip, of the two states that the root allows, each in its own unit."""
+    L, EI = beam.length, beam.EI
+    A = np.zeros((4, 4))  # lengths in L, moments in EI / L, forces in EI / L²
+    A[0, 1], A[0, 3] = 1.0, EI / (beam.shear * L**2)
+    A[1, 2] = 1.0
+    A[2, 1], A[2, 3] = -(beam.rotary * ω**2 + beam.push) * L**2 / EI, -1.0
+    A[3, 0] = -beam.mass * ω**2 * L**4 / EI
+    return float(np.linalg.det(expm(A)[2:, 2:]))
+
+
+def frequencies(beam: Beam, count: int) -> Array:
+    """The first natural angular frequencies [rad/s]."""
+    unit = min(math.sqrt(beam.EI / beam.mass) / beam.length**2, math.sqrt(beam.shear / beam.mass) / beam.length)
+    found: list[float] = []
+    low = 1e-3 * unit
+    while len(found) < count:
+        high = low + 0.25 * unit
+        if free_tip(beam, low) * free_tip(beam, high) < 0:
+            found.append(float(brentq(lambda ω: free_tip(beam, ω), low, high, xtol=1e-14 * unit, rtol=1e-14)))
+        low = high
+    return np.array(found)
