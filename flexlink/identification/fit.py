@@ -217,7 +217,7 @@ def _warnings(
 ) -> tuple[str, ...]:
     told = [f"{one.name} ended at its bound, {one.value:.6g}" for one in numbers if one.at_bound]
     told += [
-        f"{one.name}: the data do not reject the start, {one.start:.6g}, either; the interval holds both"
+        f"{one.name}: far from linear; the interval is as wide as the sum of squares says, not as slopes do"
         for one in numbers
         if one.widened
     ]  # fmt: skip
