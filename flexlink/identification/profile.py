@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.solve import Found, Search
@@ -67,9 +68,12 @@ class _Floor:
     def rise(self, x: Array) -> float:
         """How much twice the cost is above its least; noise may be another one there, too."""
         rise = 2 * (self.search.cost(x, self.best.blocks) - self.least)
-        if self.search.coloured and rise > 0:
-            rise = min(rise, self.search.unlikelihood(x, self.best.blocks) - self.unlikely)
-        return rise
+        if not self.search.coloured or rise <= 0:
+            return rise
+        try:
+            return min(rise, self.search.unlikelihood(x, self.best.blocks) - self.unlikely)
+        except FlexlinkError:  # the scene gives nothing there
+            return math.inf
 
     def wanted(self, k: int, end: float) -> float:
         """What a parabola rises by up to an end, a value of the number."""
