@@ -44,7 +44,7 @@ def test_columns_are_named_with_their_unit() -> None:
         ({"x": 1.5}, r"sensor\.root\.x = 1.5: beyond the beam of link 'boom', which is 1 m long"),
         ({"link": "bom"}, r"sensor\.root\.link = 'bom'"),
         ({"link": "base"}, r"sensor\.root\.link = 'base': the base is fixed"),
-        ({"unit": "V"}, r"unit = 'V': needs a gain"),
+        ({"unit": "µm/m"}, r"unit = 'µm/m': the column would be in 1; give gain = 1000000, µm/m per 1, or leave"),
         ({"gain": 0}, r"gain = 0.0: must not be 0"),
         ({"order": 2}, r"order = 2: has no effect without low_pass"),
         ({"seed": 2}, r"seed = 2: has no effect without noise"),
@@ -56,6 +56,15 @@ def test_columns_are_named_with_their_unit() -> None:
 def test_what_cannot_be_measured_is_refused_by_name(changes: dict, message: str) -> None:
     with pytest.raises(fl.errors.SceneError, match=message):
         scene_with(GAUGE | changes)
+
+
+def test_a_column_in_another_unit_of_what_is_measured_needs_its_gain() -> None:
+    for kind, unit, factor in (("joint", "deg", 57.29577951), ("joint", "mm", 1000), ("torque", "N mm", 1000)):
+        message = rf"unit = '{unit}': the column would be in .*; give gain = {factor}"
+        with pytest.raises(fl.errors.SceneError, match=message):
+            fl.Sensor(name="s", kind=kind, link=1, unit=unit)
+        assert fl.Sensor(name="s", kind=kind, link=1, unit=unit, gain=factor).columns() == (f"s [{unit}]",)
+    assert fl.Sensor(name="s", kind="torque", link=1, unit="V").columns() == ("s [V]",)  # 1 V per N m
 
 
 def test_two_places_and_two_names_are_refused() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import msgspec
@@ -58,10 +59,12 @@ def random_arm(seed: int) -> fl.Scene:
     links = tuple(_link(dice, f"link{k}", table) for k in range(dice.one_of(1, 2, 3, 4, 5, 6)))
     if all(link.joint.locked and not link.elastic for link in links):
         links = (fl.Link(name="first", hub=_body(dice)), *links[1:])
+    links, tables = _real(links, seed)
     return fl.Scene(
         name=f"random arm {seed}",
         arm=fl.Arm(
-            links=links, sections=_sections(dice), tip=_body(dice) if dice.chance(0.5) else fl.RigidBody(),
+            links=links, rigidities=tables, sections=_sections(dice),
+            tip=_body(dice) if dice.chance(0.5) else fl.RigidBody(),
             materials={"stuff": fl.Material(young=dice.decades(8, 11.5), density=dice.decades(3, 3.9),
                                             poisson=dice.linear(0.0, 0.5), loss_time=dice.one_of(0.0, 1e-4))},
         ),
@@ -85,10 +88,12 @@ def random_tree(seed: int) -> fl.Scene:
     hung_on = {link.on or before for link, before in zip(links, ["", *names], strict=False)}
     free, base = dice.chance(0.5), fl.BaseState(xyz=dice.three(1.0), quaternion=(dice.linear(-1, 1), *dice.three(1.0)))
     body = _body(dice)
+    real, tables = _real(links, seed)
     return fl.Scene(
         name=f"random tree {seed}",
         arm=fl.Arm(
-            links=tuple(links), sections=_sections(dice), tip=_body(dice) if dice.chance(0.5) else fl.RigidBody(),
+            links=real, rigidities=tables, sections=_sections(dice),
+            tip=_body(dice) if dice.chance(0.5) else fl.RigidBody(),
             materials={"stuff": fl.Material(young=dice.decades(8, 11.5), density=dice.decades(3, 3.9),
                                             poisson=dice.linear(0.0, 0.5), loss_time=dice.one_of(0.0, 1e-4))},
             base=fl.Base(kind="free", mass=body.mass, center=body.center, inertia=body.inertia) if free else fl.Base(),
@@ -133,6 +138,40 @@ def _link(dice: Dice, name: str, table: Convention | None) -> fl.Link:
         name=name, joint=_joint(dice, table), mount=fl.Mount() if table else _mount(dice), **beam, **_place(dice, beam),
         hub=_body(dice), end=_body(dice) if dice.chance(0.4) else fl.RigidBody(),
         dh=_row(dice, table) if table else None,
+    )  # fmt: skip
+
+
+def _real(links: Sequence[fl.Link], seed: int) -> tuple[tuple[fl.Link, ...], dict[str, fl.Rigidity]]:
+    """Soft roots and tables of rigidities for some of the links, by dice of their own: the rest of an arm stays."""
+    dice, tables, found = Dice(OF_BEAMS + seed), {}, []
+    for link in links:
+        own: dict[str, Any] = {}
+        if link.material is not None and dice.chance(0.4):  # which moves mass
+            axes = [axis for axis in "xyz" if dice.chance(0.6)] or ["z"]
+            own["root_stiffness"] = fl.RootStiffness(**{axis: dice.decades(2, 5) for axis in axes})
+            own["root_damping"] = fl.RootDamping(**{axes[0]: dice.decades(-1, 1)})
+        if link.material is not None and dice.chance(0.25):
+            tables[link.name] = _table(dice, link.beam.length)
+            own |= {"rigidity": link.name, "material": None, "section": None, "section_tip": None}
+        found.append(msgspec.structs.replace(link, **own))
+    return tuple(found), tables
+
+
+OF_BEAMS = 1_000_000
+"""Added to the seed of an arm for what its beams have beside sections."""
+
+
+def _table(dice: Dice, length: float) -> fl.Rigidity:
+    """Four rows, with a jump."""
+    jump = length * dice.linear(0.2, 0.8)
+
+    def column(low: float, high: float) -> tuple[float, ...]:
+        size = dice.decades(low, high)
+        return tuple(size * dice.linear(0.7, 1.3) for _ in range(4))
+
+    return fl.Rigidity(
+        x=(0.0, jump, jump, length), ei_y=column(1, 4), ei_z=column(1, 4), gj=column(1, 4), rho_a=column(-1, 1),
+        rho_i_y=column(-5, -3), rho_i_z=column(-5, -3), loss_time=dice.one_of(0.0, 1e-4),
     )  # fmt: skip
 
 

@@ -44,6 +44,7 @@ Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
 
 ROOT = 4
 """Axis in a `Coordinate` of the spring at a link's root that turns about X; those about Y and Z follow."""
+LAST_AXIS = ROOT + 2
 
 
 class Coordinate(NamedTuple):
@@ -397,7 +398,7 @@ class Chain:
         1 upper.1.z
         """
         number = 0 if number_of(link) == 0 and self.has_free_base else link_number("link", link, self.link_names)
-        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, ROOT + 2))
+        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, LAST_AXIS))
         if wanted not in self._sequential:
             known = truncated(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
             raise ArgumentError(

@@ -10,6 +10,7 @@ import msgspec
 
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe.arm import BASE, Arm
+from flexlink.describe.csv_table import conversion
 from flexlink.describe.directions import unit
 from flexlink.describe.own_units import SI, TORQUE
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key, truncated
@@ -40,6 +41,11 @@ ON_A_BASE = ("accelerometer", "gyroscope", "position")
 """Kinds that a free base can carry."""
 OF_THE_DRIVE = ("joint", "torque", "current")
 """Kinds that sit at a link's joint."""
+INSTRUMENTS = {
+    ("µm/m", "1"): 1e-6, ("um/m", "1"): 1e-6, ("µε", "1"): 1e-6, ("ppm", "1"): 1e-6, ("%", "1"): 1e-2,
+    ("g", "m/s²"): 9.80665, ("mA", "A"): 1e-3,
+}  # fmt: skip
+"""Sizes of units of instruments in units of what they measure, besides those of angles, lengths, forces and torques."""
 TAKEN = (
     "t", "tip", "kinetic", "gravity", "elastic", "work", "imbalance", "attitude", "spin", "momentum",
     "angular momentum", "deflection",
@@ -93,7 +99,7 @@ class Sensor(Spec, frozen=True):
     gain: float = 1.0
     """What one unit of the signal, in SI units and radians, is in the column [its unit per SI unit]."""
     unit: str | None = None
-    """Unit of the column; it needs a gain. Default: the signal's own: 1, m/s², rad/s, rad or m, N m or N, A."""
+    """Unit of the column, to which the gain leads. Default: the signal's own: 1, m/s², rad/s, rad or m, N m or N, A."""
     bias: float = 0.0
     """What it shows where there is nothing [unit of the column]."""
     delay: NonNegative = 0.0
@@ -130,11 +136,7 @@ class Sensor(Spec, frozen=True):
             unit("axis", self.axis)
         if self.gain == 0:
             raise SceneError("gain = 0.0: must not be 0; nothing would be measured")
-        if self.unit is not None and self.gain == 1:
-            raise SceneError(
-                f"unit = {self.unit!r}: needs a gain, the {self.unit or 'number'} of one SI unit, such as 57.29577951 "
-                "for deg; without either the column is in SI units"
-            )
+        self._check_unit()
         for key, of in (("order", "low_pass"), ("seed", "noise")):
             if getattr(self, key) is not None and not getattr(self, of):
                 raise SceneError(f"{key} = {getattr(self, key)!r}: has no effect without {of}; leave {key} out")
@@ -146,6 +148,17 @@ class Sensor(Spec, frozen=True):
                 raise SceneError(f"{key} = {text!r}: expected a text without brackets, and without spaces at its ends")
         if self.name in TAKEN or re.match(r"(q|qd|tau) ", self.name):
             raise SceneError(f"name = {self.name!r}: columns of a run are called so; give another name")
+
+    def _check_unit(self) -> None:
+        """A column in a unit of what is measured, such as deg, has a gain; of others, such as V, it may be 1."""
+        own = {KINDS[self.kind].unit} - {""} or set((SI if self.kind == "joint" else TORQUE).values())
+        for unit_ in own if self.unit is not None and self.gain == 1 else ():
+            size = INSTRUMENTS.get((self.unit or "", unit_)) or conversion(self.unit or "", unit_)
+            if size is not None and size != 1:
+                raise SceneError(
+                    f"unit = {self.unit!r}: the column would be in {unit_}; give gain = {1 / size:.10g}, {self.unit} "
+                    f"per {unit_}, or leave unit out"
+                )
 
     @property
     def sees_points(self) -> bool:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain import free_base
 from flexlink.chain.builder import Body, recorded
-from flexlink.chain.chain import Chain, Coordinate
+from flexlink.chain.chain import LAST_AXIS, Chain, Coordinate
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.safe_xml import numbers_of, parse
@@ -188,8 +188,8 @@ def coupling_of(node: Node) -> Coupled:
 def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Coordinate:
     """The three indices of a hinge."""
     link, segment, axis = (int(number) if number == int(number) else -1 for number in numbers)
-    if not (1 <= link <= len(links) and segment >= 0 and 0 <= axis <= 3):
-        raise node.error(f"coordinate {list(numbers)}: expected link 1 … {len(links)}, segment, axis 0 … 3")
+    if not (1 <= link <= len(links) and segment >= 0 and 0 <= axis <= LAST_AXIS):
+        raise node.error(f"coordinate {list(numbers)}: expected link 1 … {len(links)}, segment, axis 0 … {LAST_AXIS}")
     return Coordinate(link, segment, axis)
 
 
