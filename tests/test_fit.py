@@ -270,6 +270,16 @@ class TestProblem:
         assert "run 'swing'" in str(refused.value)
 
 
+def test_samples_that_are_not_evenly_spaced_are_told(scene: fl.Scene) -> None:
+    columns = record(scene, ("tip x [m]",))
+    kept = np.ones(len(columns["t [s]"]), bool)
+    kept[50:60] = False
+    gap = {head: column[kept] for head, column in columns.items()}
+    for data, told in ((gap, True), (columns, False)):
+        check = fl.check_fit(problem_of(scene, ("tip.mass",), fl.FitRun(name="fall", columns=data)))
+        assert any("not evenly spaced" in note for note in check.notes) == told
+
+
 class TestCommand:
     def test_check_prints_what_the_data_can_tell_and_refuses_with_1(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -195,12 +195,20 @@ def _notes(sources: Sequence[Source]) -> list[str]:
         names = ", ".join(block.name for block in source.blocks)
         rate = f" at {source.rate:.4g} Hz" if hasattr(source, "rate") else ""
         found.append(f"{source.name}: {names}; {len(source.blocks[0].y)} samples{rate}")
+        uneven = [block.name for block in source.blocks if block.t is not None and _uneven(block.t)]
+        if uneven:
+            found.append(
+                f"{source.name}: samples of {', '.join(uneven)} are not evenly spaced; intervals count what is left "
+                "as if they were"
+            )
         unknown = [block.name for block in source.blocks if not block.stated]
         if unknown:
             found.append(f"{source.name}: noise of {', '.join(unknown)} is not stated; 1 % of the range is assumed")
     return found
 
 
+EVEN = 0.1
+"""Part of the time between samples by which it may vary untold."""
 FAR = 2.0
 """How many times the noise that is stated the residuals may be before that is told."""
 
@@ -210,6 +218,11 @@ def _too_far(one: FittedColumn) -> str:
         f"{one.source}, {one.name}: what is left is {one.times_noise:.2g} times the noise that is stated: more noise, "
         "or something that the scene does not have"
     )
+
+
+def _uneven(t: Array) -> bool:
+    between = np.diff(t)
+    return bool(np.ptp(between) > EVEN * between.mean())
 
 
 def _warnings(
