@@ -198,6 +198,29 @@ class TestSingleNumbers:
         assert fitted["tip.mass"].high > 8.2 > fitted["tip.mass"].low
 
 
+@pytest.mark.slow
+class TestLinearReference:
+    @pytest.mark.parametrize(
+        ("sought", "explains"), [("material.aluminium.young", True), ("material.aluminium.loss_time", False)]
+    )
+    def test_a_free_linear_model_tells_wrong_numbers_from_a_wrong_scene(
+        self, scene: fl.Scene, sought: str, explains: bool
+    ) -> None:
+        """The elbow is led through 0.3°; the laboratory's arm is softer. Another damping cannot explain that."""
+        turn = fl.PrescribedMotion(link="fore", times=(0.0, 0.2), angle_deg=(-60.0, -59.7), rate_deg=(0.0, 0.0),
+                                   acceleration_deg=(0.0, 0.0))  # fmt: skip
+        led = scene.varied({"motion": (turn,), "link.waist.joint.locked": True, "link.upper.joint.locked": True})
+        columns = record(led.varied({"material.aluminium.young": 60e9}), ("tip x [m]", "tip z [m]"), 1e-5)
+        runs = tuple(fl.FitRun(name=use, columns=columns, use=use) for use in ("fit", "check"))
+        found = fl.fit(fl.FitProblem(scene=led, parameter=(_plain(sought),), run=runs))
+        judged = found.judged
+        assert [one.use for one in judged] == ["check", "check"]
+        linear = max(one.off(one.linear) for one in judged)
+        after = max(one.off(one.after) for one in judged)
+        assert (after < 1.1 * linear) == explains
+        assert linear < 3e-5 < max(one.off(one.before) for one in judged)
+
+
 class TestProblem:
     SCENE = f'scene = "{ROOT / "models" / "three_links.toml"}"\n'
 
@@ -245,6 +268,16 @@ class TestProblem:
             fl.check_fit(problem_of(scene, ("tip.mass",), run))
         assert reason in str(refused.value)
         assert "run 'swing'" in str(refused.value)
+
+
+def test_samples_that_are_not_evenly_spaced_are_told(scene: fl.Scene) -> None:
+    columns = record(scene, ("tip x [m]",))
+    kept = np.ones(len(columns["t [s]"]), bool)
+    kept[50:60] = False
+    gap = {head: column[kept] for head, column in columns.items()}
+    for data, told in ((gap, True), (columns, False)):
+        check = fl.check_fit(problem_of(scene, ("tip.mass",), fl.FitRun(name="fall", columns=data)))
+        assert any("not evenly spaced" in note for note in check.notes) == told
 
 
 class TestCommand:

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import MODELS, SQUARE, flexible, make_scene
-from flexlink.scene_report.measured import read_measured
 from scipy import signal
 
 import flexlink as fl
 from flexlink.describe.sensor import Sensor
 from flexlink.dynamics.notes import notes
+from flexlink.results.measured import read_measured
 from flexlink.sensors.instrument import Instrument, noise
 from flexlink.sensors.low_pass import butterworth
 from flexlink.sensors.signals import signal_of, slopes_of

@@ -195,12 +195,20 @@ def _notes(sources: Sequence[Source]) -> list[str]:
         names = ", ".join(block.name for block in source.blocks)
         rate = f" at {source.rate:.4g} Hz" if hasattr(source, "rate") else ""
         found.append(f"{source.name}: {names}; {len(source.blocks[0].y)} samples{rate}")
+        uneven = [block.name for block in source.blocks if block.t is not None and _uneven(block.t)]
+        if uneven:
+            found.append(
+                f"{source.name}: samples of {', '.join(uneven)} are not evenly spaced; intervals count what is left "
+                "as if they were"
+            )
         unknown = [block.name for block in source.blocks if not block.stated]
         if unknown:
             found.append(f"{source.name}: noise of {', '.join(unknown)} is not stated; 1 % of the range is assumed")
     return found
 
 
+EVEN = 0.1
+"""Part of the time between samples by which it may vary untold."""
 FAR = 2.0
 """How many times the noise that is stated the residuals may be before that is told."""
 
@@ -212,12 +220,17 @@ def _too_far(one: FittedColumn) -> str:
     )
 
 
+def _uneven(t: Array) -> bool:
+    between = np.diff(t)
+    return bool(np.ptp(between) > EVEN * between.mean())
+
+
 def _warnings(
     numbers: Sequence[Estimate], check: Check, found: Sequence[Found], columns: Sequence[FittedColumn]
 ) -> tuple[str, ...]:
     told = [f"{one.name} ended at its bound, {one.value:.6g}" for one in numbers if one.at_bound]
     told += [
-        f"{one.name}: the data do not reject the start, {one.start:.6g}, either; the interval holds both"
+        f"{one.name}: far from linear; the interval is as wide as the sum of squares says, not as slopes do"
         for one in numbers
         if one.widened
     ]  # fmt: skip

@@ -38,7 +38,7 @@ class Estimate:
     at_bound
         Whether the search ended at a bound of it.
     widened
-        Whether the interval holds the start because the data do not reject it: the problem is far from linear.
+        Whether the interval is wider than slopes say, because the data do not reject what is there: far from linear.
     profile
         The interval where all other numbers are fitted anew with this one held; None if nobody asked.
     """

@@ -30,11 +30,12 @@ def columns_of(
     found = _beside(signals.sources, best.blocks, before, after)
     rows = [[row_of(b, y) for b, y in zip(*part, strict=True)] for part in zip(best.blocks, after, strict=True)]
     gains = _gains(best.blocks, rows)
+    noises = {block.name: float(np.sqrt(np.mean(white(block).σ ** 2))) for part in best.blocks for block in part}
     values = {one.path: one.value(float(x)) for one, x in zip(signals.coordinates, best.x, strict=True) if not one.run}
     fitted = [(one, signals.scene(k, best.x)) for k, one in enumerate(signals.sources) if isinstance(one, Recorded)]
     checks: list[tuple[Recorded, Scene]] = []
     for source in sources_of(problem, "check"):
-        source.blocks = tuple(_known_gain(block, gains) for block in source.blocks)
+        source.blocks = tuple(_known(block, gains, noises) for block in source.blocks)
         columns, scene = _kept(problem, source, values, gains)
         found += columns
         checks += [(source, scene)] if isinstance(source, Recorded) else []
@@ -120,5 +121,7 @@ def _gains(blocks: Sequence[Sequence[Block]], rows: Sequence[Sequence[Row]]) -> 
     return {name: float(np.mean(several)) for name, several in found.items()}
 
 
-def _known_gain(block: Block, gains: dict[str, float]) -> Block:
-    return dataclasses.replace(block, gain=False) if block.name in gains else block
+def _known(block: Block, gains: dict[str, float], noises: dict[str, float]) -> Block:
+    """A block that is kept to check, with the gain of its column and, where nothing is stated, the noise."""
+    σ = block.σ if block.stated or block.name not in noises else np.full(len(block.y), noises[block.name])
+    return dataclasses.replace(block, gain=block.gain and block.name not in gains, σ=σ)

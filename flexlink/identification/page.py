@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -128,7 +129,7 @@ def _data(fitted: Fitted) -> Part:
     if single:
         tables.append(Table("single", "Single numbers", ("number", "measured", "before", "fitted"), single))
     drawn = _drawn(fitted)
-    return Part(sentences, pictures=(_overlay(drawn),) if drawn else (), tables=tuple(tables))
+    return Part(sentences, pictures=(_overlay(drawn), _difference(drawn)) if drawn else (), tables=tuple(tables))
 
 
 def _drawn(fitted: Fitted) -> list[FittedColumn]:
@@ -137,21 +138,42 @@ def _drawn(fitted: Fitted) -> list[FittedColumn]:
 
 
 def _overlay(drawn: list[FittedColumn]) -> Picture:
+    curves = [
+        {"measured": one.measured, "before": one.before, "fitted": one.after} for one in drawn
+    ]  # fmt: skip
+    return _panels("beside", "Measured and computed", "Measured, before and after the fit.", drawn, curves)
+
+
+def _difference(drawn: list[FittedColumn]) -> Picture:
+    curves = []
+    for one in drawn:
+        linear = {} if one.linear is None else {"free linear": one.linear - one.measured}
+        curves.append({"before": one.before - one.measured, "fitted": one.after - one.measured, **linear})
+    return _panels("difference", "Computed less measured", "Computed less measured.", drawn, curves)
+
+
+LOOKS: dict[str, dict[str, Any]] = {
+    "measured": {"color": GREY, "linestyle": "", "marker": ".", "markersize": 3}, "fitted": {"color": BLUE},
+    "before": {"color": VERMILION, "linewidth": 0.8}, "free linear": {"color": INK, "linewidth": 0.8},
+}  # fmt: skip
+
+
+def _panels(
+    name: str, title: str, caption: str, drawn: list[FittedColumn], curves: list[dict[str, np.ndarray]]
+) -> Picture:
+    """One panel a column, of what is drawn of it by name."""
     figure, axes = stacked_axes(len(drawn), 2.2, share=False)
     columns: dict[str, np.ndarray] = {}
-    for panel, one in zip(axes, drawn, strict=True):
-        panel.plot(one.t, one.measured, ".", color=GREY, markersize=3, label="measured")
-        panel.plot(one.t, one.before, color=VERMILION, linewidth=0.8, label="before")
-        panel.plot(one.t, one.after, color=BLUE, label="fitted")
+    for panel, one, several in zip(axes, drawn, curves, strict=True):
+        columns[f"{one.source}: t [s] of {one.name}"] = np.asarray(one.t)
+        for label, values in several.items():
+            panel.plot(one.t, values, label=label, **LOOKS[label])
+            columns[f"{one.source}: {label} {one.name}"] = values
         panel.set_ylabel(one.name)
         panel.set_title(f"{one.source} ({one.use})", loc="left")
-        columns |= {f"{one.source}: t [s]": np.asarray(one.t)} | {
-            f"{one.source}: {label} {one.name}": values
-            for label, values in (("measured", one.measured), ("before", one.before), ("fitted", one.after))
-        }
     axes[-1].set_xlabel("time [s]")
     legend_over(axes[0], figure=figure)
-    return Picture("beside", "Measured and computed", figure, "Measured, before and after the fit.", _padded(columns))
+    return Picture(name, title, figure, caption, _padded(columns))
 
 
 def _left(fitted: Fitted) -> Part:

@@ -14,18 +14,22 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.solve import Found, Search
 
 FURTHEST = 10.0
 """Halves of an interval beyond which a start is taken for rejected."""
+HARDLY, FACTOR, OUTWARDS = 0.5, 1.5, 6
+"""Part of a parabola's rise that an interval's end must have, and by how much, and how often, it is moved outwards."""
 AT = 0.5, 1.0, 1.6
 """Where the profile is taken, in halves of the interval."""
 
 
 def profiled(search: Search, best: Found, numbers: Sequence[Estimate], tell: Callable[[str], None]) -> list[Estimate]:
     """The numbers of the scene, each with its interval by profile; nan is an end that the profile does not reach."""
-    least, white = search.cost(best.x, best.blocks), search.deviations(best.x, best.blocks)
+    least, white = search.cost(best.x, best.blocks), np.sqrt(np.diag(search.covariance(best.x, best.blocks)))
     found = []
     for k, one in enumerate(numbers):
         ends = tuple(_end(search, best, k, one, side, least, float(white[k])) for side in (-1, 1))
@@ -35,32 +39,64 @@ def profiled(search: Search, best: Found, numbers: Sequence[Estimate], tell: Cal
 
 
 def widened(search: Search, best: Found, numbers: Sequence[Estimate]) -> list[Estimate]:
-    """The numbers of the scene, intervals wide enough to hold the starts that the data do not reject.
+    """The numbers of the scene, intervals as wide as the sum of squares says where that is no parabola.
 
-    A start outside an interval is tried as the profile's ends are: held, all others fitted anew. Where the sum of
-    squares is a parabola it is rejected.
+    An end where it has hardly risen is moved outwards until it has. A start outside is tried with all others fitted
+    anew, and lies inside where the data do not reject it.
     """
-    least, white = search.cost(best.x, best.blocks), search.deviations(best.x, best.blocks)
-    found = []
+    floor, found = _Floor(search, best), []
     for k, one in enumerate(numbers):
-        coordinate, point = search.coordinates[k], best.x.copy()
-        point[k] = coordinate.x(one.start)
-        if not one.low <= one.start <= one.high:
-            end = one.low if one.start < one.value else one.high
-            wanted = abs(coordinate.x(end) - float(best.x[k])) / float(white[k])
-            if abs(point[k] - float(best.x[k])) > FURTHEST * wanted * float(white[k]):
-                found.append(one)
-                continue
-            point = search.least(point, best.blocks, rough=True, held=k)
-            rise = 2 * (search.cost(point, best.blocks) - least)
-            if search.coloured:  # a start also has a noise of its own
-                rise = min(rise, search.unlikelihood(point, best.blocks) - search.unlikelihood(best.x, best.blocks))
-            if rise < wanted**2:
-                low, high = min(one.low, one.start), max(one.high, one.start)
-                found.append(dataclasses.replace(one, low=low, high=high, widened=True))
-                continue
-        found.append(one)
+        far = {side: floor.far(k, one, side) for side in (-1, 1)}
+        low, high = (one.low if far[-1] is None else far[-1]), (one.high if far[1] is None else far[1])
+        if not low <= one.start <= high and floor.holds_start(k, one):
+            low, high = min(low, one.start), max(high, one.start)
+        wider = (low, high) != (one.low, one.high)
+        found.append(dataclasses.replace(one, low=low, high=high, widened=wider))
     return found
+
+
+class _Floor:
+    """The sum of squares beside its least."""
+
+    def __init__(self, search: Search, best: Found) -> None:
+        self.search, self.best = search, best
+        self.least, self.unlikely = search.cost(best.x, best.blocks), 0.0
+        if search.coloured:
+            self.unlikely = search.unlikelihood(best.x, best.blocks)
+        self.C = search.covariance(best.x, best.blocks)
+
+    def rise(self, x: Array) -> float:
+        """How much twice the cost is above its least; noise may be another one there, too."""
+        rise = 2 * (self.search.cost(x, self.best.blocks) - self.least)
+        if not self.search.coloured or rise <= 0:
+            return rise
+        try:
+            return min(rise, self.search.unlikelihood(x, self.best.blocks) - self.unlikely)
+        except FlexlinkError:  # the scene gives nothing there
+            return math.inf
+
+    def wanted(self, k: int, end: float) -> float:
+        """What a parabola rises by up to an end, a value of the number."""
+        return (self.search.coordinates[k].x(end) - float(self.best.x[k])) ** 2 / float(self.C[k, k])
+
+    def far(self, k: int, one: Estimate, side: int) -> float | None:
+        """An end farther out, the others where a parabola has them; None where the interval's own will do."""
+        coordinate, x, end = self.search.coordinates[k], self.best.x, one.high if side > 0 else one.low
+        half, wanted = coordinate.x(end) - float(x[k]), self.wanted(k, end)
+        bounds = np.array([each.bounds for each in self.search.coordinates]).T
+        for times in range(OUTWARDS + 1):
+            point = np.clip(x + half * FACTOR**times * self.C[:, k] / self.C[k, k], *bounds)
+            if not self.rise(point) < HARDLY * wanted:
+                return coordinate.value(float(point[k])) if times else None
+        return coordinate.value(float(point[k]))
+
+    def holds_start(self, k: int, one: Estimate) -> bool:
+        """Whether the data do not reject the start of a number."""
+        point, wanted = self.best.x.copy(), self.wanted(k, one.low if one.start < one.value else one.high)
+        point[k] = self.search.coordinates[k].x(one.start)
+        if self.wanted(k, one.start) > FURTHEST**2 * wanted:
+            return False
+        return self.rise(self.search.least(point, self.best.blocks, rough=True, held=k)) < wanted
 
 
 def _end(search: Search, best: Found, k: int, one: Estimate, side: int, least: float, white: float) -> float:

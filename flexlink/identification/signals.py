@@ -119,15 +119,28 @@ class Signals:
         """What one source has at a point, and its slopes, all in one batch; errors as in `slopes`."""
         own = self._own[number] if stencil is not None else []
         stencils = [self._stencil(k, x, stencil or TWO, step) for k in own]
-        points = [x + step * at * _unit(len(x), k) for k, one in zip(own, stencils, strict=True) for at in one.at]
-        values, *several = _good(self._many([(number, point) for point in (x, *points)]))
+        points = [_beside(x, k, step * at) for k, one in zip(own, stencils, strict=True) for at in one.at]
+        middle, *several = self._many([(number, point) for point in (x, *points)])
+        (values,) = _good([middle])
         slopes = [np.zeros((len(block.y), len(x))) for block in self.sources[number].blocks]
         beside = iter(several)
         for k, one in zip(own, stencils, strict=True):
-            for weight in one.weights:
-                for slope, column in zip(slopes, next(beside), strict=True):
-                    slope[:, k] += weight / step * np.asarray(column)
+            found = self._slope(number, x, k, one, [next(beside) for _ in one.at], step)
+            for slope, column in zip(slopes, found, strict=True):
+                slope[:, k] = column
         return values, slopes
+
+    def _slope(
+        self, number: int, x: Array, k: int, stencil: Stencil, values: list[list[Array] | FlexlinkError], step: float
+    ) -> list[Array]:
+        """∂/∂x_k of every block; where the scene gives nothing on one side, from the other side alone."""
+        for other in (DOWN, UP):
+            if any(isinstance(value, FlexlinkError) for value in values) and stencil is not other:
+                stencil = other
+                values = self._many([(number, _beside(x, k, step * at)) for at in other.at])
+        columns = zip(*_good(values), strict=True)
+        weights = np.array(stencil.weights) / step
+        return [np.tensordot(weights, np.array(each), 1) for each in columns]
 
     def _stencil(self, k: int, x: Array, stencil: Stencil, step: float) -> Stencil:
         low, high = self.coordinates[k].bounds
@@ -179,5 +192,7 @@ def _good(values: Sequence[list[Array] | FlexlinkError]) -> list[list[Array]]:
     return [value for value in values if not isinstance(value, FlexlinkError)]
 
 
-def _unit(n: int, k: int) -> Array:
-    return np.asarray(np.eye(n)[k])
+def _beside(x: Array, k: int, by: float) -> Array:
+    point = x.copy()
+    point[k] += by
+    return point

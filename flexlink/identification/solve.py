@@ -172,10 +172,10 @@ class Search:
         )  # fmt: skip
         return whole(np.asarray(found.x))
 
-    def deviations(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
-        """Standard deviations if all noise were white, of the size that was taken, gains and biases at their best."""
+    def covariance(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        """Covariance if all noise were white, of the size that was taken, gains and biases at their best."""
         J = self._jacobian(x, blocks)
-        return np.sqrt(np.diag(np.linalg.pinv(J.T @ J)))
+        return np.asarray(np.linalg.pinv(J.T @ J))
 
     def _residual(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
         known, _ = prior_rows(self.coordinates, x)
