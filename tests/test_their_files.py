@@ -94,6 +94,8 @@ def test_in_our_own_file_nothing_is_named(path: Path, form: str, tmp_path: Path)
     law = {"pd": ["servo stiffness, servo damping"]}.get(scene.drive.kind, [])
     law += ["torque limit"] * (scene.drive.effort is not None)
     told = [f"not in the file, taken from the scene: {', '.join(law)}"] if law else []
+    if form != "mjcf" and len(chain.couplings):  # whose tendons hold them
+        told.append("springs and dampers between two joints are computed by us, with the numbers of the file")
     assert list(found.notes) == told
 
 

@@ -101,7 +101,21 @@ def equilibrium_in_motion(
     """Posture of an arm some of whose joints move with constant rates: T_GC(q, q̇) + T_FL(q) = 0 of all others.
 
     It is `solve_static(chain, q, qd)`, from springs that are slack, of a motion that is known to be a steady one.
-    Arguments and errors as in `modes_in_motion`.
+
+    Parameters
+    ----------
+    chain, rates, q, tip_wrench, frame, locked
+        As in `modes_in_motion`; of `q` [rad, m], shape (n,), only the driven joints count.
+
+    Returns
+    -------
+    Equilibrium
+        As of `solve_static`.
+
+    Raises
+    ------
+    ArgumentError, ConvergenceError, SingularMassError
+        As in `modes_in_motion`.
 
     Examples
     --------
