@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from scipy.signal import lfilter
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.identification.colour import Colour, colour_of
+from flexlink.identification.coordinates import coordinate_of
 from flexlink.identification.interval import Part, spread_of
 
 THREE = {"material.aluminium.young": 63e9, "tip.mass": 8.6, "link.upper.joint.armature": 2.3}
@@ -278,6 +280,44 @@ def test_samples_that_are_not_evenly_spaced_are_told(scene: fl.Scene) -> None:
     for data, told in ((gap, True), (columns, False)):
         check = fl.check_fit(problem_of(scene, ("tip.mass",), fl.FitRun(name="fall", columns=data)))
         assert any("not evenly spaced" in note for note in check.notes) == told
+
+
+@pytest.fixture(scope="module")
+def doubted(scene: fl.Scene) -> fl.Fitted:
+    """A payload whose prior is wrong, and a run kept to check in which another payload hung."""
+    names = ("tip x [m]", "tip z [m]")
+    runs = tuple(
+        fl.FitRun(name=use, use=use, columns=record(scene.varied({"tip.mass": mass}), names, 1e-4))
+        for use, mass in (("fit", 8.6), ("check", 9.6))
+    )
+    weighed = fl.FitParameter(path="tip.mass", prior=(8.0, 0.05))
+    return fl.fit(fl.FitProblem(scene=scene, parameter=(weighed,), run=runs))
+
+
+class TestDoubts:
+    """A fit says where its numbers, or its data, are not to be believed."""
+
+    def test_a_number_that_strays_from_its_prior_is_told(self, doubted: fl.Fitted) -> None:
+        assert doubted["tip.mass"].value == pytest.approx(8.6, abs=0.05)
+        assert any("standard deviations from its prior, 8 ± 0.05: the prior is wrong" in w for w in doubted.warnings)
+
+    def test_a_run_kept_to_check_that_is_left_worse_than_those_fitted_is_told(self, doubted: fl.Fitted) -> None:
+        told = [w for w in doubted.warnings if w.startswith("check, tip x [m]: what is left is ")]
+        assert len(told) == 1
+        assert "times that of the fitted runs" in told[0]
+
+    def test_an_end_of_an_interval_beyond_float64_is_infinite(self, scene: fl.Scene) -> None:
+        mass = coordinate_of(scene, fl.FitParameter(path="tip.mass"))
+        assert mass.value(1e6) == math.inf
+        assert mass.value(math.log(8.0)) == pytest.approx(8.0)
+
+    def test_a_tip_that_goes_farther_than_the_arm_reaches_is_refused_with_the_likely_unit(
+        self, scene: fl.Scene
+    ) -> None:
+        columns = record(scene, ("tip x [m]",))
+        run = fl.FitRun(name="film", columns=columns | {"tip x [m]": 1e3 * columns["tip x [m]"]})
+        with pytest.raises(fl.errors.DataFileError, match=r"run 'film': tip x \[m\] ranges over .* 'tip x \[mm\]'"):
+            fl.check_fit(problem_of(scene, ("tip.mass",), run))
 
 
 class TestCommand:

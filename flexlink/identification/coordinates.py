@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,6 +17,7 @@ from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 
 FURTHEST = 1e3
 """Factor from the start that is tried at most of a number that is sought by its logarithm."""
+LARGEST = math.log(sys.float_info.max)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,8 +62,10 @@ class Coordinate:
         return value / self.unit
 
     def value(self, x: float) -> float:
-        """The value at a coordinate."""
-        return math.exp(x) if self.log else self.unit * x
+        """The value at a coordinate; inf where it is beyond float64, as ends of intervals may be."""
+        if self.log:
+            return math.exp(x) if x < LARGEST else math.inf
+        return self.unit * x
 
     def size(self, value: float) -> float:
         """∂value/∂x there."""

@@ -133,7 +133,7 @@ def fit(
         numbers = (*widened(search, best, profiled(search, best, of_scene, tell) if profile else of_scene), *others)
     columns = columns_of(problem, signals, best, own, tell)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
-    warnings = _warnings(numbers, after, found, columns)
+    warnings = _warnings(numbers, coordinates, after, found, columns)
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
         tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, warnings,
@@ -211,6 +211,8 @@ EVEN = 0.1
 """Part of the time between samples by which it may vary untold."""
 FAR = 2.0
 """How many times the noise that is stated the residuals may be before that is told."""
+STRAYS = 3.0
+"""Standard deviations of its prior that a number may be away from it untold."""
 
 
 def _too_far(one: FittedColumn) -> str:
@@ -220,22 +222,57 @@ def _too_far(one: FittedColumn) -> str:
     )
 
 
+def _times_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> float:
+    """What is left of a column that was kept to check, over what is left of the same one where it was fitted."""
+    left = [other.off(other.after) for other in columns if other.use == "fit" and other.name == one.name]
+    return one.off(one.after) / max(left) if one.use == "check" and left and max(left) > 0 else 0.0
+
+
+def _worse_than_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> str:
+    return (
+        f"{one.source}, {one.name}: what is left is {_times_fitted(one, columns):.2g} times that of the fitted runs: "
+        "the numbers are not known well enough for this run (fit it, too), or the scene lacks something"
+    )
+
+
 def _uneven(t: Array) -> bool:
     between = np.diff(t)
     return bool(np.ptp(between) > EVEN * between.mean())
 
 
+def _why_wider(one: Estimate) -> str:
+    if one.start in (one.low, one.high):
+        return f"the data do not reject its start, {one.start:.6g}, and the interval reaches to it; see --profile"
+    return "far from linear; the interval is as wide as the sum of squares says, not as slopes do"
+
+
+def _strays(one: Estimate, known: Coordinate) -> bool:
+    """Whether the data have led a number away from what was known of it."""
+    return known.prior is not None and abs(one.value - known.prior[0]) > STRAYS * known.prior[1]
+
+
+def _beside_prior(one: Estimate, known: Coordinate) -> str:
+    mean, deviation = known.prior or (0.0, 1.0)
+    far = abs(one.value - mean) / deviation
+    return (
+        f"{one.name} = {one.value:.4g}: {far:.2g} standard deviations from its prior, {mean:.4g} ± {deviation:.2g}: "
+        "the prior is wrong, or the scene lacks something that this number makes up for"
+    )
+
+
 def _warnings(
-    numbers: Sequence[Estimate], check: Check, found: Sequence[Found], columns: Sequence[FittedColumn]
+    numbers: Sequence[Estimate],
+    coordinates: Sequence[Coordinate],
+    check: Check,
+    found: Sequence[Found],
+    columns: Sequence[FittedColumn],
 ) -> tuple[str, ...]:
     told = [f"{one.name} ended at its bound, {one.value:.6g}" for one in numbers if one.at_bound]
-    told += [
-        f"{one.name}: far from linear; the interval is as wide as the sum of squares says, not as slopes do"
-        for one in numbers
-        if one.widened
-    ]  # fmt: skip
+    told += [f"{one.name}: {_why_wider(one)}" for one in numbers if one.widened]
+    told += [_beside_prior(one, known) for one, known in zip(numbers, coordinates, strict=False) if _strays(one, known)]
     told += [one.text for one in check.directions]
     told += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > FAR]
+    told += [_worse_than_fitted(one, columns) for one in columns if _times_fitted(one, columns) > FAR]
     if len(found) > 1:
         same = sum(bool(np.allclose(end.x, found[0].x, rtol=0, atol=1e-4)) for end in found)
         if same < len(found):

@@ -211,7 +211,7 @@ class FitProblem(Spec, frozen=True):
                     if path in paths:
                         raise SceneError(
                             f"{key}.set: {path!r} is sought as a parameter, and cannot be set for a part of the data; "
-                            "say what differs by another number, such as a wrench"
+                            "say what differs by another number, such as a wrench, or link.NAME.end.mass beside a mass"
                         )
 
     def __repr__(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 from msgspec.structs import replace
 from scipy.interpolate import CubicSpline
 
+from flexlink.chain.lumping import lump
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
@@ -88,9 +90,26 @@ def recorded(problem: FitProblem, run: FitRun) -> Recorded:
     )
     if not blocks:
         raise DataFileError(f"run {run.name!r}: no measured values inside its window")
+    _check_reach(run, scene, blocks)
     rate = float((len(t) - 1) / (t[-1] - t[0]))
     smooth = _as_long(exact(scene, problem.tolerance), t)
     return Recorded(run.name, run.use, smooth, _with_noise(blocks), rate)
+
+
+FAR = 20.0
+"""How many times the reach of an arm on the ground its tip can never go: it is measured in another unit."""
+
+
+def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
+    """Places of the tip are such as the arm can get to."""
+    reach, floats = lump(scene).reach, scene.arm.base.free
+    for block in blocks:
+        far = float(np.ptp(block.y))
+        if re.fullmatch(r"tip [xyz] \[m\]", block.name) and not floats and far > FAR * reach:
+            raise DataFileError(
+                f"run {run.name!r}: {block.name} ranges over {far:.4g} m, but the arm reaches {reach:.2g} m; likely "
+                f"given in mm: the head is then {block.name.replace('[m]', '[mm]')!r}"
+            )
 
 
 def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:

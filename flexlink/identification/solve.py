@@ -130,8 +130,9 @@ class Search:
         return 0.5 * float(residual @ residual)
 
     def unlikelihood(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
-        """−2 ln of the likelihood at a point, the noise of runs being what is left there, up to a constant."""
-        plain, total = [[white(block) for block in part] for part in blocks], 0.0
+        """−2 ln of likelihood and priors at a point, the noise of runs being what is left there, up to a constant."""
+        known, _ = prior_rows(self.coordinates, x)
+        plain, total = [[white(block) for block in part] for part in blocks], float(known @ known)
         for part, of_part in zip(plain, self.rows(x, plain, slopes=False), strict=True):
             for block, row in zip(part, of_part, strict=True):
                 if block.t is None:
