@@ -22,6 +22,10 @@ from flexlink.pages.verdict import Fact, Report, Verdict
 
 PANELS = 4
 """Columns that are drawn; more panels are too many for a page."""
+FAILS = 50.0
+"""Part of the signal [%] below which a free linear model is no measure."""
+VISIBLE = 5.0
+"""How many times what is left of the fit another curve may be and stand beside it."""
 WHITE = 0.01
 """Probability below which residuals are no white noise."""
 
@@ -44,7 +48,11 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
             for name, (title, short, part) in parts.items()
         ]
     verdicts = _verdicts(fitted)
-    facts = [Fact(f"{number(one.value, 4)} ± {number(one.half, 2)}", one.name) for one in fitted.numbers if one.path]
+    facts = [
+        Fact(f"{number(one.value, 4)} ± {number(one.half, 2)}", f"{one.name}, 95 %")
+        for one in fitted.numbers
+        if one.path
+    ]
     page = write_page(folder, fitted.scene.name, "fit", chapters, verdicts, facts, definitions)
     return Report(page, tuple(verdicts), chapters)
 
@@ -68,13 +76,19 @@ def _verdicts(fitted: Fitted) -> list[Verdict]:
     if linear:
         ours, theirs = (float(np.mean([one.fit(model) for one, model in pairs])) for pairs in (
             [(one, one.after) for one in linear], [(one, one.linear) for one in linear]))  # fmt: skip
-        good = ours >= theirs - 1.0  # %
-        said = "explains as much as" if good else "explains less than"
-        found.append(Verdict("Model", "pass" if good else "doubt", "numbers" if good else "structure",
-            f"The fitted scene {said} a free linear model of the same order: {number(ours)} and {number(theirs)} % "
-            + ("of the signal: nothing is missing in it that a linear model has." if good else
-               "of the signal: no values of its numbers give all that was measured.")))  # fmt: skip
+        found.append(_beside_linear(ours, theirs))
     return found
+
+
+def _beside_linear(ours: float, theirs: float) -> Verdict:
+    """The scene beside a free linear model, by what each explains of the signal [%]."""
+    both = f"The fitted scene explains {number(ours)} % of the signal, a free linear model of the same order "
+    both += f"{number(theirs)} %: "
+    if theirs < FAILS:
+        return Verdict("Model", "info", "not compared", f"{both}that one does not hold here, and tells nothing.")
+    if ours >= theirs - 1.0:  # %
+        return Verdict("Model", "pass", "complete", f"{both}nothing is missing that a linear model has.")
+    return Verdict("Model", "doubt", "incomplete", f"{both}no values of its numbers give all that was measured.")
 
 
 def _numbers(fitted: Fitted) -> Part:
@@ -89,6 +103,11 @@ def _numbers(fitted: Fitted) -> Part:
     sentences = (
         "Intervals hold the true value in 95 % of cases if the scene is right; they count how the residuals hang "
         "together in time.",
+        *(
+            f"Known already: {one.path} is {one.prior[0]:.6g} ± {one.prior[1]:.2g} (standard deviation)."
+            for one in fitted.problem.parameter
+            if one.prior
+        ),
         *(f"Note: {warning}." for warning in fitted.warnings),
     )
     names = tuple(one.name for one in fitted.numbers)
@@ -118,6 +137,10 @@ def _data(fitted: Fitted) -> Part:
         "fit free linear [%]", "gain", "bias",
     )  # fmt: skip
     sentences: tuple[str, ...] = ("Fit is 1 − |difference| / |measured less its mean|. RMS in SI units.",)
+    for run in fitted.problem.run:
+        if run.set:
+            said = ", ".join(f"{path} = {value}" for path, value in run.set.items())
+            sentences += (f"In {run.name} differs from the scene: {said}.",)
     if all(one.linear is None for one in fitted.columns):
         sentences += ("No free linear model beside it: joints swing free, or there is no run.",)
     single = tuple(
@@ -133,8 +156,9 @@ def _data(fitted: Fitted) -> Part:
 
 
 def _drawn(fitted: Fitted) -> list[FittedColumn]:
-    """Columns kept to check first."""
-    return sorted((one for one in fitted.columns if one.t is not None), key=lambda one: one.use)[:PANELS]
+    """Columns that were fitted, then those kept to check."""
+    runs = (one for one in fitted.columns if one.t is not None)
+    return sorted(runs, key=lambda one: one.use == "check")[:PANELS]
 
 
 def _overlay(drawn: list[FittedColumn]) -> Picture:
@@ -147,8 +171,10 @@ def _overlay(drawn: list[FittedColumn]) -> Picture:
 def _difference(drawn: list[FittedColumn]) -> Picture:
     curves = []
     for one in drawn:
-        linear = {} if one.linear is None else {"free linear": one.linear - one.measured}
-        curves.append({"before": one.before - one.measured, "fitted": one.after - one.measured, **linear})
+        linear = {}
+        if one.linear is not None and one.off(one.linear) < VISIBLE * one.off(one.after):
+            linear = {"free linear": one.linear - one.measured}
+        curves.append({"fitted": one.after - one.measured, **linear})
     return _panels("difference", "Computed less measured", "Computed less measured.", drawn, curves)
 
 
