@@ -542,6 +542,20 @@ def load_scene(path: str | Path) -> Scene:
     return scene
 
 
+def scene_named(document: dict[str, Any], folder: Path) -> Scene:
+    """Take `scene` out of what a TOML parser returned of a file in a folder, and read the scene that it names.
+
+    Raises
+    ------
+    SceneError, DataFileError
+        It is no path; or as in `load_scene`.
+    """
+    name = document.pop("scene")
+    if not isinstance(name, str):
+        raise SceneError(f"scene = {truncated(name)}: expected the path of a scene file")
+    return load_scene(folder / name)
+
+
 def _tables(value: object) -> list[Any]:
     return value if isinstance(value, list) else []
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import json
 import math
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from flexlink.common.errors import MissingDependencyError
 from flexlink.common.notebook import html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
@@ -18,6 +16,7 @@ from flexlink.describe.data_files import require_path
 from flexlink.describe.scene import Scene
 from flexlink.identification.identifiability import Check
 from flexlink.identification.problem import FitProblem
+from flexlink.pages.builders import builder
 from flexlink.pages.verdict import Report
 
 
@@ -254,12 +253,7 @@ def building() -> ModuleType:
     MissingDependencyError
         One of them is not installed.
     """
-    try:
-        return importlib.import_module("flexlink.identification.page")
-    except ImportError as error:
-        raise MissingDependencyError(
-            f"a page needs matplotlib and jinja2 ({error}); install them with: python -m pip install 'flexlink[report]'"
-        ) from None
+    return builder("flexlink.identification.page", "page")
 
 
 def _of_column(one: FittedColumn) -> dict[str, Any]:

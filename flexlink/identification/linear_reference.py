@@ -21,7 +21,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.at_rest import modes_at_rest, rest_of
-from flexlink.identification.recorded import Recorded
+from flexlink.identification.recorded import Recorded, at_times
 from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 
@@ -106,8 +106,7 @@ def _shapes(λ: Array, times: Array, taken: tuple[Array, Array]) -> tuple[Array,
             z = lfilter([last, first], [1.0, -E], column.astype(complex))
             forced += [z.real, z.imag]
     of_inputs = np.array(forced).T if forced else np.empty((len(t), 0))
-    same = len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * (1 + times[-1]))
-    return own, of_inputs[: len(times)] if same else np.asarray(CubicSpline(t, of_inputs)(times))
+    return own, at_times(t, of_inputs, times)
 
 
 def _column(

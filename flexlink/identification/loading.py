@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe import data_files
 from flexlink.describe.mistakes import mistakes, raise_together
-from flexlink.describe.scene import load_scene
+from flexlink.describe.scene import scene_named
 from flexlink.describe.spec import check_keys, decode, fields_of
 from flexlink.identification.problem import FitProblem, FitRun
 from flexlink.sweeps.plan import paths_of
@@ -50,9 +50,7 @@ def load_fit(path: str | Path) -> FitProblem:
     try:
         fields = {field.encode_name: field for field in fields_of(FitProblem)}
         check_keys(raw, fields, required=("scene", "parameter"))
-        if not isinstance(raw["scene"], str):
-            raise SceneError(f"scene = {raw['scene']!r}: expected the path of a scene file")
-        scene = load_scene(path.parent / raw.pop("scene"))
+        scene = scene_named(raw, path.parent)
         for part in ("run", "modes", "static"):
             for table in raw.get(part, ()) if isinstance(raw.get(part), list) else ():
                 _as_paths(table)

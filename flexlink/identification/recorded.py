@@ -60,7 +60,7 @@ class Recorded:
     def model(self, run: Trajectory) -> list[Array]:
         """What a run has in place of its blocks, by cubic splines through its samples."""
         columns = run.columns
-        return [_at(run.t, columns[block.name], block.t) for block in self.blocks]
+        return [at_times(run.t, columns[block.name], np.asarray(block.t)) for block in self.blocks]
 
 
 def recorded(problem: FitProblem, run: FitRun) -> Recorded:
@@ -204,9 +204,8 @@ def _first(block: Block, part: float) -> Block:
     return dataclasses.replace(block, y=block.y[:n], σ=block.σ[:n], t=None if block.t is None else block.t[:n])
 
 
-def _at(t: Array, column: Array, times: Array | None) -> Array:
-    if times is None:
-        raise AssertionError
+def at_times(t: Array, samples: Array, times: Array) -> Array:
+    """Samples (n, …) at times t as they are where these are asked for, else by cubic splines."""
     if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
-        return np.asarray(column[: len(times)])
-    return np.asarray(CubicSpline(t, column)(times))
+        return np.asarray(samples[: len(times)])
+    return np.asarray(CubicSpline(t, samples)(times))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import deferred
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
@@ -15,6 +15,7 @@ from flexlink.describe.variants import Variants
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
 from flexlink.identification.recorded import Recorded
+from flexlink.identification.single import Sagged, Tapped
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
 from flexlink.results.stop_reasons import InterruptedRunError
@@ -167,9 +168,9 @@ class Signals:
         return [scene if isinstance(scene, FlexlinkError) else _of_run(source, next(ends)) for scene in scenes]
 
 
-def _single(source: Source, scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
-    if isinstance(scene, FlexlinkError) or isinstance(source, Recorded):
-        return SceneError(str(scene))
+def _single(source: Tapped | Sagged, scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
+    if isinstance(scene, FlexlinkError):
+        return scene
     try:
         return source.of(scene)
     except FlexlinkError as error:

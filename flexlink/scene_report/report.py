@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
 from flexlink.chain.arguments import require_callable, require_type
-from flexlink.common.errors import ArgumentError, MissingDependencyError
+from flexlink.common.errors import ArgumentError
 from flexlink.describe.data_files import require_path
 from flexlink.describe.scene import Scene
+from flexlink.pages.builders import builder
 from flexlink.pages.verdict import Report
 from flexlink.scene_report.study import FILES, MEASURED, Study
 
@@ -78,13 +78,7 @@ def building() -> ModuleType:
     MissingDependencyError
         One of them is not installed.
     """
-    try:
-        return importlib.import_module("flexlink.scene_report.building")
-    except ImportError as error:
-        raise MissingDependencyError(
-            f"a report needs matplotlib and jinja2 ({error}); install them with: "
-            "python -m pip install 'flexlink[report]'"
-        ) from None
+    return builder("flexlink.scene_report.building", "report")
 
 
 def _beside(against: str | Path) -> Path:

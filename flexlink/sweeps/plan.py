@@ -13,7 +13,7 @@ import msgspec
 
 from flexlink.common.errors import DataFileError, FlexlinkError, SceneError
 from flexlink.describe import data_files
-from flexlink.describe.scene import FIELDS, Scene, load_scene
+from flexlink.describe.scene import FIELDS, Scene, scene_named
 from flexlink.describe.spec import Spec, check_keys, decode, did_you_mean, fields_of, truncated
 from flexlink.describe.variants import Variants
 from flexlink.describe.vary import apply_changes, top_level_keys
@@ -209,16 +209,14 @@ def load_sweep(path: str | Path) -> Sweep:
     try:
         fields = {field.encode_name: field for field in fields_of(Sweep)}
         check_keys(raw, fields, required=("scene", "quantity"))
-        if not isinstance(raw["scene"], str):
-            raise SceneError(f"scene = {truncated(raw['scene'])}: expected the path of a scene file")
         folder = path.parent
+        scene = scene_named(raw, folder)
         for table, leaf in (("set", ()), ("grid", ("between",)), ("together", ("between",))):
             if isinstance(raw.get(table), dict):
                 raw[table] = _beside(folder, dict(paths_of(raw[table], leaf)))
         sample = raw.get("sample")
         if isinstance(sample, dict) and isinstance(sample.get("keys"), dict):
             sample["keys"] = _beside(folder, dict(paths_of(sample["keys"], ("between", "mean", "deviation"))))
-        scene = load_scene(folder / raw.pop("scene"))
         sweep = Sweep(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})
         Plan(sweep)
         return sweep
