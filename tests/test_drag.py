@@ -218,3 +218,9 @@ def test_what_does_not_count_it_says_so() -> None:
     with pytest.raises(fl.errors.ArgumentError, match=r"equilibria at given rates, .* do not count drag"):
         fl.equilibrium_in_motion(chain, {"a": 1.0})
     assert fl.solve_static(chain, locked=chain.active).q.shape == (chain.n,)  # at rest there is none
+
+
+def test_files_are_compared_without_it() -> None:
+    pytest.importorskip("mujoco")
+    scene = dragged(make_scene(flexible("a", "xyz", 3), flexible("b", segments=3)))
+    assert fl.compare(scene, engines=["mujoco"]).passed

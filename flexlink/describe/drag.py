@@ -24,8 +24,8 @@ class Drag(Spec, frozen=True):
     >>> round_bar = fl.Drag(coefficient=1.2)  # breadth: the diameter of its section
     >>> panel = fl.Drag(coefficient=2.0, breadth=(0.4, 0.002))  # m, seen along the section's y and along its z
     >>> moving = fl.lump(scene.varied({"link.upper.drag": panel}))
-    >>> print(fl.drag_torque(moving, q, qd)[0].round(3))  # N m about the first joint
-    0.008
+    >>> print(fl.drag_torque(moving, q, np.ones(chain.n))[0].round(3))  # N m about the first joint, rates of 1 rad/s
+    0.398
     """
 
     coefficient: Positive

@@ -41,9 +41,9 @@ def drag_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
     Examples
     --------
     >>> in_air = fl.lump(scene.varied({"link.*.drag": fl.Drag(coefficient=1.2)}))
-    >>> lost = qd @ fl.drag_torque(in_air, q, qd)
-    >>> print(f"{1e3 * lost:.1f} mW")
-    33.0 mW
+    >>> rates = np.ones(chain.n)  # rad/s
+    >>> print(f"{rates @ fl.drag_torque(in_air, q, rates):.2f} W")
+    1.09 W
     """
     n, many = require_type("chain", chain, Chain).n, is_batch(q, qd)
     qs, qds = rows(n, {"q": q, "qd": qd}) if many else (vector(k, x, n)[None] for k, x in (("q", q), ("qd", qd)))
