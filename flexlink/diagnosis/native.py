@@ -15,7 +15,7 @@ from flexlink.motion.simulate import simulate
 
 
 class NativeEngine:
-    """The functions of `flexlink.dynamics` and `flexlink.simulate` for one chain; files hold no drag, nor does M q̈ here."""
+    """The functions of `flexlink.dynamics` and `flexlink.simulate` for one chain, without drag, as files are."""
 
     name = "native"
     version = __version__
