@@ -17,6 +17,7 @@ import numpy as np
 from mpmath import mp
 
 import flexlink as fl
+from flexlink import engines
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
@@ -24,6 +25,7 @@ from validation.case import Case, Measured
 from validation.oracles.planar_chain import DIGITS
 from validation.oracles.spatial_chain import SpatialChain, exactly
 from validation.physics.variant import Rule
+from validation.runs import run_facts
 from validation.store import Series, table
 
 ROOT = 1.8751040687119611  # of a clamped beam's first mode, cos β cosh β = −1
@@ -48,6 +50,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         yield Measured("rate of a bar", _rate_error(scene, found), bar.name, varied=way)
         lost = float(np.abs(found.imbalance).max() / np.max(found.energy.kinetic))
         yield Measured("power balance", lost, bar.name, varied=way)
+    yield _in_mujoco(bar)
     for rule in settings.chains:
         ringing = _ringing(strip, rule, settings.amplitude)
         t, amplitudes = _peaks(fl.simulate(ringing))
@@ -69,6 +72,13 @@ def _rate_error(scene: Scene, run: fl.Trajectory) -> float:
     inertia = scene.arm.links[0].hub.inertia[2]
     exact = start / (1 + β * start * run.t / inertia)
     return float(np.abs(run.qd[:, 0] / exact - 1).max())
+
+
+def _in_mujoco(scene: Scene) -> Measured:
+    """MuJoCo is given T_DRAG as torques, by flexlink's own kinematics, and does all else."""
+    ours = fl.simulate(scene)
+    _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
+    return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), scene.name, "mujoco", run_facts(scene.run))
 
 
 def _ringing(strip: Scene, rule: Rule, amplitude: float) -> Scene:

@@ -150,11 +150,11 @@ def forward_under(inputs, t, middle, q, qd, tau, qdd, work):
     stage.
     """
     loads = inputs.loads
-    power = put_wrench(loads, t, middle, q, qd, inputs.wrench)
-    if rarely(len(loads.drag) > 0):
+    power, drags = put_wrench(loads, t, middle, q, qd, inputs.wrench), loads is not None and len(loads.drag) > 0
+    if rarely(drags):
         take_drag(loads, q, qd, tau)
     power += forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
-    if rarely(len(loads.drag) > 0):
+    if rarely(drags):
         give_back(loads, tau)
     return power
 
