@@ -11,6 +11,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.numbers import amount, number
+from flexlink.pages.tables import as_head
 from flexlink.pages.verdict import Fact, Verdict
 
 DATA = Path(__file__).parent / "data"
@@ -28,7 +29,7 @@ def template(path: Path, **filters: object) -> jinja2.Template:
         undefined=jinja2.StrictUndefined,
     )
     environment.globals["style"] = (DATA / "style.css").read_text(encoding="utf-8")
-    environment.filters.update(number=number, amount=amount, **filters)
+    environment.filters.update(number=number, amount=amount, head=as_head, **filters)
     return environment.get_template(path.name)
 
 
