@@ -11,9 +11,10 @@ from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array, T
+from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm, Link
-from flexlink.describe.conditions import Drive, InitialState, PrescribedMotion, Wrench
 from flexlink.describe.csv_table import CsvTable, head_of, read_csv
+from flexlink.describe.initial import InitialState
 from flexlink.describe.own_units import TORQUE, UNIT, Row
 from flexlink.describe.smoothing import smoothed
 from flexlink.describe.spec import short_list

@@ -20,7 +20,7 @@ from flexlink.chain.arguments import beyond_float64, require_type, vector
 from flexlink.chain.branches import of_parents, spans_of, sums_inward
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.point_motion import body_motion

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.describe.scene import Scene
 from flexlink.inputs.interpolation import held_knots, pieces_of
 from flexlink.kernels.bodies.branches import loaded_body, path_to
