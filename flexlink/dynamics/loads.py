@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
-from flexlink.chain.branches import of_parents, spans_of, sums_inward
+from flexlink.chain.branches import of_parents
 from flexlink.chain.chain import Chain
+from flexlink.chain.spans import spans_of, sums_inward
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch
@@ -111,7 +112,7 @@ def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> Intern
         N = _each_by(inertia, α) + np.cross(ω, _each_by(inertia, ω)) + np.cross(c, F)
         tip = chain.loaded
         F[tip], N[tip] = -wrench[:3], -wrench[3:]  # the tip frame has no inertia
-        spans, parents = spans_of(chain), bodies["parent"]
+        spans, parents = spans_of(chain.bodies), bodies["parent"]
         f = sums_inward(spans, F)
         moments = np.cross(p - of_parents(chain, p, np.zeros(3)), f)
         hang = parents > 0

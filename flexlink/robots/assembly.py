@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import msgspec
 import numpy as np
 
-from flexlink.chain.chain import unique
+from flexlink.chain.coordinates import unique
 from flexlink.chain.rigid import Pose
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import DataFileError, SceneError
