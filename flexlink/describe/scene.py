@@ -369,7 +369,13 @@ def load_scene(path: str | Path) -> Scene:
         _find_beside(path, link, "lumping")
     rigidities = raw.get("rigidity")
     of_links = rigidities.values() if isinstance(rigidities, dict) else ()
-    for table in (raw.get("drive"), raw.get("wrench"), *_tables(raw.get("motion")), *of_links):
+    for table in (
+        raw.get("drive"),
+        get_in(raw, "drive", "reference"),
+        raw.get("wrench"),
+        *_tables(raw.get("motion")),
+        *of_links,
+    ):
         if isinstance(table, dict) and isinstance(table.get("file"), str):
             table["file"] = str(path.parent / table["file"])
     try:
