@@ -17,8 +17,9 @@ from studies import REASON, first_screen, page_from, page_of, row, stored, words
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.pages.numbers import JOIN, number
+from flexlink.pages.page import sentence_case
 from flexlink.pages.picture import Picture
-from flexlink.pages.tables import Table, as_head
+from flexlink.pages.tables import Table
 from reports.__main__ import main
 from reports.build import build
 from reports.chapters import Number, Wanted
@@ -352,7 +353,7 @@ def test_numbers_are_short_and_true(value: float | None, text: str) -> None:
     ],
 )
 def test_heads_begin_with_a_capital_unless_they_are_symbols(head: str, shown: str) -> None:
-    assert as_head(head) == shown
+    assert sentence_case(head) == shown
 
 
 def test_a_second_value_may_stand_beside_the_first_ones_settings(tmp_path: Path) -> None:

@@ -65,17 +65,6 @@ class Table:
         return table_csv(self.heads, self.lines)
 
 
-def as_head(head: str) -> str:
-    """A column's head as it stands in the page: words begin with a capital, symbols as they are written.
-
-    Examples
-    --------
-    >>> print(as_head("observed order"), as_head("u_D"), as_head("t [s]"))
-    Observed order u_D t [s]
-    """
-    return head[:1].upper() + head[1:] if re.match(r"[a-z]{2,}(?!_)\b", head) else head
-
-
 def _is_number(cell: Cell) -> bool:
     """Whether a cell holds a number, or a text of one with its unit, such as "≤ 2 mm", or nothing."""
     longest = 24  # characters; a longer text is a sentence that begins with a number
