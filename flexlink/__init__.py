@@ -13,9 +13,10 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.versions import __version__ as __version__
+from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm, Base, Damping, Friction, Link, Material, Section
-from flexlink.describe.conditions import BaseState, Drive, InitialState, PrescribedMotion, RunSettings, Wrench
 from flexlink.describe.drag import Drag
+from flexlink.describe.initial import BaseState, InitialState
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
@@ -23,6 +24,7 @@ from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidified import rigidified
 from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.root import RootDamping, RootStiffness
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.shaping import InputShaper

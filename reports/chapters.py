@@ -27,6 +27,7 @@ class Wanted(Spec, frozen=True):
     text: str = "{value}"  # {value}, {quantity}, {where}
     times: float = 1.0  # the value is shown times this, in `unit`
     unit: str = ""
+    beside: bool = False  # of the scene and the settings that the first value of its number was found at
 
 
 class Number(Spec, frozen=True):

@@ -74,5 +74,5 @@ def _line(group: Group) -> tuple[str | float, ...]:
 
 def span(percent: Array) -> str:
     """Smallest to largest."""
-    low, high = (f"{number(float(each), 2)} %".replace("-", "−") for each in (percent.min(), percent.max()))
+    low, high = (f"{number(float(each), 2)} %" for each in (percent.min(), percent.max()))
     return low if low == high else f"{low} … {high}"

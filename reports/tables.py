@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Collection, Iterable, Sequence
 from typing import get_args
 
+from flexlink.pages.colours import engine_name
 from flexlink.pages.numbers import amount
 from flexlink.pages.tables import Table, table_csv
 from reports.results import used
@@ -34,7 +35,7 @@ def checks(rows: Sequence[JudgedRow]) -> tuple[Table, str]:
     columns: dict[str, list[str]] = {
         "quantity": [row.quantity for row in rows],
         "scene": [row.scene for row in rows],
-        "engine": [row.engine for row in rows],
+        "engine": [engine_name(row.engine) for row in rows],
         "setting": [in_words({name: v for name, v in row.varied.items() if name in differ}) for row in rows],
     }
     shown = {name: column for name, column in columns.items() if len(set(column)) > 1 or name == "quantity"}

@@ -150,7 +150,8 @@ def numbers_that_matter(results: Results, wanted: Iterable[Number]) -> list[Fact
     """Those that the study holds."""
     found = []
     for each in wanted:
-        rows = [(want, worst(results, want)) for want in each.value]
+        first = worst(results, each.value[0])
+        rows = [(want, worst(results, want, first if want.beside else None)) for want in each.value]
         values = tuple((_sentence(want, row), _remark(row)) for want, row in rows if row)
         if values:
             found.append(Fact(each.label, values))
@@ -181,8 +182,8 @@ def _remark(row: JudgedRow) -> str:
     return {"FAIL": "fails its limit", "missed": "misses its limit"}.get(row.state, "")
 
 
-def worst(results: Results, want: Wanted) -> JudgedRow | None:
-    """The row of the worst value that fits, if any does."""
+def worst(results: Results, want: Wanted, beside: Row | None = None) -> JudgedRow | None:
+    """The row of the worst value that fits, if any does; `beside` another one, of its scene and settings."""
     rows = [
         row
         for row in results.rows
@@ -191,6 +192,7 @@ def worst(results: Results, want: Wanted) -> JudgedRow | None:
         and row.scene == (want.scene or row.scene)
         and row.engine == (want.engine or row.engine)
         and all(row.varied.get(name) == value for name, value in want.varied.items())
+        and (beside is None or (row.scene, row.varied) == (beside.scene, beside.varied))
         and row.value is not None
     ]
     pick = min if want.pick == "smallest" else max

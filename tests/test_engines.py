@@ -29,7 +29,7 @@ from flexlink import (
     mass_matrix,
     stable_step,
 )
-from flexlink.describe.conditions import steps_explicitly
+from flexlink.describe.run_settings import steps_explicitly
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import mixed_states
 from flexlink.dynamics import rounding

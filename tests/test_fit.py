@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import ROOT
-from random_fits import held
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
@@ -18,6 +17,8 @@ from flexlink.cli.main import main
 from flexlink.identification.colour import Colour, colour_of
 from flexlink.identification.coordinates import coordinate_of
 from flexlink.identification.interval import Part, spread_of
+from validation.case import CASES, load_case
+from validation.kinds.planted_fits import held
 
 THREE = {"material.aluminium.young": 63e9, "tip.mass": 8.6, "link.upper.joint.armature": 2.3}
 
@@ -91,8 +92,9 @@ class TestPlanted:
         assert column.times_noise == pytest.approx(1.0, abs=0.15)
 
     def test_random_arms_with_coloured_noise_have_their_true_values_inside(self) -> None:
-        inside, count, _ = held(first=300, count=4)
-        assert inside >= count - 2  # 200 arms: python tests/random_fits.py 200
+        sought = load_case(CASES / "planted_fits.toml").settings["sought"]
+        found = held(first=300, count=1, sought=sought)  # more arms: python -m validation 'planted_fits*'
+        assert found.inside == len(found.off)
 
 
 class TestInterval:

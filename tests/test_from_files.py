@@ -1,8 +1,10 @@
-"""Motions, drives and wrenches from CSV files: what they become, and every mistake in a file by its name."""
+"""Motions, drives, references and wrenches from CSV files: what they become, every mistake in a file by its name."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ LINKS = (
     fl.Link(name="upper", length=0.5, hub=HUB),
     fl.Link(name="cart", joint=fl.Joint(kind="prismatic", axis=(1, 0, 0)), hub=HUB),
 )
+NONE: Mapping[str, object] = MappingProxyType({})
 T = np.linspace(0.0, 1.0, 201)
 SWING = np.degrees(0.5 * (1 - np.cos(2 * np.pi * T)))  # deg, from rest and to rest
 
@@ -109,6 +112,51 @@ class TestDrives:
         assert scene.drive.torques[-1] == (3.0, 0.0)
 
 
+class TestReferences:
+    def led_by(self, *links: fl.Link, fields: Mapping[str, object] = NONE, **reference: object) -> fl.Scene:
+        free = [100.0 * (not link.joint.locked and "motion" not in fields) for link in links]
+        drive = fl.Drive(kind="pd", kp=free, kd=free, reference=fl.Reference(**reference))
+        return make_scene(*links, drive=drive, **fields)
+
+    @pytest.mark.parametrize("profile", ["linear", "smooth", "hold"])
+    def test_rows_of_a_file_are_those_of_a_table(self, profile: str, tmp_path: Path) -> None:
+        file = swing_file(tmp_path, **{"q cart [mm]": 100 * T})
+        read = self.led_by(*LINKS, profile=profile, file=str(file))
+        angles, places = [(a, 0.0) for a in SWING], [(0.0, p) for p in 0.1 * T]
+        typed = self.led_by(*LINKS, profile=profile, times=T, angle_deg=angles, position_m=places)
+        for t in (-0.1, 0.3517, 2.0):
+            np.testing.assert_allclose(read.course(t), typed.course(t), rtol=1e-12, atol=1e-11)
+        assert read.drive.reference.file is None
+
+    def test_a_smooth_one_takes_rates_and_accelerations_where_they_are(self, tmp_path: Path) -> None:
+        rates = {"q cart [m]": T**3, "qd cart [m/s]": 3 * T**2, "qd upper [rad/s]": 0 * T}
+        columns = {"t [s]": T, "q upper [deg]": 0 * T} | rates
+        slow = csv(tmp_path / "run.csv", **{head: column[::50] for head, column in columns.items()})
+        scene = self.led_by(*LINKS, profile="smooth", file=str(slow))
+        place, rate, _ = scene.course(0.4)  # cubic Hermite polynomials are exact
+        np.testing.assert_allclose([place[1], rate[1]], [0.4**3, 3 * 0.4**2], rtol=1e-12)
+
+    def test_a_cutoff_leaves_a_low_passed_course(self, tmp_path: Path) -> None:
+        noisy = SWING + np.random.default_rng(0).normal(scale=0.01, size=len(T))
+        file = csv(tmp_path / "run.csv", **{"t [s]": T, "q upper [deg]": noisy})
+        scene = self.led_by(LINKS[0], profile="smooth", file=str(file), cutoff=10.0)
+        angle, rate, acceleration = scene.course(0.5)
+        wanted = np.radians(smoothed(T, noisy, 10.0))[:, 100]
+        np.testing.assert_allclose([angle[0], rate[0], acceleration[0]], wanted, rtol=1e-9)
+
+    def test_what_is_locked_or_prescribed_needs_no_column(self, tmp_path: Path) -> None:
+        file = swing_file(tmp_path)
+        locked = fl.Link(name="wrist", joint=fl.Joint(locked=True))
+        assert self.led_by(LINKS[0], locked, profile="hold", file=str(file)).course(0.5)[0].shape == (1,)
+        motion = fl.PrescribedMotion(link=2, times=(0.0,), position_m=(0.2,), rate_m=(0.0,), acceleration_m=(0.0,))
+        moved = {"motion": (motion,), "initial": fl.InitialState(joint_m=(0.0, 0.2))}
+        assert self.led_by(*LINKS, fields=moved, profile="hold", file=str(file)).course(0.5)[0][1] == 0.2
+
+    def test_only_a_scene_reads_it(self, tmp_path: Path) -> None:
+        with pytest.raises(fl.errors.SceneError, match=r"is read as part of a scene; take Scene\.course"):
+            fl.Reference(profile="hold", file=str(swing_file(tmp_path))).course((0.0, 0.0))
+
+
 def test_a_wrench_takes_the_components_that_are_there(tmp_path: Path) -> None:
     file = csv(tmp_path / "run.csv", **{"t [s]": T, "force y [N]": T, "moment z [N mm]": 1e3 * T})
     scene = make_scene(*LINKS, wrench=fl.Wrench(file=str(file)))
@@ -122,6 +170,10 @@ def test_a_wrench_takes_the_components_that_are_there(tmp_path: Path) -> None:
 
 MOTION = '[[motion]]\nlink = "upper"\nfile = "run.csv"\ncutoff = 5.0\n'
 DRIVE = '[drive]\nkind = "table"\nfile = "run.csv"\n'
+LED = (
+    '[drive]\nkind = "pd"\nkp = [1.0, 1.0]\nkd = [1.0, 1.0]\n[drive.reference]\nprofile = "smooth"\nfile = "run.csv"\n'
+)
+BOTH = "t [s],q upper [deg],q cart [m]\n" + "".join(f"{k / 100},{k},{k / 1000}\n" for k in range(20))
 WRENCH = '[wrench]\nfile = "run.csv"\n'
 ROWS = "".join(f"{k / 100},{k}\n" for k in range(20))
 GOOD = "t [s],q upper [deg]\n" + ROWS
@@ -171,6 +223,17 @@ MISTAKES = {
         DRIVE.replace("table", "constant") + "torque = [1.0, 0.0]\n", GOOD, "file = ", "takes torque",
     ),
     "torques beside a file": (DRIVE + "times = [0.0]\n", GOOD, "times = ", "takes file"),
+    "a joint that nothing leads": (LED, GOOD, "drive.reference.file = ", "no column 'q cart [m]'"),
+    "a place in degrees": (LED, BOTH.replace("[m]", "[deg]"), "column 'q cart [deg]': unit must be one of m, mm"),
+    "rates of one joint alone": (
+        LED, "t [s],q upper [deg],q cart [m],qd upper [deg/s]\n0,0,0,0\n", "no column 'qd cart [m/s]'",
+    ),
+    "a move from a file": (LED.replace("smooth", "quintic"), BOTH, "takes to_deg", "a file is a table's"),
+    "a reference and a file": (LED + "times = [0.0]\n", BOTH, "drive.reference.file = ", "times is given, too"),
+    "a cutoff of a held one": (
+        LED.replace("smooth", "hold") + "cutoff = 5.0\n", BOTH, "reference.cutoff = 5.0: needs a file and profile",
+    ),
+    "a reference beyond the rate": (LED + "cutoff = 60.0\n", BOTH, "drive.reference.cutoff = 60.0: ", "below 50 Hz"),
     "a wrench of nothing": (WRENCH, GOOD, "no column such as 'force x [N]'"),
     "a force along q": (WRENCH, "t [s],force q [N]\n0,1\n", "column 'force q [N]': not known"),
     "a force beside a file": (WRENCH + "force = [1.0, 0.0, 0.0]\n", "t [s],force x [N]\n0,1\n", "force is given, too"),

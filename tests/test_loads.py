@@ -10,7 +10,7 @@ from conftest import ALUMINIUM, SQUARE, flexible, make_scene, nasty_scene, rando
 
 import flexlink as fl
 from flexlink.chain.builder import record_branches
-from flexlink.chain.chain import Coordinate
+from flexlink.chain.coordinates import Coordinate
 from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.kernels.layout import BODY, HINGE

@@ -11,7 +11,7 @@ from scipy.integrate._ivp import dop853_coefficients as published
 
 from flexlink import simulate
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe.conditions import RunSettings
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.describe.spec import decode
 from validation.oracles.collocation import collocation

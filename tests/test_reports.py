@@ -12,20 +12,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from studies import REASON, first_screen, page_from, page_of, row, stored, words_from, words_of
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.pages.numbers import JOIN, number
+from flexlink.pages.page import sentence_case
 from flexlink.pages.picture import Picture
 from flexlink.pages.tables import Table
 from reports.__main__ import main
 from reports.build import build
+from reports.chapters import Number, Wanted
 from reports.curves import curves, panels_of
 from reports.findings.paper_conclusion import conclusion as judge
 from reports.findings.paper_conclusion import evaluations
 from reports.panels import PANELS, draw_tall, motions
 from reports.results import Results, used
 from reports.tables import checks, limit, meanings
+from reports.verdict import Fact, numbers_that_matter
 from validation.judgement import judged_rows
 from validation.store import Planned, Series, Store
 
@@ -249,7 +253,7 @@ def test_reasons_stand_once_for_all_rows_and_notes_beside_theirs() -> None:
 def test_what_is_the_same_in_all_rows_has_no_column_and_what_differs_has(tmp_path: Path) -> None:
     rows = [row(varied={"method": "RK4", "step": h}, quantity="q") for h in (1e-3, 1e-4)]
     found, common = checks(judged_rows(rows, {}))
-    assert common == "paper_fig5, mujoco, RK4"
+    assert common == "paper_fig5, MuJoCo, RK4"
     assert found.heads == ("state", "quantity", "setting", "value", "limit", "of its limit")
     assert [line[2] for line in found.lines] == ["h = 0.001 s", "h = 0.0001 s"]
     words_of(tmp_path, *rows)
@@ -332,10 +336,39 @@ def test_figure_5_shows_five_panels_and_the_engines_points(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("value", "text"),
     [(0.0, "0"), (1e-12, "10⁻¹²"), (1.234e-15, "1.23 × 10⁻¹⁵"), (4.0, "4"), (123.456, "123"), (1234.5, "1234"),
-     (0.0015, "0.0015"), (-2.5e-7, "-2.5 × 10⁻⁷"), (2e5, "2 × 10⁵"), (None, "–")],
+     (0.0015, "0.0015"), (-2.5e-7, "−2.5 × 10⁻⁷"), (-8.2, "−8.2"), (2e5, "2 × 10⁵"), (None, "–")],
 )  # fmt: skip
 def test_numbers_are_short_and_true(value: float | None, text: str) -> None:
     assert number(value).replace(JOIN, " ") == text
+
+
+@pytest.mark.parametrize(
+    ("head", "shown"),
+    [
+        ("observed order", "Observed order"),
+        ("u_D", "u_D"),
+        ("t [s]", "t [s]"),
+        ("q̈", "q̈"),
+        ("CPU time [s]", "CPU time [s]"),
+    ],
+)
+def test_heads_begin_with_a_capital_unless_they_are_symbols(head: str, shown: str) -> None:
+    assert sentence_case(head) == shown
+
+
+def test_a_second_value_may_stand_beside_the_first_ones_settings(tmp_path: Path) -> None:
+    ours = [
+        row("ours", value, None, quantity="fit", varied={"situation": at}) for at, value in (("a", 65.0), ("b", 62.0))
+    ]
+    theirs = [
+        row("theirs", v, None, quantity="other", varied={"situation": at}) for at, v in (("a", 64.0), ("b", 66.0))
+    ]
+    results = Results.read(stored(tmp_path, *ours, *theirs))
+    least = Wanted(kind="pointwise", quantity="fit", pick="smallest")
+    other = Wanted(kind="pointwise", quantity="other", pick="smallest")
+    for beside, shown in ((False, "64"), (True, "66")):
+        number = Number(label="label", value=(least, replace(other, beside=beside)))
+        assert numbers_that_matter(results, [number]) == [Fact("label", (("62", ""), (shown, "")))]
 
 
 @pytest.mark.slow

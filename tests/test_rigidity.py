@@ -163,6 +163,31 @@ def test_a_gauge_on_a_stepped_beam_reads_the_moment_over_its_own_rigidity(rule: 
     np.testing.assert_allclose(gauge.strain, wanted, rtol=1e-9)
 
 
+@pytest.mark.parametrize("rule", ["gauss", "midpoint", "lobatto4", "gregory"])
+def test_a_gauge_between_hinges_reads_the_moment_over_the_rigidity_where_it_stands(rule: str) -> None:
+    """On both sides of a step, and on a taper with a kink: M of a tip force is linear, so the cubic is exact."""
+    tapered = fl.Rigidity(x=(0.0, 0.5, 1.0), ei_z=(50.0, 40.0, 5.0), rho_a=(1.0, 1.0, 1.0))
+    for table in (STEPPED, tapered):
+        places = [0.02, 0.3, STEP - 0.005, STEP + 0.005, 0.52, 0.97]
+        gauges = [fl.Sensor(name=f"{x}", kind="strain", link="spar", x=x, fibre=(0.01, 0.0)) for x in places]
+        scene = beam(table, rule).varied({"sensor": gauges, "wrench.force": (0.0, 1e-6, 0.0), "run.duration": 0.0})
+        run = fl.simulate(scene.varied({"initial.passive": "static"}))
+        for x in places:
+            EI = np.interp(x, table.x, table.ei_z)
+            assert run.columns[f"{x} [1]"][0] == pytest.approx(-0.01 * 1e-6 * (1 - x) / EI, rel=1e-6)
+
+
+def test_a_gauge_on_a_step_of_a_rigidity_needs_a_side() -> None:
+    def gauge(x: float) -> dict[str, object]:
+        return {"sensor": [fl.Sensor(name="g", kind="strain", link="spar", x=x, fibre=(0.01, 0.0))]}
+
+    with pytest.raises(SceneError, match=r"sensor\.g\.x = 0\.37: EI .* jumps there.*x = 0\.369 or 0\.371"):
+        beam(STEPPED).varied(gauge(STEP))
+    beam(STEPPED).varied(gauge(0.371))
+    heavier = fl.Rigidity(x=STEPPED.x, ei_z=(50.0, 50.0, 50.0, 5.0), rho_a=STEPPED.rho_a)
+    beam(heavier).varied(gauge(STEP))  # ρA jumps there, and EI does not
+
+
 def test_a_factor_of_a_table_is_a_number_to_vary() -> None:
     scene = beam(STEPPED)
     paths = "rigidity.spar.stiffness_factor", "rigidity.spar.mass_factor"

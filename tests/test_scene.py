@@ -12,7 +12,7 @@ from conftest import ALUMINIUM, MODELS, ROOT, SQUARE, flexible, make_scene, nast
 
 from flexlink import Arm, Joint, Link, RunSettings, Section, load_scene, lump, simulate
 from flexlink.describe import data_files
-from flexlink.describe.conditions import whole
+from flexlink.describe.whole_steps import whole
 from flexlink.errors import SceneError
 
 PAPER = (ROOT / "models" / "paper_fig5.toml").read_text(encoding="utf-8")

@@ -78,6 +78,13 @@ def test_every_key_says_what_it_does() -> None:
     assert silent == []
 
 
+def test_no_sentence_of_a_key_is_indented() -> None:
+    """Which would be a list of definitions, its first line in bold."""
+    of_keys = [told for kind in records() for _, told in keys.entries(kind)]
+    assert any("\n" in told for told in of_keys)
+    assert [told for told in of_keys if "\n " in told] == []
+
+
 def test_a_key_without_a_sentence_is_noticed() -> None:
     class Silent(Spec, frozen=True):
         told: float = 0.0

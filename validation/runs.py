@@ -11,7 +11,7 @@ import numpy as np
 import flexlink as fl
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.conditions import RunSettings
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.inputs.problem import problem_of
 from flexlink.results.record import trajectory_from_states

@@ -35,6 +35,8 @@ Scale = Literal["linear", "log"]
 Bound = Literal["at most", "at least"]
 T = TypeVar("T")
 
+OURS = "native"
+"""Engine of what flexlink itself computed."""
 START_ANEW = "remove the folder to start anew"
 ERRORS_OF_READING = (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, msgspec.MsgspecError)
 
@@ -68,8 +70,9 @@ class Row:
 
     @property
     def where(self) -> str:
-        """Scene, engine and what was varied, in words."""
-        return ", ".join(part for part in (self.scene, self.engine, in_words(self.varied)) if part)
+        """Scene, engine, unless it is flexlink, and what was varied, in words."""
+        engine = "" if self.engine == OURS else self.engine
+        return ", ".join(part for part in (self.scene, engine, in_words(self.varied)) if part)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -133,7 +133,7 @@ def sentences(kind: Record) -> dict[str, str]:
         node.body for node in ast.parse(textwrap.dedent(inspect.getsource(kind))).body if isinstance(node, ast.ClassDef)
     )
     return {
-        field.target.id: str(text.value.value)
+        field.target.id: inspect.cleandoc(str(text.value.value))
         for field, text in itertools.pairwise(body)
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
         and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)

@@ -10,7 +10,7 @@ import numpy as np
 from flexlink.chain.arguments import positive, real
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.conditions import RunSettings
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
 from flexlink.results.tip_motion import largest_so_far

@@ -15,8 +15,9 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.common.types import Array
-from flexlink.describe.conditions import InitialState, RunSettings
+from flexlink.describe.initial import InitialState
 from flexlink.describe.own_units import KIND
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequency

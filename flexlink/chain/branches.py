@@ -1,52 +1,17 @@
-"""The branches of an arm: sums along them, and lines from body to body for whatever draws it."""
+"""The branches of an arm: what hangs on what, and lines from body to body for whatever draws it."""
 
 from __future__ import annotations
-
-from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.spans import spans_of
 from flexlink.common.types import Array
 
 
 def base_body(chain: Chain) -> int:
     """Number, from 1, of the body that is the base; 0 where it is fixed in frame 0."""
     return 2 if chain.has_free_base else 0
-
-
-class Branch(NamedTuple):
-    """Bodies that hang one on the other, from 0, and what the first one hangs on."""
-
-    parent: int  # number from 0, −1: the base
-    first: int
-    stop: int
-
-
-def spans_of(chain: Chain) -> list[Branch]:
-    """All branches of an arm, the base's own joints included; each hangs on a body of one before it."""
-    edges = [0, *np.flatnonzero(chain.bodies["begins"]).tolist(), len(chain.bodies)]
-    return [Branch(int(chain.bodies["parent"][first]) - 1, first, stop) for first, stop in pairwise(edges)]
-
-
-def sums_outward(spans: list[Branch], terms: Array) -> Array:
-    """Of terms of the bodies, (bodies, 3), the sum of all from the base up to each body."""
-    sums = np.empty_like(terms)
-    for parent, first, stop in spans:
-        start = sums[parent] if parent >= 0 else np.zeros(terms.shape[1:])
-        sums[first:stop] = np.cumsum(np.concatenate([start[None], terms[first:stop]]), axis=0)[1:]
-    return sums
-
-
-def sums_inward(spans: list[Branch], terms: Array) -> Array:
-    """Of terms of the bodies, (bodies, 3), the sum of each and of all that hang on it."""
-    sums = terms.copy()
-    for parent, first, stop in reversed(spans):
-        sums[first:stop] = np.cumsum(sums[first:stop][::-1], axis=0)[::-1]
-        if parent >= 0:
-            sums[parent] += sums[first]
-    return sums
 
 
 def of_parents(chain: Chain, values: Array, of_base: Array) -> Array:
@@ -60,7 +25,7 @@ def branches_of(chain: Chain) -> list[list[int]]:
     An arm that does not branch is one from 0 to its tip frame; one whose base floats begins with its base.
     """
     base = base_body(chain)
-    spans = [span._replace(first=max(base, span.first)) for span in spans_of(chain) if span.stop > base]
+    spans = [span._replace(first=max(base, span.first)) for span in spans_of(chain.bodies) if span.stop > base]
     return [[int(chain.bodies["parent"][first]), *range(first + 1, stop + 1)] for _, first, stop in spans]
 
 

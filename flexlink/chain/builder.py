@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.chain import Coordinate
+from flexlink.chain.coordinates import Coordinate
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.products import product
 from flexlink.common.types import Array

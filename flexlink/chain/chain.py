@@ -15,18 +15,18 @@ import functools
 import math
 from collections.abc import Iterable
 from itertools import accumulate
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain import free_base
 from flexlink.chain.arguments import integer, number_of, require_type, vector
+from flexlink.chain.coordinates import LAST_AXIS, Coordinate, joint_names
 from flexlink.chain.couplings import add_products
+from flexlink.chain.spans import spans_of, sums_outward
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array
-from flexlink.describe.arm import BASE
 from flexlink.describe.links import link_number
 from flexlink.describe.spec import short_list, truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
@@ -40,29 +40,6 @@ _OF_LAYOUT = {
 
 Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
 """Joints of a chain: see `Chain.joint_indices`."""
-
-
-ROOT = 4
-"""Axis in a `Coordinate` of the spring at a link's root that turns about X; those about Y and Z follow."""
-LAST_AXIS = ROOT + 2
-
-
-class Coordinate(NamedTuple):
-    """The paper's three indices: link from 1, segment from 0, axis 0 = active, 1 twist, 2 and 3 bending.
-
-    (link, 0, 3) is the hinge of an elastic gear, about the joint's axis; (link, 0, 4) … (link, 0, 6) are those of
-    springs at the link's root, about X, Y, Z. (0, 0, 1) … (0, 0, 6) are the joints of a free base: three along X, Y, Z
-    and three about them.
-    """
-
-    link: int
-    segment: int
-    axis: int
-
-    @property
-    def of_root(self) -> bool:
-        """Whether it is that of a spring at the root of a link."""
-        return self.link > 0 and self.axis >= ROOT
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -337,7 +314,8 @@ class Chain:
         """How far from the origin of frame 0 any of the masses can get [m], at most."""
         if self.is_serial_revolute:
             return _reach(self.bodies["translation"].tobytes(), self.bodies["center"].tobytes())
-        return self._reach_of_tree()
+        away = sums_outward(spans_of(self.bodies), self.lengths)
+        return float((away + np.linalg.norm(self.bodies["center"], axis=1)).max())
 
     @property
     def lengths(self) -> Array:
@@ -348,13 +326,6 @@ class Chain:
             slid = np.append(0.0, np.cumsum(np.where(self.slides & np.isfinite(limits), limits, 0.0)))
             lengths += slid[self.bodies["stop"]] - slid[self.bodies["first"]]
         return lengths
-
-    def _reach_of_tree(self) -> float:
-        """Along every branch."""
-        own, away = self.lengths, np.zeros(len(self.bodies) + 1)
-        for i, parent in enumerate(self.bodies["parent"].tolist(), 1):
-            away[i] = away[parent] + own[i - 1]
-        return float((away[1:] + np.linalg.norm(self.bodies["center"], axis=1)).max())
 
     @functools.cached_property
     def weight(self) -> float:
@@ -488,20 +459,12 @@ class Chain:
     @functools.cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of all joints, in sequential order."""
-        return _joint_names(self.link_names, self.coordinates)
+        return joint_names(self.link_names, self.coordinates)
 
     @functools.cached_property
     def joint_units(self) -> tuple[str, ...]:
         """Unit of every coordinate: rad or m."""
         return tuple("m" if slides else "rad" for slides in self.slides.tolist())
-
-
-@functools.lru_cache(maxsize=64)
-def _joint_names(links: tuple[str, ...], coordinates: tuple[Coordinate, ...]) -> tuple[str, ...]:
-    names = (f"{links[c.link - 1] if c.link else BASE}.{_hinge_name(c)}" for c in coordinates)
-    distinct = unique([*links, *names])
-    own = len(links)  # which come first: they keep their own names
-    return tuple(distinct[c.link - 1 if c.axis == 0 else own + k] for k, c in enumerate(coordinates))
 
 
 @functools.lru_cache(maxsize=64)
@@ -518,24 +481,3 @@ def _axes(turns: bytes, before: bytes, axes: bytes) -> Array:
     axes_in_base: Array = rotations[np.frombuffer(before, np.intp), :, np.frombuffer(axes, np.int64)]
     axes_in_base.flags.writeable = False
     return axes_in_base
-
-
-def _hinge_name(coordinate: Coordinate) -> str:
-    """Name of a hinge within its link, or within a free base."""
-    link, segment, axis = coordinate
-    if link == 0:
-        return free_base.NAMES[axis - 1]
-    if axis >= ROOT:
-        return f"root.{'xyz'[axis - ROOT]}"
-    return "gear" if axis and not segment else f"{segment}.{' xyz'[axis]}"
-
-
-def unique(names: Iterable[str]) -> list[str]:
-    """The names, the later of two equal ones numbered."""
-    taken: dict[str, None] = {}
-    for name in names:
-        candidate, number = name, 2
-        while candidate in taken:
-            candidate, number = f"{name}_{number}", number + 1
-        taken[candidate] = None
-    return list(taken)

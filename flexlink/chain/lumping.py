@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
+from flexlink.chain.beam_segments import segments_of
+from flexlink.chain.beam_springs import Springs
 from flexlink.chain.builder import Builder, Piece, record_inertia, recorded
-from flexlink.chain.chain import ROOT, Chain, Coordinate
+from flexlink.chain.chain import Chain
 from flexlink.chain.compliance import cell_constants, spring_constants
 from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
+from flexlink.chain.coordinates import ROOT, Coordinate
 from flexlink.chain.drag import with_drag
 from flexlink.chain.free_base import reference_rotation
-from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
-from flexlink.chain.table_beam import TableBeam, points_between
-from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.chain.section_beam import SectionBeam
+from flexlink.chain.table_beam import TableBeam
+from flexlink.common.errors import SceneError
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
-from flexlink.describe.arm import AXES, Arm, Link, Material, Section
+from flexlink.describe.arm import AXES, Arm, Link
 from flexlink.describe.data_files import is_user_file
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.root import ROOT_AXES
@@ -38,7 +39,6 @@ from flexlink.kernels.layout import COUPLING, HINGE, SLIDES
 TWIST = 1  # axis of a coordinate
 SPACE = "xyz"  # axes of a hinge that turns any way
 PAIR = 2  # hinges of the cells whose springs hold the curvature of the rotation between them
-GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
 def lump(scene: Scene) -> Chain:
@@ -121,45 +121,6 @@ def pieces(scene: Scene) -> list[Piece]:
     return frame_of(require_type("scene", scene, Scene)).builder.pieces
 
 
-class Springs(NamedTuple):
-    """Springs of a beam: its rigidity at some sections holds its hinges, each its own, or those of a cell together."""
-
-    link: Link
-    sections: Array  # (4, N) of the beam, at the hinges, or at the Gauss points of cells
-    lengths: Array  # (N,) of beam that each section stands for [m]
-    rows: NDArray[np.intp]  # number of each hinge in the chain
-    places: NDArray[np.intp]  # and its place among the stiffnesses, (3, N) in a row
-    cells: Cells | None
-    coupled: slice  # of the chain's couplings
-    pairs: NDArray[np.intp]  # (couplings, 3) axis, cell and pair of hinges in it
-    given: tuple[Array, Array] | None = None  # the constants themselves, of a table
-
-    def constants(self, rigidities: Array) -> tuple[Array, Array]:
-        """K_ii (…, hinges) and K_ij (…, couplings) [N m/rad] of GJ, EI_y, EI_z at the sections, (…, 3, N) [N m²]."""
-        held = rigidities / self.lengths
-        if self.cells is None:
-            return held.reshape(*held.shape[:-2], -1)[..., self.places], np.zeros((*held.shape[:-2], 0))
-        cell = self.cells.cell
-        held = held.reshape(*held.shape[:-1], -1, self.cells.hinges)
-        own = np.stack([cell.stiffness(i, i, held) for i in range(self.cells.hinges)], axis=-1)
-        both = np.stack([cell.stiffness(i, j, held) for i, j in cell.pairs], axis=-1)
-        axis, e, pair = self.pairs.T
-        return own.reshape(*own.shape[:-3], -1)[..., self.places], both[..., axis, e, pair]
-
-    def write(self, arm: Arm, hinges: NDArray[np.void], couplings: NDArray[np.void]) -> None:
-        """Put spring and damping constants into the hinges and the couplings of the chain."""
-        link = self.link
-        if self.given is None:
-            k, coupled = self.constants(rigidities(arm.materials[link.material or ""], self.sections))
-        else:
-            k, coupled = self.given
-        if not k.all():  # it would count as a joint without a spring
-            raise SceneError(f"link {link.name!r}: the stiffness of a hinge underflows float64")
-        loss = arm.loss_time(link)
-        hinges["stiffness"][self.rows], hinges["damping"][self.rows] = k, loss * k
-        couplings["stiffness"][self.coupled], couplings["damping"][self.coupled] = coupled, loss * coupled
-
-
 @dataclasses.dataclass
 class Frame:
     """An arm without springs in its beams, and without payload at its tip."""
@@ -190,7 +151,7 @@ FRAMES = Memo(64)
 """Arms of the same links, without what differs between variants of a material, a payload, a start."""
 
 
-def _framed(scene: Scene, beams: Sequence[_Beam | TableBeam | None]) -> Frame:
+def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Frame:
     """Bodies, hinges and pieces, from the base outward to the tip frames."""
     arm, builder, initial = scene.arm, Builder(), scene.initial
     moved = {arm.number(motion.link) for motion in scene.motion}
@@ -227,14 +188,14 @@ def _framed(scene: Scene, beams: Sequence[_Beam | TableBeam | None]) -> Frame:
     return Frame(chain.bodies, chain.hinges, chain.couplings, builder, tuple(springs), chain)
 
 
-def _beam_of(arm: Arm, link: Link) -> _Beam | TableBeam | None:
+def _beam_of(arm: Arm, link: Link) -> SectionBeam | TableBeam | None:
     """None of a link without one."""
     if link.rigidity is not None:
         return TableBeam(link.beam.length, arm.rigidities[link.rigidity])
     if link.material is None or link.section is None:
         return None
     root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
-    return _Beam(link.beam.length, arm.materials[link.material].density, root, tip)
+    return SectionBeam(link.beam.length, arm.materials[link.material].density, root, tip)
 
 
 def _check_finite(name: str, array: NDArray[np.void]) -> None:
@@ -301,7 +262,7 @@ def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, fl
 
 
 def _add_line(
-    builder: Builder, link: Link, number: int, beam: _Beam | TableBeam | None, nodes: Array, weights: Array
+    builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam | None, nodes: Array, weights: Array
 ) -> list[Springs]:
     """What stands between the axes of a link at its joint and those at its end: the beam, and the body behind it."""
     start, length, frame = link.beam
@@ -331,14 +292,14 @@ def _add_root(builder: Builder, link: Link, number: int) -> None:
 
 
 def _add_segments(
-    builder: Builder, link: Link, number: int, beam: _Beam | TableBeam, nodes: Array, weights: Array
+    builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam, nodes: Array, weights: Array
 ) -> Springs:
     """Segments and hinges of a beam, along the x of the running frame; returns the springs that are still to be."""
     rule, first = lumping_rule(link.lumping), len(builder.hinges)
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
     rotors = _twist_rotors(link, rule, beam, nodes, weights).tolist()
     places: dict[tuple[int, int], int] = {}  # of axis and hinge along the beam: number in the chain
-    for segment, (body, part, end) in enumerate(_segments_of(link, rule, beam, nodes)):
+    for segment, (body, part, end) in enumerate(segments_of(link, rule, beam, nodes)):
         if segment:
             builder.start_body()
             backward = rule.alternate_axes and segment % 2 == 0
@@ -390,7 +351,7 @@ def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) 
     return slice(first, len(builder.couplings)), np.array(pairs, dtype=np.intp).reshape(-1, 3)
 
 
-def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam | TableBeam, nodes: Array, weights: Array) -> Array:
+def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, nodes: Array, weights: Array) -> Array:
     """Rotor inertias of the twist hinges [kg m²]; refused where M of the twist would not be positive definite.
 
     A, inwards from the tip, is the articulated inertia about X of all beyond a hinge; what the link carries only adds.
@@ -410,165 +371,3 @@ def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam | TableBeam, nodes:
             )
         A = A * rotors[i] / (A + rotors[i])
     return rotors
-
-
-def rigidities(material: Material, sections: Array) -> Array:
-    """GJ, EI_y, EI_z of sections (4, N), shape (3, N), in the order of the axes [N m²]."""
-    _, i_y, i_z, torsion = sections
-    return np.array([material.shear * torsion, material.young * i_y, material.young * i_z])
-
-
-Segment = tuple[SpatialInertia | None, tuple[float, float], Array]
-"""Of a segment its body, part of the link, end [m]."""
-
-
-def _segments_of(link: Link, rule: LumpingRule, beam: _Beam | TableBeam, nodes: Array) -> list[Segment]:
-    """Links alike share their segments, of whatever stiffness."""
-    if rule.cells is None or not nodes.size:  # a rigid link has no hinges, whatever its rule
-        return _segments(beam, nodes.tobytes())
-    try:
-        return _cell_segments(beam, rule.cells, len(nodes))
-    except ArgumentError as error:
-        raise SceneError(f"link {link.name!r}: lumping = {link.lumping!r}: {error}") from None
-
-
-@functools.lru_cache(maxsize=256)
-def _segments(beam: _Beam | TableBeam, nodes: bytes) -> list[Segment]:
-    """Slices of the beam from hinge to hinge; a hinge at the very root has nothing before it."""
-    edges = np.array([0.0, *np.frombuffer(nodes), 1.0])
-    slices = zip(*beam.slices(edges), np.diff(edges) * beam.length, strict=True)
-    return [
-        (SpatialInertia(float(mass), np.array([center, 0, 0]), np.diag(inertia)) if length > 0 else None,
-         part, np.array([length, 0, 0]))
-        for part, (mass, center, inertia, length) in zip(itertools.pairwise(edges.tolist()), slices, strict=True)
-    ]  # fmt: skip
-
-
-@functools.lru_cache(maxsize=256)
-def _cell_segments(beam: _Beam | TableBeam, cells: Cells, count: int) -> list[Segment]:
-    """Segments whose M is the exact one of a beam that has the angle of each segment at its Lobatto node s.
-
-    m is that of the slice, from S_i−1 to S_i; m c = l ∫ ρA from s_i to S_i, from the segment's start; and
-
-        J_i = l_i [(s_i − S_i−1) ν(s_i) + ∫ ν dx − Σ_j w_j ν(s_j)] − m_i c_i²        ν(x) = ∫ ρA from x to S_i
-
-    the integral from s_i to the end of the cell that begins at or holds s_i, the sum over its nodes beyond s_i. What
-    sections have by themselves, about x, too, is l ρI at s: ½ ∫ ρI θ̇² by Lobatto's quadrature, of order 2p.
-    """
-    places, lengths = cells.segments(count)
-    edges = np.append(0.0, np.cumsum(lengths))
-    edges[-1] = 1.0
-    mass = beam.slices(edges)[0]
-    l = lengths * beam.length
-    center = l * beam.masses(places, edges[1:]) / mass
-    J = np.array([_cell_inertia(beam, cells, i, places, edges) for i in range(count + 1)]) - mass * center**2
-    rounding = 16 * np.finfo(float).eps * l * (cells.hinges * l.max()) * (cells.hinges * mass.max())
-    given = cells.tip * mass[-1] * l[-1] ** 2 / 3
-    J[np.abs(J) <= rounding] = 0.0  # the first segment is a point mass at its end, the last at its hinge
-    J[-1] += given
-    J[-2] -= given
-    if isinstance(beam, TableBeam):
-        _pass_on(J)
-    if (J < 0).any() and isinstance(beam, TableBeam):
-        raise ArgumentError(
-            f"the mass per length of its table changes so much within a cell that segment {int(np.argmin(J))} would "
-            "have a negative moment of inertia; take more segments, or a rule without cells, such as 'gauss'"
-        )
-    if (J < 0).any():
-        raise ArgumentError(
-            f"tip = {cells.tip:g}: segment {int(np.argmin(J))} would have a negative moment of inertia; "
-            "take a smaller tip in the rule"
-        )
-    y, z = l * beam.rotary(places)
-    moments = np.column_stack([y + z, J + y, J + z])
-    return [
-        (SpatialInertia(float(m), np.array([c, 0, 0]), np.diag(I)), part, np.array([length, 0, 0]))
-        for part, m, c, I, length in zip(itertools.pairwise(edges.tolist()), mass, center, moments, l, strict=True)
-    ]
-
-
-def _pass_on(J: Array) -> None:
-    """Let neighbours bear what is negative, as beside a jump; their angles are nearly the same, and the sum stays."""
-    for first, then in ((range(len(J) - 1), 1), (range(len(J) - 1, 0, -1), -1)):
-        for i in first:
-            if J[i] < 0:
-                J[i + then] += J[i]
-                J[i] = 0.0
-
-
-def _cell_inertia(beam: _Beam | TableBeam, cells: Cells, i: int, places: Array, edges: Array) -> float:
-    """J_i + m_i c_i² of a segment."""
-    p, count, L = cells.hinges, len(places) - 1, beam.length
-    e = min(i // p, count // p - 1)
-    beyond = np.arange(i + 1, (e + 1) * p + 1)
-    weights = cells.cell.lengths[beyond - e * p] * p / count
-    s, start, end, stop = places[i], edges[i], edges[i + 1], places[(e + 1) * p]
-    _, x, weight = points_between(np.array([s, stop]), beam.knots)
-    ν = beam.masses(np.concatenate([[s], x, places[beyond]]), np.full(1 + len(x) + len(beyond), end))
-    integral = weight @ ν[1 : 1 + len(x)]
-    return float((end - start) * L**2 * ((s - start) * ν[0] + integral - weights @ ν[1 + len(x) :]))
-
-
-@functools.lru_cache(maxsize=256)
-def _sections(root: Section, tip: Section, places: bytes) -> Array:
-    """`_Beam.sections` at places in a row, (4, m), which beams of all materials share."""
-    x = np.frombuffer(places)
-    if root == tip:
-        return np.multiply.outer(root.properties, np.ones(len(x)))
-    return np.transpose([root.towards(tip, place) for place in x.tolist()])
-
-
-@dataclasses.dataclass(frozen=True)
-class _Beam:
-    """The continuous link: its dimensions run linearly from the root's to the tip's section, x from 0 to 1."""
-
-    length: float
-    density: float
-    root: Section
-    tip: Section
-
-    def sections(self, x: Array) -> Array:
-        """Area, I_y, I_z and J at every x, shape (4, *x.shape) [m², m⁴]."""
-        return _sections(self.root, self.tip, x.tobytes()).reshape(4, *x.shape)
-
-    @property
-    def knots(self) -> Array:
-        """Where anything has kinks: nowhere."""
-        return np.empty(0)
-
-    def rotary(self, x: Array) -> Array:
-        """ρI_y and ρI_z at every x, shape (2, *x.shape) [kg m]."""
-        return self.density * self.sections(x)[1:3]
-
-    def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
-        """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, of the last to the end [kg m²].
-
-        Four Gauss points, as in `slices`.
-        """
-        edges = np.append(nodes, 1.0)
-        half = np.diff(edges)[:, None] / 2
-        x = edges[:-1, None] + half * (1 + GAUSS_NODES)
-        _, i_y, i_z, _ = self.sections(x)
-        polar = half * GAUSS_WEIGHTS * self.density * self.length * (i_y + i_z)
-        return polar.sum(axis=1), (x * polar).sum(axis=1)
-
-    def masses(self, start: Array, end: Array) -> Array:
-        """∫ ρA dx from each start to its end [kg], (N,), negative where the end is before the start."""
-        x = start[:, None] + (end - start)[:, None] * (1 + GAUSS_NODES) / 2
-        area = self.density * self.length * self.sections(x)[0]
-        return np.asarray((area * GAUSS_WEIGHTS).sum(axis=1) * (end - start) / 2)
-
-    def slices(self, edges: Array) -> tuple[Array, Array, Array]:
-        """Between neighbouring edges: mass (N,), distance of the centre (N,), moments of inertia about it (N, 3).
-
-        Four Gauss points: exact for every shape whose area is quadratic and whose I are of degree 4 in x. For a prism
-        I_xx = ρl (I_y + I_z), I_yy = ρl I_y + m l²/12, I_zz = ρl I_z + m l²/12.
-        """
-        u = (GAUSS_NODES + 1) / 2
-        x, length = edges[:-1, None] + np.diff(edges)[:, None] * u, np.diff(edges)[:, None] * self.length
-        areas, i_y, i_z, _ = self.density * length * GAUSS_WEIGHTS / 2 * self.sections(x)
-        mass = areas.sum(axis=1)
-        center = (areas * u * length).sum(axis=1) / mass
-        bending = (areas * (u * length - center[:, None]) ** 2).sum(axis=1)
-        y, z = i_y.sum(axis=1), i_z.sum(axis=1)
-        return mass, center, np.column_stack([y + z, y + bending, z + bending])

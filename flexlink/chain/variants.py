@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.beam_springs import Springs
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of
-from flexlink.chain.lumping import Frame, Springs, frame_of, has_own_rules, lump, situation
+from flexlink.chain.lumping import Frame, frame_of, has_own_rules, lump, situation
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array

@@ -29,7 +29,7 @@ from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
 from flexlink.common.progress import Progress
 from flexlink.describe import data_files
-from flexlink.describe.conditions import RunSettings
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.inputs.problem import problem_of

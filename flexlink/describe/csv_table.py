@@ -46,6 +46,11 @@ class CsvTable(NamedTuple):
     heads: tuple[str, ...]
     values: Array  # (rows, heads)
 
+    @property
+    def quantities(self) -> set[str]:
+        """What the heads say, without their units."""
+        return {head_of(head).quantity for head in self.heads}
+
     def column(self, quantity: str, unit: str) -> Array:
         """The column of a quantity in a unit, every cell of it a number.
 

@@ -1,8 +1,8 @@
-"""Motions, drives and wrenches whose tables stand in CSV files: read once, as a scene is made, and part of it then."""
+"""Motions, drives, references, wrenches whose tables stand in CSV files: read once, as a scene is made."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import TypedDict
 
@@ -11,15 +11,19 @@ from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array, T
+from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm, Link
-from flexlink.describe.conditions import Drive, InitialState, PrescribedMotion, Wrench
 from flexlink.describe.csv_table import CsvTable, head_of, read_csv
-from flexlink.describe.own_units import TORQUE, UNIT, Row
+from flexlink.describe.initial import InitialState
+from flexlink.describe.own_units import IN_METRES, TORQUE, UNIT, Row
+from flexlink.describe.reference import TABLES, Reference
 from flexlink.describe.smoothing import smoothed
 from flexlink.describe.spec import short_list
 
 WRENCH = {"forces": ("force", "N"), "moments": ("moment", "N m")}
 """What of a wrench stands in heads "force x [N]", "moment z [N m]"."""
+RATES = {"qd": "/s", "qdd": "/s²"}
+"""Of angles in a head "q NAME [deg]", their rates and accelerations "qd NAME [deg/s]", and what follows the unit."""
 NEAR = {False: 1.0, True: 0.01}
 """How far from a file's first angle [deg], of a joint that slides place [m], a scene may say that a joint starts."""
 
@@ -41,7 +45,7 @@ def filled_from_files(
     Raises
     ------
     SceneError, DataFileError
-        As in `drive_from_file`, `wrench_from_file`, `motion_from_file`; another start is given.
+        As in `drive_from_file`, `reference_from_file`, `wrench_from_file`, `motion_from_file`; another start is given.
     """
     filled: Filled = {}
     if any(each.file is not None for each in motion):
@@ -51,8 +55,12 @@ def filled_from_files(
                 motions[k] = motion_from_file(each, arm.links[number - 1])
                 initial = _started_with(initial, arm, number, motions[k])
         filled |= {"motion": tuple(motions), "initial": initial}
+    moved = {_number(arm, each) for each in motion}
     if drive.file is not None:
-        filled["drive"] = drive_from_file(drive, arm, {_number(arm, each) for each in motion})
+        filled["drive"] = drive_from_file(drive, arm, moved)
+    if drive.reference is not None and drive.reference.file is not None:
+        starts = filled.get("initial", initial).own("joint", arm.slides)
+        filled["drive"] = replace(drive, reference=reference_from_file(drive.reference, arm, moved, starts))
     if wrench.file is not None:
         filled["wrench"] = wrench_from_file(wrench)
     return filled
@@ -113,9 +121,58 @@ def drive_from_file(drive: Drive, arm: Arm, moved: set[int]) -> Drive:
 
 def _torques(table: CsvTable, link: Link, moved: bool) -> Array:
     quantity = f"tau {link.name}"
-    if link.joint.locked or (moved and quantity not in {head_of(head).quantity for head in table.heads}):
+    if link.joint.locked or (moved and quantity not in table.quantities):
         return np.zeros(len(table.values))
     return table.column(quantity, TORQUE[link.joint.slides])
+
+
+def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts: Sequence[float]) -> Reference:
+    """A reference with the angles in its file, a column "q NAME [deg]" for each joint that it leads.
+
+    Joints that are locked, or `moved` as prescribed, need none; the latter stay where they start. Of profile "smooth"
+    rates and accelerations come along where the file has them, or by a `cutoff`, by which the angles are `smoothed`.
+
+    Raises
+    ------
+    DataFileError
+        As in `drive_from_file`; or the file has rates, or accelerations, of some joints only.
+    SceneError
+        As in `smoothed`.
+    """
+
+    def filled(table: CsvTable) -> Reference:
+        there = table.quantities
+        led = [
+            k
+            for k, link in enumerate(arm.links, 1)
+            if not link.joint.locked and (k not in moved or f"q {link.name}" in there)
+        ]
+        rates = [name for name in RATES if any(f"{name} {arm.links[k - 1].name}" in there for k in led)]
+        columns = {
+            k: _angles(table, arm.links[k - 1], reference.cutoff, rates if reference.profile == "smooth" else ())
+            for k in led
+        }
+        rows: dict[str, tuple[Row, ...]] = {}
+        for part, key in zip(range(max(map(len, columns.values()), default=1)), TABLES, strict=False):
+            for slides in {link.joint.slides for link in arm.links if not link.joint.locked}:
+                values = np.zeros((len(table.values), len(arm.links)))
+                for k, link in enumerate(arm.links, 1):
+                    if link.joint.slides == slides and not link.joint.locked:
+                        values[:, k - 1] = columns[k][part] if k in columns else starts[k - 1] * (part == 0)
+                rows[IN_METRES[key] if slides else key] = tuple(map(tuple, values.tolist()))
+        return replace(reference, file=None, cutoff=None, times=tuple(table.times.tolist()), **rows)
+
+    return _read("drive.reference", reference.file or "", filled)
+
+
+def _angles(table: CsvTable, link: Link, cutoff: float | None, rates: Collection[str]) -> list[Array]:
+    """Places of a joint in its own unit, with rates and accelerations by a cutoff, or those of the file asked for."""
+    unit = UNIT[link.joint.slides]
+    place = table.column(f"q {link.name}", unit)
+    if cutoff is not None:
+        return [*smoothed(table.times, place, cutoff)]
+    found = (table.column(f"{name} {link.name}", f"{unit}{per}") for name, per in RATES.items() if name in rates)
+    return [place, *found]
 
 
 def wrench_from_file(wrench: Wrench) -> Wrench:
@@ -167,22 +224,18 @@ def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
     """
 
     def filled(table: CsvTable) -> PrescribedMotion:
-        unit, slides, times = UNIT[link.joint.slides], link.joint.slides, table.times
+        slides, times = link.joint.slides, table.times
         if len(times) and times[0] != 0:
             raise DataFileError(f"{table.path}: t begins at {float(times[0])!r} s; a motion begins at 0, so shift it")
-        place = table.column(f"q {link.name}", unit)
-        if motion.cutoff is not None:
-            columns = smoothed(times, place, motion.cutoff)
-        else:
-            there = {head_of(head).quantity for head in table.heads}
-            for name in (f"qd {link.name}", f"qdd {link.name}"):
-                if name not in there:
+        columns = _angles(table, link, motion.cutoff, ())
+        if motion.cutoff is None:
+            for name in RATES:
+                if f"{name} {link.name}" not in table.quantities:
                     raise SceneError(
-                        f"cutoff: missing; {table.path} has no column {name!r}. Give cutoff [Hz], by which rates and "
-                        "accelerations are found, or a file that has them"
+                        f"cutoff: missing; {table.path} has no column '{name} {link.name}'. Give cutoff [Hz], by which "
+                        "rates and accelerations are found, or a file that has them"
                     )
-            rates = (table.column(f"qd {link.name}", f"{unit}/s"), table.column(f"qdd {link.name}", f"{unit}/s²"))
-            columns = (place, *rates)
+            columns = _angles(table, link, None, RATES)
         keys = ("position_m", "rate_m", "acceleration_m") if slides else ("angle_deg", "rate_deg", "acceleration_deg")
         rows: dict[str, Row] = {key: tuple(part.tolist()) for key, part in zip(keys, columns, strict=True)}
         return replace(motion, file=None, cutoff=None, times=tuple(times.tolist()), **rows)

@@ -37,6 +37,7 @@ TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "hold": (("times", "angle_deg"), ()),
 }
 """What each profile needs, and what it may have, or the same in metres."""
+TABLED = tuple(profile for profile, (needs, _) in TAKES.items() if "times" in needs)
 LISTS = ("to_deg", "from_deg", *LIMITS)
 TABLES = ("angle_deg", "rate_deg", "acceleration_deg")
 IN_BOTH = tuple((key, IN_METRES[key]) for key in (*LISTS, *TABLES))
@@ -57,7 +58,7 @@ class Reference(Spec, frozen=True):
 
     A table, rows `angle_deg` at `times`, profile "linear", "hold" (steps without a ramp) or "smooth": a cubic spline
     from rest to rest, or, with `rate_deg`, cubic Hermite polynomials, or, with `acceleration_deg`, too, quintic ones.
-    Before and after the table its first and last angles are held.
+    Before and after the table its first and last angles are held. Its rows may stand in a CSV `file`.
 
     With a `shaper`, the sum of delayed references that leaves no vibration of its frequencies; it is later at its end.
 
@@ -109,11 +110,23 @@ class Reference(Spec, frozen=True):
     """Of a smooth table: rates of prismatic joints at its times [m/s]."""
     acceleration_m: tuple[PerLink, ...] | None = None
     """Of a smooth table with rates: accelerations of prismatic joints at its times [m/s²]."""
+    file: str | None = None
+    """Of a table: a CSV file in place of its rows, with heads "t [s]" and, of every driven joint, "q NAME [deg]", or
+    any unit of angles, of a prismatic joint of lengths; of a smooth table "qd NAME [deg/s]" and "qdd NAME [deg/s²]",
+    too, if it has them. A path from the scene's folder; it is read once, when the scene is."""
+    cutoff: Positive | None = None
+    """Of a smooth table's file: frequency at which a zero-phase low-pass of its angles lets half of the amplitude
+    through [Hz]; rates and accelerations are those of what is left. Default: those of the file, or of a spline."""
     shaper: InputShaper | None = None
     """Input shaper: delays copies of the reference so that it leaves no vibration."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.cutoff is not None and (self.file is None or self.profile != "smooth"):
+            raise SceneError(f"cutoff = {self.cutoff!r}: needs a file and profile 'smooth'; leave cutoff out")
+        if self.file is not None:
+            self._check_file()
+            return
         needs, may = TAKES[self.profile]
         for name in dict.fromkeys(name for both in TAKES.values() for part in both for name in part):
             values = {key: getattr(self, key) for key in (name, IN_METRES.get(name, name))}
@@ -128,6 +141,18 @@ class Reference(Spec, frozen=True):
             self._check_time_of_move()
         else:
             self._check_table(self.times)
+
+    def _check_file(self) -> None:
+        """It stands for a table, and alone."""
+        if self.profile not in TABLED:
+            raise SceneError(
+                f"file = {self.file!r}: profile {self.profile!r} takes {_taken(*TAKES[self.profile])}; a file is a "
+                f"table's, of profile {', '.join(TABLED)}"
+            )
+        keys = {key for keys in IN_BOTH for key in keys} | {"times", "start", "duration"}
+        for key in sorted(keys):
+            if getattr(self, key) not in (None, 0.0):
+                raise SceneError(f"file = {self.file!r}: {key} is given, too; give only one")
 
     def _check_limits(self) -> None:
         """A limit is positive, but of a joint whose limit is in the other unit."""
@@ -167,7 +192,7 @@ class Reference(Spec, frozen=True):
 
     def starts_at_initial(self, *, slides: bool) -> bool:
         """Whether a joint that turns, or slides, starts where the scene's joints are initially."""
-        return self.times is None and (self.from_m if slides else self.from_deg) is None
+        return self.profile not in TABLED and (self.from_m if slides else self.from_deg) is None
 
     @property
     def per_link(self) -> dict[str, Row]:
@@ -199,7 +224,8 @@ class Reference(Spec, frozen=True):
         Raises
         ------
         SceneError
-            Lists are not of one number per link, or an angle changes faster than float64 can hold.
+            Lists are not of one number per link, an angle changes faster than float64 can hold, or its table stands in
+            a file, which scenes read.
         DataFileError
             The shaper's own file is not valid.
 
@@ -209,6 +235,8 @@ class Reference(Spec, frozen=True):
         >>> print(np.degrees(angle).round(1))  # half-way
         [ 45. -60.]
         """
+        if self.file is not None:
+            raise SceneError(f"file = {self.file!r}: is read as part of a scene; take Scene.course")
         start = np.asarray(initial, dtype=np.float64)
         for name, row in self.per_link.items():
             if len(row) != len(start):

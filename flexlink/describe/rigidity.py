@@ -20,6 +20,8 @@ COLUMNS = {"ei_y": "N m²", "ei_z": "N m²", "gj": "N m²", "rho_a": "kg/m", "rh
 """What stands in a table beside x, with its unit."""
 HEADS = {"EI_y": "ei_y", "EI_z": "ei_z", "GJ": "gj", "rhoA": "rho_a", "rhoI_y": "rho_i_y", "rhoI_z": "rho_i_z"}
 """Heads of a CSV file, and the columns that they are."""
+ROUNDING = 1e-9
+"""Part of a beam's length that two places may differ by and be one."""
 TINY = float(np.finfo(np.float64).tiny)
 HELD = {"z": ("ei_z",), "yz": ("ei_y", "ei_z"), "xyz": ("ei_y", "ei_z", "gj")}
 """Rigidities that a link needs, by its flex."""
@@ -101,6 +103,14 @@ class Rigidity(Spec, frozen=True):
         yield from (name for name in HELD.get(flex, ()) if getattr(self, name) is None)
         if flex == "xyz" and not any(map(any, (self.rho_i_y or (), self.rho_i_z or ()))):
             yield "rho_i_y or rho_i_z"
+
+    def jump_at(self, x: float, flex: str) -> float | None:
+        """Where a rigidity that a link of this flex needs jumps, if that is at x [m], but for rounding."""
+        for k in range(1, len(self.x)):
+            columns = (getattr(self, name) or () for name in HELD[flex])
+            if self.x[k] == self.x[k - 1] and abs(x - self.x[k]) <= ROUNDING * self.x[-1]:
+                return self.x[k] if any(column[k] != column[k - 1] for column in columns if column) else None
+        return None
 
     @property
     def rows(self) -> Rows:

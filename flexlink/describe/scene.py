@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -12,32 +11,33 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.memo import Memo
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
 from flexlink.describe import data_files
-from flexlink.describe.arm import BASE, Arm, Link
-from flexlink.describe.conditions import (
-    OF_MOTION,
-    BaseState,
-    Drive,
-    InitialState,
-    PrescribedMotion,
-    RunSettings,
-    Wrench,
-    check_method,
-    implied,
-    whole,
-)
+from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
+from flexlink.describe.arm import Arm
 from flexlink.describe.drag import SEA_LEVEL
 from flexlink.describe.from_files import filled_from_files
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.initial import InitialState
 from flexlink.describe.mistakes import check_all, mistakes, raise_together
-from flexlink.describe.own_units import KIND, UNIT, Row, in_si, misplaced, together
-from flexlink.describe.reference import refuse_beyond
+from flexlink.describe.own_units import UNIT, Row, in_si, together
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
+from flexlink.describe.run_settings import RunSettings, check_method, implied
+from flexlink.describe.scene_checks import (
+    check_air,
+    check_base,
+    check_grid,
+    check_limits,
+    check_motions,
+    check_rate,
+    check_reference,
+    check_wrench,
+    wrong_lists,
+)
 from flexlink.describe.sensor import Sensor, sensor_mistakes
 from flexlink.describe.spec import (
     Positive,
@@ -46,10 +46,8 @@ from flexlink.describe.spec import (
     build_validated,
     check_keys,
     decode,
-    did_you_mean,
     fields_of,
     key_mistakes,
-    link_key,
     truncated,
 )
 from flexlink.describe.vary import apply_changes, get_in, to_document, top_level_keys, values_at
@@ -101,15 +99,20 @@ class Scene(Spec, frozen=True):
         if not self.initial.joint_deg:
             self._put_joints_at_zero()
         self._read_files()
-        raise_together(self._wrong_lists())  # on whose lengths all else counts
-        checks = [self._check_rate, lambda: self._check_limits(said), self._check_reference, self._check_motions]
-        checks += [
-            self._check_air,
-            self._check_base,
-            self._check_wrench,
-            lambda: raise_together(sensor_mistakes(self.sensor, self.arm)),
+        arm, initial, drive, run = self.arm, self.initial, self.drive, self.run
+        raise_together(wrong_lists(arm, initial, drive))  # on whose lengths all else counts
+        checks = [
+            lambda: check_rate(initial, drive, run),
+            lambda: check_limits(arm, initial, said),
+            lambda: check_reference(arm, drive, self.course, run),
+            lambda: check_motions(arm, initial, drive, self.motion),
+            lambda: check_air(arm, self.air_density),
+            lambda: check_base(arm, initial, drive),
+            lambda: check_wrench(arm, self.wrench),
+            lambda: raise_together(sensor_mistakes(self.sensor, arm)),
         ]
-        check_all(checks if self.run.controlled else [self._check_grid, *checks])
+        grid = [] if run.controlled else [lambda: check_grid(initial, drive, self.wrench, run)]
+        check_all([*grid, *checks])
 
     def _read_files(self) -> None:
         """Tables in files become the scene's own; a joint that moves by one starts where its file does."""
@@ -119,99 +122,10 @@ class Scene(Spec, frozen=True):
         for name, value in filled.items():
             msgspec.structs.force_setattr(self, name, value)
 
-    def _wrong_lists(self) -> Iterator[str]:
-        """Lists of another length than the arm has links, numbers of joints that are locked, or in the wrong unit."""
-        links, drive = self.arm.links, self.drive
-        reference = drive.reference.per_link if drive.reference is not None else {}
-        per_link: dict[str, tuple[float, ...] | None] = {
-            "initial.joint_deg": self.initial.joint_deg,
-            "initial.rate_deg": self.initial.rate_deg,
-            "initial.joint_m": self.initial.joint_m,
-            "initial.rate_m": self.initial.rate_m,
-            "drive.torque": drive.torque,
-            "drive.kp": drive.kp,
-            "drive.kd": drive.kd,
-            "drive.target_deg": drive.target_deg,
-            "drive.target_m": drive.target_m,
-            "drive.effort": drive.effort,
-            **{f"drive.torques[{k}]": row for k, row in enumerate(drive.torques or ())},
-            **{f"drive.reference.{key}": row for key, row in reference.items() if len(row) == len(links)},
-        }
-        of_locked_joints_too = {
-            "initial.joint_deg", "initial.joint_m", "drive.target_deg", "drive.target_m", "drive.effort",
-        }  # fmt: skip
-        fitting = {}
-        for key, values in per_link.items():
-            if values is None:
-                continue
-            if len(values) != len(links):
-                yield f"{key} = {truncated(values)}: expected one number per link, {len(links)}"
-                continue
-            fitting[key] = values
-            for k, link in enumerate(links if not key.startswith("drive.reference.") else ()):
-                if link.joint.locked and values[k] and key not in of_locked_joints_too:
-                    where = self.arm.path(k + 1, key)
-                    yield f"{where} = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits"
-        for k, key, wrong in misplaced(self.arm.slides, [link.name for link in links], fitting):
-            if key.startswith("initial.") or not links[k].joint.locked:
-                yield f"{self.arm.path(k + 1, key)} = {fitting[key][k]!r}: {wrong}"
-        if drive.kind in {"pd", "computed_torque"} and not reference:
-            yield from self._missing_targets()
-
-    def _missing_targets(self) -> Iterator[str]:
-        """A law leads joints of either kind somewhere."""
-        for key, slides in (("target_deg", False), ("target_m", True)):
-            names = [link.name for link in self.arm.links if not link.joint.locked and link.joint.slides == slides]
-            if names and getattr(self.drive, key) is None:
-                yield f"drive.{key}: missing; joint {names[0]!r} is {KIND[slides]}"
-
-    def _check_limits(self, said: Mapping[str, str]) -> None:
-        """Joints start within their limits."""
-        for k, (link, place) in enumerate(zip(self.arm.links, self.starts, strict=True)):
-            outside = _outside_limits(link, place)
-            if outside and (self.initial.q is None or link.joint.locked):
-                key = said["joint_m" if link.joint.slides else "joint_deg"].replace("joint_", "initial.joint_")
-                raise SceneError(f"{self.arm.path(k + 1, key)} = {outside}")
-
-    def _check_air(self) -> None:
-        """Air without anything that it drags at."""
-        if self.air_density is not None and not self.arm.has_drag:
-            raise SceneError(
-                f"air_density = {self.air_density!r}: has no effect; no link has drag; give one, such as "
-                "link.NAME.drag = { coefficient = 1.2 }, or leave it out"
-            )
-
     @property
     def fluid_density(self) -> float:
         """Density of the air that links with drag move through [kg/m³]; 0 without any."""
         return (self.air_density or SEA_LEVEL) if self.arm.has_drag else 0.0
-
-    def _check_base(self) -> None:
-        """What is said of the base's start, and what takes for granted that it does not float."""
-        free, drive = self.arm.base.free, self.drive
-        if self.initial.base != BaseState() and not free:
-            raise SceneError(
-                "initial.base: has no effect, the base is fixed; leave it out, or give base = { kind = 'free', "
-                "mass = …, inertia = … }"
-            )
-        if free and self.initial.passive == "static":
-            raise SceneError("initial.passive = 'static': an arm on a free base has no rest; leave passive out")
-        for key, value in (("kind", drive.kind), ("gravity", drive.gravity)):
-            if free and value in {"computed_torque", "rigid", "static"}:
-                raise SceneError(
-                    f"drive.{key} = {value!r}: takes the base for fixed, but it floats; a free base takes kind 'pd' "
-                    "without gravity, or a law of your own"
-                )
-
-    def _check_wrench(self) -> None:
-        """The wrench acts at the end of a link that no other hangs on."""
-        on, tips = self.wrench.on, [self.arm.links[k - 1].name for k in self.arm.tips]
-        if on and on not in tips:
-            known = on in {link.name for link in self.arm.links}
-            why = "other links hang on it" if known else "no such link"
-            if on == BASE:
-                why = "is no link; hang one of no length, its joint locked, on it (link.on = 'base'), and name that"
-            raise SceneError(f"wrench.on = {on!r}: {why}; allowed are {', '.join(tips)}{did_you_mean(on, tips)}")
 
     @property
     def starts(self) -> Row:
@@ -265,27 +179,6 @@ class Scene(Spec, frozen=True):
         """
         return drawing_module("scene_report.arm_picture").plot_scene(self)
 
-    def _check_motions(self) -> None:
-        """Each link moves by one motion, and is not driven by gains."""
-        moved: set[int] = set()
-        for motion in self.motion:
-            number = self._check_motion(motion)
-            if number in moved:
-                raise SceneError(f"motion.{motion.link}: the second motion of this link; give one")
-            moved.add(number)
-            for name in ("kp", "kd"):
-                gains = getattr(self.drive, name)
-                if gains is not None and gains[number - 1]:
-                    gain = f"{self.arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"
-                    raise SceneError(f"{gain}: the motion of {motion.link!r} is prescribed; only 0 fits")
-
-    def _check_grid(self) -> None:
-        """Fixed steps end where the run starts, and where a held row gives way to the next."""
-        whole("initial.time", self.initial.time, self.run.said("step", "run."), self.run.fixed_step)
-        for name, table in (("drive", self.drive), ("wrench", self.wrench)):
-            for k, time in enumerate(table.times or () if table.hold else ()):
-                whole(f"{name}.times[{k}]", time, self.run.said("step", "run."), self.run.fixed_step)
-
     def _put_joints_at_zero(self) -> None:
         """Where nothing else is said; but of a whole state nobody has said where a reference starts."""
         if self.initial.q is not None and self.drive.reference is not None:
@@ -295,63 +188,6 @@ class Scene(Spec, frozen=True):
                     raise SceneError(f"drive.reference.{key}: missing; initial.{default}, its default, is not given")
         joint_deg = (0.0,) * len(self.arm.links)
         msgspec.structs.force_setattr(self, "initial", replace(self.initial, joint_deg=joint_deg))
-
-    def _check_motion(self, motion: PrescribedMotion) -> int:
-        """Number of the link that moves."""
-        path = f"motion.{link_key([str(motion.link)], 0)}"
-        try:
-            number = self.arm.number(motion.link)
-        except ArgumentError as error:
-            raise SceneError(f"{path}.{error}") from None
-        if self.arm.links[number - 1].joint.locked:
-            raise SceneError(f"{path}: its joint is locked; a motion needs a free joint")
-        initial, joint = self.initial, self.arm.links[number - 1].joint
-        if motion.slides != joint.slides:
-            key, wanted = motion.keys[0], "position_m, rate_m, acceleration_m" if joint.slides else ", ".join(OF_MOTION)
-            given = f"{path}.{key} = {truncated(motion.columns[0])}"
-            raise SceneError(f"{given}: joint {self.arm.links[number - 1].name!r} is {joint.kind}; give {wanted}")
-        (position, rate), slides = motion.keys[:2], self.arm.slides
-        for key, start, first, elsewhere in (
-            (position, self.starts[number - 1], motion.columns[0][0], initial.q),
-            (rate, initial.own("rate", slides)[number - 1], motion.columns[1][0], initial.qd),
-        ):
-            if start != first and initial.time == 0 and elsewhere is None:
-                raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
-        for k, place in enumerate(motion.columns[0]):
-            if outside := _outside_limits(self.arm.links[number - 1], place):
-                raise SceneError(f"{path}.{position}[{k}] = {outside}")
-        return number
-
-    def _check_rate(self) -> None:
-        """A law is asked at ends of steps, at the start of a run, and at every sample or as many samples apart."""
-        rate, run = self.drive.rate, self.run
-        if rate is None:
-            return
-        apart = 1 / rate
-        long, short_one = (run.said("sample", "run."), run.spacing), ("1 / rate", apart)
-        if apart > run.spacing:
-            long, short_one = short_one, long
-        try:
-            if not run.controlled:
-                whole("1 / rate", apart, run.said("step", "run."), run.fixed_step)
-            whole("initial.time", self.initial.time, "1 / rate", apart)
-            whole(*long, *short_one)
-        except SceneError as error:
-            fitting = max(1, round(run.spacing * rate)) / rate
-            own = "" if run.sample is not None else f"; give run.sample, such as {fitting:.6g}"
-            raise SceneError(f"drive.rate = {rate!r}: {error}{own}") from None
-
-    def _check_reference(self) -> None:
-        """The reference stays within the joints' limits, at every extreme of a piece, and jumps at ends of steps."""
-        course, run = self.course, self.run
-        if course is None:
-            return
-        try:
-            refuse_beyond(course, [(link.name, link.joint) for link in self.arm.links if not link.joint.locked])
-            for time in [] if run.controlled or self.drive.rate else course.jumps:
-                whole("jumps, or its rate does: t", float(f"{time:.12g}"), run.said("step", "run."), run.fixed_step)
-        except SceneError as error:
-            raise SceneError(f"drive.reference {error}") from None
 
     @property
     def course(self) -> ReferenceTrajectory | None:
@@ -507,15 +343,6 @@ class Scene(Spec, frozen=True):
         return _document_of_parts(parts, FIELDS if keys is None else keys)
 
 
-def _outside_limits(link: Link, place: float) -> str:
-    """The angle [deg], or position [m], with what is wrong about it; empty within the joint's limits."""
-    joint = link.joint
-    low, high = joint.own_limits or (-math.inf, math.inf)
-    return (
-        "" if low <= place <= high else f"{place!r}: outside {joint.limits_key} = {[low, high]} of joint {link.name!r}"
-    )
-
-
 def load_scene(path: str | Path) -> Scene:
     """Read a scene file.
 
@@ -553,7 +380,13 @@ def load_scene(path: str | Path) -> Scene:
         _find_beside(path, link, "lumping")
     rigidities = raw.get("rigidity")
     of_links = rigidities.values() if isinstance(rigidities, dict) else ()
-    for table in (raw.get("drive"), raw.get("wrench"), *_tables(raw.get("motion")), *of_links):
+    for table in (
+        raw.get("drive"),
+        get_in(raw, "drive", "reference"),
+        raw.get("wrench"),
+        *_tables(raw.get("motion")),
+        *of_links,
+    ):
         if isinstance(table, dict) and isinstance(table.get("file"), str):
             table["file"] = str(path.parent / table["file"])
     try:

@@ -9,10 +9,11 @@ from typing import Annotated, Literal, NamedTuple
 import msgspec
 
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe.arm import BASE, Arm
+from flexlink.describe.arm import BASE, Arm, Link
 from flexlink.describe.csv_table import conversion
 from flexlink.describe.directions import unit
 from flexlink.describe.own_units import SI, TORQUE
+from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key, truncated
 
 Kind = Literal["strain", "accelerometer", "gyroscope", "joint", "torque", "current", "position"]
@@ -58,7 +59,7 @@ class Sensor(Spec, frozen=True):
 
     strain: a gauge along the beam of a link that bends, `x` from the beam's root, at the `fibre` (y, z) of the section:
     ε = z κ_y − y κ_z, of bending, as `beam_strain` says, the curvature at `x` by the cubic through the four hinges
-    nearest to it.
+    nearest to it; on a beam whose EI is a table, M/EI there, M by that cubic.
     accelerometer, gyroscope: Rᵀ(a − g) and Rᵀω of a point of a link, in the link's axes as its segment there carries
     them.  position: of such a point in frame 0.  Either way along `axis`, or three columns, "NAME x [m]" and so on.
     joint: the angle of the link's joint, or how far it has slid; with an elastic gear the motor's.  torque: T_EX of its
@@ -207,6 +208,18 @@ def _misfits(sensor: Sensor, arm: Arm) -> Iterator[str]:
         yield f"{said}: is rigid; a strain gauge needs a link that bends, with flex of z, yz or xyz"
     if sensor.x is not None and sensor.x > link.beam.length:
         yield f"x = {sensor.x!r}: beyond the beam of link {link.name!r}, which is {link.beam.length:g} m long"
+    elif kind == "strain" and link.rigidity in arm.rigidities and sensor.x is not None:
+        yield from _on_a_jump(sensor.x, link, arm.rigidities[link.rigidity or ""])
+
+
+def _on_a_jump(x: float, link: Link, table: Rigidity) -> Iterator[str]:
+    """A gauge where EI jumps would show one strain or the other."""
+    jump, aside = table.jump_at(x, link.flex), 1e-3 * link.beam.length
+    if jump is not None:
+        yield (
+            f"x = {x!r}: EI of link {link.name!r} jumps there, and with it the strain; say on which side the gauge is, "
+            f"such as x = {jump - aside:.6g} or {jump + aside:.6g}"
+        )
 
 
 def is_on_base(sensor: Sensor, arm: Arm) -> bool:

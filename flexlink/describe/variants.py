@@ -15,8 +15,8 @@ import msgspec
 from msgspec.structs import replace
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.describe.conditions import implied
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.run_settings import implied
 from flexlink.describe.scene import FIELDS, OF_ARM, Scene
 from flexlink.describe.spec import Spec, bare_type, build_validated, decode, fields_of, to_builtin
 from flexlink.describe.vary import Keys, parts_of, routes_to, to_document

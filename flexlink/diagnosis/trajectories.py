@@ -19,7 +19,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError, MissingDependencyError
 from flexlink.common.notebook import html_lines
-from flexlink.describe.conditions import steps_explicitly
+from flexlink.describe.run_settings import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.stability import stable_step

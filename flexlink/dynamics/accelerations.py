@@ -13,7 +13,8 @@ from flexlink.chain.arguments import require_each, require_one_of, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.conditions import ForwardSolver, Frame
+from flexlink.describe.actions import Frame
+from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, is_batch, rows
 from flexlink.dynamics.drag import drag_torque
 from flexlink.dynamics.singularity import no_acceleration

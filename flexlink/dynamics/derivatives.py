@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from flexlink.chain.arguments import beyond_float64, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics, lanes_workspace, solver_for
 from flexlink.dynamics.batches import each, is_batch, rows, wrench_rows
 from flexlink.dynamics.drag import drag_slopes, drag_torque

@@ -25,7 +25,7 @@ from flexlink.chain.arguments import positive, require_type, vector, wrench_vect
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ConvergenceError
 from flexlink.common.types import Array
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.dynamics import rounding
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion

@@ -7,7 +7,7 @@ from typing import Any
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.conditions import RunSettings, steps_explicitly
+from flexlink.describe.run_settings import RunSettings, steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import solver_for
 from flexlink.dynamics.floating_base import FloatingBase

@@ -1,7 +1,7 @@
 """Internal loads: what the parts of an arm do to each other where it is cut, in motion or at rest.
 
-Cut before body i, at its hinge point. All that lies beyond, the bodies that hang on it, moves as gravity, the tip
-wrench, drag, and force f_i and moment n_i of what lies before make it (Newton and Euler):
+Cut before body i, at its hinge point. All that lies beyond, the bodies that hang on it, moves as gravity, drag, the tip
+wrench, and force f_i and moment n_i of what lies before make it (Newton and Euler):
 
     F = m (a + α × c + ω × (ω × c) − g)        f_i = F_i + Σ f_j − f_tip
     N = I α + ω × I ω + c × F                  n_i = N_i + Σ (n_j + r_j × f_j) − n_tip        r_j = p_j − p_i, j on i
@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
-from flexlink.chain.branches import of_parents, spans_of, sums_inward
+from flexlink.chain.branches import of_parents
 from flexlink.chain.chain import Chain
+from flexlink.chain.spans import spans_of, sums_inward
 from flexlink.common.types import Array
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.point_motion import body_motion
@@ -115,7 +116,7 @@ def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> Intern
         if len(chain.drag):
             drag = drag_loads(chain.arrays, chain.drag, q, qd)
             F, N = F - drag[:, 0], N - drag[:, 1]
-        spans, parents = spans_of(chain), bodies["parent"]
+        spans, parents = spans_of(chain.bodies), bodies["parent"]
         f = sums_inward(spans, F)
         moments = np.cross(p - of_parents(chain, p, np.zeros(3)), f)
         hang = parents > 0

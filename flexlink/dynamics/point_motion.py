@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
-from flexlink.chain.branches import Branch, of_parents, spans_of, sums_outward
+from flexlink.chain.branches import of_parents
 from flexlink.chain.chain import Chain
+from flexlink.chain.spans import Branch, spans_of, sums_outward
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import about_state, is_batch, rows
@@ -60,7 +61,7 @@ def body_motions(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
 
 def _moving(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array) -> BodyMotion:
     """Motion of bodies and hinges placed so, at rates and accelerations (n,) or (n, b)."""
-    spans, rest = spans_of(chain), np.zeros(p.shape[1:])
+    spans, rest = spans_of(chain.bodies), np.zeros(p.shape[1:])
     with np.errstate(over="ignore", invalid="ignore"):
         turned, faster = axes * qd[..., None], axes * qdd[..., None]
         slid, slid_faster = (_slid(chain, part) for part in (turned, faster))

@@ -41,8 +41,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import vector, wrench_vector
-from flexlink.chain.branches import spans_of, sums_inward, sums_outward
 from flexlink.chain.chain import Chain
+from flexlink.chain.spans import spans_of, sums_inward, sums_outward
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.terms import mass_matrix
@@ -189,7 +189,7 @@ def _spins(chain: Chain, turned: Array) -> Array:
         return np.cumsum(turned, axis=0)
     own = np.zeros((len(chain.bodies), 3))
     np.add.at(own, hinge_bodies(chain)[~chain.slides], turned[~chain.slides])
-    return sums_outward(spans_of(chain), own)
+    return sums_outward(spans_of(chain.bodies), own)
 
 
 def _sizes(chain: Chain, q: ArrayLike) -> Sizes:
@@ -218,7 +218,7 @@ def largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
     """
     bodies, hinges = chain.bodies, chain.bodies["stop"] - chain.bodies["first"]
     Ω, V = np.abs(qd[~chain.slides]).sum(), np.abs(qd[chain.slides]).sum()
-    spans = spans_of(chain)
+    spans = spans_of(chain.bodies)
     at = sums_outward(spans, chain.lengths)  # way from the base to each body's hinges
     far = at + np.linalg.norm(bodies["center"], axis=1)
     force = bodies["mass"] * (np.linalg.norm(chain.gravity) + Ω**2 * far + 2 * Ω * V)

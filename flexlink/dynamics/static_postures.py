@@ -7,7 +7,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.dynamics.equilibrium import known_decimals, solve_static
 from flexlink.dynamics.tangent import unlocked
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria

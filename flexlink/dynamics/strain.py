@@ -114,5 +114,11 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
         strain = z * curvature[..., 1] - y * curvature[..., 2]
     if not (is_finite(curvature.reshape(-1)) and is_finite(strain.reshape(-1))):
         raise beyond_float64("a strain", q=angles, fibre=[y, z])
-    places = nodes if cells is None else cells.gauss_points(len(nodes))
-    return BeamStrain(places * length, curvature, strain)
+    return BeamStrain(known_at(scene, number) * length, curvature, strain)
+
+
+def known_at(scene: Scene, number: int) -> Array:
+    """Where along the beam of a link the curvature is known, as parts of its length, (hinges,)."""
+    nodes, _ = hinges_of(scene.arm)[number - 1]
+    cells = lumping_rule(scene.arm.links[number - 1].lumping).cells
+    return nodes if cells is None else cells.gauss_points(len(nodes))

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.branches import spans_of
 from flexlink.chain.chain import Chain, Joints
+from flexlink.chain.spans import spans_of
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.spec import truncated
@@ -178,7 +178,7 @@ def displacements(chain: Chain, q: Array, φ: NDArray[np.inexact]) -> NDArray[np
         np.add.at(slid.swapaxes(0, 1), hinge_bodies(chain)[chain.slides], steps[:, chain.slides].swapaxes(0, 1))
         steps[:, chain.slides] = 0.0
     turned, moved, rest = np.zeros_like(slid), np.zeros_like(slid), np.zeros((len(φ), 3))
-    for parent, begin, end in spans_of(chain):
+    for parent, begin, end in spans_of(chain.bodies):
         turn, move, place = rest, rest, np.zeros(3)
         if parent >= 0:
             turn, move, place = turned[:, parent], moved[:, parent], points[parent]

@@ -19,7 +19,7 @@ from flexlink.chain.arguments import beyond_float64, require_one_of, require_typ
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch, rows
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.springs import add_spring_energies, spring_torque

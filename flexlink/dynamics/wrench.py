@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from flexlink.chain.arguments import require_one_of, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import wrench_rows
 from flexlink.kernels.derivatives.load_derivatives import turned_with_tip
 

@@ -35,7 +35,7 @@ from exudyn.itemInterface import (
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.conditions import RunSettings
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.floating_base import ANGLES
 from flexlink.dynamics.initial_value_problem import InitialValueProblem

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.chain.chain import Chain, unique
+from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import unique
 from flexlink.common.products import dot, product
 from flexlink.common.types import Array
 from flexlink.formats.document import decimals, valid

@@ -12,7 +12,8 @@ import numpy as np
 
 from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
-from flexlink.chain.chain import Chain, unique
+from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import unique
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
-from flexlink.describe.conditions import BaseState
+from flexlink.describe.initial import BaseState
 from flexlink.describe.scene import Scene
 
 

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_bool, require_type, sequence, vector
-from flexlink.chain.chain import Chain, Coordinate
+from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import Coordinate
 from flexlink.chain.free_base import rates_matrices, rotations_of
 from flexlink.chain.rigid import HERE, Pose
 from flexlink.chain.rotation import quaternion_from_matrix

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from flexlink.chain import free_base
 from flexlink.chain.builder import Body, recorded
-from flexlink.chain.chain import LAST_AXIS, Chain, Coordinate
+from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import LAST_AXIS, Coordinate
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.safe_xml import numbers_of, parse

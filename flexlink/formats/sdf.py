@@ -18,7 +18,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from flexlink.chain.arguments import require_bool, require_type
-from flexlink.chain.chain import Chain, unique
+from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import unique
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array

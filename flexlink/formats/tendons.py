@@ -17,7 +17,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from flexlink.chain.chain import Chain, unique
+from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import unique
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.formats.document import decimals

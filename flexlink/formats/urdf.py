@@ -18,7 +18,8 @@ import numpy as np
 
 from flexlink.chain import free_base
 from flexlink.chain.arguments import require_bool, require_type
-from flexlink.chain.chain import Chain, unique
+from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import unique
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.types import Array
 from flexlink.formats.capsules import Capsule, capsules_behind, colours

@@ -10,7 +10,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.describe.conditions import PrescribedMotion
+from flexlink.describe.actions import PrescribedMotion
 from flexlink.describe.own_units import in_si
 from flexlink.describe.scene import Scene
 from flexlink.inputs.drives import drive_arrays, gains_of

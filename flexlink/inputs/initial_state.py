@@ -65,17 +65,21 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
 def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Array]:
     """`initial_state` where the inputs of the scene are known."""
     initial = scene.initial
-    q = _given("q", initial.q, spread(chain, scene.joint_positions))
-    qd = _given("qd", initial.qd, spread(chain, scene.joint_rates))
-    if chain.has_free_base and initial.q is None:
-        q[:3] = initial.base.xyz
-    if chain.has_free_base and initial.qd is None:
-        qd[:3], qd[3:6] = initial.base.velocity, initial.base.rates
+    q, qd = stated(scene, chain)
+    q, qd = _given("q", initial.q, q), _given("qd", initial.qd, qd)
     if initial.passive == "static" and len(chain.active) < chain.n:
         wrench, frame = wrench_at(inputs, initial.time)
         q = static_posture(chain, q, wrench, frame)
     if scene.motion:
         _check_followed(inputs.motion, scene, chain, q, qd)
+    return q, qd
+
+
+def stated(scene: Scene, chain: Chain) -> tuple[Array, Array]:
+    """q0 and q̇0 (n,) [rad, rad/s, m, m/s] by what is said of joints and of a free base, springs slack."""
+    q, qd, base = spread(chain, scene.joint_positions), spread(chain, scene.joint_rates), scene.initial.base
+    if chain.has_free_base:
+        q[:3], qd[:3], qd[3:6] = base.xyz, base.velocity, base.rates
     return q, qd
 
 

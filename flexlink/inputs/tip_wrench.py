@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.describe.scene import Scene
 from flexlink.inputs.loads import loads_of
 from flexlink.kernels.inputs.record import GivenWrench, Inputs, given_at

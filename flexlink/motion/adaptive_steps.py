@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from flexlink.common.errors import SceneError
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
-from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.describe.data_files import is_user_file
 from flexlink.describe.own_units import in_words
+from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.stability import bounding_eigenvalues, stable_step, stable_step_of

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.describe.conditions import RunSettings
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate

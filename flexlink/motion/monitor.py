@@ -10,8 +10,8 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array, Indices
-from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.describe.own_units import in_words
+from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix

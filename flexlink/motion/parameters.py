@@ -24,7 +24,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec, default_of, fields_of, truncated
 from flexlink.dynamics.tangent import stiffness_matrix
-from flexlink.inputs.initial_state import initial_state, spread
+from flexlink.inputs.initial_state import initial_state, spread, stated
 from flexlink.kernels.derivatives.inverse_derivatives import Arrays
 from flexlink.kernels.derivatives.sensitivity import AFFINE, EPSILON, Parametric, torque_derivatives
 from flexlink.kernels.layout import BODY, COUPLING, HINGE
@@ -190,15 +190,11 @@ def _numbers(scene: Scene, chain: Chain) -> Numbers:
         torque, kp, kd = (spread(chain, part or zero) for part in (drive.torque, drive.kp, drive.kd))
         target = spread(chain, scene.joint_targets)
         affine[AFFINE.u], affine[AFFINE.v], affine[AFFINE.w] = torque + kp * target, -kp, -kd
-    start = np.array([spread(chain, scene.joint_positions), spread(chain, scene.joint_rates)])
-    if chain.has_free_base:
-        base = scene.initial.base
-        start[0, :3], start[1, :3], start[1, 3:6] = base.xyz, base.velocity, base.rates
     hinges, couplings = (
         {name: rows[name] for name in fields}
         for rows, fields in ((chain.hinges, names), (chain.couplings, ("stiffness", "damping")))
     )
-    return Numbers(bodies, hinges, couplings, affine, start)
+    return Numbers(bodies, hinges, couplings, affine, np.array(stated(scene, chain)))
 
 
 def _bend(scene: Scene, chain: Chain, varied: Parametric, starts: Array) -> None:

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike
 from flexlink.chain.arguments import positive, require_callable
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.conditions import RunSettings, multiples, parts, whole
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import truncated
+from flexlink.describe.whole_steps import multiples, parts, whole
 from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.inputs.drives import effort_of, held_torques

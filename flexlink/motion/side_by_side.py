@@ -17,7 +17,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.interruption import Stop
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
-from flexlink.describe.conditions import multiples
+from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.dynamics.initial_value_problem import InitialValueProblem

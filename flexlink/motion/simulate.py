@@ -15,10 +15,11 @@ from flexlink.chain.arguments import require_callable, require_type
 from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.common.memo import Kept, Memo
-from flexlink.describe.conditions import Accuracy, ForwardSolver, Unstable, check_method, multiples
 from flexlink.describe.data_files import is_user_file
+from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable, check_method
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import build_validated
+from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.inputs.drives import remembered
 from flexlink.inputs.problem import problem_of, started

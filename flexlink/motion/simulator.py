@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import positive, require_type, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.conditions import parts, whole
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
+from flexlink.describe.whole_steps import parts, whole
 from flexlink.dynamics.springs import add_spring_energies
 from flexlink.inputs.drives import effort_of, held_torques, remembered
 from flexlink.inputs.problem import problem_of

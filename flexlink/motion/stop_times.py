@@ -9,8 +9,8 @@ import numpy as np
 
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array, Indices
-from flexlink.describe.conditions import parts
 from flexlink.describe.schemes.methods import Method
+from flexlink.describe.whole_steps import parts
 from flexlink.inputs.tstops import breakpoints, corners, instants
 from flexlink.results.record import Record
 

@@ -17,7 +17,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from flexlink.common.types import Array
-from flexlink.describe.conditions import AUTO, RunSettings
+from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.motion.hindrance import sampled_growth
 from flexlink.motion.monitor import DOUBT, TIP_SHARE, TOLERABLE, RunMonitor
 

@@ -9,8 +9,10 @@ JOIN = "\N{NO-BREAK SPACE}"
 
 def number(value: float | None, digits: int = 3) -> str:
     """`value` to `digits` significant digits, with a power of ten where zeros would hide it; an en dash for none."""
-    if value is None:
-        return "–"
+    return "–" if value is None else _digits(value, digits).replace("-", "−")
+
+
+def _digits(value: float, digits: int) -> str:
     if not math.isfinite(value):
         return str(value)
     if value == int(value) and abs(value) < 1e4:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.chain import Chain, Coordinate
+from flexlink.chain.chain import Chain
+from flexlink.chain.coordinates import Coordinate
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.describe.scene import scene_from
 from flexlink.dynamics.momentum import Momentum

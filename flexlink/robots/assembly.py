@@ -8,14 +8,15 @@ from collections.abc import Iterator, Mapping
 import msgspec
 import numpy as np
 
-from flexlink.chain.chain import unique
+from flexlink.chain.coordinates import unique
 from flexlink.chain.rigid import Pose
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE, Arm, Base, Link
-from flexlink.describe.conditions import BaseState, InitialState, RunSettings
+from flexlink.describe.initial import BaseState, InitialState
 from flexlink.describe.joint import Joint, Mount
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short_list, truncated
 from flexlink.robots.flexible import FlexibleLink, ImportedLink, bent, payload

@@ -1,4 +1,8 @@
-"""A strain gauge: the strain at the hinges nearest to it, by the cubic through them, and how it changes with angles."""
+"""A strain gauge: the strain at the hinges nearest to it, by the cubic through them, and how it changes with angles.
+
+Where EI is a table, which may have kinks and jump, curvature does, too, but not the moment M = EI κ: the cubic goes
+through that of the hinges, and κ = M/EI with the rigidity at the gauge.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.table_beam import TableBeam
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor
-from flexlink.dynamics.strain import beam_strain
+from flexlink.dynamics.strain import beam_strain, known_at
 
 NEAREST = 4
 """Hinges that the strain at a gauge is interpolated from; between hinges h apart it is off by h⁴ ε⁗/24, or so."""
@@ -19,10 +24,18 @@ NUDGE = 1e-3
 
 def gauge_strain(sensor: Sensor, scene: Scene, q: Array) -> Array:
     """ε at the gauge [1], shape (samples,), at angles q (samples, n)."""
-    found = beam_strain(scene, q, link=sensor.link, fibre=sensor.fibre or (0.0, 0.0))
-    nearest, weights = interpolation(found.x, sensor.x or 0.0)
-    strain: Array = found.strain[..., nearest] @ weights
-    return strain
+    (y, z), place = sensor.fibre or (0.0, 0.0), sensor.x or 0.0
+    found = beam_strain(scene, q, link=sensor.link, fibre=(y, z))
+    nearest, weights = interpolation(found.x, place)
+    number = scene.arm.number(sensor.link)
+    link = scene.arm.links[number - 1]
+    if link.rigidity is None:
+        strain: Array = found.strain[..., nearest] @ weights
+        return strain
+    beam = TableBeam(link.beam.length, scene.arm.rigidities[link.rigidity])
+    there, here = (beam.rigidities(x)[1:] for x in (known_at(scene, number)[nearest], np.array([place / beam.length])))
+    κ_y, κ_z = (found.curvature[..., nearest, k + 1] @ (weights * there[k]) / here[k] for k in range(2))
+    return np.asarray(z * κ_y - y * κ_z)
 
 
 def interpolation(nodes: Array, x: float) -> tuple[NDArray[np.intp], Array]:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Complex
-from flexlink.describe.conditions import is_whole
 from flexlink.describe.sensor import Sensor
+from flexlink.describe.whole_steps import is_whole
 from flexlink.sensors.low_pass import LowPass, butterworth
 
 ON_TIME = 1e-9

@@ -11,7 +11,7 @@ import msgspec
 
 from flexlink.common.errors import EngineError, FlexlinkError
 from flexlink.common.interruption import Stop, deferred
-from flexlink.describe.conditions import steps_explicitly
+from flexlink.describe.run_settings import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.engines import load
 from flexlink.inputs.problem import problem_of

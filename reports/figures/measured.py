@@ -21,7 +21,7 @@ CAPTION = (
     "Points: E / D; bars: ± 2 u_val / D. Blue: validated. Orange: the bar ends before zero, not validated. "
     "Grey: too uncertain for what is asked."
 )
-LINE = 0.155  # in: height of a quantity
+LINE = 0.17  # in: height of a quantity
 
 
 def draw(results: Results) -> Iterator[Picture]:
@@ -44,7 +44,7 @@ def _figure(found: Sequence[Group]) -> Figure:
             axes.plot([e], [k], "o", color=colour, markersize=3)
         axes.axvline(0.0, color=INK, linewidth=0.8)
         axes.set(yticks=range(len(group.error)), yticklabels=group.columns["quantity"].tolist(), xlabel="E / D [%]")
-        axes.tick_params(axis="y", labelsize=7)
+        axes.tick_params(axis="y", labelsize=8.5)
         axes.set_ylim(len(group.error) - 0.4, -0.6)
         axes.set_title(group.name, loc="left")
         axes.grid(False, axis="y")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -24,12 +25,17 @@ LOOKS = {  # colour, marker, line of a rule, the same in all figures
     "gauss": (GREEN, "^", "-"),
     "legendre": (PURPLE, "D", "-"),
     "gregory": (ORANGE, "v", "-"),
-    "gauss_matched": (INK, "P", "-"),
+    "gauss_matched": (GREEN, "^", "--"),
+    "gauss_rotation": (GREEN, "^", ":"),
+    "lobatto2": (INK, "<", "-"),
+    "lobatto2_rotation": (INK, "<", ":"),
+    "lobatto4": (INK, ">", "--"),
     "clamped": (SKY, "P", "-"),
     "hencky": (GREY, "o", "--"),
     "open": (GREY, "s", ":"),
 }
 PLAIN = (GREY, ".", "-")
+LETTERS = 22  # that fit along the height of a panel
 ROUNDING = 1e-15  # errors below say nothing
 
 
@@ -47,7 +53,9 @@ def draw(results: Results) -> Iterator[Picture]:
             yield Picture(f"{case}.motion", f"{title}: motion", _motion(series), MOTION, series_csv(series))
 
 
-READ = "Error against the number of hinges of a link. Order: fitted to the last three marks of the first panel."
+READ = (
+    "Error against the number of hinges of a link. Order: of the first panel, by its last three marks above rounding."
+)
 PRICE = (
     "Error of the first mode against the work of RK4 at its largest stable step (EI = ρA = L = 1). Short end segments, "
     "as of legendre, need small steps."
@@ -60,6 +68,7 @@ def _sweeps(sweeps: Sequence[Series], rows: Sequence[Row]) -> Figure:
     figure, all_axes = stacked_axes(len(sweeps), 2.9 if len(sweeps) > 1 else 3.4)
     for place, (axes, series) in enumerate(zip(all_axes, sweeps, strict=True)):
         _rules(axes, series, {rule: orders.get((series.part, rule)) for rule in LOOKS})
+        axes.set_ylabel(textwrap.fill(axes.get_ylabel(), LETTERS))
         if place < len(sweeps) - 1:
             axes.set_xlabel("")
     legend_above(figure, all_axes[0], 2)

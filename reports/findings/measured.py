@@ -13,7 +13,10 @@ HELD_OUT = "held out"
 TAKES = (HELD_OUT,)
 COLUMNS = ("quantity", "unit", "S", "D", "E", "u_num", "GCI", "order", "u_input", "u_D", "u_val", "verdict")
 HEADS = {"GCI": "grid convergence index", "order": "observed order", "S": "S, simulated", "D": "D, measured"}
-DIGITS = 4
+FIT = (
+    "100 (1 − |measured − model| / |measured|): 100 is perfect, 0 as good as nothing. psf and fsf are the two "
+    "recordings."
+)
 
 
 def find(results: Results) -> Iterator[Table]:
@@ -21,8 +24,7 @@ def find(results: Results) -> Iterator[Table]:
     for case, series in results.showing(HELD_OUT):
         fits = tuple(zip(*(column.tolist() for column in series.columns.values()), strict=True))
         title = f"{results.cases[case][0].title}: fit [%]"
-        words = "100 (1 − |measured − model| / |measured|): 100 is perfect, 0 as good as nothing."
-        yield Table(f"{case}.held_out", title, tuple(series.columns), fits, (words,), opened=True)
+        yield Table(f"{case}.held_out", title, tuple(series.columns), fits, (FIT,), opened=True)
     heads = tuple(HEADS.get(name, name) for name in COLUMNS)
     for case, series in results.showing(WHAT):
         lines = tuple(zip(*(series.columns[name].tolist() for name in COLUMNS), strict=True))

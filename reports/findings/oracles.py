@@ -60,5 +60,8 @@ def imports_of(oracle: str) -> set[str]:
 def find(results: Results) -> Iterator[Table]:
     """One table."""
     if not ASKED.isdisjoint(planned.kind for planned in results.plan.values()):
-        lines = tuple((j.name, j.shares, j.own, ", ".join(j.imports) or "–") for j in judges())
+        lines = tuple(
+            (j.name, j.shares, j.own, ", ".join(name.removeprefix("flexlink.") for name in j.imports) or "–")
+            for j in judges()
+        )
         yield Table("judges", "What each judge shares with flexlink", HEADS, lines, (), to_look_up=True)

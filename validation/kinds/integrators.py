@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexlink.describe.conditions import RunSettings
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive

@@ -35,7 +35,7 @@ from exudyn.itemInterface import (
 )
 
 from flexlink.common.types import Array
-from flexlink.describe.conditions import RunSettings
+from flexlink.describe.run_settings import RunSettings
 from flexlink.results.tip_motion import largest_distance
 from validation.physics.beam_references import SCENES, Beam, Plane, beam_scene, file_name, plane_of
 from validation.physics.formulas import pulse

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.common.types import Array
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from validation.facts import Fact, Facts
 from validation.reference_values import look_up
 

@@ -10,7 +10,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
-from flexlink.describe.conditions import RunSettings
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.dynamics.vibration.stability import stable_step

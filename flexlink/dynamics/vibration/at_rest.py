@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.dynamics.equilibrium import Equilibrium, solve_static
 from flexlink.dynamics.placement import unbent
 from flexlink.dynamics.vibration.modal import Modes, modes

@@ -16,7 +16,7 @@ from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
 from flexlink.dynamics.equilibrium import Equilibrium, solve_static
@@ -83,9 +83,8 @@ def modes_in_motion(
     [ 4.98 65.28]
     [ 5.45 70.4 ]
     """
-    rest = equilibrium_in_motion(chain, rates, q, tip_wrench=tip_wrench, frame=frame, locked=locked)
-    turning = _rates(chain, rates)
-    held = _held(chain, turning, rates, locked)
+    turning, held = _moving(chain, rates, locked)
+    rest = _steady_posture(chain, turning, held, q, tip_wrench, frame)
     return modes(chain, rest.q, turning, tip_wrench=tip_wrench, frame=frame, locked=held, count=count)
 
 
@@ -124,14 +123,31 @@ def equilibrium_in_motion(
     >>> print(np.degrees(bent.q[level.bending]).round(2))  # the elbow is bent, and swings outward
     [-0.02 -0.07 -0.06 -0.01]
     """
-    turning = _rates(require_type("chain", chain, Chain), rates)
-    held = _held(chain, turning, rates, locked)
+    turning, held = _moving(chain, rates, locked)
+    return _steady_posture(chain, turning, held, q, tip_wrench, frame)
+
+
+def _steady_posture(
+    chain: Chain,
+    turning: Array,
+    held: NDArray[np.intp],
+    q: ArrayLike | None,
+    tip_wrench: ArrayLike | None,
+    frame: Frame,
+) -> Equilibrium:
+    """The posture, of rates (n,), of which those of the joints that are `held` do not change."""
     start = unbent(chain, chain.rest.copy() if q is None else vector("q", q, chain.n))
     rest = solve_static(chain, start, turning, tip_wrench=tip_wrench, frame=frame, locked=held)
     if turning.any():
         free = unlocked(chain, held)
         _check_steady(chain, rest.q, _Steady(turning, wrench_vector(tip_wrench), turns_with_tip(frame), free))
     return rest
+
+
+def _moving(chain: Chain, rates: Mapping[str, float], locked: Joints) -> tuple[Array, NDArray[np.intp]]:
+    """Rates of all joints (n,), and the numbers of those that are held."""
+    turning = _rates(require_type("chain", chain, Chain), rates)
+    return turning, _held(chain, turning, rates, locked)
 
 
 def _rates(chain: Chain, rates: Mapping[str, float]) -> Array:

@@ -21,7 +21,7 @@ from flexlink.chain.arguments import require_one_of, require_type, sequence, vec
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.describe.own_units import TORQUE
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives

@@ -21,7 +21,7 @@ from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError, SingularMassError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Complex
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult

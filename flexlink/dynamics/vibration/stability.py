@@ -18,7 +18,7 @@ from scipy import linalg
 from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array, Complex
-from flexlink.describe.conditions import Frame
+from flexlink.describe.actions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.drag import drag_slopes

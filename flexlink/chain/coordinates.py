@@ -1,0 +1,62 @@
+"""Three-index coordinates of the joints, and the names of joints that follow from them."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from flexlink.chain import free_base
+from flexlink.describe.arm import BASE
+
+ROOT = 4
+"""Axis in a `Coordinate` of the spring at a link's root that turns about X; those about Y and Z follow."""
+LAST_AXIS = ROOT + 2
+
+
+class Coordinate(NamedTuple):
+    """The paper's three indices: link from 1, segment from 0, axis 0 = active, 1 twist, 2 and 3 bending.
+
+    (link, 0, 3) is the hinge of an elastic gear, about the joint's axis; (link, 0, 4) … (link, 0, 6) are those of
+    springs at the link's root, about X, Y, Z. (0, 0, 1) … (0, 0, 6) are the joints of a free base: three along X, Y, Z
+    and three about them.
+    """
+
+    link: int
+    segment: int
+    axis: int
+
+    @property
+    def of_root(self) -> bool:
+        """Whether it is that of a spring at the root of a link."""
+        return self.link > 0 and self.axis >= ROOT
+
+
+@functools.lru_cache(maxsize=64)
+def joint_names(links: tuple[str, ...], coordinates: tuple[Coordinate, ...]) -> tuple[str, ...]:
+    """Unique readable names of joints by their coordinates, in their order; links keep their own names."""
+    names = (f"{links[c.link - 1] if c.link else BASE}.{_hinge_name(c)}" for c in coordinates)
+    distinct = unique([*links, *names])
+    own = len(links)  # which come first: they keep their own names
+    return tuple(distinct[c.link - 1 if c.axis == 0 else own + k] for k, c in enumerate(coordinates))
+
+
+def _hinge_name(coordinate: Coordinate) -> str:
+    """Name of a hinge within its link, or within a free base."""
+    link, segment, axis = coordinate
+    if link == 0:
+        return free_base.NAMES[axis - 1]
+    if axis >= ROOT:
+        return f"root.{'xyz'[axis - ROOT]}"
+    return "gear" if axis and not segment else f"{segment}.{' xyz'[axis]}"
+
+
+def unique(names: Iterable[str]) -> list[str]:
+    """The names, the later of two equal ones numbered."""
+    taken: dict[str, None] = {}
+    for name in names:
+        candidate, number = name, 2
+        while candidate in taken:
+            candidate, number = f"{name}_{number}", number + 1
+        taken[candidate] = None
+    return list(taken)

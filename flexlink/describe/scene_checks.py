@@ -1,0 +1,248 @@
+"""What the parts of a scene must have in common: a number per link, joints within limits, jumps at ends of steps.
+
+Messages name the path, the value and what is allowed; `wrong_lists` yields them, the others raise the first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.describe.actions import OF_MOTION, Drive, PrescribedMotion, Wrench
+from flexlink.describe.arm import BASE, Arm, Link
+from flexlink.describe.initial import BaseState, InitialState
+from flexlink.describe.own_units import KIND, misplaced
+from flexlink.describe.reference import refuse_beyond
+from flexlink.describe.reference_trajectory import ReferenceTrajectory
+from flexlink.describe.run_settings import RunSettings
+from flexlink.describe.spec import did_you_mean, link_key, truncated
+from flexlink.describe.whole_steps import whole
+
+
+def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[str]:
+    """Lists of another length than the arm has links, numbers of joints that are locked, or in the wrong unit."""
+    links = arm.links
+    reference = drive.reference.per_link if drive.reference is not None else {}
+    per_link: dict[str, tuple[float, ...] | None] = {
+        "initial.joint_deg": initial.joint_deg,
+        "initial.rate_deg": initial.rate_deg,
+        "initial.joint_m": initial.joint_m,
+        "initial.rate_m": initial.rate_m,
+        "drive.torque": drive.torque,
+        "drive.kp": drive.kp,
+        "drive.kd": drive.kd,
+        "drive.target_deg": drive.target_deg,
+        "drive.target_m": drive.target_m,
+        "drive.effort": drive.effort,
+        **{f"drive.torques[{k}]": row for k, row in enumerate(drive.torques or ())},
+        **{f"drive.reference.{key}": row for key, row in reference.items() if len(row) == len(links)},
+    }
+    of_locked_joints_too = {
+        "initial.joint_deg", "initial.joint_m", "drive.target_deg", "drive.target_m", "drive.effort",
+    }  # fmt: skip
+    fitting = {}
+    for key, values in per_link.items():
+        if values is None:
+            continue
+        if len(values) != len(links):
+            yield f"{key} = {truncated(values)}: expected one number per link, {len(links)}"
+            continue
+        fitting[key] = values
+        for k, link in enumerate(links if not key.startswith("drive.reference.") else ()):
+            if link.joint.locked and values[k] and key not in of_locked_joints_too:
+                where = arm.path(k + 1, key)
+                yield f"{where} = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits"
+    for k, key, wrong in misplaced(arm.slides, [link.name for link in links], fitting):
+        if key.startswith("initial.") or not links[k].joint.locked:
+            yield f"{arm.path(k + 1, key)} = {fitting[key][k]!r}: {wrong}"
+    if drive.kind in {"pd", "computed_torque"} and not reference:
+        yield from _missing_targets(arm, drive)
+
+
+def _missing_targets(arm: Arm, drive: Drive) -> Iterator[str]:
+    """A law leads joints of either kind somewhere."""
+    for key, slides in (("target_deg", False), ("target_m", True)):
+        names = [link.name for link in arm.links if not link.joint.locked and link.joint.slides == slides]
+        if names and getattr(drive, key) is None:
+            yield f"drive.{key}: missing; joint {names[0]!r} is {KIND[slides]}"
+
+
+def check_limits(arm: Arm, initial: InitialState, said: Mapping[str, str]) -> None:
+    """Joints start within their limits.
+
+    Raises
+    ------
+    SceneError
+        One does not.
+    """
+    for k, (link, place) in enumerate(zip(arm.links, initial.own("joint", arm.slides), strict=True)):
+        outside = _outside_limits(link, place)
+        if outside and (initial.q is None or link.joint.locked):
+            key = said["joint_m" if link.joint.slides else "joint_deg"].replace("joint_", "initial.joint_")
+            raise SceneError(f"{arm.path(k + 1, key)} = {outside}")
+
+
+def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequence[PrescribedMotion]) -> None:
+    """Each link moves by one motion, and is not driven by gains.
+
+    Raises
+    ------
+    SceneError
+        One does not, or what it prescribes does not fit its joint or the start.
+    """
+    moved: set[int] = set()
+    for motion in motions:
+        number = _check_motion(arm, initial, motion)
+        if number in moved:
+            raise SceneError(f"motion.{motion.link}: the second motion of this link; give one")
+        moved.add(number)
+        for name in ("kp", "kd"):
+            gains = getattr(drive, name)
+            if gains is not None and gains[number - 1]:
+                gain = f"{arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"
+                raise SceneError(f"{gain}: the motion of {motion.link!r} is prescribed; only 0 fits")
+
+
+def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> int:
+    """Number of the link that moves."""
+    path = f"motion.{link_key([str(motion.link)], 0)}"
+    try:
+        number = arm.number(motion.link)
+    except ArgumentError as error:
+        raise SceneError(f"{path}.{error}") from None
+    if arm.links[number - 1].joint.locked:
+        raise SceneError(f"{path}: its joint is locked; a motion needs a free joint")
+    joint = arm.links[number - 1].joint
+    if motion.slides != joint.slides:
+        key, wanted = motion.keys[0], "position_m, rate_m, acceleration_m" if joint.slides else ", ".join(OF_MOTION)
+        given = f"{path}.{key} = {truncated(motion.columns[0])}"
+        raise SceneError(f"{given}: joint {arm.links[number - 1].name!r} is {joint.kind}; give {wanted}")
+    (position, rate), slides = motion.keys[:2], arm.slides
+    for key, start, first, elsewhere in (
+        (position, initial.own("joint", slides)[number - 1], motion.columns[0][0], initial.q),
+        (rate, initial.own("rate", slides)[number - 1], motion.columns[1][0], initial.qd),
+    ):
+        if start != first and initial.time == 0 and elsewhere is None:
+            raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
+    for k, place in enumerate(motion.columns[0]):
+        if outside := _outside_limits(arm.links[number - 1], place):
+            raise SceneError(f"{path}.{position}[{k}] = {outside}")
+    return number
+
+
+def check_air(arm: Arm, density: float | None) -> None:
+    """Air without anything that it drags at."""
+    if density is not None and not arm.has_drag:
+        raise SceneError(
+            f"air_density = {density!r}: has no effect; no link has drag; give one, such as link.NAME.drag = "
+            "{ coefficient = 1.2 }, or leave it out"
+        )
+
+
+def check_base(arm: Arm, initial: InitialState, drive: Drive) -> None:
+    """What is said of the base's start, and what takes for granted that it does not float.
+
+    Raises
+    ------
+    SceneError
+        Something else is said.
+    """
+    free = arm.base.free
+    if initial.base != BaseState() and not free:
+        raise SceneError(
+            "initial.base: has no effect, the base is fixed; leave it out, or give base = { kind = 'free', "
+            "mass = …, inertia = … }"
+        )
+    if free and initial.passive == "static":
+        raise SceneError("initial.passive = 'static': an arm on a free base has no rest; leave passive out")
+    for key, value in (("kind", drive.kind), ("gravity", drive.gravity)):
+        if free and value in {"computed_torque", "rigid", "static"}:
+            raise SceneError(
+                f"drive.{key} = {value!r}: takes the base for fixed, but it floats; a free base takes kind 'pd' "
+                "without gravity, or a law of your own"
+            )
+
+
+def check_wrench(arm: Arm, wrench: Wrench) -> None:
+    """The wrench acts at the end of a link that no other hangs on.
+
+    Raises
+    ------
+    SceneError
+        There is no such link, or others hang on it.
+    """
+    on, tips = wrench.on, [arm.links[k - 1].name for k in arm.tips]
+    if on and on not in tips:
+        known = on in {link.name for link in arm.links}
+        why = "other links hang on it" if known else "no such link"
+        if on == BASE:
+            why = "is no link; hang one of no length, its joint locked, on it (link.on = 'base'), and name that"
+        raise SceneError(f"wrench.on = {on!r}: {why}; allowed are {', '.join(tips)}{did_you_mean(on, tips)}")
+
+
+def check_reference(arm: Arm, drive: Drive, course: ReferenceTrajectory | None, run: RunSettings) -> None:
+    """The reference stays within the joints' limits, at every extreme of a piece, and jumps at ends of steps.
+
+    Raises
+    ------
+    SceneError
+        It does not.
+    """
+    if course is None:
+        return
+    try:
+        refuse_beyond(course, [(link.name, link.joint) for link in arm.links if not link.joint.locked])
+        for time in [] if run.controlled or drive.rate else course.jumps:
+            whole("jumps, or its rate does: t", float(f"{time:.12g}"), run.said("step", "run."), run.fixed_step)
+    except SceneError as error:
+        raise SceneError(f"drive.reference {error}") from None
+
+
+def check_rate(initial: InitialState, drive: Drive, run: RunSettings) -> None:
+    """A law is asked at ends of steps, at the start of a run, and at every sample or as many samples apart.
+
+    Raises
+    ------
+    SceneError
+        It is not.
+    """
+    rate = drive.rate
+    if rate is None:
+        return
+    apart = 1 / rate
+    long, short_one = (run.said("sample", "run."), run.spacing), ("1 / rate", apart)
+    if apart > run.spacing:
+        long, short_one = short_one, long
+    try:
+        if not run.controlled:
+            whole("1 / rate", apart, run.said("step", "run."), run.fixed_step)
+        whole("initial.time", initial.time, "1 / rate", apart)
+        whole(*long, *short_one)
+    except SceneError as error:
+        fitting = max(1, round(run.spacing * rate)) / rate
+        own = "" if run.sample is not None else f"; give run.sample, such as {fitting:.6g}"
+        raise SceneError(f"drive.rate = {rate!r}: {error}{own}") from None
+
+
+def check_grid(initial: InitialState, drive: Drive, wrench: Wrench, run: RunSettings) -> None:
+    """Fixed steps end where the run starts, and where a held row gives way to the next.
+
+    Raises
+    ------
+    SceneError
+        They do not.
+    """
+    whole("initial.time", initial.time, run.said("step", "run."), run.fixed_step)
+    for name, table in (("drive", drive), ("wrench", wrench)):
+        for k, time in enumerate(table.times or () if table.hold else ()):
+            whole(f"{name}.times[{k}]", time, run.said("step", "run."), run.fixed_step)
+
+
+def _outside_limits(link: Link, place: float) -> str:
+    """The angle [deg], or position [m], with what is wrong about it; empty within the joint's limits."""
+    joint = link.joint
+    low, high = joint.own_limits or (-math.inf, math.inf)
+    return (
+        "" if low <= place <= high else f"{place!r}: outside {joint.limits_key} = {[low, high]} of joint {link.name!r}"
+    )
