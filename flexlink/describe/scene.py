@@ -295,7 +295,7 @@ class Scene(Spec, frozen=True):
         ):
             if start != first and initial.time == 0 and elsewhere is None:
                 raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
-        for k, place in enumerate(motion.columns[0]):
+        for k, place in enumerate(motion.columns[0] if joint.own_limits is not None else ()):
             if outside := _outside_limits(self.arm.links[number - 1], place):
                 raise SceneError(f"{path}.{position}[{k}] = {outside}")
         return number
