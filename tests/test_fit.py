@@ -15,8 +15,10 @@ from scipy.signal import lfilter
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.identification.colour import Colour, colour_of
-from flexlink.identification.coordinates import coordinate_of
+from flexlink.identification.coordinates import coordinate_of, coordinates_of
+from flexlink.identification.data import sources_of
 from flexlink.identification.interval import Part, spread_of
+from flexlink.identification.signals import FOUR, STEP, Signals
 from validation.case import CASES, load_case
 from validation.kinds.planted_fits import held
 
@@ -49,6 +51,7 @@ class TestPlanted:
             assert one[path].low < value < one[path].high
             assert one[path].value == pytest.approx(other[path].value, rel=1e-6)
             assert one[path].half < 0.02 * value
+        assert one.runs < 250  # a search that goes on below what sums of squares are known to takes 350
         assert one.passed
         assert all(column.noise == pytest.approx(1e-3, rel=0.1) for column in one.columns)
 
@@ -95,6 +98,20 @@ class TestPlanted:
         sought = load_case(CASES / "planted_fits.toml").settings["sought"]
         found = held(first=300, count=1, sought=sought)  # more arms: python -m validation 'planted_fits*'
         assert found.inside == len(found.off)
+
+
+class TestSlopes:
+    def test_points_that_were_computed_ahead_are_those_of_slopes_alone_and_are_computed_once(self, scene) -> None:
+        run = fl.FitRun(name="fall", columns=record(scene.varied({"run.duration": 0.1}), ("tip x [m]",)))
+        problem = problem_of(scene.varied({"run.duration": 0.1}), ("tip.mass", "link.upper.joint.armature"), run)
+        alone, ahead = (Signals(sources_of(problem, "fit"), coordinates_of(problem)) for _ in range(2))
+        x = np.array([one.x(one.start) for one in alone.coordinates])
+        ahead.ahead([*ahead.around(x, FOUR), *ahead.around(x, FOUR, STEP / 2)])
+        for step in (STEP, STEP / 2):
+            assert np.array_equal(ahead.slopes(x, FOUR, step), alone.slopes(x, FOUR, step))
+        assert np.array_equal(ahead.model(x), alone.model(x))
+        assert ahead.runs == 1 + 2 * 6  # ±½, ±1 and ±2 steps of both
+        assert alone.runs > 2 * (1 + 2 * 4)
 
 
 class TestInterval:

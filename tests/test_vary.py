@@ -37,7 +37,8 @@ def test_a_change_is_what_the_file_would_be_if_it_said_so(paper: fl.Scene, tmp_p
     raw = tomllib.loads(PAPER.read_text(encoding="utf-8"))
     raw["material"]["aluminium"]["young"] = 35e9
     raw["link"][1] |= {"segments": 9, "lumping": "gauss", "damping": {"ratio": 0.01, "at_hz": 4.0}}
-    raw["link"][2] |= {"segments": 9, "mount": {"rpy_deg": [0.0, 0.0, 30.0]}}
+    raw["link"][2] |= {"segments": 9, "mount": {"rpy_deg": [0.0, 0.0, 30.0], "xyz": [0.0, 0.0, 0.1]}}
+    raw["gravity"] = [0.5, 0.0, 9.81]
     raw["initial"] |= {"joint_deg": [0.0, -80.0, -45.0], "rate_deg": [0.0, 3.0, 0.0]}
     raw["section"]["thin"] = {"shape": "circle", "diameter": 0.01}
     raw["run"]["step"] = 5e-5
@@ -49,7 +50,7 @@ def test_a_change_is_what_the_file_would_be_if_it_said_so(paper: fl.Scene, tmp_p
         "link.upper.lumping": "gauss", "link.2.damping": fl.Damping(ratio=0.01, at_hz=4.0),
         "link.'fore'.mount.rpy_deg": np.array([0.0, 0.0, 30.0]), "initial.joint_deg.fore": -45,
         "initial.rate_deg.upper": 3.0, "section.thin": {"shape": "circle", "diameter": 0.01},
-        "drive": {"kind": "constant"}, "drive.torque.*": 2.0,
+        "drive": {"kind": "constant"}, "drive.torque.*": 2.0, "gravity.x": 0.5, "link.fore.mount.xyz.z": 0.1,
     }  # fmt: skip
     assert paper.varied(changes) == fl.load_scene(by_hand)
 
@@ -105,7 +106,9 @@ def test_a_motion_is_found_by_its_link_and_all_are_replaced_at_once() -> None:
         ({"link.0.length": 1.0}, r"link\.0\.length = 1\.0: '0' is unknown here"),
         ({"material.aluminum.young": 1.0}, r".*'aluminum' is unknown here; .* did you mean 'aluminium'\?"),
         ({"run.step.x": 1}, r"run\.step\.x = 1: run\.step is one value; set it as a whole"),
-        ({"gravity.z": 1.62}, r"gravity\.z = 1\.62: gravity is one value"),
+        ({"gravity.w": 1.62}, r"gravity\.w = 1\.62: 'w' is unknown here; allowed are x, y, z"),
+        ({"gravity.z.z": 1.62}, r"gravity\.z\.z = 1\.62: gravity\.z is one value"),
+        ({"tip.inertia.x": 1.0}, r"tip\.inertia\.x = 1\.0: tip\.inertia is one value"),
         ({"motion.upper.times": [0.0]}, r"motion\.upper\.times = \[0\.0\]: 'upper': there is no motion"),
         ({"link.*.flex": "rigid", "link.*.segments": 1}, r"link\.\*\.segments = 1: '\*': there is no link on"),
         ({"run..step": 1}, r"run\.\.step = 1: not a path"),
@@ -238,6 +241,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     "not finite": [{"material.aluminium.young": E, "tip.mass": m} for E in (7e10, math.inf) for m in (math.inf, 1.0)],
     "None": [{"tip.mass": None, "run.duration": 0.1}, {"tip.mass": 2.0, "run.duration": None}],
     "arrays": [{"gravity": np.array([0.0, 0.0, g]), "tip.mass": np.float64(g)} for g in (1.0, np.inf)],
+    "components": [{"gravity.x": g, "tip.center.z": 0.1, "link.fore.mount.xyz.y": g} for g in (1.0, "x", np.nan)],
     "segments": [{"link.*.lumping": rule, "link.*.segments": n} for rule in ("gauss", "paper") for n in (3, 4, 1)],
     "segments alone": [{"link.upper.segments": n, "link.fore.length": 1.5} for n in (5, 4)],
     "words": [{"run.method": name, "tip.mass": m} for name in ("RK10", "RK4", "no") for m in (0.0, 1.0)],

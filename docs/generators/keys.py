@@ -46,8 +46,8 @@ Everything that a scene file, or :class:`flexlink.Scene` in Python, can say. SI 
 ends in ``_deg``, else radians. Of joints that slide, the key with ``_m`` beside it says the same in metres; torques,
 gains and friction of such a joint are forces, N/m and so on. A path is also what ``--set``,
 :meth:`flexlink.Scene.varied` and sweeps take: ``--set link.upper.segments=9``; links go by name or by number from 1,
-``*`` is every link on which the key has an effect. Unknown keys, wrong types and values that cannot be are refused by
-name.
+``*`` is every link on which the key has an effect; components of a vector go by x, y and z (``gravity.x``). Unknown
+keys, wrong types and values that cannot be are refused by name.
 """
     return _page("Keys of a scene", intro, [("", Scene)])
 

@@ -236,10 +236,11 @@ class Scene(Spec, frozen=True):
             Values by path, put in one after the other; a value replaces all that stands at its path, and None leaves
             the key out, so that its default holds. Paths lead through tables by their keys (`run.step`), through
             materials and sections by name, through links by name, number from 1 or `*`, and so through motions and
-            lists of one number per link (`initial.joint_deg.upper`); a name with a dot stands in quotes. `*` stands for
-            all links on which the key has an effect: `flex`, `segments`, `lumping` and `damping` of those that are
-            flexible, `material` and `section` of those that have some, friction, armature, rates and torques of those
-            whose joint is free. A tolerance takes the place of fixed steps, and a step that of a tolerance.
+            lists of one number per link (`initial.joint_deg.upper`), into vectors by x, y and z (`gravity.x`); a name
+            with a dot stands in quotes. `*` stands for all links on which the key has an effect: `flex`, `segments`,
+            `lumping` and `damping` of those that are flexible, `material` and `section` of those that have some,
+            friction, armature, rates and torques of those whose joint is free. A tolerance takes the place of fixed
+            steps, and a step that of a tolerance.
 
         Returns
         -------

@@ -125,7 +125,7 @@ def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> 
     ):
         if start != first and initial.time == 0 and elsewhere is None:
             raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
-    for k, place in enumerate(motion.columns[0]):
+    for k, place in enumerate(motion.columns[0] if joint.own_limits is not None else ()):
         if outside := _outside_limits(arm.links[number - 1], place):
             raise SceneError(f"{path}.{position}[{k}] = {outside}")
     return number

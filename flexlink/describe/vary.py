@@ -2,9 +2,9 @@
 
 A path leads from table to table (`run.step`), to materials and sections by name (`material.steel.young`), to links by
 name or by number from 1 (`link.upper.length`, `link.2.length`), to motions by their link, to sensors by name, and so to
-the items of lists of one number per link (`initial.joint_deg.upper`). A name with a dot stands in quotes
-(`link."a.b".length`). `*` stands for all: of links, for those on which the key has an effect. Messages name a value by
-the path that sets it.
+the items of lists of one number per link (`initial.joint_deg.upper`); to the components of vectors by x, y and z
+(`gravity.x`). A name with a dot stands in quotes (`link."a.b".length`). `*` stands for all: of links, for those on
+which the key has an effect. Messages name a value by the path that sets it.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe.own_units import IN_METRES, TWINS
 from flexlink.describe.spec import (
     Spec,
+    Vector3,
     bare_type,
     did_you_mean,
     fields_of,
@@ -34,6 +35,8 @@ PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")
 
 NAMED = {"motion": "link", "sensor": "name"}
 """Lists of tables other than links, and the key that names each."""
+AXES = ("x", "y", "z")
+"""What the components of a vector are called."""
 
 Keys = tuple[Any, ...]
 """Of tables, and numbers of items from 0."""
@@ -187,6 +190,8 @@ class _Change:
             return self._numbers(
                 part, [str(get_in(link, "name")) for link in self.links], self._concerned(above, depth)
             )
+        if isinstance(node, list) and kind == Vector3 and len(node) == len(AXES):
+            return [AXES.index(self._one_of(part, AXES))]
         raise self.error(f"{above} is one value; set it as a whole")
 
     def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str]) -> str:

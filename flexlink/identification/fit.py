@@ -160,6 +160,7 @@ def _searched(search: Search, points: Sequence[Array], tell: Callable[[str], Non
 
 def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], notes: Sequence[str]) -> Check:
     """Slopes twice, with two steps: their difference is how well they are known."""
+    signals.ahead([*signals.around(x, FOUR), *signals.around(x, FOUR, STEP / 2)])
     slopes, finer = signals.slopes(x, FOUR), signals.slopes(x, FOUR, STEP / 2)
     J = _of_all(signals, x, blocks, slopes)
     return checked(J, float(np.linalg.norm(J - _of_all(signals, x, blocks, finer), 2)), _names(signals), notes)

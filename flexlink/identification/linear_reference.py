@@ -25,6 +25,8 @@ from flexlink.identification.recorded import Recorded, at_times
 from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 
+Shapes = dict[tuple[int, bytes], tuple[Array, Array]]
+"""By the run's inputs and the times of a block."""
 MOST = 6
 """Modes."""
 SHOWN = 0.35
@@ -53,12 +55,13 @@ def linear_models(
     start = np.concatenate([np.log(np.abs(λ)), -λ.real / np.abs(λ)])
 
     def residual(p: Array) -> Array:
-        fits = [_column(name, _poles(p), fitted, inputs) for name in columns]
-        return np.concatenate([left for left, _ in fits])
+        shapes: Shapes = {}
+        fits = [_stacked(name, _poles(p), fitted, inputs, shapes)[:2] for name in columns]
+        return np.concatenate([_left(*fit) for fit in fits])
 
     far = np.concatenate([np.full(len(λ), 0.7), np.full(len(λ), 0.3)])
     found = least_squares(residual, start, bounds=(start - far, start + far), max_nfev=40).x
-    shared = {name: _column(name, _poles(found), fitted, inputs)[1] for name in columns}
+    shared = {name: _weights(name, _poles(found), fitted, inputs) for name in columns}
     return [
         [_given(block.name, _poles(found), source, taken, shared) for block in source.blocks]
         for (source, _), taken in zip(runs, inputs, strict=True)
@@ -109,26 +112,46 @@ def _shapes(λ: Array, times: Array, taken: tuple[Array, Array]) -> tuple[Array,
     return own, at_times(t, of_inputs, times)
 
 
-def _column(
-    name: str, λ: Array, fitted: Sequence[tuple[Recorded, Scene]], inputs: Sequence[tuple[Array, Array]]
-) -> tuple[Array, Array]:
-    """Residuals of a column in all runs over its noise, and what inputs weigh in it."""
-    rows, targets = [], []
+def _stacked(
+    name: str, λ: Array, fitted: Sequence[tuple[Recorded, Scene]], inputs: Sequence[tuple[Array, Array]],
+    shapes: Shapes,
+) -> tuple[Array, Array, int]:  # fmt: skip
+    """Of a column in all runs, over its noise, all shapes and what was measured; how many shapes inputs have.
+
+    `shapes` keeps those of each run's times, which columns share.
+    """
     there = [
         (block, taken)
         for (source, _), taken in zip(fitted, inputs, strict=False)
         for block in source.blocks
         if block.name == name
     ]
-    shapes = [_shapes(λ, np.asarray(block.t), taken) for block, taken in there]
-    width = [own.shape[1] for own, _ in shapes]
-    for k, ((own, forced), (block, _)) in enumerate(zip(shapes, there, strict=True)):
+    found = []
+    for block, taken in there:
+        t = np.asarray(block.t)
+        key = id(taken), t.tobytes()
+        if key not in shapes:
+            shapes[key] = _shapes(λ, t, taken)
+        found.append(shapes[key])
+    width, rows = [own.shape[1] for own, _ in found], []
+    for k, ((own, forced), (block, _)) in enumerate(zip(found, there, strict=True)):
         before, behind = np.zeros((len(own), sum(width[:k]))), np.zeros((len(own), sum(width[k + 1 :])))
         rows.append(np.hstack([forced, before, own, behind]) / block.σ[:, None])
-        targets.append(block.y / block.σ)
-    Φ, target = np.vstack(rows), np.concatenate(targets)
-    best = np.linalg.lstsq(Φ, target, rcond=None)[0]
-    return np.asarray(Φ @ best - target), np.asarray(best[: shapes[0][1].shape[1]])
+    return np.vstack(rows), np.concatenate([block.y / block.σ for block, _ in there]), found[0][1].shape[1]
+
+
+def _left(Φ: Array, target: Array) -> Array:
+    """What the best weights leave: by QR, as a search asks hundreds of times, and SVD costs ten times that."""
+    Q = np.linalg.qr(Φ)[0]
+    return np.asarray(Q @ (Q.T @ target) - target)
+
+
+def _weights(
+    name: str, λ: Array, fitted: Sequence[tuple[Recorded, Scene]], inputs: Sequence[tuple[Array, Array]]
+) -> Array:
+    """What inputs weigh in a column."""
+    Φ, target, forced = _stacked(name, λ, fitted, inputs, {})
+    return np.asarray(np.linalg.lstsq(Φ, target, rcond=None)[0][:forced])
 
 
 def _given(name: str, λ: Array, source: Recorded, taken: tuple[Array, Array], shared: dict[str, Array]) -> Array:

@@ -45,6 +45,7 @@ def widened(search: Search, best: Found, numbers: Sequence[Estimate]) -> list[Es
     anew, and lies inside where the data do not reject it.
     """
     floor, found = _Floor(search, best), []
+    search.signals.ahead([floor.beside(k, one, side) for k, one in enumerate(numbers) for side in (-1, 1)])
     for k, one in enumerate(numbers):
         far = {side: floor.far(k, one, side) for side in (-1, 1)}
         low, high = (one.low if far[-1] is None else far[-1]), (one.high if far[1] is None else far[1])
@@ -81,14 +82,18 @@ class _Floor:
 
     def far(self, k: int, one: Estimate, side: int) -> float | None:
         """An end farther out, the others where a parabola has them; None where the interval's own will do."""
-        coordinate, x, end = self.search.coordinates[k], self.best.x, one.high if side > 0 else one.low
-        half, wanted = coordinate.x(end) - float(x[k]), self.wanted(k, end)
-        bounds = np.array([each.bounds for each in self.search.coordinates]).T
+        coordinate, wanted = self.search.coordinates[k], self.wanted(k, _end_of(one, side))
         for times in range(OUTWARDS + 1):
-            point = np.clip(x + half * FACTOR**times * self.C[:, k] / self.C[k, k], *bounds)
+            point = self.beside(k, one, side, times)
             if not self.rise(point) < HARDLY * wanted:
                 return coordinate.value(float(point[k])) if times else None
         return coordinate.value(float(point[k]))
+
+    def beside(self, k: int, one: Estimate, side: int, times: int = 0) -> Array:
+        """An end, moved outwards so many times, the others where a parabola has them."""
+        half = self.search.coordinates[k].x(_end_of(one, side)) - float(self.best.x[k])
+        bounds = np.array([each.bounds for each in self.search.coordinates]).T
+        return np.asarray(np.clip(self.best.x + half * FACTOR**times * self.C[:, k] / self.C[k, k], *bounds))
 
     def holds_start(self, k: int, one: Estimate) -> bool:
         """Whether the data do not reject the start of a number."""
@@ -99,10 +104,14 @@ class _Floor:
         return self.rise(self.search.least(point, self.best.blocks, rough=True, held=k)) < wanted
 
 
+def _end_of(one: Estimate, side: int) -> float:
+    return one.high if side > 0 else one.low
+
+
 def _end(search: Search, best: Found, k: int, one: Estimate, side: int, least: float, white: float) -> float:
     """One end of the interval."""
     coordinate, x = search.coordinates[k], best.x
-    half = abs(coordinate.x(one.high if side > 0 else one.low) - float(x[k]))
+    half = abs(coordinate.x(_end_of(one, side)) - float(x[k]))
     low, high = coordinate.bounds
     heights, point = [0.0], x.copy()
     for part in AT:

@@ -68,6 +68,7 @@ class Signals:
         self.runs = 0
         self._own = [[k for k, one in enumerate(coordinates) if one.run in ("", source.name)] for source in sources]
         self._points: dict[bytes, _Point] = {}
+        self._most = KEPT
         self._beside = 2 * len(coordinates) < LANES and not any(source.scene.run.controlled for source in sources)
         self._variants = [
             Variants(source.scene, [coordinates[k].path for k in own])
@@ -88,7 +89,17 @@ class Signals:
         FlexlinkError
             It gives nothing there.
         """
-        return self._kept(x, slopes=self._beside).model
+        there = self._points.get(x.tobytes())
+        return there.model if there is not None else self._kept(x, slopes=self._beside).model
+
+    def ahead(self, points: Sequence[Array]) -> None:
+        """Compute what the scene gives at several points, side by side, and keep it; nothing where it gives nothing."""
+        new = {x.tobytes(): x for x in points if x.tobytes() not in self._points}
+        parts = [self._many([(number, x) for x in new.values()]) for number in range(len(self.sources))]
+        self._most = KEPT + len(new)
+        for x, *model in zip(new.values(), *parts, strict=True):
+            if not any(isinstance(values, FlexlinkError) for values in model):
+                self._points[x.tobytes()] = _Point(_good(model), [])
 
     def slopes(self, x: Array, stencil: Stencil = TWO, step: float = STEP) -> list[list[Array]]:
         """∂(what the scene gives)/∂x of every block, shape (n, coordinates).
@@ -110,9 +121,14 @@ class Signals:
             parts = [self._of_source(k, x, TWO if slopes else None, STEP) for k in range(len(self.sources))]
             point = _Point([values for values, _ in parts], [of_part for _, of_part in parts] if slopes else [])
             self._points[key] = point
-            while len(self._points) > KEPT:
+            while len(self._points) > self._most:
                 self._points.pop(next(iter(self._points)))
         return point
+
+    def around(self, x: Array, stencil: Stencil, step: float = STEP) -> list[Array]:
+        """The point, and those beside it from which slopes are taken."""
+        every = range(len(x))
+        return [x, *(_beside(x, k, step * at) for k in every for at in self._stencil(k, x, stencil, step).at)]
 
     def _of_source(
         self, number: int, x: Array, stencil: Stencil | None, step: float
@@ -149,9 +165,16 @@ class Signals:
         return UP if x[k] - far < low else DOWN if x[k] + far > high else stencil
 
     def _many(self, asked: Sequence[tuple[int, Array]]) -> list[list[Array] | FlexlinkError]:
-        """What one source has at several points; runs go side by side where they can."""
+        """What one source has at several points: points that are kept as they are, runs side by side where they can."""
         if not asked:
             return []
+        there = [self._points.get(x.tobytes()) for _, x in asked]
+        if any(there):
+            beside = iter(self._many([one for one, point in zip(asked, there, strict=True) if point is None]))
+            return [
+                next(beside) if point is None else point.model[number]
+                for (number, _), point in zip(asked, there, strict=True)
+            ]
         source = self.sources[asked[0][0]]
         scenes: list[Scene | FlexlinkError] = []
         for number, x in asked:
@@ -164,7 +187,7 @@ class Signals:
         good = [scene for scene in scenes if isinstance(scene, Scene)]
         self.runs += len(good)
         with deferred() as stop:
-            ends = iter(outcomes(good, stop))
+            ends = iter(outcomes(good, stop, compared=False))  # warnings of single runs are not told
         return [scene if isinstance(scene, FlexlinkError) else _of_run(source, next(ends)) for scene in scenes]
 
 

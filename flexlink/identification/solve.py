@@ -26,8 +26,9 @@ ROUNDS = 2
 """How often noise that nobody states is taken anew from what is left."""
 MORE = 1.1
 """How many times more may be left, in squares, where noise is taken to hang together."""
-ROUGH, FINE = 1e-4, 1e-12
-"""Relative changes at which a search ends: one on the way to another, and the last."""
+ROUGH, FINE, STILL = 1e-4, 1e-12, 1e-8
+"""Relative changes at which a search ends: one on the way to another, and the last; the least part of x that a search
+still goes on for. Sums of squares of runs are known to 1e-11: below that steps are luck."""
 NOWHERE = 1e8
 """Residual where the scene gives nothing: the search turns back."""
 
@@ -159,7 +160,8 @@ class Search:
         if not free.any():
             return x
         bounds = np.array([one.bounds for one in self.coordinates]).T[:, free]
-        fine: dict[str, Any] = dict.fromkeys(("ftol", "xtol", "gtol"), ROUGH if rough else FINE)
+        end: dict[str, Any] = dict.fromkeys(("ftol", "xtol", "gtol"), ROUGH if rough else FINE)
+        end["xtol"] = max(STILL, end["xtol"])
 
         def whole(part: Array) -> Array:
             point = x.copy()
@@ -169,7 +171,7 @@ class Search:
         found = least_squares(
             lambda part: self._residual(whole(part), blocks), np.clip(x[free], *bounds),
             lambda part: self._jacobian(whole(part), blocks)[:, free], bounds=bounds, loss=self.loss, x_scale=1.0,
-            max_nfev=30 if rough else 100, **fine,
+            max_nfev=30 if rough else 100, **end,
         )  # fmt: skip
         return whole(np.asarray(found.x))
 

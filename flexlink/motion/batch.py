@@ -85,15 +85,16 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
     return runs
 
 
-def outcomes(scenes: Sequence[Scene], stop: Stop) -> list[Outcome]:
+def outcomes(scenes: Sequence[Scene], stop: Stop, *, compared: bool = True) -> list[Outcome]:
     """What becomes of every scene, of those that are refused, too; neighbours that are alike run side by side.
 
-    The numbers of one do not depend on which others there are, to the bit.
+    The numbers of one do not depend on which others there are, to the bit; `compared` as in `SingleRun.finish`.
     """
-    return [end.trajectory() if isinstance(end, Run) else end for end in ends_of(scenes, stop)]
+    ends = ends_of(scenes, stop, compared=compared)
+    return [end.trajectory() if isinstance(end, Run) else end for end in ends]
 
 
-def ends_of(scenes: Sequence[Scene], stop: Stop) -> Iterator[Run | Outcome]:
+def ends_of(scenes: Sequence[Scene], stop: Stop, *, compared: bool = True) -> Iterator[Run | Outcome]:
     """`outcomes`, in whose place those that passed every look beside others stand in their blocks."""
     members = prepared(scenes)
     kept, before = Kept(), None
@@ -108,7 +109,7 @@ def ends_of(scenes: Sequence[Scene], stop: Stop) -> Iterator[Run | Outcome]:
             first = block[0]
             if before is None or not (first.along and before.along and alike(before.problem, first.problem)):
                 kept, before = Kept(), first
-            ends += _simulated(block, kept, stop)
+            ends += _simulated(block, kept, stop, compared=compared)
         yield ends.popleft()
 
 
@@ -144,19 +145,19 @@ def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
         yield block
 
 
-def _simulated(members: Sequence[Member], kept: Kept, stop: Stop) -> Sequence[Run | Outcome]:
+def _simulated(members: Sequence[Member], kept: Kept, stop: Stop, *, compared: bool = True) -> Sequence[Run | Outcome]:
     """Also one alone goes in lanes: its numbers are those that it has beside any others."""
     if not members[0].along:
-        return [_alone(members[0], stop)]
+        return [_alone(members[0], stop, compared=compared)]
     try:
         block = Block(members, kept)
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
-        return [_alone(member, stop) for member in members]
+        return [_alone(member, stop, compared=compared) for member in members]
     if block.integrate(stop):
         return block.ends(stop)
     if len(members) == 1:  # it diverges; it says so itself
-        return [_alone(members[0], stop)]
-    return [end for member in members for end in _simulated([member], Kept(), stop)]
+        return [_alone(members[0], stop, compared=compared)]
+    return [end for member in members for end in _simulated([member], Kept(), stop, compared=compared)]
 
 
 def _ended(end: Run | Outcome) -> Ended:
@@ -168,12 +169,12 @@ def _ended(end: Run | Outcome) -> Ended:
     return end
 
 
-def _alone(member: Member, stop: Stop) -> Outcome:
+def _alone(member: Member, stop: Stop, *, compared: bool) -> Outcome:
     try:
         monitor = allocate(member.problem, warnings=member.warnings)
     except FlexlinkError as error:
         return error
     try:
-        return SingleRun(monitor).finish(stop, warn=warn)
+        return SingleRun(monitor).finish(stop, compared=compared, warn=warn)
     except (DivergenceError, InterruptedRunError) as error:
         return error

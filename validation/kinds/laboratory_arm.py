@@ -1,31 +1,30 @@
 """A laboratory's two-link arm: strains predicted in held-out recordings, beside a free linear model of that order.
 
-What is identified is said: of the arm two roots, one damping and two gains, 5 numbers, by `fl.fit` on the first half of
-one recording; of the linear model 12, on the same.
+What is identified is said: of the arm two roots, one damping, two numbers of its tilt, the second axis' place, two
+gains and two zeros, 10 numbers, by `fl.fit` on the first half of one recording; of the linear model 12, with zeros 14.
+Both from rest, driven by the same accelerations, through the same low-pass, for the same sum of squares of the same
+samples.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import flexlink as fl
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Spec
+from flexlink.identification.problem import FitParameter
 from validation.case import Case, Measured
 from validation.measured import two_link
 from validation.measured.two_link import FITTED, HELD_OUT, STRAINS, Window, fit_percent
 from validation.store import Series, table
 
-
-class Sought(Spec, frozen=True):
-    """A number that is identified, and its bounds."""
-
-    path: str
-    between: tuple[float, float]
+LINEAR = "the linear model", "the linear model with zeros"
+ALIKE = 0.1  # deg; squares of both strains weigh alike, as those of the linear model do
+NAMES = [strain.partition(" [")[0] for strain in STRAINS]
 
 
 class Run(NamedTuple):
@@ -39,7 +38,7 @@ class Run(NamedTuple):
 
 
 def run(
-    case: Case, ringing: tuple[float, float], sought: tuple[Sought, ...], identify: bool = False
+    case: Case, ringing: tuple[float, float], sought: tuple[FitParameter, ...], identify: bool = False
 ) -> Iterator[Measured | Series]:
     """Fits of both models in every window; with `identify` the numbers found anew, beside the scene's.
 
@@ -48,34 +47,47 @@ def run(
     (scene,) = case.load_scenes()
     runs = {name: _run(scene, name) for name in dict.fromkeys(window.run for window in (FITTED, *HELD_OUT))}
     first = runs[FITTED.run]
-    linear = two_link.linear_model(first.accelerations, first.strains, first.h, FITTED.of(first.t), ringing)
+    seen = first.accelerations, first.strains, first.h, FITTED.of(first.t), ringing
+    linear = {name: two_link.linear_model(*seen, zeros=name.endswith("zeros")) for name in LINEAR}
     rows = []
     for window in (FITTED, *HELD_OUT):
-        which = "identified on" if window is FITTED else "held out"
-        for name, ours, theirs in _fits(runs[window.run], window, linear):
-            facts = {"situation": f"{window.name}, {name}"}
+        run, which = runs[window.run], "identified on" if window is FITTED else "held out"
+        given = {name: list(model.strains(run.accelerations, run.h).T) for name, model in linear.items()}
+        theirs = {name: _fits(run, window, strains) for name, strains in given.items()}
+        for k, ours in enumerate(_fits(run, window, run.model)):
+            facts = {"situation": f"{window.name}, {NAMES[k]}"}
             yield Measured(f"fit, {which}", ours, scene.name, varied=facts)
-            yield Measured(f"fit of the linear model, {which}", theirs, scene.name, varied=facts)
-            if window is not FITTED:
-                same = "same recording" if window.run == FITTED.run else "another recording"
-                yield Measured(f"ahead of the linear model, {same}", ours - theirs, scene.name, varied=facts)
-            rows.append((f"{window.name}, {name}", which, theirs, ours))
-    finer = _run(scene.varied(_finer(scene)), FITTED.run)
-    for window in (each for each in (FITTED, *HELD_OUT) if each.run == FITTED.run):
-        pairs = zip(_fits(finer, window, linear), _fits(first, window, linear), strict=True)
-        for (name, fine, _), (_, coarse, _) in pairs:
-            facts = {"situation": f"{window.name}, {name}"}
-            yield Measured("fit, changed by a finer grid", abs(fine - coarse), scene.name, varied=facts)
-    columns = table(("what", "use", "free linear model, 12 numbers", "flexlink, 5 numbers"), rows)
+            for name, fits in theirs.items():
+                yield Measured(f"fit of {name}, {which}", fits[k], scene.name, varied=facts)
+                if window is not FITTED:
+                    yield Measured(f"ahead of {name}", ours - fits[k], scene.name, varied=facts)
+            rows.append((facts["situation"], which, *(fits[k] for fits in theirs.values()), ours))
+    heads = "what", "use", "free linear model, 12 numbers", "the same with zeros, 14", "flexlink, 10 numbers"
+    columns = table(heads, rows)
     yield Series("held out", case.title, columns, "what", "", "fit [%]", group="use")
+    yield from _changed_by_a_finer_grid(scene, first)
+    yield from _zeros(scene, first)
     if identify:
         yield from _identified(scene, sought)
 
 
-def _finer(scene: Scene) -> dict[str, float | int]:
-    """Twice the hinges of both links, and half the step."""
+def _changed_by_a_finer_grid(scene: Scene, first: Run) -> Iterator[Measured]:
+    """How far fits move with twice the hinges of both links, and half the step."""
     hinges = {f"link.{link.name}.segments": 2 * link.segments - 1 for link in scene.arm.links}
-    return {**hinges, "run.step": scene.run.fixed_step / 2}
+    finer = _run(scene.varied({**hinges, "run.step": scene.run.fixed_step / 2}), FITTED.run)
+    for window in (each for each in (FITTED, *HELD_OUT) if each.run == FITTED.run):
+        pairs = zip(NAMES, _fits(finer, window, finer.model), _fits(first, window, first.model), strict=True)
+        for name, fine, coarse in pairs:
+            facts = {"situation": f"{window.name}, {name}"}
+            yield Measured("fit, changed by a finer grid", abs(fine - coarse), scene.name, varied=facts)
+
+
+def _zeros(scene: Scene, first: Run) -> Iterator[Measured]:
+    """What strains read at the start, where the recorder calls them 0: the tilt bends the arm as far as zeros moved."""
+    for k, (name, sensor) in enumerate(zip(NAMES, scene.sensor, strict=True)):
+        note = f"Zero {sensor.bias:.3f} deg; at rest gravity gives {first.model[k][0] - sensor.bias:.3f} deg."
+        off = abs(first.model[k][0] / sensor.bias)
+        yield Measured("reading at the start / zero", off, scene.name, varied={"situation": name}, note=note)
 
 
 def _run(scene: Scene, name: str) -> Run:
@@ -87,15 +99,13 @@ def _run(scene: Scene, name: str) -> Run:
     return Run(t, float(t[1] - t[0]), strains, model, accelerations)
 
 
-def _fits(run: Run, window: Window, linear: two_link.LinearModel) -> Iterator[tuple[str, float, float]]:
-    """Of each strain its name, the fit of the scene and that of the linear model [%]."""
-    there, free = window.of(run.t), linear.strains(run.accelerations, run.h)
-    for k, name in enumerate(STRAINS):
-        y = run.strains[k][there]
-        yield name.partition(" [")[0], fit_percent(y, run.model[k][there]), fit_percent(y, free[there, k])
+def _fits(run: Run, window: Window, model: Sequence[Array]) -> list[float]:
+    """The fit of each strain in a window [%]."""
+    there = window.of(run.t)
+    return [fit_percent(y[there], given[there]) for y, given in zip(run.strains, model, strict=True)]
 
 
-def _identified(scene: Scene, sought: tuple[Sought, ...]) -> Iterator[Measured]:
+def _identified(scene: Scene, sought: tuple[FitParameter, ...]) -> Iterator[Measured]:
     """What `fl.fit` finds on the first half, beside the numbers of the scene."""
     with tempfile.TemporaryDirectory() as folder:
         path = two_link.write_renamed(FITTED.run, Path(folder))
@@ -106,10 +116,11 @@ def _identified(scene: Scene, sought: tuple[Sought, ...]) -> Iterator[Measured]:
             window=(FITTED.start, FITTED.end),
             compare=STRAINS,
             gain=STRAINS,
+            bias=STRAINS,
+            noise=dict.fromkeys(STRAINS, ALIKE),
             set=known,
         )
-        parameters = tuple(fl.FitParameter(path=each.path, between=each.between) for each in sought)
-        found = fl.fit(fl.FitProblem(scene=scene, parameter=parameters, run=(recording,)))
+        found = fl.fit(fl.FitProblem(scene=scene, parameter=sought, run=(recording,), noise="white"))
     for each in sought:
         (stored,), value = scene.values_at(each.path), found[each.path].value
         note = f"Found {value:.4g}, in the scene {stored:.4g}."

@@ -96,31 +96,42 @@ def fit_percent(measured: Array, model: Array) -> float:
 class LinearModel(NamedTuple):
     """Two modes that the joints' accelerations u drive, from rest, through the recorder's low-pass: 12 numbers.
 
-    z̈_j + 2 ζ_j ω_j ż_j + ω_j² z_j = u,  y_c = Σ_ju b_cju z_ju: ω and ζ of two modes, and b.
+    z̈_j + 2 ζ_j ω_j ż_j + ω_j² z_j = u,  y_c = Σ_ju b_cju z_ju + d_c: ω and ζ of two modes, and b; with zeros d of the
+    strains, too, 14.
     """
 
     poles: Array  # log ω, ζ of each mode
-    weights: Array  # (inputs × modes, strains)
+    weights: Array  # (inputs × modes, strains); zeros in a last row
 
     def strains(self, u: Array, h: float) -> Array:
         """Both strains (samples, 2)."""
-        return np.asarray(_shapes(self.poles, u, h) @ self.weights)
+        shapes = _shapes(self.poles, u, h)
+        return np.asarray(_with_ones(shapes, len(self.weights) > shapes.shape[1]) @ self.weights)
 
 
-def linear_model(u: Array, measured: Sequence[Array], h: float, there: Array, start: Sequence[float]) -> LinearModel:
+def linear_model(
+    u: Array, measured: Sequence[Array], h: float, there: Array, start: Sequence[float], *, zeros: bool = False
+) -> LinearModel:
     """The best one of the samples that are `there`; modes begin at frequencies `start` [Hz]."""
     y = np.column_stack(measured)[there]
     begin = np.array([[math.log(2 * math.pi * f), 0.015] for f in start]).ravel()
 
+    def shapes(p: Array) -> Array:
+        return _with_ones(_shapes(p, u, h)[there], zeros)
+
     def weights(p: Array) -> Array:
-        return np.asarray(np.linalg.lstsq(_shapes(p, u, h)[there], y, rcond=None)[0])
+        return np.asarray(np.linalg.lstsq(shapes(p), y, rcond=None)[0])
 
     def residual(p: Array) -> Array:
-        return np.asarray((_shapes(p, u, h)[there] @ weights(p) - y).ravel())
+        return np.asarray((shapes(p) @ weights(p) - y).ravel())
 
     low, high = begin - np.tile([0.3, 0.014], len(start)), begin + np.tile([0.3, 0.2], len(start))
     best = least_squares(residual, begin, bounds=(low, high), x_scale=np.tile([0.01, 0.005], len(start))).x
     return LinearModel(best, weights(best))
+
+
+def _with_ones(shapes: Array, zeros: bool) -> Array:
+    return np.column_stack([shapes, np.ones(len(shapes))]) if zeros else shapes
 
 
 def _shapes(p: Array, u: Array, h: float) -> Array:
