@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, shared, subroutine
 from flexlink.kernels.tools.lanes import LANES, at, eight_of, put_at, put_eight
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
@@ -73,6 +73,7 @@ NO_ROTATION = RotationSprings(
 """That of all other chains, without compiling what finds it."""
 
 
+@shared
 @kernel
 def rotation_springs(bodies, hinges, couplings):
     """Scratch of a chain."""

@@ -27,7 +27,7 @@ from flexlink.kernels.bodies.rotation_springs import (
     three,
     turned_back,
 )
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.vec3 import X, Y, Z, add, add_scaled, cross, dot, pick, scale, vector
 
@@ -99,7 +99,7 @@ def add_tangent(q, springs, tangent, K):
                     K[column, i] += tangent.values[b, k, j]
 
 
-@recursion
+@subroutine
 def find_tangent(q, springs, tangent):
     """Write the values of all blocks."""
     find_excess(q, springs)

@@ -9,7 +9,7 @@ from flexlink.kernels.bodies.joint_torques import JOINT, dry_joints, prescribed_
 from flexlink.kernels.bodies.rotation_springs import rotation_springs, rotation_springs_side_by_side
 from flexlink.kernels.forward.articulated_branches import DEMAND, fork_rows
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT, common_layout, layout_of
-from flexlink.kernels.tools.compiler import inlined, kernel
+from flexlink.kernels.tools.compiler import inlined, kernel, shared
 from flexlink.kernels.tools.lanes import LANES, empty_lanes, put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sym3 import point_inertia, sym_add, symmetric
@@ -53,6 +53,7 @@ class ArticulatedWork(NamedTuple):
     rotation: Any  # springs of rotation vectors
 
 
+@shared
 @kernel
 def articulated_workspace(bodies, hinges, gravity, couplings):
     """Scratch of `articulated` with the chain's constants."""

@@ -24,7 +24,7 @@ from flexlink.kernels.stepping.implicit import between_stages, implicit_step
 from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.runge_kutta import base_angle
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
-from flexlink.kernels.tools.compiler import RECURSION, entry, inlined, recursion
+from flexlink.kernels.tools.compiler import RECURSION, by_type, entry, inlined, recursion, shared
 from flexlink.kernels.tools.numbered import numbered
 
 OUTCOME = numbered("goes_on ended stuck turned")  # of `advance`; a free base has turned far
@@ -32,17 +32,10 @@ SAFETY, SHRINK = 0.9, 1 / 8  # of what the error allows; of h, at most
 NEARLY = 1.01  # steps up to the next knot that are taken in one
 AT_THE_END = 1e-9  # part of a step that is no time between its ends
 
-ALGORITHMS = {ImplicitWork: implicit_step, EmbeddedWork: embedded_step}  # by the scratch they work on
 
-
+@by_type({ImplicitWork: implicit_step, EmbeddedWork: embedded_step})
 def take_step(t, h, inputs, state, allowed, work):
     """One step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations."""
-    return ALGORITHMS[type(work)](t, h, inputs, state, allowed, work)
-
-
-@overload(take_step, jit_options=RECURSION)
-def _take_step(t, h, inputs, state, allowed, work):
-    return ALGORITHMS[work.instance_class].py_func  # one function less than one that calls it: a step is long
 
 
 def between(x, h, state, work, angles, rates):
@@ -137,6 +130,7 @@ def spring_displacement(q, bent, work):
     return displacement(bent, work.posture)
 
 
+@shared
 @entry
 def begin(t, inputs, state, tau, forward):
     """q̈ and the power of a state at time t, where an input may have a knot."""

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from flexlink.kernels.forward.mass_plus_cells import add_products, put_couplings
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, solve
 from flexlink.kernels.stepping.step_state import STEPPER
-from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 
 CLOSER = 1 / 8  # from one τ to the next
 
@@ -37,7 +37,7 @@ class Springs(NamedTuple):
     δ: Any
 
 
-@recursion
+@subroutine
 def step_error_norm(h, e_q, e_v, work):
     """Error [m] of a step of length h with errors of its angles and rates (n,); `work`: scratch of the method."""
     springs, longest = work.springs, max(h, work.stepper[STEPPER.inverse_ω1])
@@ -76,7 +76,7 @@ def deflection_norm(τ, e_v, work):
     return displacement(work.springs.δ, work.posture)
 
 
-@recursion
+@subroutine
 def displace(τ, e_v, work):
     """δ of rates. Of dry friction nothing holds: its slope at rest would hide any rate."""
     factors, r, δ = work.springs.factors, work.springs.r, work.springs.δ

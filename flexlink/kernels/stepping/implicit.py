@@ -51,12 +51,12 @@ from flexlink.kernels.stepping.newton import (
     slowest_rates,
 )
 from flexlink.kernels.stepping.step_state import STEPPER
-from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 
 FIRST_CONTRACTION = 0.3  # taken for granted in the first iteration
 
 
-@recursion
+@subroutine
 def implicit_step(t, h, inputs, state, allowed, work):
     """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations.
 
@@ -311,7 +311,7 @@ def between_stages(x, h, state, work, angles, rates):
     return W
 
 
-@recursion
+@subroutine
 def estimate(h, qd, qdd, tolerance, work):
     """Error of the step [m], 0 of a fixed one.
 
@@ -338,7 +338,7 @@ def estimate(h, qd, qdd, tolerance, work):
     return error
 
 
-@recursion
+@subroutine
 def damped_error(h, hγ, e_q, e_v, work):
     """Damp errors of angles and rates (n,) in place by (1 − hγ₀ J)⁻¹; returns how far they move a body [m].
 

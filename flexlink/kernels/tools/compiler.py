@@ -81,7 +81,11 @@ def subroutine(function: Callable[..., Any]) -> Any:
 
     Not for forward dynamics, which loops call so often that steps take 4 to 20 % longer without a copy.
     """
-    compiled = recursion(function)
+    return shared(recursion(function))
+
+
+def shared(compiled: Any) -> Any:
+    """What Python calls, too, as a `subroutine` of kernels."""
     if not numba.config.DISABLE_JIT:
         share(compiled)
     return compiled

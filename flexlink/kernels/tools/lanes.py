@@ -17,7 +17,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
-from flexlink.kernels.tools.compiler import INLINED, inlined, kernel, recursion
+from flexlink.kernels.tools.compiler import INLINED, inlined, kernel, recursion, subroutine
 
 LANES = 8
 CACHE_LINE = 64  # bytes, as many as the lanes have
@@ -322,7 +322,7 @@ def _position_of(q, k):
     return lambda q, k: q[k]
 
 
-@recursion
+@subroutine
 def put_lanes(rows, start, side):
     """Put rows `start` … of an array (b, p) side by side, (p, 8); the last row fills up the last eight."""
     for lane in range(LANES):
