@@ -107,6 +107,27 @@ def absolute(name: str, folder: Path = Path()) -> str:
     return str((folder / name).absolute()) if is_user_file(name) else name
 
 
+NAMED = {"method", "lumping", "kind"}
+"""Keys whose values are names of descriptions, or paths of the user's own."""
+
+
+def beside(folder: Path, value: Any, key: str = "") -> Any:
+    """What is said below a key, its files named from the folder of the file that says it, wherever the program moves.
+
+    These are all values of `file`, and those of `method`, `lumping` and `kind` that are own files. A key may be a path
+    such as "run.method", a value a list of several.
+    """
+    if isinstance(value, dict):
+        return {name: beside(folder, item, str(name).rpartition(".")[2]) for name, item in value.items()}
+    if isinstance(value, list):
+        return [beside(folder, item, key) for item in value]
+    if not isinstance(value, str):
+        return value
+    if key == "file":
+        return str((folder / value).absolute()) if value else value
+    return absolute(value, folder) if key in NAMED else value
+
+
 @functools.cache
 def _of_ours(folder: str, name: str, kind: Any) -> Any:
     return _decoded(DATA / folder / f"{name}.toml", (), kind)

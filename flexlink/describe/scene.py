@@ -50,7 +50,7 @@ from flexlink.describe.spec import (
     link_key,
     truncated,
 )
-from flexlink.describe.vary import apply_changes, get_in, to_document, top_level_keys, values_at
+from flexlink.describe.vary import apply_changes, to_document, top_level_keys, values_at
 from flexlink.describe.writing import Inline, toml_of, without_defaults
 
 
@@ -524,16 +524,7 @@ def load_scene(path: str | Path) -> Scene:
     three_links 8.0
     """
     path = data_files.require_path("path", path)
-    raw = data_files.read_toml(path)
-    _find_beside(path, raw.get("run"), "method")
-    _find_beside(path, get_in(raw, "drive", "reference", "shaper"), "kind")
-    for link in raw["link"] if isinstance(raw.get("link"), list) else ():
-        _find_beside(path, link, "lumping")
-    rigidities = raw.get("rigidity")
-    of_links = rigidities.values() if isinstance(rigidities, dict) else ()
-    for table in (raw.get("drive"), raw.get("wrench"), *_tables(raw.get("motion")), *of_links):
-        if isinstance(table, dict) and isinstance(table.get("file"), str):
-            table["file"] = str(path.parent / table["file"])
+    raw = data_files.beside(path.parent, data_files.read_toml(path))
     try:
         scene = scene_from(raw)
         check_named(scene)
@@ -554,16 +545,6 @@ def scene_named(document: dict[str, Any], folder: Path) -> Scene:
     if not isinstance(name, str):
         raise SceneError(f"scene = {truncated(name)}: expected the path of a scene file")
     return load_scene(folder / name)
-
-
-def _tables(value: object) -> list[Any]:
-    return value if isinstance(value, list) else []
-
-
-def _find_beside(scene: Path, table: object, key: str) -> None:
-    """A rule's, method's or shaper's own file is named from the folder of the scene, wherever it was started."""
-    if isinstance(table, dict) and isinstance(table.get(key), str):
-        table[key] = data_files.absolute(table[key], scene.parent)
 
 
 def check_named(scene: Scene) -> None:

@@ -38,3 +38,8 @@ class Block:
     colour: Colour | None = None
     gain: bool = False
     bias: bool = False
+
+    @property
+    def unit(self) -> str:
+        """Unit of the numbers."""
+        return self.name.rpartition("[")[2].rstrip("]")

@@ -240,10 +240,11 @@ def _uneven(t: Array) -> bool:
     return bool(np.ptp(between) > EVEN * between.mean())
 
 
-def _why_wider(one: Estimate) -> str:
-    if one.start in (one.low, one.high):
-        return f"the data do not reject its start, {one.start:.6g}, and the interval reaches to it; see --profile"
-    return "far from linear; the interval is as wide as the sum of squares says, not as slopes do"
+WIDER = (
+    "its interval is wider than slopes say: it ends where the data reject a value, other noise in time being possible "
+    "there, too"
+)
+"""Of a number far from linear."""
 
 
 def _strays(one: Estimate, known: Coordinate) -> bool:
@@ -268,7 +269,7 @@ def _warnings(
     columns: Sequence[FittedColumn],
 ) -> tuple[str, ...]:
     told = [f"{one.name} ended at its bound, {one.value:.6g}" for one in numbers if one.at_bound]
-    told += [f"{one.name}: {_why_wider(one)}" for one in numbers if one.widened]
+    told += [f"{one.name}: {WIDER}" for one in numbers if one.widened]
     told += [_beside_prior(one, known) for one, known in zip(numbers, coordinates, strict=False) if _strays(one, known)]
     told += [one.text for one in check.directions]
     told += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > FAR]

@@ -40,6 +40,8 @@ class Estimate:
         Whether the interval is wider than slopes say, because the data do not reject what is there: far from linear.
     profile
         The interval where all other numbers are fitted anew with this one held; None if nobody asked.
+    unit
+        Of all these; "" of a pure number.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Estimate:
     at_bound: bool = False
     widened: bool = False
     profile: tuple[float, float] | None = None
+    unit: str = ""
 
     @property
     def half(self) -> float:

@@ -19,7 +19,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import did_you_mean
 from flexlink.identification.block import Block
 from flexlink.identification.problem import FitProblem, FitRun, Use
-from flexlink.motion.simulate import simulate
+from flexlink.results.columns import sources_of
 from flexlink.results.measured import Measured, measured_from, named, read_measured
 from flexlink.results.trajectory import Trajectory
 from flexlink.sensors.signals import column_names
@@ -72,7 +72,7 @@ def recorded(problem: FitProblem, run: FitRun) -> Recorded:
         Its file or columns, or what it sets, are wrong.
     """
     scene = problem.scene.varied(run.set) if run.set else problem.scene
-    known = {"t [s]": None, **simulate(_short(scene)).columns}
+    known = dict.fromkeys((*sources_of(lump(scene)), *column_names(scene)))
     measured = _measured(run, known)
     first, last = run.window or (-math.inf, math.inf)
     first = max(first, scene.initial.time)
@@ -122,11 +122,6 @@ def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
     return measured_from(f"run {run.name!r}", list(run.columns), values, known, run.compare)
 
 
-def _short(scene: Scene) -> Scene:
-    """The same scene with a run of one sample: its columns."""
-    return scene.varied({"run.duration": scene.run.spacing})
-
-
 def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, object]) -> dict[str, dict[str, str]]:
     """What the run says of columns: how each was called, by the name of the column of a run."""
     where, found = f"run {run.name!r}", {}
@@ -160,11 +155,10 @@ def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
     """A first guess of noise that is not stated."""
     range_of: dict[str, float] = {}
     for block in blocks:
-        unit = block.name.rpartition("[")[2]
-        range_of[unit] = max(range_of.get(unit, 0.0), float(np.ptp(block.y)))
+        range_of[block.unit] = max(range_of.get(block.unit, 0.0), float(np.ptp(block.y)))
     return tuple(
         block if block.stated else dataclasses.replace(
-            block, σ=np.full(len(block.y), ASSUMED * (range_of[block.name.rpartition("[")[2]] or 1.0))
+            block, σ=np.full(len(block.y), ASSUMED * (range_of[block.unit] or 1.0))
         )
         for block in blocks
     )  # fmt: skip
