@@ -132,7 +132,7 @@ class Fitted:
     columns
         What was measured beside what the scene gives.
     starts
-        Values that each start led to, and half its sum of squares, the best first.
+        Values that each start led to, and half the sum of what is left over its noise, squared, the best first.
     runs
         How many runs were computed.
     warnings
