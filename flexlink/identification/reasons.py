@@ -76,8 +76,8 @@ def _axis(scene: Scene, path: str) -> str:
         return ""
     about = " and ".join(map(_named, bent))
     return (
-        f"{parts[2]}.{parts[3]} is about {parts[3]} of the link, but flex = {link.flex!r} bends it about {about} of the "
-        "link: a section's axes follow the joint's, or up"
+        f"{parts[2]}.{parts[3]} is about {parts[3]} of the link, but flex = {link.flex!r} bends it about {about} of "
+        "the link: a section's axes follow the joint's, or up"
     )
 
 

@@ -88,9 +88,10 @@ def _why_unknown(head: str, known: Mapping[str, object]) -> str:
     if same is not None:
         fitting = ", ".join(units_like(head_of(same).unit))
         return f"{'without a unit' if not unit else 'not known with this unit'}; expected {same!r}, or in {fitting}"
-    fitting = [name for name in known if conversion(unit, head_of(name).unit) is not None and name != TIME]
-    expected = f"; in {unit} can be {short_list(fitting)}" if fitting else f"; expected {short_list(list(known))}"
+    alike = [name for name in known if conversion(unit, head_of(name).unit) is not None and name != TIME]
+    others = f"in {unit} can be {short_list(alike)}" if alike else ""
+    expected = others or f"expected {short_list(list(known))}, or in deg, mm, µm, ms"
     return (
-        f"not known{expected}, or in deg, mm, µm, ms{did_you_mean(head, known)}; leave out what does not count (of a "
-        "fit: compare names what does)"
+        f"not known; {expected}; leave out what does not count (of a fit: compare names what does)"
+        f"{did_you_mean(head, known)}"
     )
