@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import ast
-import functools
 import inspect
-import itertools
 import re
-import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from types import NoneType, UnionType
@@ -22,7 +18,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 from flexlink.describe.schemes.methods import Method
 from flexlink.describe.shaping import ShaperRule
-from flexlink.describe.spec import ONE_PER_LINK, Spec, default_of, fields_of
+from flexlink.describe.spec import ONE_PER_LINK, default_of, fields_of
+from flexlink.describe.units import sentences, units_in
 from flexlink.describe.writing import toml_of
 from flexlink.identification.problem import FitProblem
 from flexlink.robots.collection import KnownArm
@@ -35,8 +32,6 @@ Record = Any
 
 NAMED_BY_FILES = {"lumping": "lumping", "method": "methods", "kind": "shapers"}
 """Keys, of type str, whose values are names of data files in this folder of `flexlink/describe/data`."""
-
-COUNTED = re.compile(r"\[([^\[\],]+)\]")
 
 
 def scene_page(_: Path) -> str:
@@ -117,31 +112,15 @@ def records(kind: Record, path: str, known: set[Record]) -> Iterator[tuple[str, 
 
 def entries(kind: Record) -> list[tuple[msgspec.structs.FieldInfo, str]]:
     """Fields of a record as they stand in a file, each with the sentence below it in the source."""
-    told: dict[str, str] = {}
-    for each in (part for part in reversed(kind.__mro__) if issubclass(part, Spec)):
-        told |= sentences(each)
-    found = [(field, told[field.name]) for field in fields_of(kind)]
+    told = sentences(kind)
+    found = [(field, told[field.encode_name]) for field in fields_of(kind)]
     if kind is Scene:  # an arm has no table of its own in a file
         found = [pair for pair in found if pair[0].name != "arm"] + entries(Arm)
     return found
 
 
-@functools.cache
-def sentences(kind: Record) -> dict[str, str]:
-    """What stands below each field of a class, by its name."""
-    (body,) = (
-        node.body for node in ast.parse(textwrap.dedent(inspect.getsource(kind))).body if isinstance(node, ast.ClassDef)
-    )
-    return {
-        field.target.id: inspect.cleandoc(str(text.value.value))
-        for field, text in itertools.pairwise(body)
-        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
-        and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
-    }  # fmt: skip
-
-
 def _entry(path: str, field: msgspec.structs.FieldInfo, sentence: str) -> str:
-    unit = ", ".join(dict.fromkeys(COUNTED.findall(re.sub(r"`[^`]*`", "", sentence))))
+    unit = ", ".join(units_in(sentence))
     kind = words(field.type) + (f", in {unit}" if unit not in {"", "1"} else "")
     default = _default(field)
     named = NAMED_BY_FILES.get(field.name, "") if _plain(field.type) is str else ""

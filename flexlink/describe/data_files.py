@@ -107,6 +107,36 @@ def absolute(name: str, folder: Path = Path()) -> str:
     return str((folder / name).absolute()) if is_user_file(name) else name
 
 
+NAMED = {"method", "lumping", "kind"}
+"""Keys whose values are names of descriptions, or paths of the user's own."""
+
+
+def beside(folder: Path, document: T) -> T:
+    """A parsed file, its files named from its folder, wherever the program moves; tables and lists change in place.
+
+    These are all values of `file`, and those of `method`, `lumping` and `kind` that are own files. A key may be a path
+    such as "run.method", a value a list of several. However deep a file is nested, no recursion is.
+    """
+    left: list[tuple[str, Any]] = [("", document)]
+    while left:
+        above, node = left.pop()
+        keys = list(node) if isinstance(node, dict) else range(len(node)) if isinstance(node, list) else ()
+        for key in keys:
+            value = node[key]
+            name = key.rpartition(".")[2] if isinstance(key, str) else above
+            if isinstance(value, str):
+                node[key] = _from(folder, name, value)
+            else:
+                left.append((name, value))
+    return document
+
+
+def _from(folder: Path, key: str, value: str) -> str:
+    if key == "file" and value:
+        return str((folder / value).absolute())
+    return absolute(value, folder) if key in NAMED else value
+
+
 @functools.cache
 def _of_ours(folder: str, name: str, kind: Any) -> Any:
     return _decoded(DATA / folder / f"{name}.toml", (), kind)

@@ -20,7 +20,7 @@ from flexlink.describe import data_files
 from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.drag import SEA_LEVEL
-from flexlink.describe.from_files import filled_from_files
+from flexlink.describe.from_files import filled_from_files, without_starts
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.initial import InitialState
 from flexlink.describe.mistakes import check_all, mistakes, raise_together
@@ -50,7 +50,7 @@ from flexlink.describe.spec import (
     key_mistakes,
     truncated,
 )
-from flexlink.describe.vary import apply_changes, get_in, to_document, top_level_keys, values_at
+from flexlink.describe.vary import apply_changes, to_document, top_level_keys, values_at
 from flexlink.describe.writing import Inline, toml_of, without_defaults
 
 
@@ -276,6 +276,8 @@ class Scene(Spec, frozen=True):
         seen = {key: _seen(parts[key]) for key in {"link", *anew} & parts.keys() if parts[key] is not None}
         document = apply_changes(seen, FIELDS, changes)
         kept = {key: value for key, value in parts.items() if key not in anew}
+        if "motion" in changes and "initial" in kept:
+            kept["initial"] = without_starts(self.initial, self.arm, self.motion, changes["motion"])
         arm = None if anew & OF_ARM.keys() else self.arm
         varied = scene_from({key: value for key, value in document.items() if key in anew}, kept, arm)
         check_named(varied)
@@ -374,22 +376,7 @@ def load_scene(path: str | Path) -> Scene:
     three_links 8.0
     """
     path = data_files.require_path("path", path)
-    raw = data_files.read_toml(path)
-    _find_beside(path, raw.get("run"), "method")
-    _find_beside(path, get_in(raw, "drive", "reference", "shaper"), "kind")
-    for link in raw["link"] if isinstance(raw.get("link"), list) else ():
-        _find_beside(path, link, "lumping")
-    rigidities = raw.get("rigidity")
-    of_links = rigidities.values() if isinstance(rigidities, dict) else ()
-    for table in (
-        raw.get("drive"),
-        get_in(raw, "drive", "reference"),
-        raw.get("wrench"),
-        *_tables(raw.get("motion")),
-        *of_links,
-    ):
-        if isinstance(table, dict) and isinstance(table.get("file"), str):
-            table["file"] = str(path.parent / table["file"])
+    raw = data_files.beside(path.parent, data_files.read_toml(path))
     try:
         scene = scene_from(raw)
         check_named(scene)
@@ -410,16 +397,6 @@ def scene_named(document: dict[str, Any], folder: Path) -> Scene:
     if not isinstance(name, str):
         raise SceneError(f"scene = {truncated(name)}: expected the path of a scene file")
     return load_scene(folder / name)
-
-
-def _tables(value: object) -> list[Any]:
-    return value if isinstance(value, list) else []
-
-
-def _find_beside(scene: Path, table: object, key: str) -> None:
-    """A rule's, method's or shaper's own file is named from the folder of the scene, wherever it was started."""
-    if isinstance(table, dict) and isinstance(table.get(key), str):
-        table[key] = data_files.absolute(table[key], scene.parent)
 
 
 def check_named(scene: Scene) -> None:

@@ -107,6 +107,21 @@ def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> 
     return [node.get(key) if isinstance(node, dict) else node[key] for node, key, _ in places]
 
 
+def number_in(values: Sequence[Any]) -> float:
+    """The one number that stands at a path, from what `values_at` returns.
+
+    Raises
+    ------
+    SceneError
+        It is none, or there are several that differ; the message begins with the value, for the path to stand before.
+    """
+    if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
+        raise SceneError(f"{truncated(values[0])}: not a number in the scene; set it")
+    if len(set(values)) != 1:
+        raise SceneError(f"{truncated(values)}: the values differ; name each path by itself")
+    return float(values[0])
+
+
 def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[Route]:
     """Where a path leads: keys of tables and numbers of items from 0, and the annotation of what stands there.
 

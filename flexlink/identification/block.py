@@ -38,3 +38,17 @@ class Block:
     colour: Colour | None = None
     gain: bool = False
     bias: bool = False
+
+    @property
+    def unit(self) -> str:
+        """Unit of the numbers."""
+        return unit_in(self.name)
+
+
+def unit_in(name: str) -> str:
+    """The unit in the name of a column.
+
+    >>> print(unit_in("tip x [m]"))
+    m
+    """
+    return name.rpartition("[")[2].rstrip("]")

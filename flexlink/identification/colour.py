@@ -60,6 +60,11 @@ class Colour(NamedTuple):
         return np.asarray(lfilter([1.0], self.a, np.vstack([J[::-1], np.zeros((past, J.shape[1]))]), axis=0))
 
     @property
+    def price(self) -> float:
+        """What the criterion asks for the coefficients, in units of −2 ln of the likelihood."""
+        return _price(len(self.a) - 1, len(self.innovations))
+
+    @property
     def memory(self) -> int:
         """Samples after which a pulse is forgotten to 1e-6, at most 10 000."""
         if len(self.a) == 1:
@@ -89,11 +94,15 @@ def colour_of(e: Array) -> Colour:
         power *= 1.0 - k * k
         if power <= 0 or len(f) < 2:
             break
-        criterion = n * np.log(power) + 2 * p * n / max(n - p - 1, 1)
+        criterion = n * np.log(power) + _price(p, n)
         if criterion < least:
             best, least = a, criterion
         f, b = (f + k * b)[1:], (b + k * f)[:-1]
     return Colour(best, np.asarray(lfilter(best, [1.0], e)))
+
+
+def _price(order: int, samples: int) -> float:
+    return 2 * order * samples / max(samples - order - 1, 1)
 
 
 def whiteness(e: Array) -> float:

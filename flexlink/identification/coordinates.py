@@ -12,7 +12,8 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import truncated
+from flexlink.describe.units import unit_of
+from flexlink.describe.vary import number_in
 from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 
 FURTHEST = 1e3
@@ -40,6 +41,8 @@ class Coordinate:
         Least and largest value.
     prior
         Value and standard deviation that are known already.
+    measured_in
+        Unit of the value; "" of a pure number.
     """
 
     path: str
@@ -49,6 +52,7 @@ class Coordinate:
     unit: float
     between: tuple[float, float]
     prior: tuple[float, float] | None
+    measured_in: str = ""
 
     @property
     def name(self) -> str:
@@ -119,22 +123,18 @@ def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coord
     width = (high - low) / 2
     unit = width if math.isfinite(width) else abs(value) or 1.0
     ends = (max(low, value / FURTHEST), min(high, value * FURTHEST)) if log else (low, high)
-    return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior)
+    said = unit_of(scene, parameter.path)
+    return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior, said)
 
 
 def _value(scene: Scene, parameter: FitParameter) -> float:
     values = scene.values_at(parameter.path)
     if parameter.start is not None:
         return parameter.start
-    if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
-        raise SceneError(
-            f"parameter {parameter.path} = {truncated(values[0])}: not a number in the scene; set it, or give start"
-        )
-    if len(set(values)) != 1:
-        raise SceneError(
-            f"parameter {parameter.path} = {truncated(values)}: the values differ; name each path by itself"
-        )
-    return float(values[0])
+    try:
+        return number_in(values)
+    except SceneError as error:
+        raise SceneError(f"parameter {parameter.path} = {error}, or give start") from None
 
 
 def prior_rows(coordinates: Sequence[Coordinate], x: Array) -> tuple[Array, Array]:

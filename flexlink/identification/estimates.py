@@ -29,7 +29,17 @@ def estimates(coordinates: Sequence[Coordinate], x: Array, spread: Spread) -> li
         edge = 1e-6 * max(1.0, abs(at))
         bound = any(math.isfinite(end) and abs(at - end) < edge for end in one.bounds)
         found.append(
-            Estimate(one.name, one.path, one.start, one.value(at), low, high, one.size(one.value(at)) * σ, bound)
+            Estimate(
+                one.name,
+                one.path,
+                one.start,
+                one.value(at),
+                low,
+                high,
+                one.size(one.value(at)) * σ,
+                bound,
+                unit=one.measured_in,
+            )
         )
     return found
 
@@ -40,13 +50,14 @@ def linear_estimates(
     """Gains and biases, which stand behind `count` numbers of the scene."""
     found = []
     values = [
-        (row.gain if what == "gain" else row.bias, 1.0 if what == "gain" else 0.0)
+        (row.gain, 1.0, "") if what == "gain" else (row.bias, 0.0, block.unit)
         for source, part in zip(sources, rows, strict=True)
         for block, row in zip(source.blocks, part, strict=True)
         for what in ("gain", "bias")
         if getattr(block, what)
     ]
-    for k, (name, (value, start)) in enumerate(zip(linear_names(sources), values, strict=True), count):
+    for k, (name, (value, start, unit)) in enumerate(zip(linear_names(sources), values, strict=True), count):
         σ = float(spread.deviations[k])
-        found.append(Estimate(name, "", start, value, value - spread.wide * σ, value + spread.wide * σ, σ))
+        ends = value - spread.wide * σ, value + spread.wide * σ
+        found.append(Estimate(name, "", start, value, *ends, σ, unit=unit))
     return found

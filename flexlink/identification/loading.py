@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from msgspec.structs import replace
-
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe import data_files
 from flexlink.describe.mistakes import mistakes, raise_together
 from flexlink.describe.scene import scene_named
 from flexlink.describe.spec import check_keys, decode, fields_of
-from flexlink.identification.problem import FitProblem, FitRun
+from flexlink.identification.problem import FitProblem
 from flexlink.sweeps.plan import paths_of
 
 
@@ -52,32 +50,18 @@ def load_fit(path: str | Path) -> FitProblem:
         check_keys(raw, fields, required=("scene", "parameter"))
         scene = scene_named(raw, path.parent)
         for part in ("run", "modes", "static"):
-            for table in raw.get(part, ()) if isinstance(raw.get(part), list) else ():
-                _as_paths(table)
+            if isinstance(raw.get(part), list):
+                raw[part] = data_files.beside(path.parent, [_as_paths(table) for table in raw[part]])
         raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
         parts = {key: decode(value, fields[key].type, key) for key, value in raw.items()}
-        parts["run"] = tuple(_beside(path.parent, run) for run in parts.get("run", ()))
         return FitProblem(scene=scene, **parts)
     except (SceneError, DataFileError) as error:
         raise type(error)(f"{path}: {error}") from None
 
 
-def _as_paths(table: Any) -> None:
-    """Keys that TOML has taken apart at their dots, as paths again."""
-    for key in ("set", "before") if isinstance(table, dict) else ():
-        if isinstance(table.get(key), dict):
-            table[key] = dict(paths_of(table[key]))
-
-
-def _beside(folder: Path, run: FitRun) -> FitRun:
-    """Files of a run, and of what it sets, are named from the folder of the problem."""
-    file = str((folder / run.file).absolute()) if run.file else ""
-    return replace(run, file=file, set=_files_beside(folder, run.set))
-
-
-def _files_beside(folder: Path, value: Any, key: str = "") -> Any:
-    if isinstance(value, dict):
-        return {name: _files_beside(folder, item, name.rpartition(".")[2]) for name, item in value.items()}
-    if isinstance(value, list):
-        return [_files_beside(folder, item) for item in value]
-    return str((folder / value).absolute()) if key == "file" and isinstance(value, str) else value
+def _as_paths(table: Any) -> Any:
+    """A table with keys below `set` and `before`, which TOML has taken apart at their dots, as paths again."""
+    if not isinstance(table, dict):
+        return table
+    apart = (key for key in ("set", "before") if isinstance(table.get(key), dict))
+    return table | {key: dict(paths_of(table[key])) for key in apart}

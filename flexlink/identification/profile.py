@@ -23,6 +23,8 @@ FURTHEST = 10.0
 """Halves of an interval beyond which a start is taken for rejected."""
 HARDLY, FACTOR, OUTWARDS = 0.5, 1.5, 6
 """Part of a parabola's rise that an interval's end must have, and by how much, and how often, it is moved outwards."""
+HALVINGS = 3
+"""How often the part of an interval is halved in which its end lies, beyond a start."""
 AT = 0.5, 1.0, 1.6
 """Where the profile is taken, in halves of the interval."""
 
@@ -42,15 +44,16 @@ def widened(search: Search, best: Found, numbers: Sequence[Estimate]) -> list[Es
     """The numbers of the scene, intervals as wide as the sum of squares says where that is no parabola.
 
     An end where it has hardly risen is moved outwards until it has. A start outside is tried with all others fitted
-    anew, and lies inside where the data do not reject it.
+    anew; where the data do not reject it, that end is moved on to the first point that they do reject.
     """
     floor, found = _Floor(search, best), []
     search.signals.ahead([floor.beside(k, one, side) for k, one in enumerate(numbers) for side in (-1, 1)])
     for k, one in enumerate(numbers):
         far = {side: floor.far(k, one, side) for side in (-1, 1)}
         low, high = (one.low if far[-1] is None else far[-1]), (one.high if far[1] is None else far[1])
-        if not low <= one.start <= high and floor.holds_start(k, one):
-            low, high = min(low, one.start), max(high, one.start)
+        if not low <= one.start <= high:
+            end = floor.beyond_start(k, one)
+            low, high = (low, high) if end is None else (min(low, end), max(high, end))
         wider = (low, high) != (one.low, one.high)
         found.append(dataclasses.replace(one, low=low, high=high, widened=wider))
     return found
@@ -95,13 +98,28 @@ class _Floor:
         bounds = np.array([each.bounds for each in self.search.coordinates]).T
         return np.asarray(np.clip(self.best.x + half * FACTOR**times * self.C[:, k] / self.C[k, k], *bounds))
 
-    def holds_start(self, k: int, one: Estimate) -> bool:
-        """Whether the data do not reject the start of a number."""
-        point, wanted = self.best.x.copy(), self.wanted(k, one.low if one.start < one.value else one.high)
-        point[k] = self.search.coordinates[k].x(one.start)
-        if self.wanted(k, one.start) > FURTHEST**2 * wanted:
-            return False
-        return self.rise(self.search.least(point, self.best.blocks, rough=True, held=k)) < wanted
+    def beyond_start(self, k: int, one: Estimate) -> float | None:
+        """The first value that the data reject, from a number's start on; None where they reject the start."""
+        coordinate, x = self.search.coordinates[k], float(self.best.x[k])
+        wanted, start = self.wanted(k, one.low if one.start < one.value else one.high), coordinate.x(one.start)
+        if self.wanted(k, one.start) > FURTHEST**2 * wanted or self.rejects(k, start, wanted):
+            return None
+        held, bounds = start, coordinate.bounds
+        for _ in range(OUTWARDS):
+            lost = float(np.clip(x + FACTOR * (held - x), *bounds))
+            if lost in bounds or self.rejects(k, lost, wanted):
+                break
+            held = lost
+        for _ in range(HALVINGS):
+            middle = (held + lost) / 2
+            held, lost = (held, middle) if self.rejects(k, middle, wanted) else (middle, lost)
+        return coordinate.value(lost)
+
+    def rejects(self, k: int, at: float, wanted: float) -> bool:
+        """Whether the sum of squares is too large with a number held there, all others fitted anew."""
+        point = self.best.x.copy()
+        point[k] = at
+        return not self.rise(self.search.least(point, self.best.blocks, rough=True, held=k)) < wanted
 
 
 def _end_of(one: Estimate, side: int) -> float:

@@ -13,13 +13,14 @@ from msgspec.structs import replace
 from scipy.interpolate import CubicSpline
 
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import DataFileError, FlexlinkError
+from flexlink.common.errors import DataFileError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import did_you_mean
 from flexlink.identification.block import Block
 from flexlink.identification.problem import FitProblem, FitRun, Use
-from flexlink.motion.simulate import simulate
+from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
+from flexlink.results.columns import sources_of
 from flexlink.results.measured import Measured, measured_from, named, read_measured
 from flexlink.results.trajectory import Trajectory
 from flexlink.sensors.signals import column_names
@@ -39,6 +40,10 @@ class Recorded:
         Its columns.
     rate
         Samples per second of the file [Hz].
+    shows
+        How long it is, and how much of the slowest mode it shows, in words.
+    doubts
+        What is to be known of its times.
     """
 
     name: str
@@ -46,6 +51,8 @@ class Recorded:
     scene: Scene
     blocks: tuple[Block, ...]
     rate: float
+    shows: str = ""
+    doubts: tuple[str, ...] = ()
 
     def first(self, part: float) -> Recorded:
         """The first part of the run, ten samples at least."""
@@ -72,7 +79,7 @@ def recorded(problem: FitProblem, run: FitRun) -> Recorded:
         Its file or columns, or what it sets, are wrong.
     """
     scene = problem.scene.varied(run.set) if run.set else problem.scene
-    known = {"t [s]": None, **simulate(_short(scene)).columns}
+    known = dict.fromkeys((*sources_of(lump(scene)), *column_names(scene)))
     measured = _measured(run, known)
     first, last = run.window or (-math.inf, math.inf)
     first = max(first, scene.initial.time)
@@ -91,9 +98,9 @@ def recorded(problem: FitProblem, run: FitRun) -> Recorded:
     if not blocks:
         raise DataFileError(f"run {run.name!r}: no measured values inside its window")
     _check_reach(run, scene, blocks)
-    rate = float((len(t) - 1) / (t[-1] - t[0]))
-    smooth = _as_long(exact(scene, problem.tolerance), t)
-    return Recorded(run.name, run.use, smooth, _with_noise(blocks), rate)
+    rate, smooth, hertz = float((len(t) - 1) / (t[-1] - t[0])), exact(scene, problem.tolerance), slowest_mode(scene)
+    doubts = doubts_of_times(smooth, blocks, t, hertz)
+    return Recorded(run.name, run.use, as_long(smooth, t), _with_noise(blocks), rate, in_periods(t, hertz), doubts)
 
 
 FAR = 20.0
@@ -120,11 +127,6 @@ def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
         raise DataFileError(f"run {run.name!r}: columns of different length: {lengths}")
     values = np.array(list(run.columns.values())).T
     return measured_from(f"run {run.name!r}", list(run.columns), values, known, run.compare)
-
-
-def _short(scene: Scene) -> Scene:
-    """The same scene with a run of one sample: its columns."""
-    return scene.varied({"run.duration": scene.run.spacing})
 
 
 def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, object]) -> dict[str, dict[str, str]]:
@@ -160,11 +162,10 @@ def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
     """A first guess of noise that is not stated."""
     range_of: dict[str, float] = {}
     for block in blocks:
-        unit = block.name.rpartition("[")[2]
-        range_of[unit] = max(range_of.get(unit, 0.0), float(np.ptp(block.y)))
+        range_of[block.unit] = max(range_of.get(block.unit, 0.0), float(np.ptp(block.y)))
     return tuple(
         block if block.stated else dataclasses.replace(
-            block, σ=np.full(len(block.y), ASSUMED * (range_of[block.name.rpartition("[")[2]] or 1.0))
+            block, σ=np.full(len(block.y), ASSUMED * (range_of[block.unit] or 1.0))
         )
         for block in blocks
     )  # fmt: skip
@@ -184,19 +185,6 @@ def _noise_of_sensors(scene: Scene) -> dict[str, float]:
         for one in scene.sensor
         for name in column_names(scene, (one,))
     }
-
-
-def _as_long(scene: Scene, t: Array) -> Scene:
-    """The scene with a run as long as its record, sampled as that is where it can be."""
-    between = float(np.median(np.diff(t)))
-    length = float(t[-1]) - scene.initial.time
-    for sample in (float(f"{between:.9g}"), scene.run.spacing):
-        duration = max(math.ceil(length / sample - 1e-6), 1) * sample
-        try:
-            return scene.varied({"run.sample": sample, "run.duration": float(f"{duration:.12g}")})
-        except FlexlinkError as error:
-            reason = error
-    raise reason
 
 
 def _first(block: Block, part: float) -> Block:

@@ -131,7 +131,10 @@ class Search:
         return 0.5 * float(residual @ residual)
 
     def unlikelihood(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
-        """−2 ln of likelihood and priors at a point, the noise of runs being what is left there, up to a constant."""
+        """−2 ln of likelihood and priors at a point, the noise of runs being what is left there, up to a constant.
+
+        Coefficients of that noise have their price: a higher order alone makes no point likelier than another.
+        """
         known, _ = prior_rows(self.coordinates, x)
         plain, total = [[white(block) for block in part] for part in blocks], float(known @ known)
         for part, of_part in zip(plain, self.rows(x, plain, slopes=False), strict=True):
@@ -139,8 +142,9 @@ class Search:
                 if block.t is None:
                     total += float(row.residual @ row.residual)
                 else:
-                    w = colour_of(row.residual).whitened(row.residual[:, None])
-                    total += len(w) * float(np.log(np.mean(w**2)))
+                    colour = colour_of(row.residual)
+                    w = colour.whitened(row.residual[:, None])
+                    total += len(w) * float(np.log(np.mean(w**2))) + colour.price
         return total
 
     def weighed(self, x: Array, blocks: Sequence[Sequence[Block]], *, coloured: bool = False) -> list[list[Block]]:

@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec, default_of, fields_of, truncated
+from flexlink.describe.vary import number_in
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.inputs.initial_state import initial_state, spread, stated
 from flexlink.kernels.derivatives.inverse_derivatives import Arrays
@@ -128,15 +129,10 @@ def _value(scene: Scene, path: object) -> float:
             f"parameters: {truncated(path)}: not a parameter; allowed are numbers of {', '.join(VARIED)}"
         )
     values = scene.values_at(path)
-    if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
-        raise ArgumentError(
-            f"parameters: {truncated(path)} = {truncated(values[0])}: not a number in the scene; set it"
-        )
-    if len(set(values)) != 1:
-        raise ArgumentError(
-            f"parameters: {truncated(path)} = {truncated(values)}: the values differ; name each path by itself"
-        )
-    return float(values[0])
+    try:
+        return number_in(values)
+    except SceneError as error:
+        raise ArgumentError(f"parameters: {truncated(path)} = {error}") from None
 
 
 class _RoughError(Exception):

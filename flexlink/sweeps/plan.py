@@ -213,10 +213,10 @@ def load_sweep(path: str | Path) -> Sweep:
         scene = scene_named(raw, folder)
         for table, leaf in (("set", ()), ("grid", ("between",)), ("together", ("between",))):
             if isinstance(raw.get(table), dict):
-                raw[table] = _beside(folder, dict(paths_of(raw[table], leaf)))
+                raw[table] = data_files.beside(folder, dict(paths_of(raw[table], leaf)))
         sample = raw.get("sample")
         if isinstance(sample, dict) and isinstance(sample.get("keys"), dict):
-            sample["keys"] = _beside(folder, dict(paths_of(sample["keys"], ("between", "mean", "deviation"))))
+            sample["keys"] = data_files.beside(folder, dict(paths_of(sample["keys"], ("between", "mean", "deviation"))))
         sweep = Sweep(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})
         Plan(sweep)
         return sweep
@@ -231,20 +231,6 @@ def paths_of(table: Mapping[str, Any], leaf: tuple[str, ...] = (), above: str = 
             yield from paths_of(value, leaf, f"{above}{key}.")
         else:
             yield f"{above}{key}", value
-
-
-def _beside(folder: Path, values: dict[str, Any]) -> dict[str, Any]:
-    """Own files of methods, rules and shapers are named from the folder of the sweep."""
-    return {
-        key: _absolute(value, folder) if key.rpartition(".")[2] in {"method", "lumping", "kind"} else value
-        for key, value in values.items()
-    }
-
-
-def _absolute(value: Any, folder: Path) -> Any:
-    if isinstance(value, list):
-        return [_absolute(item, folder) for item in value]
-    return data_files.absolute(value, folder) if isinstance(value, str) else value
 
 
 def _is_slow(axis: Axis) -> bool:
