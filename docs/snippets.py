@@ -9,7 +9,7 @@ A fenced block of ``sh``, ``python`` or ``toml`` is followed by one of these com
 With ``folded`` before it, as in ``<!-- folded picture: … -->``, the result comes first, and the code is folded below
 it; ``<!-- folded -->`` alone folds code without a result. All blocks of a page run in its order, in one folder, which
 holds `models/`, and Python blocks share their names. A block of ``toml`` whose first line is ``# file: NAME`` writes
-that file. `tests/test_pages.py` runs all blocks of all pages.
+that file. `tests/test_pages.py` runs all blocks of all pages. A build that runs none says so in place of each result.
 """
 
 from __future__ import annotations
@@ -116,6 +116,20 @@ def filled(name: str, text: str, folder: Path, pictures: Path) -> str:
     return BLOCK.sub(with_result, text)
 
 
+UNRUN = "*What this shows stands on the whole site: `python -m docs`.*"
+"""In place of results where no code runs."""
+
+
+def unrun(text: str) -> str:
+    """The text of a page with a line in place of every output and picture."""
+
+    def with_line(found: re.Match[str]) -> str:
+        block = f"```{found[1]}\n{found[2]}```\n"
+        return f"{block}\n{UNRUN}\n" if (found[3] or "folded") != "folded" else block
+
+    return BLOCK.sub(with_line, text)
+
+
 def _figure(name: str, folder: Path, pictures: Path, wanted: str) -> str:
     """A file of a page's folder, kept with the site's pictures, and its caption."""
     file, _, caption = (part.strip() for part in wanted.partition("|"))
@@ -133,7 +147,9 @@ def setup(app: Any) -> dict[str, bool]:
 
 
 def _read(app: Any, name: str, source: list[str]) -> None:
-    if FOLDER in os.environ and any(comment for _, _, comment in blocks(source[0])):
+    if FOLDER not in os.environ:
+        source[0] = unrun(source[0])
+    elif any(comment for _, _, comment in blocks(source[0])):
         folder = Path(os.environ[FOLDER]) / name.replace("/", "_")
         folder.mkdir(parents=True, exist_ok=True)
         prepare(folder)

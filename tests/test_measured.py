@@ -56,7 +56,10 @@ class TestReading:
         ("text", "reason"),
         [
             ("", "is empty"),
-            ("t [s],tip x [km]\n0,1\n1,1\n", r"column 'tip x \[km\]': not known; expected t \[s\], tip x \[m\]"),
+            (
+                "t [s],tip x [km]\n0,1\n1,1\n",
+                r"column 'tip x \[km\]': not known with this unit; expected 'tip x \[m\]', or in m, mm",
+            ),
             ("tip x [m]\n1\n2\n", r"no column 't \[s\]'"),
             ("t [s],tip x [m],tip x [mm]\n0,1,1\n1,1,1\n", r"'tip x \[m\]' appears twice"),
             ("t [s],tip x [m]\n0,1\n1,one\n", r"line 3, tip x \[m\]: 'one' is not a number"),

@@ -19,8 +19,9 @@ from flexlink.cli.shared import prefix_errors, print_hints, print_lines, varied
 from flexlink.common.errors import IdentifiabilityError
 from flexlink.identification.fit import check_fit, fit
 from flexlink.identification.fitted import Fitted, building
-from flexlink.identification.identifiability import Check
+from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.loading import load_fit
+from flexlink.identification.problem import FitProblem
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -30,7 +31,10 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--check", action="store_true", help="only say what the data can tell: nothing is fitted; 1 if they cannot"
     )
     command.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="folder for a page, fitted.toml, fit.json and tables"
+        "--out",
+        type=Path,
+        metavar="FOLDER",
+        help="folder for a page, fitted.toml, fit.json, tables; of a check, too",
     )
     command.add_argument("--starts", type=int, default=1, metavar="N", help="number of starts; default: 1")
     command.add_argument(
@@ -46,17 +50,29 @@ def run_command(options: argparse.Namespace) -> int:
     if options.out is not None:
         building()  # what is missing is said before the work
     with prefix_errors(options.problem):
+        found: Check | Fitted
         if options.check:
-            return _print_check(check_fit(problem))
-        try:
-            found = fit(problem, starts=options.starts, profile=options.profile, progress=_tell)
-        except IdentifiabilityError as error:
-            assert isinstance(error.check, Check)
-            return _print_check(error.check)
+            found = check_fit(problem)
+        else:
+            try:
+                found = fit(problem, starts=options.starts, profile=options.profile, progress=_tell)
+            except IdentifiabilityError as error:
+                assert isinstance(error.check, Check)
+                found = error.check
+        return _told(found, problem, options.out)
+
+
+def _told(found: Check | Fitted, problem: FitProblem, out: Path | None) -> int:
+    """Print what was found, and write its page."""
+    command = shlex.join(["flexlink", *sys.argv[1:]])
+    if isinstance(found, Fitted):
         _print_fit(found)
-        if options.out is not None:
-            page = found.report(options.out, command=shlex.join(["flexlink", *sys.argv[1:]]))
-            print(f"page: {page.page}")
+        page = None if out is None else found.report(out, command=command)
+    else:
+        _print_check(found)
+        page = None if out is None else building("checked_page").build_check(problem, found, out, command)
+    if page is not None:
+        print(f"page: {page.page}")
     return 0 if found.passed else 1
 
 
@@ -64,24 +80,27 @@ def _tell(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-def _print_check(check: Check) -> int:
-    """What the data can tell; 1 where they cannot."""
+def _print_check(check: Check) -> None:
+    """What the data can tell."""
     for note in check.notes:
         print(note)
     width = max(map(len, check.names))
     for name, expected in zip(check.names, check.expected.tolist(), strict=True):
-        print(f"{name:<{width}}  expected ± {f'{196 * expected:.2g} %' if np.isfinite(expected) else 'not held'}")
+        known = f"expected ± {100 * WIDE * expected:.2g} % (95 %)" if np.isfinite(expected) else "not held by the data"
+        print(f"{name:<{width}}  {known}")
     values = ", ".join(f"{s:.3g}" for s in check.singular_values)
     print(f"singular values of the slopes over the noise: {values}")
     for direction in check.directions:
         print(f"{'refused' if direction.lost else 'weak'}: {direction.text}")
-    return 0 if check.passed else 1
 
 
 def _print_fit(found: Fitted) -> None:
     width = max(len(one.name) for one in found.numbers)
     for one in found.numbers:
-        print(f"{one.name:<{width}}  {one.value:.6g}  ({one.low:.6g} … {one.high:.6g}), before {one.start:.6g}")
+        unit = f" {one.unit}" if one.unit else ""
+        wider = ", wider than slopes say" if one.widened else ""
+        ends = f"95 %: {one.low:.6g} … {one.high:.6g}{wider}"
+        print(f"{one.name:<{width}}  {one.value:.6g}{unit}  ({ends}), before {one.start:.6g}")
     for column in found.columns:
         off = f"RMS {column.off(column.before):.3g} → {column.off(column.after):.3g}"
         if column.linear is not None:

@@ -68,7 +68,7 @@ class CsvTable(NamedTuple):
             raise DataFileError(f"{self.path}: column {quantity!r}: without a unit; expected one, as {wanted!r} has")
         factor = conversion(given, unit)
         if factor is None:
-            fitting = ", ".join(name for name in every_unit() if conversion(name, unit) is not None)
+            fitting = ", ".join(units_like(unit))
             raise DataFileError(f"{self.path}: column {self.heads[found[0]]!r}: unit must be one of {fitting}")
         if np.isnan(column).any():
             line = int(np.argmax(np.isnan(column))) + 2
@@ -116,6 +116,11 @@ def _split(unit: str) -> tuple[tuple[str, int], float] | None:
         if base and (not per or (unit.endswith(per) and base in WITH_RATES)):
             return (base, power), size
     return None
+
+
+def units_like(unit: str) -> list[str]:
+    """All units that heads can have in place of one."""
+    return [name for name in every_unit() if conversion(name, unit) is not None]
 
 
 def every_unit() -> list[str]:

@@ -42,4 +42,13 @@ class Block:
     @property
     def unit(self) -> str:
         """Unit of the numbers."""
-        return self.name.rpartition("[")[2].rstrip("]")
+        return unit_in(self.name)
+
+
+def unit_in(name: str) -> str:
+    """The unit in the name of a column.
+
+    >>> print(unit_in("tip x [m]"))
+    m
+    """
+    return name.rpartition("[")[2].rstrip("]")

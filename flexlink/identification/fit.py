@@ -11,14 +11,16 @@ from flexlink.common.errors import FlexlinkError, IdentifiabilityError
 from flexlink.common.types import Array
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
-from flexlink.identification.data import Source, sources_of
+from flexlink.identification.data import sources_of
 from flexlink.identification.estimates import estimates, linear_estimates, without_ends
-from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
+from flexlink.identification.fitted import Estimate, Fitted
 from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.interval import spread_of
 from flexlink.identification.judge import columns_of
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.profile import profiled, widened
+from flexlink.identification.reasons import with_reasons
+from flexlink.identification.remarks import notes, ranges_apart, warnings
 from flexlink.identification.residuals import row_of
 from flexlink.identification.signals import FOUR, STEP, Signals
 from flexlink.identification.solve import Found, Search, start_points
@@ -60,9 +62,9 @@ def check_fit(problem: FitProblem) -> Check:
     """
     problem = require_type("problem", problem, FitProblem)
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
-    signals = Signals(sources, coordinates)
+    told = notes([*sources, *sources_of(problem, "check")])
     x = np.array([one.x(one.start) for one in coordinates])
-    return _check(signals, x, [list(source.blocks) for source in sources], _notes(sources))
+    return _check(Signals(sources, coordinates), x, [list(source.blocks) for source in sources], told)
 
 
 def fit(
@@ -112,11 +114,11 @@ def fit(
     problem = require_type("problem", problem, FitProblem)
     require_callable("progress", progress)
     count, tell = integer("starts", starts, 1), progress or (lambda _: None)
-    coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
+    coordinates, sources, kept = coordinates_of(problem), sources_of(problem, "fit"), sources_of(problem, "check")
     signals = Signals(sources, coordinates)
     search = Search(signals, problem.loss, coloured=problem.noise == "coloured")
     own = np.array([one.x(one.start) for one in coordinates])
-    check = _check(signals, own, [list(source.blocks) for source in sources], _notes(sources))
+    check = _check(signals, own, [list(source.blocks) for source in sources], notes([*sources, *kept]))
     if not check.passed:
         raise IdentifiabilityError("; also ".join(one.text for one in check.lost), check)
     tell("checked: every number is held by the data")
@@ -131,12 +133,12 @@ def fit(
     else:
         of_scene, others = numbers[: len(coordinates)], numbers[len(coordinates) :]
         numbers = (*widened(search, best, profiled(search, best, of_scene, tell) if profile else of_scene), *others)
-    columns = columns_of(problem, signals, best, own, tell)
+    columns = columns_of(problem, signals, best, own, kept, tell)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
-    warnings = _warnings(numbers, coordinates, after, found, columns)
+    told = warnings(numbers, coordinates, after, found, columns, [*sources, *kept])
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
-        tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, warnings,
+        tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, told,
     )  # fmt: skip
 
 
@@ -154,15 +156,18 @@ def _searched(search: Search, points: Sequence[Array], tell: Callable[[str], Non
             if k == 0:
                 raise
             continue
-        tell(f"start {k + 1} of {len(points)}: half the sum of squares {found[-1].cost:.6g}")
+        left = np.sqrt(2 * found[-1].cost / sum(len(b.y) for part in found[-1].blocks for b in part))
+        tell(f"start {k + 1} of {len(points)}: what is left is {left:.4g} times the noise, stated or assumed at first")
     return sorted(found, key=lambda end: end.cost)
 
 
-def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], notes: Sequence[str]) -> Check:
+def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], told: Sequence[str]) -> Check:
     """Slopes twice, with two steps: their difference is how well they are known."""
     slopes, finer = signals.slopes(x, FOUR), signals.slopes(x, FOUR, STEP / 2)
     J = _of_all(signals, x, blocks, slopes)
-    return checked(J, float(np.linalg.norm(J - _of_all(signals, x, blocks, finer), 2)), _names(signals), notes)
+    error = float(np.linalg.norm(J - _of_all(signals, x, blocks, finer), 2))
+    check = checked(J, error, _names(signals), [*told, *ranges_apart(signals.sources, signals.model(x))])
+    return check._replace(directions=with_reasons(signals, x, check.directions))
 
 
 def _check_after(signals: Signals, best: Found, before: Check) -> Check:
@@ -186,96 +191,3 @@ def _names(signals: Signals) -> list[str]:
 
 def _of_run(one: Estimate, coordinates: Sequence[Coordinate]) -> bool:
     return any(other.run and other.name == one.name for other in coordinates)
-
-
-def _notes(sources: Sequence[Source]) -> list[str]:
-    """What was read, and what is assumed of noise."""
-    found = []
-    for source in sources:
-        names = ", ".join(block.name for block in source.blocks)
-        rate = f" at {source.rate:.4g} Hz" if hasattr(source, "rate") else ""
-        found.append(f"{source.name}: {names}; {len(source.blocks[0].y)} samples{rate}")
-        uneven = [block.name for block in source.blocks if block.t is not None and _uneven(block.t)]
-        if uneven:
-            found.append(
-                f"{source.name}: samples of {', '.join(uneven)} are not evenly spaced; intervals count what is left "
-                "as if they were"
-            )
-        unknown = [block.name for block in source.blocks if not block.stated]
-        if unknown:
-            found.append(f"{source.name}: noise of {', '.join(unknown)} is not stated; 1 % of the range is assumed")
-    return found
-
-
-EVEN = 0.1
-"""Part of the time between samples by which it may vary untold."""
-FAR = 2.0
-"""How many times the noise that is stated the residuals may be before that is told."""
-STRAYS = 3.0
-"""Standard deviations of its prior that a number may be away from it untold."""
-
-
-def _too_far(one: FittedColumn) -> str:
-    return (
-        f"{one.source}, {one.name}: what is left is {one.times_noise:.2g} times the noise that is stated: more noise, "
-        "or something that the scene does not have"
-    )
-
-
-def _times_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> float:
-    """What is left of a column that was kept to check, over what is left of the same one where it was fitted."""
-    left = [other.off(other.after) for other in columns if other.use == "fit" and other.name == one.name]
-    return one.off(one.after) / max(left) if one.use == "check" and left and max(left) > 0 else 0.0
-
-
-def _worse_than_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> str:
-    return (
-        f"{one.source}, {one.name}: what is left is {_times_fitted(one, columns):.2g} times that of the fitted runs: "
-        "the numbers are not known well enough for this run (fit it, too), or the scene lacks something"
-    )
-
-
-def _uneven(t: Array) -> bool:
-    between = np.diff(t)
-    return bool(np.ptp(between) > EVEN * between.mean())
-
-
-WIDER = (
-    "its interval is wider than slopes say: it ends where the data reject a value, other noise in time being possible "
-    "there, too"
-)
-"""Of a number far from linear."""
-
-
-def _strays(one: Estimate, known: Coordinate) -> bool:
-    """Whether the data have led a number away from what was known of it."""
-    return known.prior is not None and abs(one.value - known.prior[0]) > STRAYS * known.prior[1]
-
-
-def _beside_prior(one: Estimate, known: Coordinate) -> str:
-    mean, deviation = known.prior or (0.0, 1.0)
-    far = abs(one.value - mean) / deviation
-    return (
-        f"{one.name} = {one.value:.4g}: {far:.2g} standard deviations from its prior, {mean:.4g} ± {deviation:.2g}: "
-        "the prior is wrong, or the scene lacks something that this number makes up for"
-    )
-
-
-def _warnings(
-    numbers: Sequence[Estimate],
-    coordinates: Sequence[Coordinate],
-    check: Check,
-    found: Sequence[Found],
-    columns: Sequence[FittedColumn],
-) -> tuple[str, ...]:
-    told = [f"{one.name} ended at its bound, {one.value:.6g}" for one in numbers if one.at_bound]
-    told += [f"{one.name}: {WIDER}" for one in numbers if one.widened]
-    told += [_beside_prior(one, known) for one, known in zip(numbers, coordinates, strict=False) if _strays(one, known)]
-    told += [one.text for one in check.directions]
-    told += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > FAR]
-    told += [_worse_than_fitted(one, columns) for one in columns if _times_fitted(one, columns) > FAR]
-    if len(found) > 1:
-        same = sum(bool(np.allclose(end.x, found[0].x, rtol=0, atol=1e-4)) for end in found)
-        if same < len(found):
-            told.append(f"{same} of {len(found)} starts led to the best answer; others end higher")
-    return tuple(told)

@@ -14,6 +14,7 @@ from flexlink.common.output import write_text
 from flexlink.common.types import Array
 from flexlink.describe.data_files import require_path
 from flexlink.describe.scene import Scene
+from flexlink.identification.block import unit_in
 from flexlink.identification.identifiability import Check
 from flexlink.identification.problem import FitProblem
 from flexlink.pages.builders import builder
@@ -101,6 +102,11 @@ class FittedColumn:
     times_noise: float
     whiteness: float
 
+    @property
+    def unit(self) -> str:
+        """Unit of the numbers."""
+        return unit_in(self.name)
+
     def off(self, model: Array) -> float:
         """Root mean square difference."""
         return float(math.sqrt(((model - self.measured) ** 2).mean()))
@@ -132,7 +138,7 @@ class Fitted:
     columns
         What was measured beside what the scene gives.
     starts
-        Values that each start led to, and half its sum of squares, the best first.
+        Values that each start led to, and half the sum of what is left over its noise, squared, the best first.
     runs
         How many runs were computed.
     warnings
@@ -248,15 +254,15 @@ class Fitted:
         return path
 
 
-def building() -> ModuleType:
-    """The module that builds pages, which needs matplotlib and jinja2.
+def building(page: str = "page") -> ModuleType:
+    """The module that builds pages of fits, or of checks, which needs matplotlib and jinja2.
 
     Raises
     ------
     MissingDependencyError
         One of them is not installed.
     """
-    return builder("flexlink.identification.page", "page")
+    return builder(f"flexlink.identification.{page}", "page")
 
 
 def _of_column(one: FittedColumn) -> dict[str, Any]:

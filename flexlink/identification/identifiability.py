@@ -19,6 +19,8 @@ FREE = 1.0
 """Expected standard deviation of a direction, a part of its numbers, from which on it is not held."""
 WEAK = 0.1
 """The same from which on it is told."""
+WIDE = 1.96
+"""Half of a 95 % interval over its standard deviation."""
 COUNTS = 0.2
 """Share of the largest effect among a direction's numbers that makes another one part of it."""
 
@@ -36,19 +38,24 @@ class Direction(NamedTuple):
         Expected standard deviation along it, a part of the numbers or of their units.
     lost
         Whether the data do not hold it at all.
+    why
+        What its numbers do move, if that is known; "" else.
     """
 
     names: tuple[str, ...]
     parts: tuple[float, ...]
     deviation: float
     lost: bool
+    why: str = ""
 
     @property
     def text(self) -> str:
         """A sentence."""
         if len(self.names) == 1:
-            how = "has no effect on the data" if self.lost else "is hardly held by the data"
-            return f"{self.names[0]} {how}: expected ± {_percent(self.deviation)}"
+            if not np.isfinite(self.deviation):
+                return f"{self.names[0]} has no effect on the data{self.why}"
+            how = "has too weak an effect on the data" if self.lost else "is hardly held by the data"
+            return f"{self.names[0]} {how}: expected ± {WIDE * 100 * self.deviation:.2g} % (95 %){self.why}"
         how = "cannot be told apart" if self.lost else "can hardly be told apart"
         moved = ", ".join(
             f"{name} {10 * p / self.parts[0]:+.2g} %" for name, p in zip(self.names, self.parts, strict=True)
@@ -138,7 +145,3 @@ def _direction(names: Sequence[str], v: Array, effects: Array, deviation: float,
     effect = np.abs(v) * effects
     order = [int(k) for k in np.argsort(-np.abs(v)) if effect[k] > COUNTS * effect.max()]
     return Direction(tuple(names[k] for k in order), tuple(float(v[k]) for k in order), float(deviation), lost)
-
-
-def _percent(part: float) -> str:
-    return "∞" if not np.isfinite(part) else f"{100 * part:.2g} %"

@@ -12,7 +12,7 @@ from flexlink.describe.scene import Scene
 from flexlink.identification.block import Block
 from flexlink.identification.colour import whiteness
 from flexlink.identification.coordinates import own_coordinates
-from flexlink.identification.data import Source, sources_of
+from flexlink.identification.data import Source
 from flexlink.identification.fitted import FittedColumn
 from flexlink.identification.linear_reference import linear_models
 from flexlink.identification.problem import FitProblem
@@ -23,9 +23,14 @@ from flexlink.identification.solve import Found, Search, white
 
 
 def columns_of(
-    problem: FitProblem, signals: Signals, best: Found, start: Array, tell: Callable[[str], None]
+    problem: FitProblem,
+    signals: Signals,
+    best: Found,
+    start: Array,
+    kept: Sequence[Source],
+    tell: Callable[[str], None],
 ) -> tuple[FittedColumn, ...]:
-    """All columns, those that were fitted first."""
+    """All columns, those that were fitted first, then those of sources that were kept to check."""
     before, after = signals.model(start), signals.model(best.x)
     found = _beside(signals.sources, best.blocks, before, after)
     rows = [[row_of(b, y) for b, y in zip(*part, strict=True)] for part in zip(best.blocks, after, strict=True)]
@@ -34,7 +39,7 @@ def columns_of(
     values = {one.path: one.value(float(x)) for one, x in zip(signals.coordinates, best.x, strict=True) if not one.run}
     fitted = [(one, signals.scene(k, best.x)) for k, one in enumerate(signals.sources) if isinstance(one, Recorded)]
     checks: list[tuple[Recorded, Scene]] = []
-    for source in sources_of(problem, "check"):
+    for source in kept:
         source.blocks = tuple(_known(block, gains, noises) for block in source.blocks)
         columns, scene = _kept(problem, source, values, gains)
         found += columns

@@ -9,10 +9,11 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
+from flexlink.identification.checked_page import asked, known_before, reproduced, told, what_differs
 from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
-from flexlink.pages.numbers import number, plural
+from flexlink.pages.numbers import JOIN, amount, number, plural
 from flexlink.pages.page import make_folder, write_page
 from flexlink.pages.part import Part, written
 from flexlink.pages.picture import Picture
@@ -38,8 +39,9 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
         "numbers": ("Numbers that were found", "Numbers", _numbers(fitted)),
         "data": ("Measured and computed", "Data", _data(fitted)),
         "left": ("What is left", "Residuals", _left(fitted)),
-        "told": ("What the data can tell", "Identifiability", _told(fitted)),
-        "reproduce": ("How to reproduce", "Reproduce", _reproduce(fitted, command)),
+        "told": ("What the data can tell", "Identifiability", told(fitted.check)),
+        "asked": ("What was asked", "Problem", asked(fitted.problem)),
+        "reproduce": ("How to reproduce", "Reproduce", reproduced(fitted.scene, "fitted.toml", command)),
     }
     definitions: dict[str, str] = {}
     with mpl.rc_context(RC):
@@ -49,12 +51,32 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
         ]
     verdicts = _verdicts(fitted)
     facts = [
-        Fact(f"{number(one.value, 4)} ± {number(one.half, 2)}", f"{one.name}, 95 %")
+        Fact(_told(one), f"{one.name}, 95 %{', wider than slopes say' if one.widened else ''}")
         for one in fitted.numbers
         if one.path
     ]
     page = write_page(folder, fitted.scene.name, "fit", chapters, verdicts, facts, definitions)
     return Report(page, tuple(verdicts), chapters)
+
+
+LEVEL = 0.2
+"""Part of half an interval by which its middle may be off the value, and both be told as value ± half."""
+
+
+def _told(one: Estimate) -> str:
+    """A number as it is told first: ±, or both ends where they are not alike, and its unit."""
+    unit = f" {one.unit}" if one.unit else ""
+    if not math.isfinite(one.half):
+        return f"{number(one.value, 4)}{unit}"
+    power = 0
+    if one.value and not 1e-3 <= abs(one.value) < 1e4:
+        power = math.floor(math.log10(abs(one.value)))
+        unit = f"{JOIN}×{JOIN}{number(10.0**power)}{unit}"
+    value, half, low, high = (part / 10**power for part in (one.value, one.half, one.low, one.high))
+    if abs((low + high) / 2 - value) > LEVEL * half:
+        return f"{number(value, 4)} ({number(low)}{JOIN}…{JOIN}{number(high)}){unit}"
+    both = f"{number(value, 4)}{JOIN}±{JOIN}{number(half, 2)}"
+    return f"({both}){unit}" if power else f"{both}{unit}"
 
 
 def _verdicts(fitted: Fitted) -> list[Verdict]:
@@ -63,13 +85,13 @@ def _verdicts(fitted: Fitted) -> list[Verdict]:
         Verdict(
             "Identifiability", "pass" if held else "fail", "held" if held else "not held",
             f"The data hold {plural(len(fitted.numbers), 'number')}." if held else
-            f"{fitted.warnings[0]}.",
+            f"{fitted.check.lost[0].text if fitted.check.lost else fitted.warnings[0]}.",
         )
     ]  # fmt: skip
     worst = max(fitted.judged, key=lambda one: one.off(one.after) / (one.noise or 1.0))
     by = "kept to check" if worst.use == "check" else "fitted; none were kept to check"
-    text = f"{worst.name} of {worst.source}: RMS difference {number(worst.off(worst.before))} before, "
-    text += f"{number(worst.off(worst.after))} after ({by})."
+    text = f"{worst.name} of {worst.source}: RMS difference {amount(worst.off(worst.before), worst.unit)} before, "
+    text += f"{amount(worst.off(worst.after), worst.unit)} after ({by})."
     better = fitted.better
     found.append(Verdict("Fit", "pass" if better else "fail", "better" if better else "worse", text))
     linear = [one for one in fitted.judged if one.linear is not None and np.isfinite(one.linear).all()]
@@ -92,22 +114,18 @@ def _beside_linear(ours: float, theirs: float) -> Verdict:
 
 
 def _numbers(fitted: Fitted) -> Part:
-    heads = ["number", "before", "fitted", "from", "to", "± in %", "standard deviation"]
+    heads = ["number", "unit", "before", "fitted", "from", "to", "± of 95 % [%]", "standard deviation"]
     profile = any(one.profile for one in fitted.numbers)
     lines: list[tuple[Cell, ...]] = [
-        (one.name, one.start, one.value, one.low, one.high, 100 * one.half / abs(one.value) if one.value else None,
-         one.deviation, *(_ends(one) if profile else ()))
+        (one.name, one.unit or "1", one.start, one.value, one.low, one.high,
+         100 * one.half / abs(one.value) if one.value else None, one.deviation, *(_ends(one) if profile else ()))
         for one in fitted.numbers
     ]  # fmt: skip
     heads += ["profile from", "profile to"] if profile else []
     sentences = (
-        "Intervals hold the true value in 95 % of cases if the scene is right; they count how the residuals hang "
-        "together in time.",
-        *(
-            f"Known already: {one.path} is {one.prior[0]:.6g} ± {one.prior[1]:.2g} (standard deviation)."
-            for one in fitted.problem.parameter
-            if one.prior
-        ),
+        "From and to are the ends of intervals that hold the true value in 95 % of cases if the scene is right; they "
+        "count how the residuals hang together in time.",
+        *known_before(fitted.problem),
         *(f"Note: {warning}." for warning in fitted.warnings),
     )
     names = tuple(one.name for one in fitted.numbers)
@@ -136,11 +154,10 @@ def _data(fitted: Fitted) -> Part:
         "of", "column", "use", "RMS before", "RMS after", "RMS free linear", "fit before [%]", "fit after [%]",
         "fit free linear [%]", "gain", "bias",
     )  # fmt: skip
-    sentences: tuple[str, ...] = ("Fit is 1 − |difference| / |measured less its mean|. RMS in SI units.",)
-    for run in fitted.problem.run:
-        if run.set:
-            said = ", ".join(f"{path} = {value}" for path, value in run.set.items())
-            sentences += (f"In {run.name} differs from the scene: {said}.",)
+    sentences: tuple[str, ...] = (
+        "Fit is 1 − |difference| / |measured less its mean|. RMS in the column's unit.",
+        *what_differs(fitted.problem),
+    )
     if all(one.linear is None for one in fitted.columns):
         sentences += ("No free linear model beside it: joints swing free, or there is no run.",)
     single = tuple(
@@ -220,7 +237,7 @@ def _left(fitted: Fitted) -> Part:
     for panel, one in zip(axes, drawn, strict=True):
         f, root = _spectrum(np.asarray(one.t), one.after - one.measured)
         panel.loglog(f, root, color=INK, linewidth=0.9)
-        panel.set_ylabel(f"{one.name.rpartition(' [')[2].rstrip(']')}/√Hz")
+        panel.set_ylabel(f"{one.unit}/√Hz")
         panel.set_title(f"{one.source}: {one.name}", loc="left")
         columns |= {f"{one.source}: f of {one.name} [Hz]": f, f"{one.source}: {one.name}": root}
     axes[-1].set_xlabel("frequency [Hz]")
@@ -233,25 +250,6 @@ def _spectrum(t: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     rate, window = (len(t) - 1) / (t[-1] - t[0]), np.hanning(len(e))
     power = np.abs(np.fft.rfft(window * (e - e.mean()))) ** 2 * 2 / (rate * (window @ window))
     return np.fft.rfftfreq(len(e), 1 / rate)[1:], np.sqrt(power[1:])
-
-
-def _told(fitted: Fitted) -> Part:
-    check = fitted.check
-    lines = tuple((name, None if not np.isfinite(e) else 100 * float(e)) for name, e in
-                  zip(check.names, check.expected, strict=True))  # fmt: skip
-    sentences = tuple(f"{one.text}." for one in check.directions) or ("Every number, and every combination, is held.",)
-    values = tuple((k, float(s)) for k, s in enumerate(check.singular_values, 1))
-    return Part((*sentences, *(f"{note}." for note in check.notes)), tables=(
-        Table("expected", "Expected standard deviation, noise white", ("number", "± in % of it or its unit"), lines),
-        Table("singular_values", "Singular values of the slopes over the noise", ("number", "value"), values,
-              to_look_up=True),
-    ))  # fmt: skip
-
-
-def _reproduce(fitted: Fitted, command: str) -> Part:
-    scene = fitted.scene.to_toml()
-    sentences = (f"Made by: {command}",) if command else ()
-    return Part(sentences, literal=scene, files={"fitted.toml": scene})
 
 
 def _padded(columns: dict[str, np.ndarray]) -> str:

@@ -13,12 +13,13 @@ from msgspec.structs import replace
 from scipy.interpolate import CubicSpline
 
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import DataFileError, FlexlinkError
+from flexlink.common.errors import DataFileError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import did_you_mean
 from flexlink.identification.block import Block
 from flexlink.identification.problem import FitProblem, FitRun, Use
+from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
 from flexlink.results.columns import sources_of
 from flexlink.results.measured import Measured, measured_from, named, read_measured
 from flexlink.results.trajectory import Trajectory
@@ -39,6 +40,10 @@ class Recorded:
         Its columns.
     rate
         Samples per second of the file [Hz].
+    shows
+        How long it is, and how much of the slowest mode it shows, in words.
+    doubts
+        What is to be known of its times.
     """
 
     name: str
@@ -46,6 +51,8 @@ class Recorded:
     scene: Scene
     blocks: tuple[Block, ...]
     rate: float
+    shows: str = ""
+    doubts: tuple[str, ...] = ()
 
     def first(self, part: float) -> Recorded:
         """The first part of the run, ten samples at least."""
@@ -91,9 +98,9 @@ def recorded(problem: FitProblem, run: FitRun) -> Recorded:
     if not blocks:
         raise DataFileError(f"run {run.name!r}: no measured values inside its window")
     _check_reach(run, scene, blocks)
-    rate = float((len(t) - 1) / (t[-1] - t[0]))
-    smooth = _as_long(exact(scene, problem.tolerance), t)
-    return Recorded(run.name, run.use, smooth, _with_noise(blocks), rate)
+    rate, smooth, hertz = float((len(t) - 1) / (t[-1] - t[0])), exact(scene, problem.tolerance), slowest_mode(scene)
+    doubts = doubts_of_times(smooth, blocks, t, hertz)
+    return Recorded(run.name, run.use, as_long(smooth, t), _with_noise(blocks), rate, in_periods(t, hertz), doubts)
 
 
 FAR = 20.0
@@ -178,19 +185,6 @@ def _noise_of_sensors(scene: Scene) -> dict[str, float]:
         for one in scene.sensor
         for name in column_names(scene, (one,))
     }
-
-
-def _as_long(scene: Scene, t: Array) -> Scene:
-    """The scene with a run as long as its record, sampled as that is where it can be."""
-    between = float(np.median(np.diff(t)))
-    length = float(t[-1]) - scene.initial.time
-    for sample in (float(f"{between:.9g}"), scene.run.spacing):
-        duration = max(math.ceil(length / sample - 1e-6), 1) * sample
-        try:
-            return scene.varied({"run.sample": sample, "run.duration": float(f"{duration:.12g}")})
-        except FlexlinkError as error:
-            reason = error
-    raise reason
 
 
 def _first(block: Block, part: float) -> Block:

@@ -33,6 +33,8 @@ class Chapter:
         What they stand on.
     literal
         Text that keeps its lines, such as a scene; it is folded.
+    literal_title
+        What it is.
     files
         Names of other files beside the page.
     failure
@@ -46,5 +48,6 @@ class Chapter:
     figures: tuple[Shown, ...] = ()
     tables: tuple[Table, ...] = ()
     literal: str = ""
+    literal_title: str = "Scene file"
     files: tuple[str, ...] = ()
     failure: str = ""

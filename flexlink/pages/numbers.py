@@ -29,6 +29,6 @@ def plural(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def amount(value: float | None, unit: str) -> str:
+def amount(value: float | None, unit: str, digits: int = 3) -> str:
     """Number and unit; the unit 1 goes without saying."""
-    return number(value) if unit in ("", "1") else f"{number(value)}{JOIN}{unit}"
+    return number(value, digits) if unit in ("", "1") else f"{number(value, digits)}{JOIN}{unit}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -28,8 +29,18 @@ def template(path: Path, **filters: object) -> jinja2.Template:
         undefined=jinja2.StrictUndefined,
     )
     environment.globals["style"] = (DATA / "style.css").read_text(encoding="utf-8")
-    environment.filters.update(number=number, amount=amount, **filters)
+    environment.filters.update(number=number, amount=amount, sentence_case=sentence_case, **filters)
     return environment.get_template(path.name)
+
+
+def sentence_case(head: str) -> str:
+    """A head with a capital, but for a symbol, and for a name or path.
+
+    >>> print([sentence_case(head) for head in ("standard deviation", "p of whiteness", "tip.mass")])
+    ['Standard deviation', 'p of whiteness', 'tip.mass']
+    """
+    first = re.split(r"[ ,:/-]", head, maxsplit=1)[0]
+    return head[:1].upper() + head[1:] if len(first) > 1 and first.isalpha() else head
 
 
 def make_folder(path: Path) -> None:

@@ -26,6 +26,8 @@ class Part:
         With their files.
     literal
         Text that keeps its lines, such as a scene; it is folded.
+    literal_title
+        What it is.
     files
         Name → text of other files that stand beside the page.
     facts
@@ -37,6 +39,7 @@ class Part:
     pictures: tuple[Picture, ...] = ()
     tables: tuple[Table, ...] = ()
     literal: str = ""
+    literal_title: str = "Scene file"
     files: dict[str, str] = dataclasses.field(default_factory=dict)
     facts: tuple[Fact, ...] = ()
 
@@ -48,6 +51,7 @@ def written(chapter: Chapter, part: Part, folder: Path, definitions: dict[str, s
     for name, text in part.files.items():
         write_text(folder / name, text)
     return dataclasses.replace(
-        chapter, sentences=part.sentences, tables=part.tables, literal=part.literal, files=tuple(part.files),
+        chapter, sentences=part.sentences, tables=part.tables, literal=part.literal,
+        literal_title=part.literal_title, files=tuple(part.files),
         figures=tuple(picture.shown(folder, definitions) for picture in part.pictures),
     )  # fmt: skip

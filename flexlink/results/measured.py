@@ -10,8 +10,8 @@ import numpy as np
 
 from flexlink.common.errors import DataFileError
 from flexlink.common.types import Array
-from flexlink.describe.csv_table import TIME, in_si, read_csv
-from flexlink.describe.spec import short_list
+from flexlink.describe.csv_table import TIME, conversion, head_of, in_si, read_csv, units_like
+from flexlink.describe.spec import did_you_mean, short_list
 
 
 class Measured(NamedTuple):
@@ -78,6 +78,20 @@ def named(where: str, head: str, known: Mapping[str, object]) -> tuple[str, floa
     found = in_si(head)
     if found is not None and found[0] in known:
         return found
-    raise DataFileError(
-        f"{where}: column {head!r}: not known; expected {short_list(list(known))}, or in deg, mm, µm, ms"
+    raise DataFileError(f"{where}: column {head!r}: {_why_unknown(head, known)}")
+
+
+def _why_unknown(head: str, known: Mapping[str, object]) -> str:
+    """What is wrong with a head, its quantity or its unit, and what it may have been meant for."""
+    quantity, unit = head_of(head)
+    same = next((name for name in known if head_of(name).quantity == quantity), None)
+    if same is not None:
+        fitting = ", ".join(units_like(head_of(same).unit))
+        return f"{'without a unit' if not unit else 'not known with this unit'}; expected {same!r}, or in {fitting}"
+    alike = [name for name in known if conversion(unit, head_of(name).unit) is not None and name != TIME]
+    others = f"in {unit} can be {short_list(alike)}" if alike else ""
+    expected = others or f"expected {short_list(list(known))}, or in deg, mm, µm, ms"
+    return (
+        f"not known; {expected}; leave out what does not count (of a fit: compare names what does)"
+        f"{did_you_mean(head, known)}"
     )

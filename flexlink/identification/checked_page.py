@@ -1,0 +1,118 @@
+"""Chapters of a fit's page that a check has, too: what the data can tell, what was asked, how it was made."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from msgspec.structs import replace
+
+from flexlink.common.output import write_text
+from flexlink.describe.scene import Scene
+from flexlink.describe.writing import toml_of, without_defaults
+from flexlink.identification.identifiability import WIDE, Check
+from flexlink.identification.problem import FitProblem
+from flexlink.pages.chapter import Chapter
+from flexlink.pages.numbers import plural
+from flexlink.pages.page import make_folder, write_page
+from flexlink.pages.part import Part, written
+from flexlink.pages.tables import Table, columns_csv
+from flexlink.pages.verdict import Report, Verdict
+
+START, PROBLEM = "start.toml", "problem.toml"
+"""Files beside the page: the scene before the fit, and the problem, which names it."""
+HEAD = "± of 95 % [% of it, or of its unit]"
+
+
+def build_check(problem: FitProblem, check: Check, folder: Path, command: str) -> Report:
+    """Write the page of a check, or of a fit that it refused, and its files.
+
+    Raises
+    ------
+    FlexlinkError
+        The folder cannot be made, or a file in it not be written.
+    """
+    make_folder(folder)
+    write_text(folder / "check.json", json.dumps(document(check), indent=1, ensure_ascii=False) + "\n")
+    parts = {
+        "told": ("What the data can tell", "Identifiability", told(check)),
+        "asked": ("What was asked", "Problem", asked(problem, (*known_before(problem), *what_differs(problem)))),
+        "reproduce": ("How to reproduce", "Reproduce", reproduced(problem.scene, START, command)),
+    }
+    chapters = [written(Chapter(name, title, short), part, folder, {}) for name, (title, short, part) in parts.items()]
+    held = f"The data hold {plural(len(check.names), 'number')}. Nothing was fitted."
+    lost = f"Nothing was fitted: {'; also '.join(one.text for one in check.lost)}."
+    verdict = Verdict(
+        "Identifiability", "pass" if check.passed else "fail", "held" if check.passed else "refused",
+        held if check.passed else lost,
+    )  # fmt: skip
+    return Report(write_page(folder, problem.scene.name, "fit", chapters, [verdict], [], {}), (verdict,), chapters)
+
+
+def document(check: Check) -> dict[str, object]:
+    """What the data can tell, as plain numbers and texts; None is no number."""
+    return {
+        "passed": check.passed,
+        "expected": {
+            name: float(WIDE * part) if np.isfinite(part) else None
+            for name, part in zip(check.names, check.expected, strict=True)
+        },
+        "singular_values": check.singular_values.tolist(),
+        "directions": [{"text": one.text, "lost": one.lost} for one in check.directions],
+        "notes": list(check.notes),
+    }
+
+
+def told(check: Check) -> Part:
+    """What the data can tell."""
+    lines = tuple(
+        (name, 100 * WIDE * float(part) if np.isfinite(part) else None)
+        for name, part in zip(check.names, check.expected, strict=True)
+    )
+    sentences = tuple(f"{one.text}." for one in check.directions) or ("Every number, and every combination, is held.",)
+    values = tuple((k, float(s)) for k, s in enumerate(check.singular_values, 1))
+    return Part((*sentences, *(f"{note}." for note in check.notes)), tables=(
+        Table("expected", "Expected from slopes and white noise, 95 %", ("number", HEAD), lines),
+        Table("singular_values", "Singular values of the slopes over the noise", ("number", "value"), values,
+              to_look_up=True),
+    ))  # fmt: skip
+
+
+def asked(problem: FitProblem, sentences: Sequence[str] = ()) -> Part:
+    """The problem, its scene and its runs as files."""
+    files = {START: problem.scene.to_toml()}
+    runs = []
+    for k, run in enumerate(problem.run, 1):
+        name = run.file or f"run_{k}.csv"
+        if run.columns:
+            files[name] = columns_csv({head: np.array(column) for head, column in run.columns.items()})
+        runs.append(replace(run, columns={}, file=name))
+    said = without_defaults(replace(problem, run=tuple(runs))) | {"scene": START}
+    text = toml_of({"scene": START, **said})
+    about = (f"{problem.about.rstrip('.')}.",) if problem.about else ()
+    return Part((*about, *sentences), literal=text, literal_title="Problem file", files={PROBLEM: text, **files})
+
+
+def known_before(problem: FitProblem) -> tuple[str, ...]:
+    """What is known of numbers without the data."""
+    return tuple(
+        f"Known already: {one.path} is {one.prior[0]:.6g} ± {one.prior[1]:.2g} (standard deviation)."
+        for one in problem.parameter if one.prior
+    )  # fmt: skip
+
+
+def what_differs(problem: FitProblem) -> tuple[str, ...]:
+    """What runs set in the scene."""
+    return tuple(
+        f"In {run.name} differs from the scene: {', '.join(f'{path} = {value}' for path, value in run.set.items())}."
+        for run in problem.run if run.set
+    )  # fmt: skip
+
+
+def reproduced(scene: Scene, name: str, command: str) -> Part:
+    """The command, and a scene."""
+    sentences = (f"Made by: {command}",) if command else ()
+    again = f"Again, from the files beside this page: flexlink fit {PROBLEM}"
+    return Part((*sentences, again), literal=scene.to_toml(), files={name: scene.to_toml()})

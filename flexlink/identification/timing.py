@@ -1,0 +1,103 @@
+"""Whether the times of a record fit the arm: its length and rate beside the arm's slowest mode.
+
+A record shows a mode that swings at least once in ten of its lengths, and has two samples in each period or more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import DataFileError, FlexlinkError
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.vibration.at_rest import first_elastic_frequency
+from flexlink.identification.block import Block
+from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.motion.simulate import simulate
+
+SHOWN = 0.1
+"""Part of a period that a record must have at least."""
+PERIODS, PER_PERIOD = 20, 20
+"""How long, and how finely, the scene is run where samples are too far apart for its slowest mode."""
+SWINGS = 0.1
+"""Part of what was measured by which the scene must swing between samples for these to be refused."""
+
+
+def slowest_mode(scene: Scene) -> float:
+    """Frequency of the slowest elastic mode at rest, the driven joints held [Hz]; nan where there is none."""
+    try:
+        chain = lump(scene)
+        wrench, frame = initial_wrench(scene, chain)
+        return first_elastic_frequency(chain, initial_state(scene, chain)[0], tip_wrench=wrench, frame=frame)
+    except FlexlinkError:  # such as an arm that does not rest
+        return np.nan
+
+
+def in_periods(t: Array, hertz: float) -> str:
+    """How long a record is, and how much of the slowest mode it shows.
+
+    >>> print(in_periods(np.linspace(0.0, 3.0, 601), 2.5))
+    3 s, 7.5 periods of the slowest mode, 2.5 Hz
+    """
+    length = float(t[-1] - t[0])
+    return f"{length:.4g} s" + (
+        f", {length * hertz:.3g} periods of the slowest mode, {hertz:.3g} Hz" if hertz > 0 else ""
+    )
+
+
+def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: float) -> tuple[str, ...]:
+    """What is to be known of the times t of a record, shape (samples,) [s].
+
+    Raises
+    ------
+    DataFileError
+        Samples are too far apart to show a mode in which the scene swings as far as was measured.
+    """
+    length, between = float(t[-1] - t[0]), float(np.median(np.diff(t)))
+    if length * hertz < SHOWN:
+        return (
+            f"the record is {length:.3g} s long, {length * hertz:.2g} of a period of the slowest mode, {hertz:.3g} Hz; "
+            "if its times are in s, their head is 't [s]'",
+        )
+    if not 2 * between * hertz > 1:
+        return ()
+    told = (
+        f"samples are {between:.3g} s apart, {length:.4g} s in all: too far for the slowest mode, {hertz:.3g} Hz, "
+        f"which needs one each {1 / (2 * hertz):.2g} s or more"
+    )
+    if not _swings(scene, blocks, hertz):
+        return (f"{told}; it is not seen",)
+    raise DataFileError(f"{told}, and in which the scene swings; if the times are in ms, their head is 't [ms]'")
+
+
+def as_long(scene: Scene, t: Array) -> Scene:
+    """The scene with a run as long as its record, sampled as that is where it can be."""
+    between = float(np.median(np.diff(t)))
+    length = float(t[-1]) - scene.initial.time
+    for sample in (float(f"{between:.9g}"), scene.run.spacing):
+        duration = max(math.ceil(length / sample - 1e-6), 1) * sample
+        try:
+            return scene.varied({"run.sample": sample, "run.duration": float(f"{duration:.12g}")})
+        except FlexlinkError as error:
+            reason = error
+    raise reason
+
+
+def _swings(scene: Scene, blocks: Sequence[Block], hertz: float) -> bool:
+    """Whether a scene swings by a good part of what was measured, in the first few periods."""
+    t = np.arange(PERIODS * PER_PERIOD) / (PER_PERIOD * hertz)
+    try:
+        run = simulate(as_long(scene, scene.initial.time + t))
+    except FlexlinkError:  # it is told where the run itself is needed
+        return False
+    for block in blocks:
+        y = run.columns[block.name]
+        straight = np.polyval(np.polyfit(run.t, y, 1), run.t)
+        if np.ptp(y - straight) > SWINGS * np.ptp(block.y):
+            return True
+    return False
