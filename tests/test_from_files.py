@@ -21,15 +21,17 @@ T = np.linspace(0.0, 1.0, 201)
 SWING = np.degrees(0.5 * (1 - np.cos(2 * np.pi * T)))  # deg, from rest and to rest
 
 
-def csv(path: Path, **columns: np.ndarray) -> Path:
-    """A file of columns by their heads, in which `_` stands for a blank."""
-    text = "\n".join(",".join(map(repr, row)) for row in np.column_stack([*columns.values()]).tolist())
-    path.write_text(",".join(columns) + "\n" + text + "\n", encoding="utf-8")
+def run_file(folder: Path, **columns: np.ndarray) -> Path:
+    """A file of columns by their heads, times first unless they have a head of their own."""
+    times = {} if any(head.startswith("t [") for head in columns) else {"t [s]": T}
+    path, table = folder / "run.csv", {**times, **columns}
+    text = "\n".join(",".join(map(repr, row)) for row in np.column_stack([*table.values()]).tolist())
+    path.write_text(",".join(table) + "\n" + text + "\n", encoding="utf-8")
     return path
 
 
 def swing_file(folder: Path, **more: np.ndarray) -> Path:
-    return csv(folder / "run.csv", **{"t [s]": T, "q upper [deg]": SWING, **more})
+    return run_file(folder, **{"q upper [deg]": SWING, **more})
 
 
 def moved_by(file: Path, **fields: object) -> fl.Scene:
@@ -54,7 +56,7 @@ class TestMotions:
         np.testing.assert_array_equal(motion.acceleration_deg, 2 * T)
 
     def test_a_joint_starts_where_its_file_does(self, tmp_path: Path) -> None:
-        file = csv(tmp_path / "run.csv", **{"t [ms]": 1e3 * T, "q upper [rad]": 0.3 + 0.1 * T})
+        file = run_file(tmp_path, **{"t [ms]": 1e3 * T, "q upper [rad]": 0.3 + 0.1 * T})
         scene = moved_by(file, cutoff=20.0)
         assert scene.initial.joint_deg[0] == pytest.approx(np.degrees(0.3), rel=1e-9)
         assert scene.initial.rate_deg[0] == pytest.approx(np.degrees(0.1), rel=1e-7)
@@ -62,7 +64,7 @@ class TestMotions:
         np.testing.assert_allclose(run.q[:, 0], 0.3 + 0.1 * run.t, rtol=0, atol=1e-8)
 
     def test_a_joint_that_slides_has_lengths(self, tmp_path: Path) -> None:
-        file = csv(tmp_path / "run.csv", **{"t [s]": T, "q cart [mm]": 100 * T})
+        file = run_file(tmp_path, **{"q cart [mm]": 100 * T})
         scene = make_scene(*LINKS, motion=(fl.PrescribedMotion(link=2, file=str(file), cutoff=20.0),))
         np.testing.assert_allclose(scene.motion[0].position_m, 0.1 * T, atol=1e-12)
 
@@ -95,7 +97,7 @@ def test_a_parabola_passes_unchanged_up_to_the_ends_of_a_record() -> None:
 
 class TestDrives:
     def test_torques_of_a_file_are_those_of_a_table(self, tmp_path: Path) -> None:
-        file = csv(tmp_path / "run.csv", **{"tau cart [kN]": 0.001 * T, "t [s]": T, "tau upper [N m]": 3 * T})
+        file = run_file(tmp_path, **{"tau cart [kN]": 0.001 * T, "t [s]": T, "tau upper [N m]": 3 * T})
         scene = make_scene(*LINKS, drive=fl.Drive(kind="table", file=str(file), smooth=True))
         assert scene.drive.file is None
         np.testing.assert_array_equal(scene.drive.times, T)
@@ -103,21 +105,19 @@ class TestDrives:
         assert scene.drive.smooth
 
     def test_joints_that_are_not_driven_need_no_column(self, tmp_path: Path) -> None:
-        file = csv(tmp_path / "run.csv", **{"t [s]": T, "tau upper [N m]": 3 * T})
+        file = run_file(tmp_path, **{"tau upper [N m]": 3 * T})
         locked = fl.Link(name="wrist", joint=fl.Joint(locked=True))
         scene = make_scene(LINKS[0], locked, drive=fl.Drive(kind="table", file=str(file)))
         assert scene.drive.torques[-1] == (3.0, 0.0)
 
 
 def test_a_wrench_takes_the_components_that_are_there(tmp_path: Path) -> None:
-    file = csv(tmp_path / "run.csv", **{"t [s]": T, "force y [N]": T, "moment z [N mm]": 1e3 * T})
+    file = run_file(tmp_path, **{"force y [N]": T, "moment z [N mm]": 1e3 * T})
     scene = make_scene(*LINKS, wrench=fl.Wrench(file=str(file)))
     assert scene.wrench.forces[-1] == (0.0, 1.0, 0.0)
     assert scene.wrench.moments[-1] == pytest.approx((0.0, 0.0, 1.0))
-    assert (
-        make_scene(*LINKS, wrench=fl.Wrench(file=str(csv(file, **{"t [s]": T, "force x [N]": T})))).wrench.moments
-        is None
-    )
+    alone = fl.Wrench(file=str(run_file(tmp_path, **{"force x [N]": T})))
+    assert make_scene(*LINKS, wrench=alone).wrench.moments is None
 
 
 MOTION = '[[motion]]\nlink = "upper"\nfile = "run.csv"\ncutoff = 5.0\n'

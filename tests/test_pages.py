@@ -65,6 +65,14 @@ def test_code_can_be_folded_below_what_it_gives(tmp_path: Path) -> None:
     assert third == "print('| a |')\n```\n:::\n"
 
 
+def test_a_build_that_runs_no_code_says_so_in_place_of_every_result() -> None:
+    code = "```python\nprint(1)\n```\n"
+    shown = snippets.unrun(f"{code}<!-- output -->\n\n{code}\n{code}<!-- folded -->\n")
+    assert shown.count(snippets.UNRUN) == 1
+    assert shown.count("print(1)") == 3
+    assert "<!--" not in shown
+
+
 def test_the_readme_is_short_and_has_the_numbers_of_the_stored_study() -> None:
     assert len(README.splitlines()) <= 130
     if not (ROOT / "reports" / "full").is_dir():

@@ -176,7 +176,7 @@ class IdentifiabilityError(FlexlinkError, ValueError):
     ...     fl.fit(fl.FitProblem(scene=scene, parameter=(friction,), modes=(tapped,)))
     ... except fl.errors.IdentifiabilityError as error:
     ...     print(error)
-    link.upper.joint.viscous has no effect on the data: expected ± ∞
+    link.upper.joint.viscous has no effect on the data
     """
 
     def __init__(self, message: str, check: object) -> None:

@@ -58,7 +58,8 @@ def _moves(signals: Signals, x: Array, k: int) -> str:
         ranges[unit_in(name)] = max(ranges.get(unit_in(name), 0.0), float(np.ptp(here[name])))
     moved = {name: float(np.abs(there[name] - here[name]).max()) / (ranges[unit_in(name)] or 1.0) for name in names}
     measured = {block.name for block in source.blocks}
-    most = sorted((name for name in names if moved[name] > MOVES and name not in measured), key=lambda n: -moved[n])
+    free = (name for name in names if moved[name] > MOVES and name not in measured)
+    most = sorted(free, key=lambda name: (name.startswith("q"), -moved[name]))  # hinges of a beam are no instruments
     data = ", ".join(sorted(measured))
     if most:
         return f"it moves {' and '.join(most[:MOST])}, the data of {source.name} are {data}"

@@ -1,0 +1,239 @@
+"""What a fit tells a new user: wrong times and ranges, why a number has no effect, units, pages that find it again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from conftest import ROOT, make_scene
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.describe.units import unit_of
+from flexlink.identification.colour import Colour
+from flexlink.identification.coordinates import Coordinate
+from flexlink.identification.fitted import Estimate
+from flexlink.identification.profile import HALVINGS, _Floor
+from flexlink.pages.page import sentence_case
+from flexlink.results.measured import measured_from
+
+T = np.linspace(0.0, 1.0, 101)
+
+
+def strip(**root: float) -> fl.Scene:
+    """A strip clamped to the side, which bends up and down about y, let go at rest."""
+    clamp = fl.RootStiffness(**root) if root else None
+    return fl.Scene(
+        name="strip",
+        gravity=(0.0, 0.0, -9.81),
+        arm=fl.Arm(
+            links=(
+                fl.Link(
+                    name="strip", length=0.9, flex="z", segments=3, material="steel", section="strip",
+                    joint=fl.Joint(axis=(0.0, -1.0, 0.0), locked=True), root_stiffness=clamp,
+                ),
+            ),
+            materials={"steel": fl.Material(young=205e9, density=7850.0)},
+            sections={"strip": fl.Section(shape="rectangle", height=0.004, width=0.04)},
+            tip=fl.RigidBody(mass=0.4),
+        ),
+        run=fl.RunSettings(duration=1.0, sample=0.01),
+    )  # fmt: skip
+
+
+def film(t: np.ndarray, scene: fl.Scene | None = None, of: str = "tip z [m]", size: float = 1.0) -> fl.FitRun:
+    """What a film of the strip sees, at other times if t says so."""
+    run = fl.simulate(scene or strip())
+    return fl.FitRun(name="film", columns={"t [s]": t, of: size * run.columns[of]})
+
+
+def check(run: fl.FitRun, *paths: str, scene: fl.Scene | None = None) -> fl.identification.Check:
+    sought = tuple(fl.FitParameter(path=path) for path in paths or ("tip.mass",))
+    return fl.check_fit(fl.FitProblem(scene=scene or strip(), parameter=sought, run=(run,)))
+
+
+class TestTimes:
+    """A strip with a payload at its tip swings at √(3 EI/L³ / (m + 33/140 ρAL)) / 2π = 3.0 Hz."""
+
+    def test_the_length_of_a_record_is_told_in_periods_of_the_slowest_mode(self) -> None:
+        stiffness, beam = 3 * 205e9 * 0.04 * 0.004**3 / 12 / 0.9**3, 7850 * 0.04 * 0.004 * 0.9
+        hertz = np.sqrt(stiffness / (0.4 + 33 / 140 * beam)) / (2 * np.pi)
+        (note,) = (note for note in check(film(T)).notes if "periods" in note)
+        periods = float(note.split(", ")[2].split()[0])
+        assert periods == pytest.approx(hertz, rel=0.02)  # in a record of a second
+
+    def test_times_in_ms_called_s_are_refused_with_the_head_that_is_right(self) -> None:
+        with pytest.raises(fl.errors.DataFileError, match=r"run 'film': samples are 10 s apart.* 't \[ms\]'"):
+            check(film(1e3 * T))
+
+    def test_times_in_s_called_ms_are_told(self) -> None:
+        told = check(film(1e-3 * T)).notes
+        assert any("0.001 s long" in note and "'t [s]'" in note for note in told)
+
+    def test_slow_samples_of_an_arm_that_does_not_swing_are_told_and_not_refused(self) -> None:
+        still = strip().varied({"initial.passive": "static"})
+        run = fl.FitRun(
+            name="film", columns={"t [s]": 10.0 * np.arange(4.0), "tip z [m]": (-0.01, -0.011, -0.01, -0.0101)}
+        )
+        assert any("it is not seen" in note for note in check(run, scene=still).notes)
+
+    def test_metres_called_mm_are_told(self) -> None:
+        assert any("is its unit right?" in note for note in check(film(T, size=1e-3)).notes)
+        assert not any("is its unit right?" in note for note in check(film(T)).notes)
+
+
+class TestReasons:
+    def test_a_number_without_effect_says_what_it_moves_instead(self) -> None:
+        run = fl.FitRun(name="film", columns={"t [s]": T, "tip y [m]": 1e-4 * np.sin(40 * T)})
+        (lost,) = check(run).lost
+        assert lost.text.startswith("tip.mass has no effect on the data; it moves tip z [m]")
+        assert lost.text.endswith("the data of film are tip y [m]")
+
+    def test_a_spring_about_another_axis_than_the_bending_is_told_with_both(self) -> None:
+        scene = strip(z=900.0)
+        (lost,) = check(film(T, scene), "link.strip.root_stiffness.z", scene=scene).lost
+        assert "root_stiffness.z is about z of the link, but flex = 'z' bends it about y of the link" in lost.text
+
+    def test_a_spring_about_the_right_axis_is_held(self) -> None:
+        scene = strip(y=900.0)
+        assert check(film(T, scene), "link.strip.root_stiffness.y", scene=scene).passed
+
+
+@pytest.mark.parametrize(
+    ("head", "reason"),
+    [
+        ("tip z", "without a unit; expected 'tip z [m]', or in m, mm"),
+        ("tip z [cm]", "not known with this unit; expected 'tip z [m]', or in m, mm"),
+        ("height [mm]", "not known; in mm can be tip z [m]; leave out"),
+        ("tp z [mm]", "did you mean 'tip z [m]'?"),
+    ],
+)
+def test_a_head_that_is_not_known_is_told_what_it_may_mean(head: str, reason: str) -> None:
+    with pytest.raises(fl.errors.DataFileError) as refused:
+        measured_from(
+            "film.csv", ("t [s]", head), np.zeros((2, 2)), dict.fromkeys(("t [s]", "tip z [m]", "q arm [rad]"))
+        )
+    assert reason in str(refused.value)
+
+
+class TestUnits:
+    SLIDING = make_scene(
+        fl.Link(name="cart", joint=fl.Joint(kind="prismatic", viscous=1.0), hub=fl.RigidBody(mass=1.0))
+    )
+
+    @pytest.mark.parametrize(
+        ("path", "unit"),
+        [
+            ("tip.mass", "kg"), ("material.steel.young", "Pa"), ("link.strip.root_stiffness.y", "N m/rad"),
+            ("link.strip.joint.viscous", "N m s/rad"), ("initial.joint_deg.strip", "deg"),
+            ("material.steel.poisson", ""),
+        ],
+    )  # fmt: skip
+    def test_a_path_has_the_unit_of_the_sentence_below_its_field(self, path: str, unit: str) -> None:
+        assert unit_of(strip(y=900.0), path) == unit
+
+    def test_numbers_of_a_joint_that_slides_have_its_unit(self) -> None:
+        assert unit_of(self.SLIDING, "link.cart.joint.viscous") == "N s/m"
+
+
+class TestEndsOfIntervals:
+    """2 cost = x² up to 2, then a plain that ends at 8, then a parabola; an interval of 95 % ends where it is 3.84."""
+
+    def floor(self, start: float) -> tuple[_Floor, Estimate]:
+        def twice(x: np.ndarray) -> float:
+            return float(min(x[0] ** 2, 2.0) + max(x[0] - 8.0, 0.0) ** 2)
+
+        search = SimpleNamespace(
+            coordinates=[Coordinate("x", "", start, False, 1.0, (-100.0, 100.0), None)], coloured=False,
+            cost=lambda x, _: twice(x) / 2, least=lambda x, *_, **__: x, covariance=lambda *_: np.eye(1),
+        )  # fmt: skip
+        best = SimpleNamespace(x=np.zeros(1), blocks=[])
+        return _Floor(search, best), Estimate("x", "x", start, 0.0, -1.96, 1.96, 1.0)  # type: ignore[arg-type]
+
+    def test_an_interval_goes_on_beyond_a_start_that_is_not_rejected_to_where_a_value_is(self) -> None:
+        true = 8.0 + np.sqrt(1.96**2 - 2.0)
+        end = self.floor(start=5.0)[0].beyond_start(0, self.floor(start=5.0)[1])
+        assert end is not None
+        assert true <= end <= true + (11.25 - 7.5) / 2**HALVINGS
+
+    def test_a_start_that_is_rejected_leaves_it_alone(self) -> None:
+        floor, one = self.floor(start=12.0)
+        assert floor.beyond_start(0, one) is None
+
+    def test_coefficients_of_noise_have_the_price_of_the_criterion_that_takes_them(self) -> None:
+        assert Colour(np.array([1.0, -0.5, 0.1, 0.2]), np.zeros(101)).price == pytest.approx(2 * 3 * 101 / 97)
+        assert Colour(np.ones(1), np.zeros(101)).price == 0.0
+
+
+class TestFiles:
+    def test_files_below_set_are_found_beside_the_problem_whatever_names_them(self, tmp_path: Path) -> None:
+        (tmp_path / "fit.toml").write_text(
+            f'scene = "{ROOT / "models" / "three_links.toml"}"\n[[parameter]]\npath = "tip.mass"\n'
+            '[[run]]\nname = "a"\nfile = "a.csv"\nset.run.method = "mine.toml"\nset.link.upper.lumping = "gauss"\n'
+            'set.motion = [{ link = "upper", file = "led.csv", cutoff = 5.0 }]\n'
+            '[[modes]]\nhertz = [1.0]\ndeviation = [0.1]\nset.link.upper.lumping = "own.toml"\n',
+            encoding="utf-8",
+        )
+        problem = fl.load_fit(tmp_path / "fit.toml")
+        assert problem.run[0].file == str(tmp_path / "a.csv")
+        assert problem.run[0].set["run.method"] == str(tmp_path / "mine.toml")
+        assert problem.run[0].set["motion"][0]["file"] == str(tmp_path / "led.csv")
+        assert problem.run[0].set["link.upper.lumping"] == "gauss"
+        assert problem.modes[0].set["link.upper.lumping"] == str(tmp_path / "own.toml")
+
+    def test_a_sweep_finds_files_by_the_same_rule(self, tmp_path: Path) -> None:
+        (tmp_path / "sweep.toml").write_text(
+            f'scene = "{ROOT / "models" / "three_links.toml"}"\n'
+            '[quantity]\nend = { of = "tip x [m]", take = "final" }\n'
+            '[grid]\n"drive.file" = ["a.csv", "b.csv"]\n"run.method" = ["RK4", "mine.toml"]\n',
+            encoding="utf-8",
+        )
+        grid = fl.load_sweep(tmp_path / "sweep.toml").grid
+        assert grid["drive.file"] == [str(tmp_path / "a.csv"), str(tmp_path / "b.csv")]
+        assert grid["run.method"] == ["RK4", str(tmp_path / "mine.toml")]
+
+
+def test_heads_of_tables_have_capitals_but_for_symbols_and_paths() -> None:
+    heads = "standard deviation", "p of whiteness", "tip.mass", "link.a.root_stiffness.y", "± of 95 % [%]", "RMS before"
+    assert [head for head in heads if sentence_case(head) != head] == ["standard deviation"]
+
+
+class TestPages:
+    def test_a_refused_fit_has_a_page_that_says_why_and_a_problem_that_is_refused_again(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        strip(z=900.0).save(tmp_path / "arm.toml")
+        run = film(T)
+        table = np.column_stack([run.columns["t [s]"], run.columns["tip z [m]"]])
+        np.savetxt(tmp_path / "film.csv", table, delimiter=",", header="t [s],tip z [m]", comments="")
+        (tmp_path / "fit.toml").write_text(
+            'scene = "arm.toml"\n[[parameter]]\npath = "link.strip.root_stiffness.z"\nprior = [900.0, 9e5]\n'
+            '[[run]]\nname = "film"\nfile = "film.csv"\nset.tip.mass = 0.41\n',
+            encoding="utf-8",
+        )
+        out = tmp_path / "out"
+        assert main(["fit", str(tmp_path / "fit.toml"), "--out", str(out)]) == 1
+        said = capsys.readouterr().out
+        assert f"page: {out / 'index.html'}" in said
+        page = (out / "index.html").read_text(encoding="utf-8")
+        assert 'Identifiability: <span class="state">refused</span>' in page
+        assert "Problem file" in page
+        assert "In film differs from the scene: tip.mass = 0.41." in page
+        told = json.loads((out / "check.json").read_text(encoding="utf-8"))
+        assert not told["passed"]
+        assert fl.load_fit(out / "problem.toml") == fl.load_fit(tmp_path / "fit.toml")
+        assert main(["fit", str(out / "problem.toml")]) == 1
+
+    def test_the_page_of_a_fit_has_units_and_the_problem_with_runs_given_in_python(self, tmp_path: Path) -> None:
+        sought = (fl.FitParameter(path="tip.mass"), fl.FitParameter(path="material.steel.young", prior=(205e9, 1e9)))
+        run = film(T, strip().varied({"tip.mass": 0.42}))
+        found = fl.fit(fl.FitProblem(scene=strip(), parameter=sought, run=(run,)))
+        assert [one.unit for one in found.numbers] == ["kg", "Pa"]
+        page = found.report(tmp_path / "out").page.read_text(encoding="utf-8")
+        assert "kg</p>" in page
+        assert "Pa</p>" in page
+        again = fl.fit(fl.load_fit(tmp_path / "out" / "problem.toml"))
+        assert [one.value for one in again.numbers] == [one.value for one in found.numbers]
