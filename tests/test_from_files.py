@@ -63,6 +63,20 @@ class TestMotions:
         run = fl.simulate(scene, step=1e-3, duration=1.0)
         np.testing.assert_allclose(run.q[:, 0], 0.3 + 0.1 * run.t, rtol=0, atol=1e-8)
 
+    def test_another_file_in_place_of_the_first_starts_where_it_does(self, tmp_path: Path) -> None:
+        first = moved_by(run_file(tmp_path, **{"q upper [deg]": 20.0 + 30.0 * T}), cutoff=20.0)
+        assert first.initial.joint_deg[0] == pytest.approx(20.0)
+        other = run_file(tmp_path, **{"q upper [deg]": -40.0 - 10.0 * T})
+        second = first.varied({"motion": [{"link": "upper", "file": str(other), "cutoff": 20.0}]})
+        assert second.initial.joint_deg[0] == pytest.approx(-40.0)
+        assert second.initial.rate_deg[0] == pytest.approx(-10.0)
+
+    def test_a_start_that_a_scene_gives_itself_is_still_compared_with_the_file(self, tmp_path: Path) -> None:
+        still = make_scene(*LINKS, initial=fl.InitialState(joint_deg=(28.6, 0.0)))
+        file = run_file(tmp_path, **{"q upper [deg]": -40.0 - 10.0 * T})
+        with pytest.raises(fl.errors.SceneError, match="the file of the motion of 'upper' begins with"):
+            still.varied({"motion": [{"link": "upper", "file": str(file), "cutoff": 20.0}]})
+
     def test_a_joint_that_slides_has_lengths(self, tmp_path: Path) -> None:
         file = run_file(tmp_path, **{"q cart [mm]": 100 * T})
         scene = make_scene(*LINKS, motion=(fl.PrescribedMotion(link=2, file=str(file), cutoff=20.0),))

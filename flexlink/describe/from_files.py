@@ -92,6 +92,34 @@ def _started_with(initial: InitialState, arm: Arm, number: int, motion: Prescrib
     return replace(initial, **changes)
 
 
+def without_starts(initial: InitialState, arm: Arm, led: tuple[PrescribedMotion, ...], by: object) -> InitialState:
+    """The initial state for other motions, `by`: a joint that begins with its motion is free to begin with its file.
+
+    Parameters
+    ----------
+    initial
+        The state.
+    led
+        Motions so far.
+    by
+        Tables or descriptions of motions in place of them.
+    """
+    files = {
+        each.get("link") if isinstance(each, dict) else getattr(each, "link", None)
+        for each in (by if isinstance(by, list | tuple) else ())
+        if (each.get("file") if isinstance(each, dict) else getattr(each, "file", None))
+    }
+    rows = {}
+    for motion in (each for each in led if {each.link, _number(arm, each)} & files):
+        for name, column in zip(("joint", "rate"), motion.columns, strict=False):
+            key, k = f"{name}_{UNIT[motion.slides]}", _number(arm, motion) - 1
+            row = rows.get(key) or list(getattr(initial, key) or ())
+            if k < len(row) and row[k] == column[0]:
+                row[k] = 0.0
+                rows[key] = row
+    return replace(initial, **{key: tuple(row) for key, row in rows.items()}) if rows else initial
+
+
 def drive_from_file(drive: Drive, arm: Arm, moved: set[int]) -> Drive:
     """A drive with the torques of its file: a column "tau NAME [N m]" for each joint that it drives.
 

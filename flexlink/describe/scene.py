@@ -31,7 +31,7 @@ from flexlink.describe.conditions import (
     implied,
     whole,
 )
-from flexlink.describe.from_files import filled_from_files
+from flexlink.describe.from_files import filled_from_files, without_starts
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.mistakes import check_all, mistakes, raise_together
 from flexlink.describe.own_units import KIND, UNIT, Row, in_si, misplaced, together
@@ -417,6 +417,8 @@ class Scene(Spec, frozen=True):
         seen = {key: _seen(parts[key]) for key in {"link", *anew} & parts.keys() if parts[key] is not None}
         document = apply_changes(seen, FIELDS, changes)
         kept = {key: value for key, value in parts.items() if key not in anew}
+        if "motion" in changes and "initial" in kept:
+            kept["initial"] = without_starts(self.initial, self.arm, self.motion, changes["motion"])
         arm = None if anew & OF_ARM.keys() else self.arm
         varied = scene_from({key: value for key, value in document.items() if key in anew}, kept, arm)
         check_named(varied)

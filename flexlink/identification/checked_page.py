@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from flexlink.common.output import write_text
 from flexlink.describe.scene import Scene
+from flexlink.describe.spec import truncated
 from flexlink.describe.writing import toml_of, without_defaults
 from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.problem import FitProblem
@@ -106,7 +107,8 @@ def known_before(problem: FitProblem) -> tuple[str, ...]:
 def what_differs(problem: FitProblem) -> tuple[str, ...]:
     """What runs set in the scene."""
     return tuple(
-        f"In {run.name} differs from the scene: {', '.join(f'{path} = {value}' for path, value in run.set.items())}."
+        f"In {run.name} differs from the scene: "
+        f"{', '.join(f'{path} = {truncated(value)}' for path, value in run.set.items())}."
         for run in problem.run if run.set
     )  # fmt: skip
 
