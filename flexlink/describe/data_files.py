@@ -111,20 +111,29 @@ NAMED = {"method", "lumping", "kind"}
 """Keys whose values are names of descriptions, or paths of the user's own."""
 
 
-def beside(folder: Path, value: Any, key: str = "") -> Any:
-    """What is said below a key, its files named from the folder of the file that says it, wherever the program moves.
+def beside(folder: Path, document: T) -> T:
+    """A parsed file, its files named from its folder, wherever the program moves; tables and lists change in place.
 
     These are all values of `file`, and those of `method`, `lumping` and `kind` that are own files. A key may be a path
-    such as "run.method", a value a list of several.
+    such as "run.method", a value a list of several. However deep a file is nested, no recursion is.
     """
-    if isinstance(value, dict):
-        return {name: beside(folder, item, str(name).rpartition(".")[2]) for name, item in value.items()}
-    if isinstance(value, list):
-        return [beside(folder, item, key) for item in value]
-    if not isinstance(value, str):
-        return value
-    if key == "file":
-        return str((folder / value).absolute()) if value else value
+    left: list[tuple[str, Any]] = [("", document)]
+    while left:
+        above, node = left.pop()
+        keys = list(node) if isinstance(node, dict) else range(len(node)) if isinstance(node, list) else ()
+        for key in keys:
+            value = node[key]
+            name = key.rpartition(".")[2] if isinstance(key, str) else above
+            if isinstance(value, str):
+                node[key] = _from(folder, name, value)
+            else:
+                left.append((name, value))
+    return document
+
+
+def _from(folder: Path, key: str, value: str) -> str:
+    if key == "file" and value:
+        return str((folder / value).absolute())
     return absolute(value, folder) if key in NAMED else value
 
 

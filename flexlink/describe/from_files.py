@@ -99,6 +99,8 @@ def without_starts(initial: InitialState, arm: Arm, led: tuple[PrescribedMotion,
     ----------
     initial
         The state.
+    arm
+        The arm.
     led
         Motions so far.
     by
@@ -109,7 +111,7 @@ def without_starts(initial: InitialState, arm: Arm, led: tuple[PrescribedMotion,
         for each in (by if isinstance(by, list | tuple) else ())
         if (each.get("file") if isinstance(each, dict) else getattr(each, "file", None))
     }
-    rows = {}
+    rows: dict[str, list[float]] = {}
     for motion in (each for each in led if {each.link, _number(arm, each)} & files):
         for name, column in zip(("joint", "rate"), motion.columns, strict=False):
             key, k = f"{name}_{UNIT[motion.slides]}", _number(arm, motion) - 1
