@@ -15,6 +15,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.versions import __version__ as __version__
 from flexlink.describe.arm import Arm, Base, Damping, Friction, Link, Material, Section
 from flexlink.describe.conditions import BaseState, Drive, InitialState, PrescribedMotion, RunSettings, Wrench
+from flexlink.describe.drag import Drag
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
@@ -27,6 +28,7 @@ from flexlink.describe.sensor import Sensor
 from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
+from flexlink.dynamics.drag import drag_torque
 from flexlink.dynamics.equilibrium import buckling_loads, solve_static
 from flexlink.dynamics.loads import internal_loads
 from flexlink.dynamics.momentum import momentum
@@ -87,6 +89,7 @@ __all__ = [
     "Chain",
     "Damping",
     "DenavitHartenberg",
+    "Drag",
     "Drive",
     "FitModes",
     "FitParameter",
@@ -127,6 +130,7 @@ __all__ = [
     "check_fit",
     "compare",
     "compare_trajectories",
+    "drag_torque",
     "elastic_torque",
     "energy",
     "equilibrium_in_motion",

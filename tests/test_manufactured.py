@@ -54,6 +54,7 @@ TERMS = {
     "the payload's place": {"tip.center": [0.05, 0.02, 0.0301]},
     "a mount": {"link.mast.mount.xyz": [-0.1, 0.101, 0.1]},
     "the branch": {"link.mast.length": 0.501},
+    "drag": {"link.fore.drag.coefficient": 2.001},
     "the wrench": {"wrench.moments": [[0.5, 0.2, -0.4], [-0.3, 0.6, 0.701]]},
 }
 

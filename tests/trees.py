@@ -15,6 +15,11 @@ Numbers = NDArray[np.inexact]
 
 
 def random_tree(rng: np.random.Generator, links: int = 4, *, free: bool = False) -> fl.Chain:
+    """The chain of `random_tree_scene`."""
+    return fl.lump(random_tree_scene(rng, links, free=free))
+
+
+def random_tree_scene(rng: np.random.Generator, links: int = 4, *, free: bool = False) -> fl.Scene:
     """Links of any kind on any one before, on the base, too; joints that turn, slide, have elastic drives."""
     parts = []
     for number in range(links):
@@ -43,7 +48,7 @@ def random_tree(rng: np.random.Generator, links: int = 4, *, free: bool = False)
         *parts, tip=fl.RigidBody(mass=rng.uniform(), inertia=(0.01, 0.02, 0.02)), gravity=three(rng, 10.0)
     )
     scene = replace(scene, arm=replace(scene.arm, base=base))
-    return fl.lump(replace(scene, wrench=fl.Wrench(on=str(rng.choice(list(fl.lump(scene).tips))))))
+    return replace(scene, wrench=fl.Wrench(on=str(rng.choice(list(fl.lump(scene).tips)))))
 
 
 def three(rng: np.random.Generator, size: float) -> tuple[float, float, float]:

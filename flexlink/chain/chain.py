@@ -30,7 +30,7 @@ from flexlink.describe.arm import BASE
 from flexlink.describe.links import link_number
 from flexlink.describe.spec import short_list, truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
-from flexlink.kernels.layout import COUPLING, SLIDES, ChainArrays
+from flexlink.kernels.layout import COUPLING, DRAG, SLIDES, ChainArrays
 
 _OF_LAYOUT = {
     "active", "slides", "is_serial", "is_serial_revolute", "has_free_base", "joint_units", "bending", "axes",
@@ -83,6 +83,8 @@ class Chain:
         Names of the arm's links; `Coordinate.link` counts them from 1.
     couplings
         Springs and dampers between two hinges, structured array of dtype `COUPLING`, read-only; none by default.
+    drag
+        Points at which the links meet drag of the air, structured array of dtype `DRAG`, read-only; none by default.
     tips
         Number in `bodies` of the tip frame of every link that no other hangs on, by the link's name; the last one is
         the arm's tip. By default the last body is the only one.
@@ -106,11 +108,12 @@ class Chain:
     link_names: tuple[str, ...]
     couplings: NDArray[np.void] = dataclasses.field(default_factory=lambda: np.zeros(0, COUPLING))
     tips: dict[str, int] = dataclasses.field(default_factory=dict)
+    drag: NDArray[np.void] = dataclasses.field(default_factory=lambda: np.zeros(0, DRAG))
 
     def __post_init__(self) -> None:
         if not self.tips and self.link_names:
             object.__setattr__(self, "tips", {self.link_names[-1]: len(self.bodies) - 1})
-        for array in (self.bodies, self.hinges, self.gravity, self.couplings):
+        for array in (self.bodies, self.hinges, self.gravity, self.couplings, self.drag):
             array.flags.writeable = False
 
     def __reduce__(self) -> tuple[type[Chain], tuple[object, ...]]:
@@ -159,7 +162,7 @@ class Chain:
         couplings: NDArray[np.void],
     ) -> Chain:
         """A chain whose hinges stand as they do here; what has been found of that is not sought again."""
-        other = Chain(name, bodies, hinges, gravity, self.coordinates, self.link_names, couplings, self.tips)
+        other = Chain(name, bodies, hinges, gravity, self.coordinates, self.link_names, couplings, self.tips, self.drag)
         known = vars(self)
         vars(other).update((name, known[name]) for name in _OF_LAYOUT if name in known)
         return other

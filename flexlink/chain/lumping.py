@@ -17,6 +17,7 @@ from flexlink.chain.builder import Builder, Piece, record_inertia, recorded
 from flexlink.chain.chain import ROOT, Chain, Coordinate
 from flexlink.chain.compliance import cell_constants, spring_constants
 from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
+from flexlink.chain.drag import with_drag
 from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
@@ -75,7 +76,8 @@ def lump(scene: Scene) -> Chain:
     arm = require_type("scene", scene, Scene).arm
     if has_own_rules(scene):
         return _lumped(scene)
-    return CHAINS(arm, (scene.name, scene.gravity, situation(scene), posture_of(scene)), lambda: _lumped(scene))
+    known = scene.name, scene.gravity, scene.fluid_density, situation(scene), posture_of(scene)
+    return CHAINS(arm, known, lambda: _lumped(scene))
 
 
 def situation(scene: Scene) -> tuple[object, ...]:
@@ -108,7 +110,7 @@ def _lumped(scene: Scene) -> Chain:
     for array in (bodies, hinges, couplings):
         _check_finite(scene.name, array)
     chain = frame.chain = frame.chain.with_numbers(scene.name, bodies, hinges, np.array(scene.gravity), couplings)
-    return with_constant_ratios(chain, scene)
+    return with_drag(with_constant_ratios(chain, scene), scene, frame.builder.pieces)
 
 
 def pieces(scene: Scene) -> list[Piece]:

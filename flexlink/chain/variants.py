@@ -50,7 +50,7 @@ def _same_frame(before: Scene, scene: Scene) -> bool:
 
 def _frame(scene: Scene) -> Frame | None:
     try:
-        return None if has_own_rules(scene) or posture_of(scene) else frame_of(scene)
+        return None if has_own_rules(scene) or posture_of(scene) or scene.arm.has_drag else frame_of(scene)
     except FlexlinkError:
         return None
 

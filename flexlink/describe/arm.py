@@ -13,13 +13,14 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.describe import data_files
 from flexlink.describe.directions import Line, line_of, unit
+from flexlink.describe.drag import Drag
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.links import link_number
 from flexlink.describe.mistakes import raise_together
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.root import ROOT_AXES, RootDamping, RootStiffness
-from flexlink.describe.sections import SHAPES, SectionProperties
+from flexlink.describe.sections import BREADTHS, SHAPES, SectionProperties
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, did_you_mean, link_key, short_list, truncated
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
@@ -118,6 +119,17 @@ class Section(Spec, frozen=True):
     def properties(self) -> SectionProperties:
         """Area, second moments and St Venant constant of this section."""
         return self.towards(self, 0.0)
+
+    def breadths(self, tip: Section, x: float) -> tuple[float, float] | None:
+        """How broad it is at the part `x` of the way to another section, seen along y and along z [m]; None: unknown.
+
+        Of a general section nothing is known but areas.
+        """
+        across = BREADTHS.get(self.shape)
+        if across is None:
+            return None
+        y, z = ((1 - x) * getattr(self, name) + x * getattr(tip, name) for name in across)
+        return y, z
 
     def towards(self, tip: Section, x: float) -> SectionProperties:
         """Properties at the part `x` of the way to a section of the same shape, all dimensions linear in x."""
@@ -250,6 +262,8 @@ class Link(Spec, frozen=True):
     """Damping of the link's bending, in place of the material's `loss_time`."""
     friction: Friction | None = None
     """Dry friction in the link's hinges."""
+    drag: Drag | None = None
+    """Drag of the air that the beam moves through. Default: none."""
     end: RigidBody = RigidBody()
     """Rigid body at the end of the beam, with the axes of the link's frame: the next motor."""
 
@@ -430,6 +444,7 @@ class Arm(Spec, frozen=True):
                     meant = did_you_mean(name, table)
                     yield f"{self.path(k)}.{key} = {name!r}: not defined; defined are {known}{meant}"
             yield from self._wrong_table(k, link)
+            yield from self._wrong_drag(k, link)
             if link.section_tip is None:
                 continue
             shapes = [self.sections[n].shape for n in (link.section, link.section_tip) if n in self.sections]
@@ -451,6 +466,22 @@ class Arm(Spec, frozen=True):
         if abs(table.x[-1] - link.beam.length) > SAME_LENGTH * link.beam.length:
             yield f"{path}: ends at x = {table.x[-1]!r} m; the beam ends at {link.beam.length!r} m, and so must it"
 
+    def _wrong_drag(self, k: int, link: Link) -> Iterator[str]:
+        """What is not known of a link that has drag."""
+        if link.drag is None:
+            return
+        if link.beam.length == 0:
+            yield f"{self.path(k)}.drag: the link has no length; leave it out"
+        elif link.drag.breadth is None:
+            section = self.sections.get(link.section or "")
+            if link.section is None:
+                yield f"{self.path(k)}.drag.breadth: missing; the link has no section that says how broad it is"
+            elif section is not None and section.shape not in BREADTHS:
+                yield (
+                    f"{self.path(k)}.drag.breadth: missing; a {section.shape} section, {link.section!r}, does not say "
+                    "how broad it is"
+                )
+
     @property
     def parents(self) -> tuple[int, ...]:
         """Of every link the number, from 1, of the one that it hangs on; 0: the base."""
@@ -459,6 +490,11 @@ class Arm(Spec, frozen=True):
             parents.append(numbers[link.on] if link.on else before)
             numbers[link.name] = before + 1
         return tuple(parents)
+
+    @property
+    def has_drag(self) -> bool:
+        """Whether any link has drag."""
+        return any(link.drag is not None for link in self.links)
 
     @property
     def slides(self) -> tuple[bool, ...]:

@@ -13,6 +13,7 @@ LOOPS = (
 TREES = "a link names the one that it hangs on, on = 'torso'; by default it is the one before it in the list"
 FLOATING = "a base that floats is written base = { kind = 'free', mass = 100.0, inertia = [10.0, 10.0, 10.0] }"
 CONTACT = "contact is not supported: give the force of what is touched as wrench, in time if need be"
+DRAG = "drag of the air is written link.NAME.drag = { coefficient = 1.2 }, of a density air_density = 1.225"
 HINGES = "a joint turns unless its kind is 'prismatic': leave this out, and give its axis"
 
 BY_VALUE = {
@@ -30,6 +31,7 @@ BY_KEY = {
     **dict.fromkeys(("parent", "child", "children", "branch", "branches", "tree"), TREES),
     **dict.fromkeys(("contact", "contacts", "collision", "collisions", "ground", "floor", "obstacle", "wall_contact",
                      "friction_ground"), CONTACT),
+    **dict.fromkeys(("air", "air_drag", "drag_coefficient", "aerodynamics", "fluid", "density", "wind"), DRAG),
 }  # fmt: skip
 
 

@@ -31,6 +31,7 @@ from flexlink.describe.conditions import (
     implied,
     whole,
 )
+from flexlink.describe.drag import SEA_LEVEL
 from flexlink.describe.from_files import filled_from_files, without_starts
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.mistakes import check_all, mistakes, raise_together
@@ -39,6 +40,7 @@ from flexlink.describe.reference import refuse_beyond
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.sensor import Sensor, sensor_mistakes
 from flexlink.describe.spec import (
+    Positive,
     Spec,
     Vector3,
     build_validated,
@@ -76,6 +78,8 @@ class Scene(Spec, frozen=True):
     """A sentence on what the scene shows."""
     gravity: Vector3 = (0.0, 0.0, 9.81)
     """Acceleration of gravity in frame 0 [m/s²]; [0, 0, 9.81] has Z down, [0, 0, -9.81] Z up."""
+    air_density: Positive | None = None
+    """Density ρ of the air in which links with `drag` move [kg/m³]; default: 1.225, at sea level and 15 °C."""
     drive: Drive = Drive()
     """What drives the joints."""
     motion: tuple[PrescribedMotion, ...] = ()
@@ -99,7 +103,12 @@ class Scene(Spec, frozen=True):
         self._read_files()
         raise_together(self._wrong_lists())  # on whose lengths all else counts
         checks = [self._check_rate, lambda: self._check_limits(said), self._check_reference, self._check_motions]
-        checks += [self._check_base, self._check_wrench, lambda: raise_together(sensor_mistakes(self.sensor, self.arm))]
+        checks += [
+            self._check_air,
+            self._check_base,
+            self._check_wrench,
+            lambda: raise_together(sensor_mistakes(self.sensor, self.arm)),
+        ]
         check_all(checks if self.run.controlled else [self._check_grid, *checks])
 
     def _read_files(self) -> None:
@@ -163,6 +172,19 @@ class Scene(Spec, frozen=True):
             if outside and (self.initial.q is None or link.joint.locked):
                 key = said["joint_m" if link.joint.slides else "joint_deg"].replace("joint_", "initial.joint_")
                 raise SceneError(f"{self.arm.path(k + 1, key)} = {outside}")
+
+    def _check_air(self) -> None:
+        """Air without anything that it drags at."""
+        if self.air_density is not None and not self.arm.has_drag:
+            raise SceneError(
+                f"air_density = {self.air_density!r}: has no effect; no link has drag; give one, such as "
+                "link.NAME.drag = { coefficient = 1.2 }, or leave it out"
+            )
+
+    @property
+    def fluid_density(self) -> float:
+        """Density of the air that links with drag move through [kg/m³]; 0 without any."""
+        return (self.air_density or SEA_LEVEL) if self.arm.has_drag else 0.0
 
     def _check_base(self) -> None:
         """What is said of the base's start, and what takes for granted that it does not float."""
@@ -457,8 +479,8 @@ class Scene(Spec, frozen=True):
             if "base" in table:
                 table["base"] = Inline(table["base"])
         order = (
-            "name", "about", "gravity", "base", "material", "section", "rigidity", "link", "tip", "initial", "drive",
-            "motion", "wrench", "sensor", "run",
+            "name", "about", "gravity", "air_density", "base", "material", "section", "rigidity", "link", "tip",
+            "initial", "drive", "motion", "wrench", "sensor", "run",
         )  # fmt: skip
         return toml_of({key: document[key] for key in order if key in document and document[key] != {}})
 

@@ -67,6 +67,11 @@ def _rectangle_torsion(a: float, b: float) -> float:
     return a * b**3 * (1 / 3 - 64 / math.pi**5 * (b / a) * (31 / 32 * zeta_5 - rest))
 
 
+BREADTHS = {
+    "rectangle": ("width", "height"), "box": ("width", "height"), "circle": ("diameter", "diameter"),
+    "tube": ("outer", "outer"),
+}  # fmt: skip
+"""Of each shape the dimensions that stand across flow along the section's y and along its z."""
 SHAPES: dict[str, tuple[Callable[..., SectionProperties], tuple[str, ...]]] = {
     "rectangle": (rectangle, ("height", "width")),
     "circle": (circle, ("diameter",)),

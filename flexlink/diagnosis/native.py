@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.common.versions import __version__
@@ -13,13 +15,13 @@ from flexlink.motion.simulate import simulate
 
 
 class NativeEngine:
-    """The functions of `flexlink.dynamics` and `flexlink.simulate` for one chain."""
+    """The functions of `flexlink.dynamics` and `flexlink.simulate` for one chain, without drag, as files are."""
 
     name = "native"
     version = __version__
 
     def __init__(self, chain: Chain) -> None:
-        self.chain = chain
+        self.chain = dataclasses.replace(chain, drag=chain.drag[:0]) if len(chain.drag) else chain
         self.n = chain.n
 
     def mass_matrix(self, q: Array) -> Array:

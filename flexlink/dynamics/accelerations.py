@@ -1,4 +1,4 @@
-"""Forward dynamics, M q̈ = T_EX − T_GC − T_FL − T_FR: of a state, of a batch, of many chains of one layout."""
+"""Forward dynamics, M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG: of a state, of a batch, of many chains of one layout."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.conditions import ForwardSolver, Frame
 from flexlink.dynamics.batches import about_state, is_batch, rows
+from flexlink.dynamics.drag import drag_torque
 from flexlink.dynamics.singularity import no_acceleration
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.forward import solvers
@@ -38,7 +39,7 @@ def forward_dynamics(
     frame: Frame = "world",
     solver: str = "articulated",
 ) -> Array:
-    """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR.
+    """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG.
 
     Pinocchio calls it `aba`, MuJoCo `mj_forward`. A joint whose motion is prescribed keeps its rate here, q̈ = 0,
     whatever `tau` says.
@@ -82,6 +83,8 @@ def forward_dynamics(
     n, kernel = chain.n, solver_for(chain, solver)
     q, qd, tau = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("tau", tau, n, many=True)
     wrench = world_wrench(chain, q, tip_wrench, frame)
+    if len(chain.drag):
+        tau = tau - drag_torque(chain, q, qd)
     qdd: Array = kernel.accelerations(chain.arrays, wrench, q, qd, tau)
     if is_finite(qdd):
         return qdd
@@ -113,6 +116,9 @@ def _forward_dynamics_of_many(
     if b == 0:
         return np.zeros((b, n))
     wrenches = world_wrenches(chains, states[0], tip_wrench, frame)
+    if any(len(each.drag) for each in chains):
+        q, qd, tau = states
+        states[2] = tau - np.array([drag_torque(chains[k % len(chains)], q[k], qd[k]) for k in range(b)])
     qdd = _side_by_side(chains, solver, [wrenches, *states])
     if not is_finite(qdd.reshape(-1)):
         k = int(np.argmin(np.isfinite(qdd).all(axis=1)))

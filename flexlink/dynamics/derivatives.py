@@ -15,6 +15,7 @@ from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics, lanes_workspace, solver_for
 from flexlink.dynamics.batches import each, is_batch, rows, wrench_rows
+from flexlink.dynamics.drag import drag_slopes, drag_torque
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.dynamics.wrench import turns_with_tip, world_wrench
@@ -118,11 +119,12 @@ def forward_dynamics_derivatives(
     tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
 ) -> ForwardDerivatives:
-    """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX of M q̈ = T_EX − T_GC − T_FL − T_FR, `forward_dynamics`.
+    """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX of M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG, `forward_dynamics`.
 
-    ∂q̈/∂(q, q̇) = −M⁻¹ ∂(M q̈ + T_GC + T_FL + T_FR)/∂(q, q̇) at constant q̈, every column by articulated bodies, O(n);
-    O(n²) in all. Friction counts with its slope d + c/w sech²(q̇/w) at this rate. Right to 1e-12 of the largest element
-    of each, of random arms of 2 to 14 joints to 3e-13; as q̈ itself, off by more where M is almost singular.
+    ∂q̈/∂(q, q̇) = −M⁻¹ ∂(M q̈ + T_GC + T_FL + T_FR + T_DRAG)/∂(q, q̇) at constant q̈, every column by articulated
+    bodies, O(n); O(n²) in all. Friction counts with its slope d + c/w sech²(q̇/w) at this rate. Right to 1e-12 of the
+    largest element of each, of random arms of 2 to 14 joints to 3e-13; as q̈ itself, off by more where M is almost
+    singular.
 
     Joints with prescribed motion keep their rate, as in `forward_dynamics`; what moves them is not a torque but an
     acceleration, so that their columns of `dtau` hold ∂q̈/∂q̈_given, 1 at the joint itself.
@@ -158,6 +160,8 @@ def forward_dynamics_derivatives(
     """
     if is_batch(q, qd, tau):
         state = {"q": q, "qd": qd, "tau": tau}
+        if len(require_type("chain", chain, Chain).drag):
+            return each(forward_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
         write = functools.partial(forward_derivatives_of_many, require_type("chain", chain, Chain).arrays)
         if chain.is_planar:
             work = lanes_workspace(solver_for(chain, "articulated"), [chain])
@@ -171,12 +175,15 @@ def forward_dynamics_derivatives(
     tau = vector("tau", tau, n, many=True, finite=False)
     wrench = world_wrench(chain, q, tip_wrench, frame)
     found, write = np.empty((3, n, n)), planar_derivatives if chain.is_planar else forward_derivatives
-    if not write(*chain.arrays, wrench, q, qd, tau, found):
+    left = tau - drag_torque(chain, q, qd) if len(chain.drag) else tau
+    if not write(*chain.arrays, wrench, q, qd, left, found):
         forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises where there is no q̈
         raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
+    free = np.flatnonzero(chain.hinges["prescribed"] == 0)
     if frame == "tip":
-        free = np.flatnonzero(chain.hinges["prescribed"] == 0)
         found[0] -= found[2][:, free] @ _of_turning(chain, q, qd, wrench, tip_wrench)[free]
+    if len(chain.drag):
+        found[:2] -= found[2][:, free] @ np.array(drag_slopes(chain, q, qd))[:, free]
     found.setflags(write=False)  # and with it the parts
     return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
 

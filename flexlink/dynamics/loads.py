@@ -1,7 +1,7 @@
 """Internal loads: what the parts of an arm do to each other where it is cut, in motion or at rest.
 
 Cut before body i, at its hinge point. All that lies beyond, the bodies that hang on it, moves as gravity, the tip
-wrench, and force f_i and moment n_i of what lies before make it (Newton and Euler):
+wrench, drag, and force f_i and moment n_i of what lies before make it (Newton and Euler):
 
     F = m (a + α × c + ω × (ω × c) − g)        f_i = F_i + Σ f_j − f_tip
     N = I α + ω × I ω + c × F                  n_i = N_i + Σ (n_j + r_j × f_j) − n_tip        r_j = p_j − p_i, j on i
@@ -26,6 +26,7 @@ from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.wrench import world_wrench
+from flexlink.kernels.bodies.drag import drag_loads
 from flexlink.kernels.tools.finite import is_finite
 
 
@@ -111,6 +112,9 @@ def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> Intern
         N = _each_by(inertia, α) + np.cross(ω, _each_by(inertia, ω)) + np.cross(c, F)
         tip = chain.loaded
         F[tip], N[tip] = -wrench[:3], -wrench[3:]  # the tip frame has no inertia
+        if len(chain.drag):
+            drag = drag_loads(chain.arrays, chain.drag, q, qd)
+            F, N = F - drag[:, 0], N - drag[:, 1]
         spans, parents = spans_of(chain), bodies["parent"]
         f = sums_inward(spans, F)
         moments = np.cross(p - of_parents(chain, p, np.zeros(3)), f)

@@ -13,6 +13,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
+from flexlink.dynamics.drag import drag_slopes, drag_torque
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import about
@@ -75,24 +76,25 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
 
 
 def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
-    """T_GC with a dead or a follower wrench, shape (n,) [N m]; T_EX − T_FL in (relative) equilibrium.
+    """T_GC + T_DRAG with a dead or a follower wrench, shape (n,) [N m]; T_EX − T_FL in (relative) equilibrium.
 
     `wrench` (6,) [N, N m] acts on the tip in axes of frame 0 and keeps its direction there; with `follower` its
     components are in axes of the tip frame and it turns with the tip.
     """
     if follower:
         wrench = turned_with_tip(chain.arrays, wrench, q)
-    return bias_torque(chain, q, qd, tip_wrench=wrench)
+    load = bias_torque(chain, q, qd, tip_wrench=wrench)
+    return load + drag_torque(chain, q, qd) if len(chain.drag) else load
 
 
 def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
-    """K = ∂(T_GC + T_FL)/∂q at constant rates, shape (n, n) [N m/rad], exact up to rounding.
+    """K = ∂(T_GC + T_FL + T_DRAG)/∂q at constant rates, shape (n, n) [N m/rad], exact up to rounding.
 
     Elastic + gravity + load + centrifugal stiffness; not symmetric under a follower wrench or a spatial moment.
     """
     K = about(chain, q).matrix("stiffness")
     add_load_stiffness(chain.arrays, wrench, follower, q, qd, K)
-    return K
+    return K + drag_slopes(chain, q, qd)[0] if len(chain.drag) else K
 
 
 def tangent(
@@ -154,10 +156,12 @@ def has_potential(chain: Chain, wrench: Array, follower: bool) -> bool:
 
 
 def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
-    """G = ∂T_GC/∂q̇, shape (n, n) [N m s/rad]; zero at rest, since T_GC is quadratic in the rates."""
+    """G = ∂(T_GC + T_DRAG)/∂q̇, shape (n, n) [N m s/rad]; zero at rest, since both are quadratic in the rates."""
     G = np.zeros((chain.n, chain.n))
     if qd.any():
         add_gyroscopic(chain.arrays, q, qd, G)
+        if len(chain.drag):
+            G += drag_slopes(chain, q, qd)[1]
     return G
 
 

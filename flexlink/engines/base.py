@@ -8,7 +8,7 @@ Units, signs and order of the joints are those of `flexlink.dynamics`; arrays ar
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -18,6 +18,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.drag import drag_torque
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines.read_back import ReadBack
 from flexlink.inputs.problem import problem_of
@@ -122,6 +123,12 @@ def drive_function(problem: InitialValueProblem) -> DriveTorque | None:
     return DriveTorque(drive, problem.chain.n) if len(drive.joints) else None
 
 
+def drag_function(problem: InitialValueProblem) -> Callable[[Array, Array], Array] | None:
+    """The drag of the scene's links as T_DRAG(q, q̇), by flexlink, which engines take as torques; None without any."""
+    chain = problem.chain
+    return (lambda q, qd: drag_torque(chain, q, qd)) if len(chain.drag) else None
+
+
 class TipWrench:
     """The scene's tip wrench as a function of time, force and moment (6,) in axes of frame 0 or of the tip.
 
@@ -137,7 +144,7 @@ class TipWrench:
 
     def __init__(self, problem: InitialValueProblem) -> None:
         self.middle: float | None = None
-        self._table, (self._now, frame) = problem.inputs.table, wrench_at(problem.inputs, problem.start)
+        self._loads, (self._now, frame) = problem.inputs.loads, wrench_at(problem.inputs, problem.start)
         self.follows = frame == "tip"
         self.constant = problem.scene.wrench.times is None
 
@@ -147,8 +154,8 @@ class TipWrench:
 
     def __call__(self, t: float) -> Array:
         """Force and moment; the array is overwritten by the next call."""
-        if self._table is not None:
-            put_given(self._table, t, t if self.middle is None else self.middle, self._now)
+        if self._loads is not None:
+            put_given(self._loads, t, t if self.middle is None else self.middle, self._now)
         return self._now
 
 

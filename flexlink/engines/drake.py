@@ -200,7 +200,7 @@ class DrakeEngine:
         run, order = scene.run, self.coordinates.order
         problem = base.fixed_steps_problem(scene)
         base.refuse_prescribed_motion("Drake", problem.chain)
-        if self.coordinates.reference is not None:
+        if self.coordinates.reference is not None or scene.arm.has_drag:
             return run_in_steps(self.name, problem, self._accelerations, self.coordinates)
         base.refuse_sampled_inputs("Drake", scene)
         methods = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}  # ours: Drake's

@@ -136,14 +136,16 @@ class ExudynEngine:
         return np.zeros(self.n) if self._excess is None else self._excess(q)
 
     def _torque_function(self, problem: InitialValueProblem) -> TorqueFunction | None:
-        """Drive less Coulomb friction with Exudyn's signature, or None if there is neither."""
-        drive = base.drive_function(problem)
-        if drive is None and not self.read.hinges["coulomb"].any() and self._excess is None:
+        """Drive less Coulomb friction and drag with Exudyn's signature, or None if there is neither."""
+        drive, drag = base.drive_function(problem), base.drag_function(problem)
+        if drive is None and drag is None and not self.read.hinges["coulomb"].any() and self._excess is None:
             return None
 
         def torques(_mbs: object, t: float, _number: object, q: Sequence[float], qd: Sequence[float]) -> Array:
             angles, rates = np.array(q), np.array(qd)
             lost = self._coulomb(rates) + self._beyond(angles)
+            if drag is not None:
+                lost = lost + drag(angles, rates)
             return -lost if drive is None else drive(t, angles, rates) - lost
 
         return torques

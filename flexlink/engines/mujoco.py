@@ -182,9 +182,11 @@ class MujocoEngine:
         return theirs.own_accelerations(q, qd, data.qacc)
 
     def integrate(self, scene: Scene) -> base.Samples:
-        """`mj_step` with MuJoCo's RK4; with a free base the scene's method, as a plain loop over `mj_forward`."""
-        if self.coordinates.reference is not None:
-            return run_in_steps(self.name, base.fixed_steps_problem(scene), self._accelerations, self.coordinates)
+        """`mj_step` with MuJoCo's RK4; with a free base or drag the scene's method, as a loop over `mj_forward`."""
+        if self.coordinates.reference is not None or scene.arm.has_drag:
+            problem = base.fixed_steps_problem(scene)
+            base.refuse_prescribed_motion("MuJoCo", problem.chain)
+            return run_in_steps(self.name, problem, self._accelerations, self.coordinates)
         run, model = scene.run, self.model
         base.refuse_method("MuJoCo", run.method, ["RK4"])
         problem = base.fixed_steps_problem(scene)

@@ -11,7 +11,14 @@ from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.engines.base import Samples, allocate_samples, divergence_error, drive_function, wrench_function
+from flexlink.engines.base import (
+    Samples,
+    allocate_samples,
+    divergence_error,
+    drag_function,
+    drive_function,
+    wrench_function,
+)
 from flexlink.engines.coordinates import Coordinates
 from flexlink.kernels.inputs.drive_torque import follow
 
@@ -71,7 +78,7 @@ def _step_function(problem: InitialValueProblem, accelerations: Accelerations) -
     """A function that returns the state (q, q̇) at (number + 1) h from the one at number · h."""
     n, h, wrench = problem.chain.n, problem.run.fixed_step, wrench_function(problem)
     A, b, c = method(problem.run.method).arrays
-    drive, motion = drive_function(problem), problem.inputs.motion
+    drive, drag, motion = drive_function(problem), drag_function(problem), problem.inputs.motion
     F, no_torque, prescribed = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)
     follows = wrench is not None and wrench.follows
 
@@ -83,6 +90,8 @@ def _step_function(problem: InitialValueProblem, accelerations: Accelerations) -
             t, x = (number + c[i]) * h, y + h * A[i, :i] @ F[:i]
             follow(motion, t, x[:n], x[n:], prescribed)
             torque = no_torque if drive is None else drive(t, x[:n], x[n:])
+            if drag is not None:
+                torque = torque - drag(x[:n], x[n:])
             F[i, :n] = x[n:]
             force = None if wrench is None else wrench(t)
             F[i, n:] = accelerations(x[:n], x[n:], torque, force, follows=follows, prescribed=prescribed)

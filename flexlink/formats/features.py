@@ -60,6 +60,10 @@ def _features() -> dict[str, Feature]:
             mjcf="the torque c in frictionloss, which is disabled; the width w of c tanh(q̇/w) in user",
             sdf=f"the torque c in <friction>, which Drake ignores; the width w of c tanh(q̇/w) {ignored}",
         ),
+        "drag": feature(
+            lambda _, chain: len(chain.drag) > 0,
+            "none: links meet no air; the fluid of MuJoCo's own, by boxes or ellipsoids, has another law",
+        ),
         "elastic gear": feature(
             lambda scene, _: any(link.joint.gear_stiffness is not None for link in scene.arm.links),
             "two joints of one axis, first the motor, then the gear",

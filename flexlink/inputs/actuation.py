@@ -14,20 +14,21 @@ from flexlink.describe.conditions import PrescribedMotion
 from flexlink.describe.own_units import in_si
 from flexlink.describe.scene import Scene
 from flexlink.inputs.drives import drive_arrays, gains_of
-from flexlink.inputs.tip_wrench import wrench_at, wrench_table
+from flexlink.inputs.loads import loads_of
+from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.kernels.inputs.record import Drive, Inputs, MotionTable
 
 
 def input_arrays(scene: Scene, chain: Chain) -> Inputs:
-    """The inputs of a scene; errors as in `drive_arrays`, `motion_arrays` and `wrench_table`."""
+    """The inputs of a scene; errors as in `drive_arrays`, `motion_arrays` and `loads_of`."""
     return inputs_with(drive_arrays(scene, chain), scene, chain)
 
 
 def inputs_with(drive: Drive, scene: Scene, chain: Chain) -> Inputs:
-    """Those of a scene with another drive; errors as in `motion_arrays` and `wrench_table`."""
-    table = wrench_table(scene, chain)
-    wrench = scene.tip_wrench if table is None else np.full(6, np.nan)  # until a stage writes it
-    return Inputs(drive, motion_arrays(scene, chain), wrench, table)
+    """Those of a scene with another drive; errors as in `motion_arrays` and `loads_of`."""
+    loads = loads_of(scene, chain)
+    wrench = scene.tip_wrench if loads is None else np.full(6, np.nan)  # until a stage writes it
+    return Inputs(drive, motion_arrays(scene, chain), wrench, loads)
 
 
 def acting_at(inputs: Inputs, chain: Chain, t: float, q: Array, qd: Array) -> dict[str, Any]:

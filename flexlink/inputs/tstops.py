@@ -6,15 +6,15 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.kernels.inputs.laws import PD, TABLE
-from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial, WrenchTable
+from flexlink.kernels.inputs.record import Drive, Loads, PiecewisePolynomial
 
 LINEAR = 2
 """Coefficients of a piece of a table that is not smooth."""
 
 
-def breakpoints(given: Drive | WrenchTable, part: float) -> Array:
+def breakpoints(given: Drive | Loads, part: float) -> Array:
     """Times [s] between which an input is smooth, sampling instants not counted."""
-    if isinstance(given, WrenchTable):
+    if isinstance(given, Loads):
         return merged_breakpoints(given, part)
     if given.rate:
         return np.empty(0)
@@ -23,7 +23,7 @@ def breakpoints(given: Drive | WrenchTable, part: float) -> Array:
     return np.concatenate([given.reference.knots, given.feedforward.knots if given.law == PD else []])
 
 
-def corners(given: Drive | WrenchTable) -> Array:
+def corners(given: Drive | Loads) -> Array:
     """Knots [s] of an input at which fixed steps end, too, sampling instants not counted."""
     if isinstance(given, Drive) and given.rate:
         return np.empty(0)
@@ -41,7 +41,7 @@ def instants(drive: Drive | None, start: float, end: float) -> Array:
     return np.asarray(np.arange(first, last + 1) / drive.rate)
 
 
-def merged_breakpoints(table: PiecewisePolynomial | WrenchTable, part: float) -> Array:
+def merged_breakpoints(table: PiecewisePolynomial | Loads, part: float) -> Array:
     """Knots [s] between which the table is one cubic polynomial, up to `part` of the largest number of each column.
 
     What a step sees at its stages is then, up to that part, what happens between them. Two pieces of a smooth table are

@@ -61,6 +61,15 @@ COUPLING = record(
 )
 
 
+DRAG = record(
+    [
+        ("body", np.int64),  # on which the point is
+        ("point", np.float64, (3,)),  # in the frame of the body [m]
+        ("across", np.float64, (2, 3)),  # unit vectors across the link there, the section's y and z, in body axes
+        ("drag", np.float64, (2,)),  # ½ ρ c_d b Δx of flow along each of them [kg/m]
+    ]
+)
+
 SLIDES = 3
 """Hinges whose axis is as large slide; a body's hinges either all turn, or all slide."""
 

@@ -27,5 +27,6 @@ def sample_at(problem: InitialValueProblem, inputs: Inputs, t: float, q: Array, 
     derive(chain.arrays, inputs, 0, 1, *states, tau, tip, energy)
     if len(inputs.motion.joints):
         scratch = solver_for(chain, problem.run.solver).workspace(chain.arrays)
-        prescribed_torques(scratch, inputs._replace(wrench=wrench[0], table=None), *states, tau)
+        loads = None if inputs.loads is None else inputs.loads.holding(wrench[0], chain.arrays)
+        prescribed_torques(scratch, inputs._replace(wrench=wrench[0], loads=loads), *states, tau)
     return RunSamples(chain, *states, tau, tip, Energy(*energy), tip_wrench=wrench, scene=problem.scene)

@@ -11,6 +11,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.drag import refuse_drag
 from flexlink.dynamics.floating_base import ANGLES
 from flexlink.dynamics.placement import jacobian
 from flexlink.dynamics.result import Result
@@ -127,6 +128,7 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
             f"run.method = {run.method!r}: sensitivities need fixed steps of an explicit method; give run.step, such "
             "as 1e-4, and run.method = 'RK4'"
         )
+    refuse_drag("derivatives of runs", chain)
     trajectory = simulate(scene)
     _check_base(trajectory)
     varied, (δq, δqd) = parametric(scene, chain, paths)

@@ -44,7 +44,7 @@ def _arrays(run: RunSamples) -> dict[str, Any]:
         "tip_wrench": run.tip_wrench, "warnings": np.array(run.warnings, str), "steps": json.dumps(run.steps),
         "scene": run.scene.to_toml() if run.scene else "",
         "chain_name": chain.name, "chain_bodies": chain.bodies, "chain_hinges": chain.hinges,
-        "chain_gravity": chain.gravity, "chain_coordinates": np.array(chain.coordinates),
+        "chain_gravity": chain.gravity, "chain_drag": chain.drag, "chain_coordinates": np.array(chain.coordinates),
         "chain_links": np.array(chain.link_names), "chain_couplings": chain.couplings,
         "chain_tips": np.array([[chain.link_names.index(link), body] for link, body in chain.tips.items()]),
         **_of_base(run), **_of_sensors(run),

@@ -17,7 +17,7 @@ from flexlink.describe.scene import scene_from
 from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.result import read_archive
 from flexlink.dynamics.terms import Energy
-from flexlink.kernels.layout import BODY, COUPLING, HINGE
+from flexlink.kernels.layout import BODY, COUPLING, DRAG, HINGE
 from flexlink.results.samples import BaseMotion, Steps
 from flexlink.results.trajectory import Trajectory
 
@@ -92,6 +92,7 @@ def _chain(arrays: Mapping[str, Any]) -> Chain:
         link_names=tuple(links),
         couplings=_records(arrays.get("chain_couplings", np.zeros(0, COUPLING)), COUPLING),
         tips={links[link]: body for link, body in tips.tolist()},
+        drag=_records(arrays.get("chain_drag", np.zeros(0, DRAG)), DRAG),
     )
 
 

@@ -80,9 +80,9 @@ def _kinetic(chain: Chain, s: State) -> float:
 
 
 def _power(chain: Chain, s: State) -> float:
-    """q̇·(T_EX − T_FR) = dE/dt along the motion, with q̈ from forward dynamics."""
+    """q̇·(T_EX − T_FR − T_DRAG) = dE/dt along the motion, with q̈ from forward dynamics."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau)
-    supplied = s.qd * (s.tau - fl.friction_torque(chain, s.qd))
+    supplied = s.qd * (s.tau - fl.friction_torque(chain, s.qd) - fl.drag_torque(chain, s.q, s.qd))
     rate, size = (
         _rates(lambda q: _rigid_energy(chain, q, s.qd), s.q, s.qd, TRIGONOMETRIC_STENCIL)
         + _rates(lambda q: fl.energy(chain, q, s.qd).elastic, s.q, s.qd, QUADRATIC_STENCIL)
@@ -101,7 +101,7 @@ def _skew(chain: Chain, s: State) -> float:
 def _inverse(chain: Chain, s: State) -> float:
     """Inverse dynamics of forward dynamics gives the drive torque back."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
-    own = fl.elastic_torque(chain, s.q) + fl.friction_torque(chain, s.qd)
+    own = fl.elastic_torque(chain, s.q) + fl.friction_torque(chain, s.qd) + fl.drag_torque(chain, s.q, s.qd)
     back = fl.inverse_dynamics(chain, s.q, s.qd, qdd, tip_wrench=s.wrench) + own
     size = np.abs(fl.mass_matrix(chain, s.q)) @ np.abs(qdd) + np.abs(own)
     return float(np.abs(back - s.tau).max() / size.max())

@@ -1,6 +1,6 @@
 """A manufactured solution: a smooth motion of every joint, and, in 50 digits, the torque that makes it one.
 
-    q_k(t) = a_k sin(ω_k t + φ_k)        T_EX = M q̈ + T_GC + T_FL + T_FR − Jᵀ w(t)
+    q_k(t) = a_k sin(ω_k t + φ_k)        T_EX = M q̈ + T_GC + T_FL + T_FR + T_DRAG − Jᵀ w(t)
 
 Newton's and Euler's equations of each body in frame 0, projected on the hinges: no term is left out, and no recursion
 is the kernels'. Torques act on every joint, also on those that springs hold.
@@ -56,7 +56,7 @@ def torque(oracle: SpatialChain, t: Any, moved: Motion, wrench: Wrench) -> Vecto
     """T_EX [N m] at a time."""
     q, qd, qdd = moved.at(t)
     hinges, bodies, _ = oracle.place(q, qd)
-    found = add(joint_torques(oracle.joints, q, qd), _coupled(oracle, q, qd))
+    found = add(add(joint_torques(oracle.joints, q, qd), _coupled(oracle, q, qd)), oracle.drag(q, qd))
     for k, joint in enumerate(oracle.joints):
         found[k] += joint["armature"] * qdd[k]
     for body in bodies:

@@ -104,11 +104,29 @@ class SpatialChain:
 
     def load(self, q: Sequence[Any], wrench: Sequence[Any]) -> Vector:
         """Jᵀ w of a wrench on the tip, axes of frame 0 [N m]."""
-        hinges, _, tip = self.place(q, [mpf(0)] * self.n)
+        hinges, _, frames = self.place(q, [mpf(0)] * self.n)
+        tip = frames[1 + self.chain.loaded]
         force, moment, load = list(wrench[:3]), list(wrench[3:]), [mpf(0)] * self.n
         for k in tip.hinges:
             load[k] = mp.fdot(hinges.moves(k, tip.p), force) + mp.fdot(hinges.turns(k), moment)
         return load
+
+    def drag(self, q: Sequence[Any], qd: Sequence[Any]) -> Vector:
+        """T_DRAG = −Σ Jᵀ f of all points at which links meet drag [N m]."""
+        hinges, _, frames = self.place(q, qd)
+        found = [mpf(0)] * self.n
+        for row in self.chain.drag:
+            frame = frames[1 + int(row["body"])]
+            place = add(frame.p, times(frame.R, exactly(row["point"])))
+            moves = {k: hinges.moves(k, place) for k in frame.hinges}
+            v = [mp.fsum(qd[k] * moves[k][axis] for k in frame.hinges) for axis in range(3)]
+            across = [times(frame.R, exactly(axis)) for axis in row["across"]]
+            speeds = [mp.fdot(v, axis) for axis in across]
+            speed = mp.sqrt(mp.fsum(s * s for s in speeds))
+            for d, s, axis in zip(exactly(row["drag"]), speeds, across, strict=True):
+                for k in frame.hinges:
+                    found[k] += d * speed * s * mp.fdot(moves[k], axis)
+        return found
 
     def slopes(self, q: Vector, qd: Vector, qdd: Vector, wrench: Vector) -> tuple[Any, Any]:
         """∂T/∂q and ∂T/∂q̇ of T = M q̈ + T_GC − Jᵀ w + T_FL + T_FR, (n, n): central differences, error STEP²."""
@@ -140,8 +158,8 @@ class SpatialChain:
         rest = [t - b - s for t, b, s in zip(tau, bias, joint_torques(self.joints, q, qd), strict=True)]
         return list(mp.lu_solve(M, mp.matrix(rest)))
 
-    def place(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[Hinges, list[Body], Frame]:
-        """The hinges, the bodies that have inertia, and the tip that the wrench acts on."""
+    def place(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[Hinges, list[Body], list[Frame]]:
+        """The hinges, the bodies that have inertia, and the frames of the base and of all bodies."""
         zero, one = mpf(0), mpf(1)
         rest = [zero] * 3
         frames = [Frame([[one, zero, zero], [zero, one, zero], [zero, zero, one]], rest, rest, rest, rest, ())]
@@ -173,7 +191,7 @@ class SpatialChain:
                 inertia = product(turned, [list(column) for column in zip(*R, strict=True)])
                 acceleration = add(a, add(cross(α, c), cross(ω, cross(ω, c))))
                 bodies.append(Body(mpf(float(row["mass"])), inertia, add(p, c), ω, acceleration, α, before))
-        return hinges, bodies, frames[1 + self.chain.loaded]
+        return hinges, bodies, frames
 
 
 def accelerations(chain: Chain, *states: Sequence[Any]) -> list[NDArray[np.float64]]:

@@ -21,6 +21,7 @@ from flexlink.common.types import Array, Complex
 from flexlink.describe.conditions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.dynamics.drag import drag_slopes
 from flexlink.dynamics.rounding import scales
 from flexlink.dynamics.springs import about, damping_along, damping_matrix
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix
@@ -175,6 +176,8 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
         if qd.any() or gains.kp.any() or gains.kd.any():
             kp, kd = gains.matrices()
             K[k], C[k] = K[k] + kp, C[k] + gyroscopic_matrix(chain, q, qd) + kd
+            if len(chain.drag):
+                K[k] += drag_slopes(chain, q, qd)[0]
         held[k] = chain.hinges["prescribed"] != 0
     if held.any():
         for A in (C, K, M):

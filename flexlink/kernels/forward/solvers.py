@@ -23,10 +23,12 @@ from flexlink.kernels.forward.articulated_rows import (
     articulated_workspace,
 )
 from flexlink.kernels.forward.planar import planar
+from flexlink.kernels.inputs.drag import give_back, take_drag
 from flexlink.kernels.inputs.tip_wrench import put_wrench
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import INLINED, by_type, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import LANES, empty_lanes, keep_lanes, put_lanes
+from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 from flexlink.kernels.tools.vec3 import ZERO, add_scaled, dot, vector
 
@@ -141,18 +143,25 @@ def forward_dynamics(wrench, q, qd, tau, qdd, work):
 
 
 def forward_under(inputs, t, middle, q, qd, tau, qdd, work):
-    """`forward_dynamics` under the tip wrench of a time, `middle` of the step that it belongs to.
+    """`forward_dynamics` under the loads of a time, tip wrench and drag; `middle` of the step that it belongs to.
 
-    Returns the power of all that has no potential [W], which a force on the tip that changes has not, either. Where
-    the wrench is constant no code is made for another: it would cost 4 % of a planar stage.
+    Returns the power of all that has no potential [W], which drag and a force on the tip that changes have not,
+    either. Where the wrench is constant and nothing drags no code is made for others: it would cost 4 % of a planar
+    stage.
     """
-    power = put_wrench(inputs.table, t, middle, q, qd, inputs.wrench)
-    return power + forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
+    loads = inputs.loads
+    power, drags = put_wrench(loads, t, middle, q, qd, inputs.wrench), loads is not None and len(loads.drag) > 0
+    if rarely(drags):
+        take_drag(loads, q, qd, tau)
+    power += forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
+    if rarely(drags):
+        give_back(loads, tau)
+    return power
 
 
 @overload(forward_under, jit_options=INLINED)
 def _forward_under(inputs, t, middle, q, qd, tau, qdd, work):
-    if isinstance(inputs.types[inputs.fields.index("table")], types.NoneType):
+    if isinstance(inputs.types[inputs.fields.index("loads")], types.NoneType):
         return lambda inputs, t, middle, q, qd, tau, qdd, work: forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
     return forward_under
 

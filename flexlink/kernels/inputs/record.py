@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Indices
+from flexlink.kernels.bodies.drag import DragWork
 from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.inputs.tip_wrench import put_given, wrenches
 from flexlink.kernels.layout import ChainArrays
@@ -51,14 +53,25 @@ class MotionTable(NamedTuple):
     coefficients: Array  # (pieces, 6) [rad / s^j]
 
 
-class WrenchTable(NamedTuple):
-    """F = Σ_j c_j x^j, x = time since the last knot, in axes of frame 0 or, if it follows, of the tip."""
+class Loads(NamedTuple):
+    """What is found at every stage: the tip wrench where it changes or its work has to be, and the drag of links.
+
+    F = Σ_j c_j x^j, x = time since the last knot, in axes of frame 0 or, if it follows, of the tip.
+    """
 
     follows: bool
     knots: Array  # (m,) [s]
     coefficients: Array  # (m, order + 1, 6) [N / s^j, N m / s^j]
     chain: ChainArrays  # at whose tip it acts
     path: Indices  # bodies from the base to that tip
+    drag: NDArray[np.void]  # points of dtype `DRAG`; none
+    torque: Array  # (n,) scratch: T of drag
+    kept: Array  # (n,) scratch: T_EX
+    work: DragWork
+
+    def holding(self, wrench: Array, chain: ChainArrays) -> Loads:
+        """The same with a constant wrench (6,) in frame 0, on a chain that may say otherwise where a base is."""
+        return self._replace(follows=False, knots=np.zeros(1), coefficients=wrench.reshape(1, 1, 6).copy(), chain=chain)
 
 
 class GivenWrench(NamedTuple):
@@ -68,11 +81,11 @@ class GivenWrench(NamedTuple):
     follower: bool  # it is in axes of the tip frame
 
 
-def given_at(table: WrenchTable, t: float) -> GivenWrench:
-    """The wrench of a table at time t [s]."""
+def given_at(loads: Loads, t: float) -> GivenWrench:
+    """Their wrench at time t [s]."""
     given = np.empty(6)
-    put_given(table, t, t, given)
-    return GivenWrench(given, table.follows)
+    put_given(loads, t, t, given)
+    return GivenWrench(given, loads.follows)
 
 
 class Inputs(NamedTuple):
@@ -81,21 +94,21 @@ class Inputs(NamedTuple):
     drive: Drive
     motion: MotionTable
     wrench: Array  # (6,) [N, N m] on the tip, frame 0; constant, or what every stage writes there from
-    table: WrenchTable | None
+    loads: Loads | None
 
     def given_wrench(self, t: float) -> GivenWrench:
         """The wrench at time t [s], in the axes that it is given in."""
-        return GivenWrench(self.wrench, False) if self.table is None else given_at(self.table, t)
+        return GivenWrench(self.wrench, False) if self.loads is None else given_at(self.loads, t)
 
     @property
     def potential_force(self) -> Array:
         """A constant force, which has a potential and whose work runs do not integrate, shape (3,); else zero."""
-        return self.wrench[:3] if self.table is None else np.zeros(3)
+        return self.wrench[:3] if self.loads is None else np.zeros(3)
 
     def tip_wrenches(self, t: Array, q: Array, qd: Array) -> Array:
         """Force and moment in frame 0 at samples (rows,) with states (rows, n), shape (rows, 6)."""
         found = np.empty((len(t), 6))
         found[:] = self.wrench
-        if self.table is not None:
-            wrenches(self.table, t, q, qd, found)
+        if self.loads is not None:
+            wrenches(self.loads, t, q, qd, found)
         return found

@@ -31,29 +31,29 @@ from flexlink.kernels.tools.vec3 import (
 )
 
 
-def put_wrench(table, t, middle, q, qd, wrench):
+def put_wrench(loads, t, middle, q, qd, wrench):
     """Write force and moment at time t and state q, q̇ (n,) into `wrench` (6,), frame 0; returns their f·ṗ [W].
 
-    `middle` of the step that t belongs to. Without a table, None, nothing is to do: `wrench` is constant.
+    `middle` of the step that t belongs to. Without loads, None, nothing is to do: `wrench` is constant.
     """
-    return 0.0 if table is None else put_acting(table, t, middle, q, qd, wrench)
+    return 0.0 if loads is None else put_acting(loads, t, middle, q, qd, wrench)
 
 
 @overload(put_wrench, jit_options=INLINED)
-def _put_wrench(table, t, middle, q, qd, wrench):
-    if isinstance(table, types.NoneType):
-        return lambda table, t, middle, q, qd, wrench: 0.0
-    return lambda table, t, middle, q, qd, wrench: put_acting(table, t, middle, q, qd, wrench)  # noqa: PLW0108
+def _put_wrench(loads, t, middle, q, qd, wrench):
+    if isinstance(loads, types.NoneType):
+        return lambda loads, t, middle, q, qd, wrench: 0.0
+    return lambda loads, t, middle, q, qd, wrench: put_acting(loads, t, middle, q, qd, wrench)  # noqa: PLW0108
 
 
 @recursion
-def put_acting(table, t, middle, q, qd, wrench):
-    """`put_wrench` of a table."""
-    bodies, hinges = table.chain.bodies, table.chain.hinges
+def put_acting(loads, t, middle, q, qd, wrench):
+    """`put_wrench` of a loads."""
+    bodies, hinges = loads.chain.bodies, loads.chain.hinges
     x, y, z = X, Y, Z  # columns of R
     ω = v = ZERO
-    for number in range(len(table.path)):
-        b = bodies[table.path[number]]
+    for number in range(len(loads.path)):
+        b = bodies[loads.path[number]]
         v = add(v, cross(ω, place(vector(b.translation), x, y, z)))
         if b.turned:
             x, y, z = place_axes(b.rotation, x, y, z)
@@ -66,20 +66,20 @@ def put_acting(table, t, middle, q, qd, wrench):
             ω = add_scaled(ω, qd[k], pick(axis, x, y, z))
             c, s = cos_sin(q[k])
             x, y, z = turn_axes(axis, c, s, x, y, z)
-    put_given(table, t, middle, wrench)
-    if table.follows:
+    put_given(loads, t, middle, wrench)
+    if loads.follows:
         wrench[0], wrench[1], wrench[2] = place(vec(wrench, 0), x, y, z)
         wrench[3], wrench[4], wrench[5] = place(vec(wrench, 3), x, y, z)
     return dot(vec(wrench, 0), v)
 
 
 @entry
-def put_given(table, t, middle, wrench):
+def put_given(loads, t, middle, wrench):
     """Write force and moment at time t into `wrench` (6,), in the axes that they are given in."""
-    held = table.coefficients.shape[1] == 1
-    piece = locate(table.knots, 0, len(table.knots), middle if held else t)
-    x = max(0.0, t - table.knots[piece])
-    c = table.coefficients[piece]
+    held = loads.coefficients.shape[1] == 1
+    piece = locate(loads.knots, 0, len(loads.knots), middle if held else t)
+    x = max(0.0, t - loads.knots[piece])
+    c = loads.coefficients[piece]
     for k in range(6):
         wrench[k] = 0.0
         for j in range(len(c) - 1, -1, -1):
@@ -87,7 +87,7 @@ def put_given(table, t, middle, wrench):
 
 
 @kernel
-def wrenches(table, ts, qs, qds, found):
+def wrenches(loads, ts, qs, qds, found):
     """What acts at the samples of a run, (samples, 6) in frame 0; a sample at a knot sees what follows."""
     for row in range(len(ts)):
-        put_wrench(table, ts[row], ts[row], qs[row], qds[row], found[row])
+        put_wrench(loads, ts[row], ts[row], qs[row], qds[row], found[row])

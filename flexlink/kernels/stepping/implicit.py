@@ -27,6 +27,7 @@ from flexlink.kernels.bodies.joint_torques import elastic, friction
 from flexlink.kernels.bodies.rotation_springs import add_excess
 from flexlink.kernels.forward.mass_plus_cells import add_products
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, place_bodies, solve
+from flexlink.kernels.inputs.drag import subtract_drag
 from flexlink.kernels.inputs.drive_torque import follow, stage_torque
 from flexlink.kernels.inputs.tip_wrench import put_wrench
 from flexlink.kernels.stepping.dry_friction import (
@@ -200,7 +201,7 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
     for k in range(len(q)):
         tau[k] = 0.0
     stage_torque(inputs.drive, t, middle, q, qd, tau)
-    power = put_wrench(inputs.table, t, middle, q, qd, inputs.wrench)
+    power = put_wrench(inputs.loads, t, middle, q, qd, inputs.wrench)
     power += inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)
     if len(chain.couplings) > 0:
         power -= add_couplings(chain.couplings, chain.hinges, q, qd, R)
@@ -216,7 +217,7 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
             working = tau[k] - friction(hinge, qd[k])
             power += qd[k] * working
             R[k] = working - spring - R[k]
-    return power
+    return power - subtract_drag(inputs.loads, q, qd, R)
 
 
 @inlined
@@ -258,7 +259,7 @@ def tells_work(moved, q, allowed, work):
 def does_work(inputs, work):
     """Whether anything has power that has no potential: drives, dampers, friction, prescribed motions, the wrench."""
     hinges = work.chain.hinges
-    works = len(inputs.drive.joints) + len(inputs.motion.joints) > 0 or inputs.table is not None
+    works = len(inputs.drive.joints) + len(inputs.motion.joints) > 0 or inputs.loads is not None
     for k in range(3, len(inputs.wrench)):
         works = works or inputs.wrench[k] != 0.0
     for k in range(len(hinges)):

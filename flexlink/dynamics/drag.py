@@ -1,0 +1,75 @@
+"""Torque of the drag that links meet in air, and its slopes (see `terms` for shapes and units)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlink.chain.arguments import beyond_float64, require_type, vector
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
+from flexlink.dynamics.batches import is_batch, rows
+from flexlink.kernels.bodies.drag import add_drag_slopes, drag_torques_of_many
+from flexlink.kernels.tools.finite import is_finite
+
+
+def drag_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
+    """T_DRAG = −Σ Jᵀ f: what the joints need beside T_FR to move against the drag of links, `link.drag`.
+
+    f = −½ ρ c_d b Δx |v| v at points along each link, v their velocity across it (`Drag`). q̇·T_DRAG ≥ 0 is the power
+    that is lost [W]. Two Gauss points of every segment and eight of a link at least: exact in a plane where v keeps its
+    sign within a segment and the breadth is constant.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd
+        Angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
+
+    Returns
+    -------
+    Array
+        T_DRAG, shape (n,), or (b, n) [N m]; zero of a chain without drag, and at rest.
+
+    Raises
+    ------
+    ArgumentError
+        `q` or `qd` has the wrong shape, is not real or not finite, or a torque is beyond float64.
+
+    Examples
+    --------
+    >>> in_air = fl.lump(scene.varied({"link.*.drag": fl.Drag(coefficient=1.2)}))
+    >>> rates = np.ones(chain.n)  # rad/s
+    >>> print(f"{rates @ fl.drag_torque(in_air, q, rates):.2f} W")
+    1.09 W
+    """
+    n, many = require_type("chain", chain, Chain).n, is_batch(q, qd)
+    qs, qds = rows(n, {"q": q, "qd": qd}) if many else (vector(k, x, n)[None] for k, x in (("q", q), ("qd", qd)))
+    found = np.zeros((len(qs), n))
+    if len(chain.drag):
+        drag_torques_of_many(chain.arrays, chain.drag, qs, qds, found)
+        if not is_finite(found.reshape(-1)):
+            raise beyond_float64(f"the drag of {chain.name!r}", q=qs, qd=qds)
+    return found if many else found[0]
+
+
+def drag_slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
+    """∂T_DRAG/∂q [N m/rad] and ∂T_DRAG/∂q̇ [N m s/rad] of one state, shape (n, n) each, exact up to rounding."""
+    by_angle, by_rate = np.zeros((2, chain.n, chain.n))
+    if len(chain.drag) and qd.any():
+        add_drag_slopes(chain.arrays, chain.drag, q, qd, by_angle, by_rate)
+    return by_angle, by_rate
+
+
+def refuse_drag(what: str, chain: Chain, qd: Array | None = None) -> None:
+    """For what does not count drag; at rest there is none.
+
+    Raises
+    ------
+    ArgumentError
+        The links of the chain meet drag, and it moves.
+    """
+    if len(chain.drag) and (qd is None or qd.any()):
+        raise ArgumentError(f"{chain.name}: {what} do not count drag; leave out link.drag")

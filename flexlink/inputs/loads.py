@@ -1,0 +1,39 @@
+"""A scene's tip wrench and drag as the arrays that the kernels read."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.describe.scene import Scene
+from flexlink.inputs.interpolation import held_knots, pieces_of
+from flexlink.kernels.bodies.branches import loaded_body, path_to
+from flexlink.kernels.bodies.drag import drag_workspace
+from flexlink.kernels.inputs.record import Loads
+
+
+def loads_of(scene: Scene, chain: Chain) -> Loads | None:
+    """Drag of the links, and the tip wrench, None where there is no drag and a constant wrench on the arm's tip.
+
+    The motion of that tip tells the work of such a one, in frame 0.
+
+    Raises
+    ------
+    SceneError
+        It changes by more than float64 can hold.
+    """
+    wrench = scene.wrench
+    if not len(chain.drag) and not wrench.varies and (not wrench.acts or chain.loaded == len(chain.bodies) - 1):
+        return None
+    times = np.array(wrench.times or (0.0,))
+    tables = {"forces": wrench.forces or (wrench.force,), "moments": wrench.moments or (wrench.moment,)}
+    rows = {name: np.zeros((len(times), 3)) + table for name, table in tables.items()}
+    if wrench.times is None or wrench.hold:
+        knots, parts = held_knots(times), [table[:, None] for table in rows.values()]
+    else:
+        knots = times
+        parts = [pieces_of(f"wrench.{name}", times, table, smooth=wrench.smooth) for name, table in rows.items()]
+    coefficients = np.ascontiguousarray(np.concatenate(parts, axis=2))
+    path = path_to(chain.bodies, loaded_body(chain.bodies))
+    dragged = chain.drag, *np.empty((2, chain.n)), drag_workspace(chain.arrays)
+    return Loads(wrench.frame == "tip", knots, coefficients, chain.arrays, path, *dragged)

@@ -1,0 +1,150 @@
+"""Torques of the drag of a fluid at rest on points of the bodies, in inertial axes.
+
+    outward     kinematics      ω ← ω + e q̇      v ← v + ω × Δp, of a joint that slides v ← v + e q̇
+    point       v_i = v + ω × R p        u = v_i·R e_y        w = v_i·R e_z        s = √(u² + w²)
+                f_i = −s (d_y u R e_y + d_z w R e_z)        d = ½ ρ c_d b Δx
+    inward      f ← f + f_i        n ← n + R p × f_i        T = −e·n, of a joint that slides −e·f        n ← n + Δp × f
+
+T stands beside T_FR: M q̈ = T_EX − T_GC − T_FL − T_FR − T, and q̇·T = Σ s (d_y u² + d_z w²) ≥ 0 is lost. One source
+serves real numbers and complex ones: a slope is the imaginary part along x + i ε, ε so small that ε² is nothing
+(Squire & Trapp 1998); s is smooth but where it is 0, and there the slope is 0.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics
+from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
+from flexlink.kernels.tools.lanes import Turns
+from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, cross, dot, put, scale, sub, vector
+
+EPSILON = 1e-100
+"""ε of the imaginary parts."""
+
+
+class DragWork(NamedTuple):
+    """Scratch of `drag_torques`."""
+
+    placed: KinematicsWork
+    motion: Any  # (bodies, 2, 3) ω and v of every body, at its hinge point
+    loads: Any  # (bodies, 2, 3) force and moment on it and all beyond, likewise
+
+
+@kernel
+def drag_workspace(chain):
+    """Scratch for a chain."""
+    m, n = len(chain.bodies), len(chain.hinges)
+    placed = KinematicsWork(np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((n, 3)))
+    return DragWork(placed, np.empty((m, 2, 3)), np.empty((m, 2, 3)))
+
+
+@kernel
+def complex_drag_workspace(chain):
+    """Scratch of complex numbers."""
+    m, n, c = len(chain.bodies), len(chain.hinges), np.complex128
+    placed = KinematicsWork(np.empty((m, 3, 3), c), np.empty((m, 3), c), np.empty((n, 3), c))
+    return DragWork(placed, np.empty((m, 2, 3), c), np.empty((m, 2, 3), c))
+
+
+@subroutine
+def drag_torques(chain, drag, q, qd, torque, work):
+    """Write T (n,) of points `drag` of dtype `DRAG`, at angles (n,), or `Turns` of them, and rates (n,)."""
+    put_loads(chain, drag, q, qd, work)
+    add_up(chain, torque, work)
+
+
+@inlined
+def put_loads(chain, drag, q, qd, work):
+    """Outward: force on every body, and moment about its hinge point."""
+    kinematics(chain, q, work.placed)
+    move(chain, qd, work)
+    for i in range(len(work.loads)):
+        put(work.loads[i, 0], ZERO)
+        put(work.loads[i, 1], ZERO)
+    for k in range(len(drag)):
+        pull(drag[k], work.placed.rotations[drag[k].body], work.motion[drag[k].body], work.loads[drag[k].body])
+
+
+@inlined
+def move(chain, qd, work):
+    """ω and v of every body."""
+    bodies, hinges, points, axes = chain.bodies, chain.hinges, work.placed.points, work.placed.axes
+    for i in range(len(bodies)):
+        b, motion = bodies[i], work.motion[i]
+        put(motion[0], ZERO)
+        put(motion[1], ZERO)
+        if b.parent > 0:
+            before = work.motion[b.parent - 1]
+            step = sub(vector(points[i]), vector(points[b.parent - 1]))
+            put(motion[0], vector(before[0]))
+            put(motion[1], add(vector(before[1]), cross(vector(before[0]), step)))
+        for k in range(b.first, b.stop):
+            moved = motion[1 if hinges[k].axis >= SLIDES else 0]
+            put(moved, add_scaled(vector(moved), qd[k], vector(axes[k])))
+
+
+@inlined
+def pull(point, R, motion, loads):
+    """Add the force at a point to the loads of its body, and its moment."""
+    lever = apply(R, vector(point.point))
+    v = add(vector(motion[1]), cross(vector(motion[0]), lever))
+    y, z = apply(R, vector(point.across[0])), apply(R, vector(point.across[1]))
+    u, w = dot(v, y), dot(v, z)
+    s = np.sqrt(u * u + w * w)
+    f = add(scale(-s * point.drag[0] * u, y), scale(-s * point.drag[1] * w, z))
+    put(loads[0], add(vector(loads[0]), f))
+    put(loads[1], add(vector(loads[1]), cross(lever, f)))
+
+
+@inlined
+def add_up(chain, torque, work):
+    """Inward: T of every joint, from the loads on what is beyond it."""
+    bodies, hinges, points, axes, loads = chain.bodies, chain.hinges, work.placed.points, work.placed.axes, work.loads
+    for i in range(len(bodies) - 1, -1, -1):
+        b, f, n = bodies[i], vector(loads[i, 0]), vector(loads[i, 1])
+        for k in range(b.first, b.stop):
+            torque[k] = -dot(vector(axes[k]), f if hinges[k].axis >= SLIDES else n)
+        if b.parent > 0:
+            inner = loads[b.parent - 1]
+            step = sub(vector(points[i]), vector(points[b.parent - 1]))
+            put(inner[0], add(vector(inner[0]), f))
+            put(inner[1], add(vector(inner[1]), add(n, cross(step, f))))
+
+
+@kernel
+def drag_torques_of_many(chain, drag, qs, qds, found):
+    """T of states (b, n) into `found` (b, n)."""
+    work = drag_workspace(chain)
+    for row in range(len(qs)):
+        drag_torques(chain, drag, qs[row], qds[row], found[row], work)
+
+
+@kernel
+def drag_loads(chain, drag, q, qd):
+    """Force on every body and moment about its hinge point, frame 0, in a new array (bodies, 2, 3)."""
+    work = drag_workspace(chain)
+    put_loads(chain, drag, q, qd, work)
+    return work.loads
+
+
+@kernel
+def add_drag_slopes(chain, drag, q, qd, by_angle, by_rate):
+    """Add ∂T/∂q and ∂T/∂q̇ to (n, n) each; O(n²) in all."""
+    n, work = len(q), complex_drag_workspace(chain)
+    rates, torque = qd.astype(np.complex128), np.empty(n, np.complex128)
+    turns = Turns(np.cos(q).astype(np.complex128), np.sin(q).astype(np.complex128), q.astype(np.complex128))
+    for j in range(n):
+        turns.cosines[j] = complex(np.cos(q[j]), -EPSILON * np.sin(q[j]))
+        turns.sines[j] = complex(np.sin(q[j]), EPSILON * np.cos(q[j]))
+        turns.angles[j] = complex(q[j], EPSILON)
+        drag_torques(chain, drag, turns, rates, torque, work)
+        turns.cosines[j], turns.sines[j], turns.angles[j] = np.cos(q[j]), np.sin(q[j]), q[j]
+        for i in range(n):
+            by_angle[i, j] += torque[i].imag / EPSILON
+        rates[j] = complex(qd[j], EPSILON)
+        drag_torques(chain, drag, turns, rates, torque, work)
+        rates[j] = qd[j]
+        for i in range(n):
+            by_rate[i, j] += torque[i].imag / EPSILON

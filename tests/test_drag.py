@@ -1,0 +1,226 @@
+"""Drag of the air: closed forms, virtual work, slopes, power, loads, engines, and what does not count it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene, nasty_scene, random_state
+from trees import random_tree_scene
+
+import flexlink as fl
+from flexlink.dynamics.drag import drag_slopes
+
+RHO, C, B, OMEGA = 1.2, 2.0, 0.3, 3.0
+BAR = make_scene(
+    fl.Link(
+        name="bar", length=1.0, drag=fl.Drag(coefficient=C, breadth=(B, 0.1)),
+        hub=fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1)),
+    ),
+    gravity=(0.0, 0.0, 0.0),
+    air_density=RHO,
+    initial=fl.InitialState(rate_deg=(math.degrees(OMEGA),)),
+    run=fl.RunSettings(duration=2.0, method="RK4", step=1e-3),
+)  # fmt: skip
+BRAKE = 0.5 * RHO * C * B / 4  # ∫ ½ ρ c_d b (ω x)² x dx over 1 m, of ω = 1 [N m s²]
+
+
+def dragged(scene: fl.Scene) -> fl.Scene:
+    """Every link with a length meets drag, in a fluid that is not thin."""
+    drag = fl.Drag(coefficient=1.5, breadth=(0.2, 0.1))
+    paths = {f"link.{link.name}.drag": drag for link in scene.arm.links if link.beam.length}
+    return scene.varied({**paths, "air_density": 40.0})
+
+
+def without_drag(scene: fl.Scene) -> fl.Scene:
+    """The same arm in a vacuum."""
+    return scene.varied({**{f"link.{k.name}.drag": None for k in scene.arm.links}, "air_density": None})
+
+
+def by_virtual_work(chain: fl.Chain, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    """−Σ Jᵀ f, J of every point by `jacobian`."""
+    torque = np.zeros(chain.n)
+    rotations = fl.frames(chain, q).rotations
+    for body, point, across, drag in chain.drag.tolist():
+        J = fl.jacobian(chain, q, body=body, point=point).linear
+        y, z = np.asarray(across) @ rotations[body].T
+        u, w = y @ J @ qd, z @ J @ qd
+        torque += J.T @ (math.hypot(u, w) * (drag[0] * u * y + drag[1] * w * z))
+    return torque
+
+
+def test_a_bar_that_turns_feels_the_integral_over_its_length() -> None:
+    chain = fl.lump(BAR)
+    for rate in (OMEGA, -OMEGA):
+        torque = fl.drag_torque(chain, [0.4], [rate])
+        np.testing.assert_allclose(torque, [BRAKE * rate * abs(rate)], rtol=4e-15)
+
+
+@pytest.mark.parametrize(
+    ("settings", "close"),
+    [
+        ({"method": "RK4", "step": 1e-3}, 1e-11),
+        ({"method": "Gauss4", "step": 1e-3}, 3e-8),  # what Newton's iteration leaves, 1e-13 of the reach a step
+        ({"method": "DOP853", "tolerance": 1e-9}, 1e-8),
+        ({"method": "Radau5", "tolerance": 1e-9}, 1e-8),
+    ],
+)
+def test_a_bar_slows_down_as_one_over_time(settings: dict[str, Any], close: float) -> None:
+    run = fl.simulate(BAR.varied({f"run.{key}": value for key, value in settings.items()}))
+    inertia = fl.mass_matrix(run.chain, [0.0])[0, 0]
+    np.testing.assert_allclose(run.qd[:, 0], OMEGA / (1 + BRAKE * OMEGA * run.t / inertia), rtol=close)
+    assert abs(run.imbalance).max() < close * run.energy.kinetic[0]
+
+
+def test_breadths_are_those_of_the_section_and_taper_with_it() -> None:
+    cone = fl.Section(shape="circle", diameter=0.1), fl.Section(shape="circle", diameter=0.02)
+    link = fl.Link(
+        name="cone", length=2.0, material="steel", section="root", section_tip="tip", drag=fl.Drag(coefficient=1.0)
+    )
+    arm = fl.Arm(
+        links=(link,), sections=dict(zip(("root", "tip"), cone, strict=True)),
+        materials={"steel": fl.Material(young=2e11, density=7800.0)},
+    )  # fmt: skip
+    chain = fl.lump(fl.Scene(name="cone", arm=arm, air_density=2.0))
+    # ∫ b x³ dx, b = 0.1 − 0.04 x, from 0 to 2
+    np.testing.assert_allclose(fl.drag_torque(chain, [0.0], [1.0]), [0.1 * 4 - 0.04 * 32 / 5], rtol=1e-13)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_torques_are_those_of_virtual_work_on_any_arm(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scene = dragged(nasty_scene() if seed == 0 else random_tree_scene(rng, free=seed % 2 == 0))
+    chain = fl.lump(scene)
+    q, qd = random_state(chain, rng)
+    torque = fl.drag_torque(chain, q, qd)
+    np.testing.assert_allclose(torque, by_virtual_work(chain, q, qd), atol=1e-12 * abs(torque).max())
+    assert qd @ torque > 0
+    tau = rng.normal(size=chain.n)
+    expected = fl.forward_dynamics(fl.lump(without_drag(scene)), q, qd, tau - torque)
+    np.testing.assert_allclose(fl.forward_dynamics(chain, q, qd, tau), expected, rtol=1e-13)
+    np.testing.assert_allclose(fl.forward_dynamics(chain, [q, q], qd, tau)[1], expected, rtol=1e-11, atol=1e-9)
+
+
+@pytest.mark.parametrize("frame", ["world", "tip"])
+def test_slopes_are_those_of_differences(frame: Any, rng: np.random.Generator) -> None:
+    scene, h = dragged(nasty_scene()), 1e-6
+    chain, bare = fl.lump(scene), fl.lump(without_drag(scene))
+    q, qd = random_state(chain, rng)
+    torque, K, D = fl.drag_torque(chain, q, qd), *drag_slopes(chain, q, qd)
+    for found, moved in ((K, lambda e: (q + e, qd)), (D, lambda e: (q, qd + e))):
+        ahead, behind = (fl.drag_torque(chain, *moved(s * h * np.eye(chain.n))) for s in (1, -1))
+        np.testing.assert_allclose(found, (ahead - behind).T / (2 * h), atol=1e-8 * abs(found).max())
+    state: dict[str, Any] = {"q": q, "qd": qd, "tip_wrench": np.arange(6.0), "frame": frame}
+    own = fl.forward_dynamics_derivatives(bare, tau=-torque, **state)
+    slopes = fl.forward_dynamics_derivatives(chain, tau=np.zeros(chain.n), **state)
+    for found, expected in ((slopes.dq, own.dq - own.dtau @ K), (slopes.dqd, own.dqd - own.dtau @ D)):
+        np.testing.assert_allclose(found, expected, atol=1e-12 * abs(expected).max())
+    many = fl.forward_dynamics_derivatives(chain, [q, q], qd, np.zeros(chain.n), tip_wrench=np.arange(6.0), frame=frame)
+    np.testing.assert_array_equal(many.dqd[1], slopes.dqd)
+
+
+def test_modes_of_an_arm_that_turns_are_damped_by_it() -> None:
+    """Of a rigid bar at the rate ω small changes decay by 2 β ω / I, β |ω| ω its drag."""
+    bar = fl.lump(BAR)
+    model = fl.linearize(bar, [0.0], [OMEGA])
+    inertia = fl.mass_matrix(bar, [0.0])[0, 0]
+    np.testing.assert_allclose(model.A[1, 1], -2 * BRAKE * OMEGA / inertia, rtol=1e-14)
+    np.testing.assert_allclose(fl.linearize(bar, [0.0]).A, [[0.0, 1.0], [0.0, 0.0]])
+
+
+def test_power_is_in_balance_and_implicit_steps_agree_with_explicit_ones() -> None:
+    swinging, settings = dragged(nasty_scene()), {"run.duration": 0.3, "run.tolerance": 1e-7}
+    explicit, implicit = (
+        fl.simulate(swinging.varied({**settings, "run.method": method})) for method in ("DOP853", "Radau5")
+    )
+    free = fl.simulate(without_drag(swinging).varied({**settings, "run.method": "DOP853"}))
+    assert abs(explicit.tip - free.tip).max() > 3e-3
+    np.testing.assert_allclose(implicit.tip, explicit.tip, atol=1e-6)
+    for run in (explicit, implicit):
+        assert abs(run.imbalance).max() < 1e-6 * np.ptp(run.energy.total)
+
+
+def test_what_moves_a_joint_as_prescribed_works_against_drag() -> None:
+    turning = fl.PrescribedMotion(
+        link="bar", times=(0.0, 1.0), angle_deg=(0.0, 90.0), rate_deg=(90.0, 90.0), acceleration_deg=(0.0, 0.0)
+    )
+    initial = fl.InitialState(rate_deg=(90.0,))
+    run = fl.simulate(BAR.varied({"motion": (turning,), "run.duration": 1.0, "initial": initial}))
+    ω = math.pi / 2
+    np.testing.assert_allclose(run.tau[:, 0], BRAKE * ω * ω, rtol=1e-12)
+    np.testing.assert_allclose(run.work[-1], 0.0, atol=1e-12)  # all of it is lost
+
+
+def test_internal_loads_count_it(rng: np.random.Generator) -> None:
+    chain = fl.lump(dragged(nasty_scene()))
+    q, qd = random_state(chain, rng)
+    qdd = fl.forward_dynamics(chain, q, qd, np.zeros(chain.n))
+    loads = fl.internal_loads(chain, q, qd, qdd)
+    left = fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd) + chain.hinges["armature"] * qdd
+    np.testing.assert_allclose(loads.hinge_moment, left, atol=1e-11 * abs(loads.moment).max())
+
+
+def test_scenes_and_runs_with_it_are_read_back_equal(tmp_path: Any) -> None:
+    scene = dragged(nasty_scene())
+    (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
+    assert fl.load_scene(tmp_path / "scene.toml") == scene
+    run = fl.simulate(BAR.varied({"run.duration": 0.1}))
+    run.save(tmp_path / "run.npz")
+    np.testing.assert_array_equal(fl.load_trajectory(tmp_path / "run.npz").chain.drag, run.chain.drag)
+
+
+def test_many_runs_are_those_of_one_each() -> None:
+    scenes = [BAR.varied({"air_density": density, "run.duration": 0.2}) for density in (0.5, 2.0, 1.2)]
+    for one, scene in zip(fl.simulate_many(scenes), scenes, strict=True):
+        np.testing.assert_array_equal(one.q, fl.simulate(scene).q)
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_engines_move_as_it_does(engine: str) -> None:
+    pytest.importorskip(engine)
+    strip = make_scene(
+        flexible("strip", "z", 4, drag=fl.Drag(coefficient=2.0, breadth=(0.3, 0.01))),
+        air_density=50.0, run=fl.RunSettings(duration=0.1, method="RK4", step=1e-4),
+    )  # fmt: skip
+    found = fl.compare_trajectories(strip, engines=[engine])
+    assert found.passed, str(found)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"link.bar.drag": None}, "air_density = 1.2: has no effect; no link has drag"),
+        ({"link.bar.drag.breadth": None}, r"link.bar.drag.breadth: missing; the link has no section"),
+        ({"link.bar.drag.coefficient": -1.0}, r"link.bar.drag.coefficient = -1.0"),
+        ({"link.bar.length": 0.0}, "link.bar.drag: the link has no length"),
+        ({"air_density": 0.0}, "air_density = 0.0"),
+    ],
+)
+def test_what_does_not_fit_is_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(fl.errors.SceneError, match=said):
+        BAR.varied(changes)
+
+
+def test_a_general_section_does_not_say_how_broad_it_is() -> None:
+    section = fl.Section(shape="general", area=1e-4, i_y=1e-9, i_z=1e-9, torsion=1e-9)
+    link = fl.Link(name="a", length=1.0, material="m", section="s", drag=fl.Drag(coefficient=1.0))
+    with pytest.raises(fl.errors.SceneError, match=r"link.a.drag.breadth: missing; a general section, 's'"):
+        fl.Arm(links=(link,), sections={"s": section}, materials={"m": fl.Material(young=1e9, density=1e3)})
+
+
+def test_what_does_not_count_it_says_so() -> None:
+    with pytest.raises(fl.errors.ArgumentError, match=r"derivatives of runs do not count drag; leave out link.drag"):
+        fl.sensitivities(BAR, ["air_density"])
+    turning = dragged(make_scene(flexible("a")))
+    chain = fl.lump(turning)
+    with pytest.raises(fl.errors.ArgumentError, match=r"equilibria at given rates, .* do not count drag"):
+        fl.equilibrium_in_motion(chain, {"a": 1.0})
+    assert fl.solve_static(chain, locked=chain.active).q.shape == (chain.n,)  # at rest there is none
+
+
+def test_files_are_compared_without_it() -> None:
+    pytest.importorskip("mujoco")
+    scene = dragged(make_scene(flexible("a", "xyz", 3), flexible("b", segments=3)))
+    assert fl.compare(scene, engines=["mujoco"]).passed
