@@ -99,7 +99,7 @@ def _print_fit(found: Fitted) -> None:
     for one in found.numbers:
         unit = f" {one.unit}" if one.unit else ""
         wider = ", wider than slopes say" if one.widened else ""
-        ends = f"95 %: {one.low:.6g} … {one.high:.6g}{wider}"
+        ends = f"95 %: {one.low:.6g} … {one.high:.6g}{wider}" if np.isfinite(one.half) else "not held by the data"
         print(f"{one.name:<{width}}  {one.value:.6g}{unit}  ({ends}), before {one.start:.6g}")
     for column in found.columns:
         off = f"RMS {column.off(column.before):.3g} → {column.off(column.after):.3g}"

@@ -164,7 +164,7 @@ class Fitted:
     warnings: tuple[str, ...]
 
     def __repr__(self) -> str:
-        told = ", ".join(f"{one.name} = {one.value:.4g} ± {one.half:.2g}" for one in self.numbers)
+        told = ", ".join(f"{one.name} = {one.value:.4g} ± {one.half:.2g} {one.unit}".rstrip() for one in self.numbers)
         return f"<Fitted {self.scene.name!r}: {told}>"
 
     def _repr_html_(self) -> str:

@@ -50,11 +50,7 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
             for name, (title, short, part) in parts.items()
         ]
     verdicts = _verdicts(fitted)
-    facts = [
-        Fact(_told(one), f"{one.name}, 95 %{', wider than slopes say' if one.widened else ''}")
-        for one in fitted.numbers
-        if one.path
-    ]
+    facts = [Fact(_told(one), f"{one.name}, {_how_known(one)}") for one in fitted.numbers if one.path]
     page = write_page(folder, fitted.scene.name, "fit", chapters, verdicts, facts, definitions)
     return Report(page, tuple(verdicts), chapters)
 
@@ -75,8 +71,15 @@ def _told(one: Estimate) -> str:
     value, half, low, high = (part / 10**power for part in (one.value, one.half, one.low, one.high))
     if abs((low + high) / 2 - value) > LEVEL * half:
         return f"{number(value, 4)} ({number(low)}{JOIN}…{JOIN}{number(high)}){unit}"
-    both = f"{number(value, 4)}{JOIN}±{JOIN}{number(half, 2)}"
+    digits = 1 - math.floor(math.log10(half)) if half > 0 else 4  # two of what is not known
+    both = f"{value:.{max(digits, 0)}f}{JOIN}±{JOIN}{half:.{max(digits, 0)}f}"
     return f"({both}){unit}" if power else f"{both}{unit}"
+
+
+def _how_known(one: Estimate) -> str:
+    if not math.isfinite(one.half):
+        return "not held by the data"
+    return f"95 %{', wider than slopes say' if one.widened else ''}"
 
 
 def _verdicts(fitted: Fitted) -> list[Verdict]:

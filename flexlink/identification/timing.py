@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import DataFileError, FlexlinkError
@@ -22,8 +23,9 @@ from flexlink.motion.simulate import simulate
 
 SHOWN = 0.1
 """Part of a period that a record must have at least."""
-PERIODS, PER_PERIOD = 20, 20
-"""How long, and how finely, the scene is run where samples are too far apart for its slowest mode."""
+PERIODS, MOST, PER_PERIOD, FEW = 20, 400, 20, 8
+"""How many periods, and how finely, the scene is run where samples are too far apart for its slowest mode; for how many
+samples."""
 SWINGS = 0.1
 """Part of what was measured by which the scene must swing between samples for these to be refused."""
 
@@ -68,10 +70,10 @@ def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: floa
         return ()
     told = (
         f"samples are {between:.3g} s apart, {length:.4g} s in all: too far for the slowest mode, {hertz:.3g} Hz, "
-        f"which needs one each {1 / (2 * hertz):.2g} s or more"
+        f"which needs one every {1 / (2 * hertz):.2g} s or more often"
     )
-    if not _swings(scene, blocks, hertz):
-        return (f"{told}; it is not seen",)
+    if not _swings(scene, blocks, hertz, between):
+        return (f"{told}; that mode is not seen",)
     raise DataFileError(f"{told}, and in which the scene swings; if the times are in ms, their head is 't [ms]'")
 
 
@@ -88,16 +90,26 @@ def as_long(scene: Scene, t: Array) -> Scene:
     raise reason
 
 
-def _swings(scene: Scene, blocks: Sequence[Block], hertz: float) -> bool:
-    """Whether a scene swings by a good part of what was measured, in the first few periods."""
-    t = np.arange(PERIODS * PER_PERIOD) / (PER_PERIOD * hertz)
+def _swings(scene: Scene, blocks: Sequence[Block], hertz: float, between: float) -> bool:
+    """Whether a scene moves between samples by a good part of what was measured: beside splines through them.
+
+    For some periods of its slowest mode, and as many samples as are enough for a spline where that is not endless;
+    else beside a straight line.
+    """
+    every = max(round(between * hertz * PER_PERIOD), 1)
+    count = min(max(PERIODS * PER_PERIOD, FEW * every), MOST * PER_PERIOD)
+    t = np.asarray(scene.initial.time + between / every * np.arange(count), np.float64)
     try:
-        run = simulate(as_long(scene, scene.initial.time + t))
+        run = simulate(as_long(scene, t))
     except FlexlinkError:  # it is told where the run itself is needed
         return False
     for block in blocks:
-        y = run.columns[block.name]
-        straight = np.polyval(np.polyfit(run.t, y, 1), run.t)
-        if np.ptp(y - straight) > SWINGS * np.ptp(block.y):
+        y = CubicSpline(run.t, run.columns[block.name])(t)
+        if count > FEW * every // 2:
+            inside = slice(None, (count - 1) // every * every + 1)
+            between_samples = y[inside] - CubicSpline(t[::every], y[::every])(t[inside])
+        else:
+            between_samples = y - np.polyval(np.polyfit(t - t[0], y, 1), t - t[0])
+        if np.ptp(between_samples) > SWINGS * np.ptp(block.y):
             return True
     return False
