@@ -58,14 +58,9 @@ def embedded_step(t, h, inputs, state, allowed, work):
     for k in range(len(q)):
         L[0, k], K[0, k] = qd[k], qdd[k]
     work.stepper[STEPPER.work] = done[0] + h * b[0] * done[1]
-    for i in range(1, s + 1):  # one call: it is long
-        last = i == s
-        part, weights, angles = (1.0, b, work.new[0]) if last else (c[i], A[i], work.Q)
-        power = evaluate(t, part, h, inputs, q, qd, weights, i, angles, work)
-        if last:
-            work.stepper[STEPPER.power] = power
-        else:
-            work.stepper[STEPPER.work] += h * b[i] * power
+    for i in range(1, s):
+        work.stepper[STEPPER.work] += h * b[i] * evaluate(t, c[i], h, inputs, q, qd, A[i], i, work.Q, work)
+    work.stepper[STEPPER.power] = evaluate(t, 1.0, h, inputs, q, qd, b, s, work.new[0], work)
     for k in range(len(q)):
         work.new[1, k], work.new[2, k] = L[s, k], K[s, k]
     place_bodies(work.new[0], work.posture)
