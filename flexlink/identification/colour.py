@@ -2,7 +2,8 @@
 
     e_t = − a₁ e_{t−1} − … − a_p e_{t−p} + w_t,  w white
 
-The order is the one of the least corrected information criterion (AICc), the coefficients Burg's.
+The order is the one of the least Bayesian information criterion, n ln σ² + p ln n (Schwarz 1978), the coefficients
+Burg's. Criteria that ask less for a coefficient (AICc) take orders of chance, and intervals come out 5 to 10 % narrow.
 """
 
 from __future__ import annotations
@@ -102,7 +103,7 @@ def colour_of(e: Array) -> Colour:
 
 
 def _price(order: int, samples: int) -> float:
-    return 2 * order * samples / max(samples - order - 1, 1)
+    return order * math.log(samples)
 
 
 def whiteness(e: Array) -> float:

@@ -125,7 +125,9 @@ def fit(
     found = _searched(search, start_points(coordinates, count), tell)
     best = found[0]
     rows = search.rows(best.x, best.blocks)
-    spread = spread_of(parts_of(sources, rows), priors_of(coordinates, best.x, rows))
+    colours = [block.colour for part in best.blocks for block in part if block.colour is not None]
+    coefficients = sum(len(one.a) - 1 for one in colours)
+    spread = spread_of(parts_of(sources, rows), priors_of(coordinates, best.x, rows), coefficients)
     after = _check_after(signals, best, check)
     numbers = (*estimates(coordinates, best.x, spread), *linear_estimates(sources, rows, spread, len(coordinates)))
     if not after.passed:

@@ -17,7 +17,7 @@ from flexlink.kernels.inputs.drive_torque import follow, stage_torque
 from flexlink.kernels.stepping.error_norm import step_error_norm
 from flexlink.kernels.stepping.runge_kutta import add_stage
 from flexlink.kernels.stepping.step_state import STEPPER
-from flexlink.kernels.tools.compiler import inlined, subroutine
+from flexlink.kernels.tools.compiler import inlined, recursion
 
 
 class EmbeddedMethod(NamedTuple):
@@ -46,7 +46,7 @@ class EmbeddedWork(NamedTuple):
     springs: Any  # see `error_norm`
 
 
-@subroutine
+@recursion
 def embedded_step(t, h, inputs, state, allowed, work):
     """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and 1, as one pass.
 
