@@ -126,9 +126,7 @@ class TestInterval:
             told.append(spread_of([Part([e[100:] - e[100:].mean()], [np.ones((n, 1))], True)], np.zeros((0, 1))))
         true = 1 / (1 - ρ) / np.sqrt(n)  # long-run standard deviation over √n
         found = float(np.median([one.deviations[0] for one in told]))
-        assert (
-            true <= found <= 1.1 * math.sqrt(5 / 3) * true
-        )  # of a constant, g(k) is C (1 − |k|/n), and Σ g is 2/3 n² C
+        assert true <= found <= 1.1 * math.sqrt(5 / 3) * true
 
     def test_white_noise_gives_the_classical_interval(self) -> None:
         e = np.random.default_rng(0).standard_normal(2000)
