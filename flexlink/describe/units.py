@@ -39,7 +39,7 @@ def _sentences(kind: type[Spec]) -> dict[str, str]:
         return {}
     (body,) = (node.body for node in ast.parse(source).body if isinstance(node, ast.ClassDef))
     return {
-        field.target.id: str(text.value.value)
+        field.target.id: inspect.cleandoc(str(text.value.value))
         for field, text in itertools.pairwise(body)
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
         and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
