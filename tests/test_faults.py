@@ -24,7 +24,7 @@ def rot(fault: Fault) -> str:
     for test in fault.tests:
         file, _, function = test.partition("::")
         text = (ROOT / file).read_text(encoding="utf-8") if (ROOT / file).is_file() else ""
-        if f"def {function.partition('[')[0]}" not in text:
+        if f"def {function.rpartition('::')[2].partition('[')[0]}" not in text:
             return f"{test}: no such test"
     return "" if fault.find != fault.replace else "nothing is replaced"
 
