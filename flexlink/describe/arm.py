@@ -128,13 +128,16 @@ class Section(Spec, frozen=True):
         across = BREADTHS.get(self.shape)
         if across is None:
             return None
-        y, z = ((1 - x) * getattr(self, name) + x * getattr(tip, name) for name in across)
+        y, z = self._dimensions(across, tip, x)
         return y, z
 
     def towards(self, tip: Section, x: float) -> SectionProperties:
         """Properties at the part `x` of the way to a section of the same shape, all dimensions linear in x."""
         formula, names = SHAPES[self.shape]
-        return formula(*((1 - x) * getattr(self, name) + x * getattr(tip, name) for name in names))
+        return formula(*self._dimensions(names, tip, x))
+
+    def _dimensions(self, names: tuple[str, ...], tip: Section, x: float) -> Iterator[float]:
+        return ((1 - x) * getattr(self, name) + x * getattr(tip, name) for name in names)
 
 
 class Damping(Spec, frozen=True):

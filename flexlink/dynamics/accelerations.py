@@ -119,7 +119,8 @@ def _forward_dynamics_of_many(
     wrenches = world_wrenches(chains, states[0], tip_wrench, frame)
     if any(len(each.drag) for each in chains):
         q, qd, tau = states
-        states[2] = tau - np.array([drag_torque(chains[k % len(chains)], q[k], qd[k]) for k in range(b)])
+        one = len(chains) == 1
+        states[2] = tau - (drag_torque(chains[0], q, qd) if one else np.array([*map(drag_torque, chains, q, qd)]))
     qdd = _side_by_side(chains, solver, [wrenches, *states])
     if not is_finite(qdd.reshape(-1)):
         k = int(np.argmin(np.isfinite(qdd).all(axis=1)))

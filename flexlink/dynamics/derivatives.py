@@ -7,7 +7,7 @@ import functools
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
@@ -179,18 +179,15 @@ def forward_dynamics_derivatives(
     if not write(*chain.arrays, wrench, q, qd, left, found):
         forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises where there is no q̈
         raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
-    if frame == "tip":
-        free = _not_prescribed(chain)
-        found[0] -= found[2][:, free] @ _of_turning(chain, q, qd, wrench, tip_wrench)[free]
-    if len(chain.drag):
-        free = _not_prescribed(chain)
-        found[:2] -= found[2][:, free] @ np.array(drag_slopes(chain, q, qd))[:, free]
+    if frame == "tip" or len(chain.drag):
+        free = np.flatnonzero(chain.hinges["prescribed"] == 0)
+        by_angle, by_rate = drag_slopes(chain, q, qd)
+        if frame == "tip":
+            by_angle += _of_turning(chain, q, qd, wrench, tip_wrench)
+        found[0] -= found[2][:, free] @ by_angle[free]
+        found[1] -= found[2][:, free] @ by_rate[free]
     found.setflags(write=False)  # and with it the parts
     return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
-
-
-def _not_prescribed(chain: Chain) -> NDArray[np.intp]:
-    return np.flatnonzero(chain.hinges["prescribed"] == 0)
 
 
 def _of_many(

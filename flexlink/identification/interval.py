@@ -75,7 +75,8 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
         meat = meat * (samples + coefficients) / max(samples - coefficients, 1)
     freedom = max(independent - lost, 1.0) if samples else math.inf
     wide = float(student.ppf((1 + LEVEL) / 2, freedom)) if math.isfinite(freedom) else 1.959963984540054
-    meat = meat + sum(_taken_off(part, inverse @ meat @ inverse) for part in parts if part.is_run)
+    covariance = inverse @ meat @ inverse
+    meat = meat + sum(_taken_off(part, covariance) for part in parts if part.is_run)
     return Spread(inverse @ meat @ inverse, wide, colours)
 
 
