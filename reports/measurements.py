@@ -20,8 +20,9 @@ HEADS = ("measured", "quantities", "error E / D", "uncertainty u_val / D", *VERD
 WORDS = (
     "E = S − D is the error of the model S against the measurement D. u_val² = u_num² + u_input² + u_D²: hinges (grid "
     "convergence index), tolerances of what is stated about the specimen, and the measurement itself. Nothing is "
-    "fitted, but of the laboratory's arm two roots and a damping, to strains. Validated to u_val: |E| ≤ 2 u_val. "
-    "Not validated: the model, or what is known of the specimen, is wrong by more than that. Cannot be told: 2 u_val "
+    "fitted, but of the laboratory's arm two roots, a damping, the tilt of its axes, the second axis' place, and "
+    "gains and zeros of the strains. Validated to u_val: |E| ≤ 2 u_val. Not validated: the model, or what is known "
+    "of the specimen, is wrong by more than that. Cannot be told: 2 u_val "
     "is more than the accuracy that is asked for."
 )
 
