@@ -60,17 +60,23 @@ def drive_of(joints: Indices, **parts: Any) -> Drive:
     d = len(joints)
     nothing = PiecewisePolynomial(np.zeros(1), np.zeros((1, 2, d)))
     blank = Drive(
-        TABLE, 0.0, joints, np.full(d, np.inf), nothing, nothing, np.zeros(d), np.zeros(d), no_model(),
-        np.zeros((0, d)), np.zeros(1, np.int64),
+        TABLE, 0.0, joints, np.full(d, np.inf), np.empty((2, d)), nothing, nothing, np.zeros(d), np.zeros(d),
+        no_model(), np.zeros((0, d)), np.zeros(1, np.int64),
     )  # fmt: skip
-    return blank._replace(**parts)
+    return limited(blank._replace(**parts))
+
+
+def limited(drive: Drive, effort: Array | None = None) -> Drive:
+    """The drive with torques within ± effort [N m], shape (d,): its own, or another."""
+    effort = drive.effort if effort is None else effort
+    return drive._replace(effort=effort, limits=np.array([-effort, effort]))
 
 
 def held_torques(chain: Chain, times: Array, torques: Array, effort: Array | None = None) -> Drive:
     """A drive of torques (m, d) at the driven joints, each row held until the next time."""
     table = PiecewisePolynomial(held_knots(times), np.ascontiguousarray(torques[:, None]))
     drive = drive_of(chain.active.copy(), feedforward=table)
-    return drive if effort is None else drive._replace(effort=effort)
+    return drive if effort is None else limited(drive, effort)
 
 
 def effort_of(scene: Scene, chain: Chain) -> Array:
@@ -108,7 +114,7 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
         return Gains(*np.zeros((2, n)))
     slopes = np.zeros((2, n, len(joints)))
     if not drive.rate:
-        unlimited = drive._replace(effort=np.full(len(joints), np.inf))
+        unlimited = limited(drive, np.full(len(joints), np.inf))
         drive_slopes(unlimited, t, np.array([q, qd]), NUDGE, np.zeros((2, n)), slopes)
     own = slopes[:, joints]
     if not np.any(own - own * np.eye(len(joints))):

@@ -25,6 +25,7 @@ from flexlink.kernels.stepping import adaptive
 from flexlink.kernels.stepping.adaptive import OUTCOME
 from flexlink.kernels.stepping.embedded import EmbeddedWork
 from flexlink.kernels.stepping.implicit_layout import ImplicitWork
+from flexlink.kernels.stepping.saturation import choose_branches
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.budget import FEWEST, Budget, Spent, warn
@@ -69,7 +70,8 @@ class AdaptiveSteps:
         self.compare_at, self.taken_over = FIRST, False  # tries of steps; whether a method goes on for one that failed
         record, run = monitor.record, monitor.run
         self.failure: Failure | None = None
-        self.record, self.run, self.control, self.inputs = record, run, monitor.control, record.inputs
+        self.record, self.run, self.control = record, run, monitor.control
+        self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
         self.budget = Budget(run.max_evaluations, run.duration)
         start, self.ends = pieces(record, monitor.control)
         self.slowest = slowest_frequency(record.chain, record.q[0] if run.controlled else np.zeros(record.chain.n))
@@ -117,8 +119,8 @@ class AdaptiveSteps:
 
     def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
         """Go on from `start` to `end` [s] under these inputs; returns why not, if not. If they are one, it compiles."""
-        if inputs is not self.inputs:
-            self.inputs = inputs
+        if inputs is not self.given:
+            self.given, self.inputs = inputs, with_own_limits(inputs)
             self._put_gains()
             self._compile()
         self.aim(start, end)
@@ -156,13 +158,22 @@ class AdaptiveSteps:
         return *changing, *remembered(self.inputs.drive), *(array[rows] for array in self.samples)
 
     def _put_gains(self) -> None:
-        for array, value in zip(self.work.springs, drive_gains(self.record.chain, self.inputs), strict=False):
-            array[:] = value
+        kp, kd, kick = drive_gains(self.record.chain, self.inputs)
+        self.work.springs.impulse[:] = kick
+        for gains in (self.work.springs, self.work.saturation):
+            gains.kp[:], gains.kd[:] = kp, kd
+        self._choose_branches()
+
+    def _choose_branches(self) -> None:
+        """Where motors saturate, steps with a tolerance follow one branch of their torques each."""
+        if self.run.controlled and np.isfinite(self.inputs.drive.effort).any() and not self.inputs.drive.rate:
+            choose_branches(self.time, self.inputs, self.state, self.work)
 
     def aim(self, start: float, end: float) -> None:
         """Begin a piece between two times [s], at which torques may jump."""
         self.end, self.knots = end, self.stop_times.between(start, end)
         self.count[COUNT.knot], self.work.stepper[STEPPER.time] = 0, start
+        self._choose_branches()
         self._begin(start, self.inputs, self.state, self.tau, self.forward)
 
     def _ask(self, k: int) -> Iterator[Reached]:
@@ -352,7 +363,7 @@ class AdaptiveSteps:
         return float(self.work.stepper[STEPPER.angle_travelled])
 
     def _compile(self) -> None:
-        kept = self.record.kept if self.inputs is self.record.inputs else Kept()  # whose code is for the record's types
+        kept = self.record.kept if self.given is self.record.inputs else Kept()  # whose code is for the record's types
         start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self._arguments(0)
         types = self._types(kept)
         self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
@@ -400,6 +411,11 @@ class AdaptiveSteps:
         return Failure(f"{text}; {known.cause}", known.advice) if known else Failure(text)
 
 
+def with_own_limits(inputs: Inputs) -> Inputs:
+    """The inputs with limits of the torques that steps may write to."""
+    return inputs._replace(drive=inputs.drive._replace(limits=inputs.drive.limits.copy()))
+
+
 def pieces(record: Record, control: Control | None) -> tuple[float, list[float]]:
     """Start of a run and the ends of its pieces [s]: sampling instants of a control law, and the end of the run."""
     run = record.run
@@ -431,7 +447,7 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
     of_a_deflection = 0.1  # stricter where the tolerance is on deflection: errors of all steps ring on in its vibration
     reach = record.chain.reach
     if not run.controlled:
-        return np.inf, 0.0, run.fixed_step, exact * reach, 0.0, 1.0, run.fixed_step, run.fixed_step
+        return np.inf, 0.0, run.fixed_step, exact * reach, 0.0, 1.0, run.duration, run.fixed_step, run.fixed_step
     if run.accuracy == "deflection" and not (record.chain.hinges["stiffness"] > 0).any():
         raise SceneError(
             f"run.accuracy = 'deflection': no link of {record.chain.name!r} bends, so there is no deflection to take "
@@ -450,4 +466,4 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
     long = method.stages >= long_stages
     one = OF_AN_EXPLICIT_STEP if method.explicit else OF_A_LONG_STEP if long else OF_A_STEP
     errors = one * absolute, of_a_deflection * one * part, run.duration / LONG, np.inf, of_the_iteration
-    return *errors, order, SHORTEST * run.duration, largest
+    return *errors, order, run.duration, SHORTEST * run.duration, largest

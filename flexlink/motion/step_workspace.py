@@ -23,6 +23,7 @@ from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.stepping.error_norm import Springs
 from flexlink.kernels.stepping.implicit_layout import VECTOR, ImplicitMethod, ImplicitWork, Turning
+from flexlink.kernels.stepping.saturation import Saturation
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.results.record import Record
 
@@ -44,13 +45,17 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers[STEPPER.inverse_ω1], numbers[STEPPER.rounding] = 1.0 / slowest, rounding.of_position(chain)
     numbers[STEPPER.max_iterations] = FEW_PASSES if record.run.controlled else of_fixed_step
     numbers[STEPPER.far] = FAR if chain.has_free_base else 0.0
-    springs = Springs(*drive_gains(chain, record.inputs), np.zeros((n, width)), *np.zeros((2, n)))
+    gains = drive_gains(chain, record.inputs)
+    springs = Springs(*gains, np.zeros((n, width)), *np.zeros((2, n)))
+    saturation = Saturation(*(gain.copy() for gain in gains[:2]), *np.zeros((5, n)))
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error)
         K, L = np.zeros((2, s + 1, n))
         Q, tau = np.zeros((2, n))
         e = np.zeros((2, n))
-        return EmbeddedWork(coefficients, arrays, record.scratch, posture, numbers, new, K, L, Q, tau, e, springs)
+        return EmbeddedWork(
+            coefficients, arrays, record.scratch, posture, numbers, new, K, L, Q, tau, e, springs, saturation
+        )
     r, p = len(method.modes.real), len(method.modes.complex)
     turning, with_error = turning_of(chain, s, r, p), record.run.controlled and method.controlled
     numbers[STEPPER.wait] = 0.0 if with_error else np.inf
@@ -62,7 +67,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     return ImplicitWork(
         coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
         rotation, posture, numbers, new,
-        np.zeros((6, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs,
+        np.zeros((6, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs, saturation,
         np.zeros((r, n, width)), np.zeros((2, n), complex), np.zeros((p, n, width), complex),
         postures, np.zeros((s, n, width)), turning,
     )  # fmt: skip
@@ -82,7 +87,7 @@ def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
 
 def carried(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
     """What steps remember from one to the next; all else is scratch within one."""
-    return work.stepper, *work.springs[:3], *stages_of(work)
+    return work.stepper, *work.springs[:3], *work.saturation[:2], *stages_of(work)
 
 
 def stages_of(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:

@@ -22,10 +22,19 @@ TABLE, PD, PD_GRAVITY, COMPUTED_TORQUE = range(4)
 
 @inlined
 def law_torque(drive, t, middle, q, qd, tau):
-    """Write T_EX at the driven joints to `tau` (n,), within ± effort, at time t in a step of this `middle`.
+    """Write T_EX at the driven joints to `tau` (n,), within its limits, at time t in a step of this `middle`.
 
     Expanded where it is called: to hand over the record of a drive takes longer than most laws.
     """
+    unlimited_torque(drive, t, middle, q, qd, tau)
+    for d in range(len(drive.joints)):
+        k = drive.joints[d]
+        put_at(tau, clipped(at(tau, k), drive.limits[0, d], drive.limits[1, d]), k)
+
+
+@inlined
+def unlimited_torque(drive, t, middle, q, qd, tau):
+    """`law_torque` of motors that give any torque."""
     joints, g = drive.joints, drive.feedforward
     if drive.law == TABLE:
         held = g.coefficients.shape[1] == 1
@@ -45,8 +54,6 @@ def law_torque(drive, t, middle, q, qd, tau):
             put_at(tau, drive.kp[d] * (r - at(q, k)) + drive.kd[d] * (rate - at(qd, k)) + torque, k)
     elif q.ndim == 1:  # arms side by side have no model
         torques_by_model(drive, t, middle, q, qd, tau)
-    for d in range(len(joints)):
-        put_at(tau, clipped(at(tau, joints[d]), drive.effort[d]), joints[d])
 
 
 @subroutine

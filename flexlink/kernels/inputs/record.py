@@ -35,6 +35,7 @@ class Drive(NamedTuple):
     rate: float  # how often it is sampled, its torques held in between [Hz]; 0: asked at every stage
     joints: Indices  # (d,)
     effort: Array  # (d,) largest torque [N m]
+    limits: Array  # (2, d) least and largest torque [N m]: ± effort, or what a step takes them for (`saturation`)
     reference: PiecewisePolynomial  # r [rad / s^j]
     feedforward: PiecewisePolynomial  # g [N m / s^j]
     kp: Array  # (d,) [N m/rad], of computed torque [1/s²]

@@ -3,8 +3,9 @@
     h ← 0.9 h (tolerance / error)^(1/p)        p: order of the error in h
 
 and no more than what the last two errors predict (Gustafsson; Hairer & Wanner, Solving Ordinary Differential Equations
-II, IV.8). A step ends where an input has a knot, of which no polynomial knows, and is not soon longer than one that
-failed. Samples between the ends of an implicit step are its dense output; steps of an explicit method end at samples.
+II, IV.8). A step ends where an input has a knot, of which no polynomial knows, or where a motor saturates
+(`saturation`), and is not soon longer than one that failed. Samples between the ends of an implicit step are its dense
+output; steps of an explicit method end at samples.
 
 With a tolerance of infinity all steps are as long as the largest, and nothing but the state is remembered past a knot:
 who starts from the state there goes on with the same numbers.
@@ -12,42 +13,38 @@ who starts from the state there goes on with the same numbers.
 
 import math
 
-from numba.extending import overload
-
 from flexlink.kernels.forward.mass_plus_diagonal import displacement, place_bodies
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
 from flexlink.kernels.stepping.by_stage import count_step, tried_again
+from flexlink.kernels.stepping.dense_output import between
 from flexlink.kernels.stepping.embedded import EmbeddedWork, embedded_step
 from flexlink.kernels.stepping.error_norm import deflection_norm
-from flexlink.kernels.stepping.implicit import between_stages, implicit_step
+from flexlink.kernels.stepping.implicit import implicit_step
 from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.runge_kutta import base_angle
+from flexlink.kernels.stepping.saturation import (
+    NEVER,
+    choose_branches,
+    first_switch,
+    follow_limits,
+    saturates,
+    thrown_by,
+)
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
-from flexlink.kernels.tools.compiler import RECURSION, by_type, entry, inlined, recursion, shared
+from flexlink.kernels.tools.compiler import by_type, entry, inlined, recursion, shared
 from flexlink.kernels.tools.numbered import numbered
 
 OUTCOME = numbered("goes_on ended stuck turned")  # of `advance`; a free base has turned far
 SAFETY, SHRINK = 0.9, 1 / 8  # of what the error allows; of h, at most
 NEARLY = 1.01  # steps up to the next knot that are taken in one
 AT_THE_END = 1e-9  # part of a step that is no time between its ends
+OF_A_SWITCH = 0.1  # of the error of a long step: what a torque may throw bodies by that is off for the end of a step
 
 
 @by_type({ImplicitWork: implicit_step, EmbeddedWork: embedded_step})
 def take_step(t, h, inputs, state, allowed, work):
     """One step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations."""
-
-
-def between(x, h, state, work, angles, rates):
-    """Write q and q̇ at a part x of an implicit step; returns W there."""
-    return between_stages(x, h, state, work, angles, rates)
-
-
-@overload(between, jit_options=RECURSION)
-def _between(x, h, state, work, angles, rates):
-    if work.instance_class is ImplicitWork:
-        return between_stages.py_func
-    return lambda x, h, state, work, angles, rates: math.nan  # no sample of an explicit step is between its ends
 
 
 @entry
@@ -58,15 +55,17 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
 
     `settings`: error that a long step may have [m], and that as a part of the largest deflection; the length from which
     a step is long [s], a shorter one may have its part of that length of it, so that the errors of many steps add up to
-    the same; what the iteration may leave [m], and that as a part of the error; p; smallest and
+    the same; what the iteration may leave [m], and that as a part of the error; p; how long the run is; smallest and
     largest step [s]. `knots`: times where a step ends, of which the last is the end. `samples`: times (rows,), q and q̇
     (rows, n), W (rows,).
     """
-    absolute, part, long, exact, left, p, smallest, largest = settings
-    stepper = work.stepper
+    absolute, part, long, exact, left, p, duration, smallest, largest = settings
+    stepper, switches = work.stepper, absolute < math.inf and saturates(inputs.drive)
     least = 1e-3  # part of the error of a long step that any step may have: the shortest are few, after a jump
     for _ in range(most):
         t, end = stepper[STEPPER.time], knots[count[COUNT.knot]]
+        switch = t < stepper[STEPPER.switch] < end  # a step ends there as at a knot
+        end = stepper[STEPPER.switch] if switch else end
         ends = t + NEARLY * stepper[STEPPER.step] >= end
         h = end - t if ends else stepper[STEPPER.step]
         tolerance = (absolute + part * stepper[STEPPER.deflection]) * min(1.0, max(least, h / long))
@@ -78,6 +77,18 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
             if stepper[STEPPER.step] <= smallest:
                 return OUTCOME.stuck
             continue
+        left_branch = first_switch(t, h, inputs, state, work) if switches else NEVER
+        if left_branch < 1.0:
+            allowed = OF_A_SWITCH * (absolute + part * stepper[STEPPER.deflection])
+            off = thrown_by(left_branch, t, h, duration, inputs, state, work)
+            if off > allowed:  # which goes by the square of the time after the switch
+                again = (left_branch + 0.5 * math.sqrt(allowed / off) * (1.0 - left_branch)) * h
+                stepper[STEPPER.switch] = t + again
+                count[COUNT.rejected] += 1
+                if again <= smallest:
+                    stepper[STEPPER.switch] = 0.0
+                    follow_limits(inputs, work)
+                continue
         sample(t, h, inputs, state, work, count, samples, tau)
         wanted = following(h, error / tolerance, p, iterations, stepper)
         if h < stepper[STEPPER.step]:
@@ -86,6 +97,11 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
         stepper[STEPPER.time] = end if ends else t + h
         count[COUNT.steps] += 1
         accept(state, work)
+        if switches:
+            choose_branches(stepper[STEPPER.time], inputs, state, work)
+        if left_branch < NEVER:
+            begin(stepper[STEPPER.time], inputs, state, tau, forward)
+        ends = ends and not switch
         stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], spring_displacement(state[0], tau, work))
         if ends:
             count[COUNT.knot] += 1
@@ -106,7 +122,7 @@ def first_step(work, state, settings, duration, bent):
 
     Scratch `bent` (n,).
     """
-    absolute, part, largest = settings[0], settings[1], settings[7]
+    absolute, part, largest = settings[0], settings[1], settings[8]
     q, qd, qdd = state[0], state[1], state[2]
     stepper, τ = work.stepper, min(work.stepper[STEPPER.inverse_ω1], duration)
     place_bodies(q, work.posture)
@@ -217,7 +233,7 @@ def sample(t, h, inputs, state, work, count, samples, spare):
 def place(x, h, state, work, angles, rates):
     """Write q and q̇ at a part x of the step that was just taken from `state`; returns W there."""
     if x < 1.0 - AT_THE_END:
-        return between(x, h, state, work, angles, rates)
+        return between(x, h, state, angles, rates, work)
     for k in range(len(angles)):
         angles[k], rates[k] = work.new[0, k], work.new[1, k]
     return work.stepper[STEPPER.work]

@@ -44,6 +44,7 @@ class EmbeddedWork(NamedTuple):
     tau: Any
     e: Any  # (2, n)
     springs: Any  # see `error_norm`
+    saturation: Any  # see `saturation`
 
 
 @recursion

@@ -95,10 +95,17 @@ def displace(τ, e_v, work):
 @recursion
 def impulse_norm(τ, e_v, work):
     """Largest displacement [m] in a time τ by what a sampled law makes of errors of the rates."""
-    factors, r, δ = work.springs.factors, work.springs.r, work.springs.δ
     for k in range(len(e_v)):
+        work.springs.r[k] = τ * work.springs.impulse[k] * e_v[k]
+    return thrown(τ, work)
+
+
+@recursion
+def thrown(τ, work):
+    """Largest displacement [m] in a time τ by impulses [N m s] times τ, `r`."""
+    factors, r, δ = work.springs.factors, work.springs.r, work.springs.δ
+    for k in range(len(r)):
         factors[k, FACTORS.A] = work.chain.hinges[k].armature + implicit_rotor(τ, k, work)
-        r[k] = τ * work.springs.impulse[k] * e_v[k]
     if len(work.posture.first) > 0:
         put_couplings(τ, τ * τ, work.posture.beside, factors)
     factor(factors, work.posture)

@@ -291,7 +291,7 @@ def add_up_work(h, done, work):
 
 
 @recursion
-def between_stages(x, h, state, work, angles, rates):
+def between_stages(x, h, state, angles, rates, work):
     """Write q and q̇ at a part x of the step that was just taken from `state`; returns W there."""
     q, qd, done = state[0], state[1], state[3]
     dense, qdd, W = work.method.dense, work.stages[STAGE.qdd], done[0]

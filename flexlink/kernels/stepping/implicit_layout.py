@@ -53,6 +53,7 @@ class ImplicitWork(NamedTuple):
     power: Any  # (s,)
     vectors: Any  # (5, n)
     springs: Any  # see `error_norm`
+    saturation: Any  # see `saturation`
     factors: Any  # (r, n, 8)
     pairs: Any  # (2, n) complex
     factors_pairs: Any  # (p, n, 8) complex

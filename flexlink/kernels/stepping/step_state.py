@@ -19,6 +19,7 @@ STEPPER = numbered(
     "wait patience",  # failures before the next trial of such steps, from now on and after the last one
     "turning",  # by which the error counts of a step in which friction has its own law; 0: it has a slope
     "angle_travelled",  # by all free joints, forth and back [rad]
+    "switch",  # when a motor reaches its largest torque, or leaves it, in the step to come [s]; 0: not known to
     "far",  # by which a free base may turn until its steps go on in other coordinates [rad]; 0: it is fixed
 )
 COUNT = numbered(

@@ -268,26 +268,26 @@ def _tanh(x):
     return each if x == lanes else (lambda x: math.tanh(x))  # noqa: PLW0108
 
 
-def clipped(x, limit):
-    """A float, or lanes, within ± limit, a float; nan stays."""
-    within = np.where(x > limit, limit, np.where(x < -limit, -limit, x))
+def clipped(x, least, most):
+    """A float, or lanes, from `least` to `most`, floats; nan stays."""
+    within = np.where(x > most, most, np.where(x < least, least, x))
     return within.view(Eight) if np.ndim(x) else float(within)
 
 
 @inlined
-def clip(x, limit):
+def clip(x, least, most):
     """As `clipped`, of a float."""
-    return limit if x > limit else (-limit if x < -limit else x)
+    return most if x > most else (least if x < least else x)
 
 
 @overload(clipped, jit_options=INLINED)
-def _clipped(x, limit):
-    def each(x, limit):
+def _clipped(x, least, most):
+    def each(x, least, most):
         for lane in range(LANES):
-            x = _with_lane(x, clip(_lane(x, lane), limit), lane)
+            x = _with_lane(x, clip(_lane(x, lane), least, most), lane)
         return x
 
-    return each if x == lanes else (lambda x, limit: clip(x, limit))  # noqa: PLW0108
+    return each if x == lanes else (lambda x, least, most: clip(x, least, most))  # noqa: PLW0108
 
 
 class Turns(NamedTuple):

@@ -1,0 +1,143 @@
+"""Motors at their largest torque: a step takes each one for saturated or not, and ends where that changes.
+
+A torque |u| ≤ E has a kink where its law u reaches E, of which no polynomial of a step knows, nor the estimate of its
+error. So a step goes on with the branch that holds at its start, u itself, E or −E, and is smooth. It then looks where
+u leaves the branch, at x of its length h. What the torque is off from there on is an impulse
+
+    p = (1 − x) h max |off|
+
+that throws bodies, in a time τ without the drive, by δ = τ (M + τ D + τ² K)⁻¹ p: of all that is still to come the
+largest counts. Where it is no small part of the tolerance, the step is taken again, up to just beyond x. Slopes of a
+motor that is saturated are zero, for Newton's matrix and for what an error of the step leads to.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from flexlink.kernels.inputs.laws import unlimited_torque
+from flexlink.kernels.stepping.dense_output import between
+from flexlink.kernels.stepping.error_norm import CLOSER, thrown
+from flexlink.kernels.tools.compiler import entry, inlined, recursion, subroutine
+
+LOOKS = 4  # places within a step; what leaves its branch and returns between two of them is off by little, for a moment
+NEVER = 2.0  # part of a step: not within it
+ROOT_PASSES, ROOT = 30, 1e-6  # of regula falsi; part of the step to which x is known
+
+
+class Saturation(NamedTuple):
+    """Gains of the drive where it is not saturated, and scratch."""
+
+    kp: Any  # (n,)
+    kd: Any
+    angles: Any  # (n,)
+    rates: Any
+    torque: Any
+    off: Any  # how far a torque is beyond its branch [N m]
+    impulse: Any  # what that comes to in the rest of a step [N m s]
+
+
+@inlined
+def saturates(drive):
+    """Whether a motor has a largest torque; a sampled law's torques are held: they have no kink within a step."""
+    least = math.inf
+    for d in range(len(drive.joints)):
+        least = min(least, drive.effort[d])
+    return drive.rate == 0.0 and least < math.inf
+
+
+@entry
+def choose_branches(t, inputs, state, work):
+    """From time t on every torque follows the branch that it is on now."""
+    drive, now = inputs.drive, work.saturation
+    unlimited_torque(drive, t, t, state[0], state[1], now.torque)
+    for d in range(len(drive.joints)):
+        k, E = drive.joints[d], drive.effort[d]
+        u = now.torque[k]
+        drive.limits[0, d] = E if u > E else -E if u < -E else -math.inf
+        drive.limits[1, d] = E if u > E else -E if u < -E else math.inf
+    put_slopes(drive, work)
+
+
+@inlined
+def put_slopes(drive, work):
+    """The gains of every drive; none of one that is saturated."""
+    for d in range(len(drive.joints)):
+        k, saturated = drive.joints[d], drive.limits[0, d] == drive.limits[1, d]
+        work.springs.kp[k] = 0.0 if saturated else work.saturation.kp[k]
+        work.springs.kd[k] = 0.0 if saturated else work.saturation.kd[k]
+
+
+@recursion
+def follow_limits(inputs, work):
+    """Torques that left their branch in the step that was just taken follow their limits in the next, kinks and all."""
+    drive = inputs.drive
+    for d in range(len(drive.joints)):
+        if work.saturation.impulse[drive.joints[d]] > 0.0:
+            drive.limits[0, d], drive.limits[1, d] = -drive.effort[d], drive.effort[d]
+    put_slopes(drive, work)
+
+
+@recursion
+def beyond(x, t, h, inputs, state, work):
+    """How far the torque that is farthest beyond its branch is, at a part x of the step; all of them in `off` [N m]."""
+    drive, now, largest = inputs.drive, work.saturation, -math.inf
+    between(x, h, state, now.angles, now.rates, work)
+    unlimited_torque(drive, t + x * h, t + 0.5 * h, now.angles, now.rates, now.torque)
+    for d in range(len(drive.joints)):
+        k, E = drive.joints[d], drive.effort[d]
+        u, least, most = now.torque[k], drive.limits[0, d], drive.limits[1, d]
+        now.off[k] = -math.inf  # where it follows its limits it is nowhere beyond them
+        if least == -math.inf:
+            now.off[k] = abs(u) - E
+        elif least == most:
+            now.off[k] = E - u if most > 0.0 else u + E
+        largest = max(largest, now.off[k])
+    return largest
+
+
+@subroutine
+def first_switch(t, h, inputs, state, work):
+    """Part x of the step that was just taken from which a torque is beyond its branch; NEVER if none is."""
+    a, f_a = 0.0, min(0.0, beyond(0.0, t, h, inputs, state, work))
+    b, f_b, look = 0.0, f_a, 0
+    while f_b <= 0.0 and look < LOOKS:
+        look += 1
+        a, f_a = b, f_b
+        b = look / LOOKS
+        f_b = beyond(b, t, h, inputs, state, work)
+    if not f_b > 0.0:
+        return NEVER
+    for _ in range(ROOT_PASSES):  # the Illinois rule; b stays beyond
+        if b - a <= ROOT:
+            break
+        x = (a * f_b - b * f_a) / (f_b - f_a) if f_b < math.inf and f_a > -math.inf else 0.5 * (a + b)
+        x = min(max(x, a + 0.01 * (b - a)), b - 0.01 * (b - a))
+        f = beyond(x, t, h, inputs, state, work)
+        if f > 0.0:
+            b, f_b, f_a = x, f, 0.5 * f_a
+        else:
+            a, f_a, f_b = x, f, 0.5 * f_b
+    return b
+
+
+@subroutine
+def thrown_by(x, t, h, longest, inputs, state, work):
+    """How far what torques are off, from a part x of the step on, throws a body in any time up to the longest [m]."""
+    springs, now = work.springs, work.saturation
+    for k in range(len(now.impulse)):
+        now.impulse[k] = 0.0
+    for look in range(LOOKS, 0, -1):
+        if look > x * LOOKS:
+            beyond(look / LOOKS, t, h, inputs, state, work)
+            for k in inputs.drive.joints:
+                now.impulse[k] = max(now.impulse[k], (1.0 - x) * h * now.off[k])
+    for k in inputs.drive.joints:
+        springs.kp[k] = springs.kd[k] = 0.0
+    τ, largest = longest, 0.0
+    while τ > h or τ == longest:
+        for k in range(len(now.impulse)):
+            springs.r[k] = τ * now.impulse[k]
+        largest = max(largest, thrown(τ, work))
+        τ *= CLOSER
+    put_slopes(inputs.drive, work)
+    return largest
