@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from conftest import compiled
-from random_motors import METHODS, WRONG, outcomes
+from random_motors import WRONG, outcomes
 from scipy.integrate import solve_ivp
 
 import flexlink as fl
@@ -79,12 +79,6 @@ def test_a_motor_that_saturates_behind_a_gear(
     run = fl.simulate(geared, method=method, tolerance=tolerance)
     error = np.linalg.norm(run.tip[:, :2] - np.stack([np.cos(exact), np.sin(exact)], axis=1), axis=1).max()
     assert error <= WRONG * tolerance or run.warnings  # 3.3 tolerances at most; 1,100 where kinks fell into steps
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_saturating_costs_half_as_much_again_at_most(geared: fl.Scene, method: str) -> None:
-    free = fl.simulate(geared.varied({"drive.effort": None}), method=method, tolerance=1e-5)
-    assert fl.simulate(geared, method=method, tolerance=1e-5).steps.evaluations <= 1.5 * free.steps.evaluations
 
 
 def test_torques_of_a_run_stay_within_the_effort_and_reach_it(geared: fl.Scene) -> None:
