@@ -250,13 +250,14 @@ class AdaptiveSteps:
             most = min(most, self.compare_at - self.tries)
         last = 0 if self.run.controlled else int(self.count[COUNT.steps]) + most
         how = self._compare() if due else self.take(most)
-        while how == OUTCOME.turned:
-            self._turn()
-            how = self.take(max(1, last - int(self.count[COUNT.steps])))
-        while how == OUTCOME.stuck and not self.run.controlled and self._step_in_parts():
-            left = max(0, last - int(self.count[COUNT.steps]))
+        while how == OUTCOME.turned or (how == OUTCOME.stuck and not self.run.controlled):
+            least = int(how == OUTCOME.turned)
+            if how == OUTCOME.turned:
+                self._turn()
+            elif not self._step_in_parts():
+                break
             over = self.count[COUNT.knot] == len(self.knots)
-            how = OUTCOME.ended if over else self.take(left)
+            how = OUTCOME.ended if over else self.take(max(least, last - int(self.count[COUNT.steps])))
         if how == OUTCOME.stuck and self.run.method == AUTO and not self.taken_over and np.isfinite(self.fastest):
             self.go_on_with(IMPLICIT if self.method.explicit else EXPLICIT, self.end)
             how, self.taken_over = int(OUTCOME.goes_on), True
@@ -306,7 +307,9 @@ class AdaptiveSteps:
         """Whether steps of a length [s] get to a time."""
         self.settings, self.knots, self.count[COUNT.knot] = (*fixed, part, part), np.array([end]), 0
         self._restart(part)
-        return self.take(NEVER) == OUTCOME.ended
+        while (how := self.take(NEVER)) == OUTCOME.turned:
+            self._turn()
+        return how == OUTCOME.ended
 
     def _restart(self, step: float) -> None:
         """Go on with steps of a length [s], as if none had been taken."""

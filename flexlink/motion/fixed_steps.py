@@ -83,6 +83,11 @@ class FixedSteps:
         """Counts of the steps so far."""
         return steps_up_to(self.run, self._done)
 
+    @property
+    def time(self) -> float:
+        """Where the run is [s]."""
+        return (self.origin + self._done) * self.run.fixed_step
+
     def _not_finite(self) -> Failure:
         (q, qd, _), step = self.state, self._done + 1
         joint = self.joint_name(int(np.argmin(np.isfinite(q) & np.isfinite(qd))))

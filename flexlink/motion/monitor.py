@@ -168,6 +168,11 @@ class RunMonitor:
         return self.record.trajectory(self.n_valid, (*self.warnings, *self._doubts()), self.steps)
 
     @property
+    def last_time(self) -> float:
+        """That of the last valid sample, or of the first one if none was checked yet [s]."""
+        return float(self.record.t[max(0, self.n_valid - 1)])
+
+    @property
     def tolerance(self) -> float:
         """Tolerance of the steps so far [m]; the rounding limit where nothing has bent yet."""
         return max(tolerance_of(self.run, self.record.chain, self.deflection), self.record.least_tolerance)

@@ -33,7 +33,7 @@ from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.sampled_control import Law, control_of
 from flexlink.motion.verification import GIVEN_UP, UNKNOWN, advice, doubt, second_runs
 from flexlink.results.record import Record
-from flexlink.results.stop_reasons import ControlError, InterruptedRunError, LawFailure
+from flexlink.results.stop_reasons import ControlError, InterruptedRunError, LawFailure, ended_early
 from flexlink.results.trajectory import Trajectory
 
 
@@ -360,6 +360,8 @@ class SingleRun:
                 warn = None
             if stop.asked or (most < math.inf and steps.steps.evaluations > most):
                 break
+        else:
+            steps.failure = ended_early(monitor.last_time, float(monitor.record.t[-1]))
 
 
 def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:

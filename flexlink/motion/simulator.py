@@ -27,7 +27,7 @@ from flexlink.motion.simulate import prepare, started_from, steps_of
 from flexlink.results import balance
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
-from flexlink.results.stop_reasons import DivergenceError, Failure
+from flexlink.results.stop_reasons import DivergenceError, Failure, ended_early
 from flexlink.sensors.readings import Readings
 
 OFTEN = 128
@@ -186,7 +186,7 @@ class Simulator:
         before = steps.saved(), drive, [array.copy() for array in drive]
         calls = self._calls + 1
         try:
-            fault = steps.go(inputs, self._time, end)
+            fault = steps.go(inputs, self._time, end) or ended_early(steps.time, end)
             if not fault and (calls % OFTEN == 0 or calls & (calls - 1) == 0):
                 fault = self._unbalanced()
         except BaseException:  # Ctrl-C, too
