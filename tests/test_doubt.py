@@ -12,6 +12,7 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.kernels.stepping.judgement import WRONG
+from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.verification import Second, doubt, second_runs
 from flexlink.results.balance import Balance
@@ -64,8 +65,9 @@ def test_the_joints_count_together_and_led_ones_and_hinges_that_vibrate_do_not()
     rates = np.array([3.0, 50.0, 2.0, 100.0]) * np.where(T < 2.0, 1.0, -1.0)[:, None]
     still, rows = np.zeros_like(rates), len(T)
     samples = T, still, rates, still, np.zeros((rows, 3)), np.zeros((3, rows)), np.zeros(rows)
+    samples = *samples, np.zeros((rows, SO_FAR.size))
     for first, stop in ((0, 7), (7, rows)):  # in two pieces
-        assert known.look(first, stop, samples, (0, 1)) == (stop, WRONG.nothing)
+        assert known.look(first, stop, samples) == (stop, WRONG.nothing)
     seen = cast("Any", SimpleNamespace(_balance=known, angle_travelled=0.0))
     assert RunMonitor.travelled.fget(seen) == pytest.approx(20.0)
     seen.angle_travelled = 25.0  # of all steps, where samples are few

@@ -171,6 +171,7 @@ class Block:
         """What has become of a member, judged like a run alone."""
         monitor = RunMonitor(self.records[k], self.members[k].warnings)
         if not monitor.check(self.rows, self.steps, self.errors[k]):
+            monitor.steps = steps_up_to(self.run, monitor.n_valid * self.run.steps_per_sample)
             return monitor.diverged()
         if not stop.asked:
             monitor.warnings += verify(monitor, self.steps.method, stop)
@@ -196,7 +197,7 @@ class Block:
 
     def _look(self) -> tuple[Array, NDArray[np.bool_]]:
         """What is seen of the samples of each, and whether none of them is wrong."""
-        insisted, every = self.run.unstable == "allow", (0, self.run.steps_per_sample)
+        insisted = self.run.unstable == "allow"
         seen, good = np.zeros((len(self.members), SEEN.size)), np.zeros(len(self.members), dtype=bool)
         for k, record in enumerate(self.records):
             record.derive(0, self.rows)
@@ -204,8 +205,8 @@ class Block:
             judge = balance.Balance(
                 record.chain, force, insisted=insisted, bend=FAR, near=AT_LIMIT, kept=record.kept
             )  # fmt: skip
-            judge.start(record.energy[:, 0])
-            row, wrong = judge.look(0, self.rows, record.samples, every)
+            judge.start(record.energy[:, 0], record.tip[0])
+            row, wrong = judge.look(0, self.rows, record.samples)
             seen[k] = judge.seen
             good[k] = row == self.rows and wrong == WRONG.nothing
         return seen, good & (seen[:, SEEN.garbage] < 0) & ~seen[:, [SEEN.bent, SEEN.beyond]].any(axis=1)
