@@ -12,6 +12,7 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.kernels.stepping.judgement import WRONG
+from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.verification import Second, doubt, second_runs
 from flexlink.results.balance import Balance
@@ -30,6 +31,7 @@ def monitor(run: fl.RunSettings, off: float) -> RunMonitor:
     record = SimpleNamespace(tip=path(off), chain=CHAIN, t=T, q=np.zeros((41, CHAIN.n)), qd=np.zeros((41, CHAIN.n)))
     record.run, record.least_tolerance = run, 1e-12
     of_a_run = SimpleNamespace(run=run, record=record, control=None, explicit=False, extent=1.0, tip_error=0.0)
+    of_a_run.n_valid = len(T)
     of_a_run.tolerance, of_a_run.suspicious, of_a_run.travelled = run.tolerance, False, 20.0
     return cast("RunMonitor", of_a_run)
 
@@ -63,8 +65,9 @@ def test_the_joints_count_together_and_led_ones_and_hinges_that_vibrate_do_not()
     rates = np.array([3.0, 50.0, 2.0, 100.0]) * np.where(T < 2.0, 1.0, -1.0)[:, None]
     still, rows = np.zeros_like(rates), len(T)
     samples = T, still, rates, still, np.zeros((rows, 3)), np.zeros((3, rows)), np.zeros(rows)
+    samples = *samples, np.zeros((rows, SO_FAR.size))
     for first, stop in ((0, 7), (7, rows)):  # in two pieces
-        assert known.look(first, stop, samples, (0, 1)) == (stop, WRONG.nothing)
+        assert known.look(first, stop, samples) == (stop, WRONG.nothing)
     seen = cast("Any", SimpleNamespace(_balance=known, angle_travelled=0.0))
     assert RunMonitor.travelled.fget(seen) == pytest.approx(20.0)
     seen.angle_travelled = 25.0  # of all steps, where samples are few

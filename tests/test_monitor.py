@@ -18,6 +18,7 @@ from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.inputs.problem import problem_of
 from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance, explained_by
+from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.motion.monitor import RunMonitor, allowed_imbalance
 from flexlink.results import balance
 from flexlink.results.record import Record, trajectory_from_states
@@ -293,12 +294,15 @@ def test_a_tolerance_explains_no_more_of_an_explicit_runs_imbalance_than_its_par
     scene = swung(0.005).scene.varied({"run.tolerance": 0.05})
     run, chain, T, X = scene.run, fl.lump(scene), 1e4, 10.0
     for r in (-X, X):
-        capped = allowed_imbalance(run, chain, 0.05, 3.0, explicit=True, compared=False)
-        assert explained_by(capped, r, X, T) == pytest.approx(10.0 * 2 * 3 * 0.05 / 3.0)
-        free = allowed_imbalance(run, chain, 0.05, 3.0, explicit=False, compared=True)
+        capped = allowed_imbalance(run, chain, 1e-12, explicit=True, compared=False)
+        assert (capped.least, capped.part) == (0.05, 0.0)
+        assert explained_by(capped, 0.05, 3.0, r, X, T) == pytest.approx(10.0 * 2 * 3 * 0.05 / 3.0)
+        free = allowed_imbalance(run, chain, 1e-12, explicit=False, compared=True)
         momentum = 0.05 * np.sqrt(2 * chain.mass * T) * 100 / run.duration
-        assert explained_by(free, r, X, T) == pytest.approx(np.inf if r < 0 else 0.05 * chain.weight + momentum)
-        assert explained_by(balance.NOTHING, r, X, T) == 0.0
+        assert explained_by(free, 0.05, 3.0, r, X, T) == pytest.approx(
+            np.inf if r < 0 else 0.05 * chain.weight + momentum
+        )
+        assert explained_by(balance.NOTHING, 0.05, 3.0, r, X, T) == 0.0
 
 
 # -- what the balance is made of ---------------------------------------------------------------------------------------
@@ -310,16 +314,23 @@ def test_the_look_at_samples_is_the_statement_of_its_docstring(rng: np.random.Ge
     energy, works, tip = rng.normal(size=(3, rows)), rng.normal(size=rows), rng.normal(size=(rows, 3))
     energy[0] = np.abs(energy[0])
     q, zero, t = rng.normal(size=(rows, n)), np.zeros((rows, n)), np.arange(rows) * 0.1
-    samples, some = (t, q, zero, zero.copy(), tip, energy, works), Allowance(weight=0.3, momentum=0.2, share=0.4)
+    so_far = np.zeros((rows, SO_FAR.size))
+    so_far[:, SO_FAR.steps], so_far[:, SO_FAR.deflection] = 3 + 5 * np.arange(rows), rng.uniform(size=rows)
+    samples = t, q, zero, zero.copy(), tip, energy, works, so_far
+    some = Allowance(least=0.4, part=0.8, weight=0.3, momentum=0.2, share=1.5)
     work = works + (tip - tip[0]) @ force
     r = balance.imbalance(energy, work, energy[:, 0])
     X = np.maximum.accumulate(balance.turned_over(energy, work, energy[:, 0]))
     ε = np.maximum.accumulate(rounding.of_energy_balance(chain, energy, work, q)) * (1 + 3 + 5 * np.arange(rows))
-    explained = ε + np.minimum(0.3 + 0.2 * np.sqrt(energy[0]), 0.4 * X)
+    δ = np.maximum(0.4, 0.8 * so_far[:, SO_FAR.deflection])
+    box = np.maximum.accumulate(tip), np.minimum.accumulate(tip)
+    moved = np.linalg.norm(box[0] - box[1], axis=1)
+    with np.errstate(divide="ignore"):  # at the start the tip has not moved
+        explained = ε + np.minimum(δ * (0.3 + 0.2 * np.sqrt(energy[0])), 1.5 * δ / moved * X)
     known = balance.Balance(chain, force, insisted=True)
-    known.start(energy[:, 0])
+    known.start(energy[:, 0], tip[0])
     for first, stop in ((0, 4), (4, rows)):
-        assert known.look(first, stop, samples, (3, 5), some) == (stop, WRONG.nothing)
+        assert known.look(first, stop, samples, some) == (stop, WRONG.nothing)
     garbage = np.abs(r) > balance.SHARE * X + explained
     (seen, k), left = (known.seen, int(np.argmax(garbage))), np.abs(r)[~garbage]
     assert garbage.any() and not garbage.all()
@@ -327,20 +338,20 @@ def test_the_look_at_samples_is_the_statement_of_its_docstring(rng: np.random.Ge
     wanted = X[-1], max(0.0, (left - explained[~garbage]).max()), (left - ε[~garbage]).max(), k, r[k], X[k]
     assert found == pytest.approx(wanted, rel=1e-12)
     strict = balance.Balance(chain, force)
-    strict.start(energy[:, 0])
-    assert strict.look(0, rows, samples, (3, 5), some) == (k, WRONG.balance)
+    strict.start(energy[:, 0], tip[0])
+    assert strict.look(0, rows, samples, some) == (k, WRONG.balance)
     for at_rest in (balance.NOTHING, Allowance(weight=1.0)):  # nothing is exchanged: a share of it is nothing, too
         still = balance.Balance(chain, force)
-        parts = t, zero, zero, zero, np.zeros((rows, 3)), np.zeros((3, rows)), np.zeros(rows)
-        assert still.look(0, rows, parts, (0, 1), at_rest) == (rows, WRONG.nothing)
+        parts = t, zero, zero, zero, np.zeros((rows, 3)), np.zeros((3, rows)), np.zeros(rows), so_far
+        assert still.look(0, rows, parts, at_rest) == (rows, WRONG.nothing)
         assert np.isfinite(still.seen).all()
     for place, value, why in ((samples[3], np.inf, WRONG.finite), (energy, np.nan, WRONG.finite)):
         before = place.copy()
         place[(3, 1) if place is samples[3] else (1, 3)] = value
-        assert balance.Balance(chain, force, insisted=True).look(0, rows, samples, (3, 5), some) == (3, why)
+        assert balance.Balance(chain, force, insisted=True).look(0, rows, samples, some) == (3, why)
         place[:] = before
     energy[0, 5] = -1.0
-    assert balance.Balance(chain, force, insisted=True).look(0, rows, samples, (3, 5), some) == (5, WRONG.kinetic)
+    assert balance.Balance(chain, force, insisted=True).look(0, rows, samples, some) == (5, WRONG.kinetic)
 
 
 def test_the_energy_exchanged_is_the_sum_of_what_each_part_has_gained_or_lost() -> None:

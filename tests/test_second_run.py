@@ -137,7 +137,7 @@ def test_a_motion_that_turns_round_and_round_is_within_its_tolerance_or_warned()
 def test_only_what_turns_far_has_a_second_run(monkeypatch: pytest.MonkeyPatch) -> None:
     runs: list[RunMonitor] = []
     begin = single.steps_of
-    monkeypatch.setattr(single, "steps_of", lambda monitor: runs.append(monitor) or begin(monitor))
+    monkeypatch.setattr(single, "steps_of", lambda monitor, halved: runs.append(monitor) or begin(monitor, halved))
     for rate, wanted in ((90.0, 1), (36000.0, 2)):
         runs.clear()
         fl.simulate(spinning(rate), relative_tolerance=1e-2)
@@ -158,7 +158,7 @@ def test_energy_that_only_the_tolerance_excuses_calls_for_a_second_run_which_con
     """Vibrations that stay below the tolerance are damped away, and with them most of the energy."""
     runs: list[RunMonitor] = []
     begin = single.steps_of
-    monkeypatch.setattr(single, "steps_of", lambda monitor: runs.append(monitor) or begin(monitor))
+    monkeypatch.setattr(single, "steps_of", lambda monitor, halved: runs.append(monitor) or begin(monitor, halved))
     zigzag = fl.InitialState(q=(0.0, 0.03, -0.03, 0.03, -0.03))
     scene = make_scene(flexible("a", segments=5), initial=zigzag)
     scene = scene.varied({"run": fl.RunSettings(method="Radau5", tolerance=0.05, duration=1.0, sample=0.01)})

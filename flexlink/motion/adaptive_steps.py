@@ -26,11 +26,12 @@ from flexlink.kernels.stepping.adaptive import OUTCOME
 from flexlink.kernels.stepping.embedded import EmbeddedWork
 from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.saturation import choose_branches
-from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
+from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, SO_FAR, STEPPER
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.budget import FEWEST, Budget, Spent, warn
 from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.evaluation_cost import run_cost
+from flexlink.motion.floating_steps import is_far
 from flexlink.motion.hindrance import hindrance
 from flexlink.motion.method_choice import Choice, cheapest, fastest_motion
 from flexlink.motion.method_trial import FIRST, go_on_with_the_cheapest
@@ -64,9 +65,10 @@ NEAR = 1e-9
 
 
 class AdaptiveSteps:
-    """Stepper of a run; `failure` says why it ended early."""
+    """Stepper of a run; `failure` says why it ended early. Of one that judges another run the longest steps are `halved`."""
 
-    def __init__(self, monitor: RunMonitor) -> None:
+    def __init__(self, monitor: RunMonitor, halved: bool = False) -> None:
+        self.halved = halved
         self.compare_at, self.taken_over = FIRST, False  # tries of steps; whether a method goes on for one that failed
         record, run = monitor.record, monitor.run
         self.failure: Failure | None = None
@@ -77,12 +79,14 @@ class AdaptiveSteps:
         self.slowest = slowest_frequency(record.chain, record.q[0] if run.controlled else np.zeros(record.chain.n))
         n, self.memory = record.chain.n, np.zeros(3 * record.chain.n + 2)
         self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
+        self.slow = 0, ""  # row of the next sample when it was found, and what is to be told while the run goes on
         record.begin()
         self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
         self.tau = np.zeros(record.chain.n)
-        self.count, self.evaluations_before = np.zeros(COUNT.size, np.int64), 0
+        self.count = np.zeros(COUNT.size, np.int64)
+        self.methods: tuple[tuple[int, str, str], ...] = ()  # with the row of its first sample and why it was picked
         self.count[COUNT.row] = 1
-        self.samples, self.forward = (record.t, record.q, record.qd, record.works), record.scratch
+        self.samples, self.forward = (record.t, record.q, record.qd, record.works, record.so_far), record.scratch
         about = record.q[0].tobytes(), record.qd[0].tobytes()
         self._take(record.kept("choice", about, lambda: choose(run, record, self.slowest)), start)
         self.aim(start, start)
@@ -125,13 +129,14 @@ class AdaptiveSteps:
             self._compile()
         self.aim(start, end)
         self.budget.begin(self._spent(), end, self.dearest)
+        self.slow = 0, ""
         if end == start:
             self._advance(0)
             return None
         warned = False
         while (most := self._affordable(FEWEST)) and self._advance(most) == OUTCOME.goes_on:
-            if self.budget.slow and not warned:
-                warn(f"{self.record.chain.name}: {self.slow}")
+            if self.slow[1] and not warned:
+                warn(f"{self.record.chain.name}: {self.slow[1]}")
                 warned = True
         return self.failure
 
@@ -197,10 +202,26 @@ class AdaptiveSteps:
         taken, rejected, failed = count[COUNT.steps], count[COUNT.rejected], count[COUNT.failed]
         return Steps(self.name, taken, self.evaluations, rejected, failed, self.why)
 
+    def steps_before(self, row: int) -> Steps:
+        """Counts of the steps up to the one that passed a sample."""
+        *_, (_, name, why) = (found for found in self.methods if found[0] <= row)
+        note = self.record.so_far[row].astype(int).tolist()
+        evaluations = note[SO_FAR.before] + note[SO_FAR.iterations] * method(name).stages
+        return Steps(name, note[SO_FAR.steps], evaluations, note[SO_FAR.rejected], note[SO_FAR.failed], why)
+
     @property
     def evaluations(self) -> int:
         """Evaluations so far."""
         return self.evaluations_before + int(self.count[COUNT.iterations]) * self.method.stages
+
+    @property
+    def evaluations_before(self) -> int:
+        """Those by other methods, and in trials."""
+        return int(self.count[COUNT.before])
+
+    @evaluations_before.setter
+    def evaluations_before(self, number: int) -> None:
+        self.count[COUNT.before] = number
 
     @property
     def time(self) -> float:
@@ -221,6 +242,8 @@ class AdaptiveSteps:
     def _take(self, choice: Choice, now: float) -> None:
         """Prepare steps by a method from a time on; compiles, while no signal is deferred."""
         record, (self.name, self.why) = self.record, choice
+        first = self.row if self.methods else 0
+        self.methods = *(other for other in self.methods if other[0] < first), (first, *choice)
         self.method = method(self.name)
         self.dearest = self.method.stages * (1 if self.method.explicit else FEW_PASSES) if self.run.controlled else 0
         self.budget.safe = 0.0
@@ -238,8 +261,8 @@ class AdaptiveSteps:
             longest = stable_step_of(bounding_eigenvalues(*fastest_motion(record, self.state[0])), self.name)
         elif self.method.explicit:
             longest = longest_step(self.name, record, now, self.state)
-        stops = StopTimes(self.method, record, self.control is None)
-        return stops, settings(self.run, self.method, record, longest)
+        stops = StopTimes(self.method, record, self.control is None, self.halved)
+        return stops, settings(self.run, self.method, record, longest / 2 if self.halved else longest)
 
     def _scratch(self) -> EmbeddedWork | ImplicitWork:
         """The scratch of the method, new or as new."""
@@ -261,13 +284,16 @@ class AdaptiveSteps:
             most = min(most, self.compare_at - self.tries)
         last = 0 if self.run.controlled else int(self.count[COUNT.steps]) + most
         how = self._compare() if due else self.take(most)
-        while how == OUTCOME.turned:
-            self._turn()
-            how = self.take(max(1, last - int(self.count[COUNT.steps])))
-        while how == OUTCOME.stuck and not self.run.controlled and self._step_in_parts():
-            left = max(0, last - int(self.count[COUNT.steps]))
+        while how == OUTCOME.turned or (how == OUTCOME.stuck and not self.run.controlled):
+            least = int(how == OUTCOME.turned)
+            if how == OUTCOME.turned:
+                self._turn()
+            elif not self._step_in_parts():
+                break
             over = self.count[COUNT.knot] == len(self.knots)
-            how = OUTCOME.ended if over else self.take(left)
+            how = OUTCOME.ended if over else self.take(max(least, last - int(self.count[COUNT.steps])))
+        if how == OUTCOME.ended and is_far(self.record, self.state[0]):
+            self._turn()
         if how == OUTCOME.stuck and self.run.method == AUTO and not self.taken_over and np.isfinite(self.fastest):
             self.go_on_with(IMPLICIT if self.method.explicit else EXPLICIT, self.end)
             how, self.taken_over = int(OUTCOME.goes_on), True
@@ -317,7 +343,9 @@ class AdaptiveSteps:
         """Whether steps of a length [s] get to a time."""
         self.settings, self.knots, self.count[COUNT.knot] = (*fixed, part, part), np.array([end]), 0
         self._restart(part)
-        return self.take(NEVER) == OUTCOME.ended
+        while (how := self.take(NEVER)) == OUTCOME.turned:
+            self._turn()
+        return how == OUTCOME.ended
 
     def _restart(self, step: float) -> None:
         """Go on with steps of a length [s], as if none had been taken."""
@@ -328,6 +356,8 @@ class AdaptiveSteps:
         """As many of so many steps as the budget allows; 0, and the run has failed: none."""
         if self.dearest and self.evaluations + most * self.dearest > self.budget.safe:
             most = min(most, self.budget.affordable(self._spent(), self.dearest))
+            if self.budget.slow and not self.slow[1]:
+                self.slow = self.row, "; ".join(self._hanging(self.budget.slow))
             if not most:
                 self.failure = Failure(*self._hanging(self.budget.over), EvaluationLimitError)
         return most
@@ -346,11 +376,6 @@ class AdaptiveSteps:
         at = in_words(bool(chain.slides[k]), float(q[k]), ".3g" if chain.slides[k] else ".1f")
         worst = f"joint {chain.joint_name(k)!r} at {at} is accelerated most"
         return f"{text}; {worst}", f"try {own}a larger tolerance or fixed steps, or raise max_evaluations"
-
-    @property
-    def slow(self) -> str:
-        """What is to be told while the run goes on: that it will not end within its budget."""
-        return "; ".join(self._hanging(self.budget.slow)) if self.budget.slow else ""
 
     @property
     def deflection(self) -> float:

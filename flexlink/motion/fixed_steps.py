@@ -26,7 +26,7 @@ Indices = NDArray[np.intp]
 class FixedSteps:
     """Stepper of a run; `failure` says why it ended early."""
 
-    slow, deflection, angle_travelled = "", 0.0, 0.0  # of steps with a tolerance, or of an implicit method
+    slow, deflection, angle_travelled = (0, ""), 0.0, 0.0  # of steps with a tolerance, or of an implicit method
 
     def __init__(self, monitor: RunMonitor) -> None:
         record, run = monitor.record, monitor.run
@@ -82,6 +82,20 @@ class FixedSteps:
     def steps(self) -> Steps:
         """Counts of the steps so far."""
         return steps_up_to(self.run, self._done)
+
+    @property
+    def methods(self) -> tuple[tuple[int, str, str]]:
+        """The method, with the row of its first sample."""
+        return ((0, self.run.method, ""),)
+
+    def steps_before(self, row: int) -> Steps:
+        """Counts of the steps up to a sample."""
+        return steps_up_to(self.run, row * self.run.steps_per_sample)
+
+    @property
+    def time(self) -> float:
+        """Where the run is [s]."""
+        return (self.origin + self._done) * self.run.fixed_step
 
     def _not_finite(self) -> Failure:
         (q, qd, _), step = self.state, self._done + 1

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flexlink.common.types import Array
-from flexlink.dynamics.floating_base import FAR
+from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.results.record import Record
 
 Arrays = tuple[Array, Array, Array]
@@ -20,6 +20,11 @@ def far_of(record: Record) -> float:
     return np.inf if record.base is None else FAR
 
 
+def is_far(record: Record, q: Array) -> bool:
+    """Whether the base is free and has turned so far at angles q (n,)."""
+    return record.base is not None and bool(np.abs(q[ANGLES]).max() > FAR)
+
+
 def advance(
     go: Callable[..., Any],
     fixed: tuple[Any, ...],
@@ -28,10 +33,13 @@ def advance(
     rest: tuple[int, Arrays, Arrays],
     record: Record,
 ) -> int:
-    """Number of the last step, up to `stop`, whose state is finite; a free base goes on in other coordinates."""
+    """Number of the last step, up to `stop`, whose state is finite; a free base goes on in other coordinates.
+
+    Also at `stop`, so that it does not matter where that is.
+    """
     far, (every, (q, qd, _), _) = far_of(record), rest
     done = int(go(*fixed, first, stop, far, *rest))
-    while done < stop and record.base is not None and np.isfinite(q).all() and np.isfinite(qd).all():
+    while record.base is not None and (done < stop or is_far(record, q)) and np.isfinite([q, qd]).all():
         record.base.turn(done // every + 1, q, qd, record.scratch)
         done = int(go(*fixed, done, stop, far, *rest))
     return done

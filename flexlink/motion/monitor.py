@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from flexlink.results.trajectory import Trajectory
 FAR = float(np.radians(84.0))
 """Angle of a hinge from which a chain says little of the beam, and of three axes at one point the outer two nearly
 coincide: cond(M) grows by 1/cos² 84° = 90, two decimal digits."""
+
+A_DEGREE = float(np.radians(1.0))
 
 AT_LIMIT = 1e-9
 """How far past a limit an angle still counts as at it [rad]: rounding of a run that starts or is led there."""
@@ -64,21 +67,20 @@ def tolerance_of(run: RunSettings, chain: Chain, deflection: float) -> float:
     return run.tolerance_within(deflection if run.accuracy == "deflection" else chain.reach)
 
 
-def allowed_imbalance(
-    run: RunSettings, chain: Chain, δ: float, moved: float, explicit: bool, compared: bool
-) -> Allowance:
+def allowed_imbalance(run: RunSettings, chain: Chain, least: float, explicit: bool, compared: bool) -> Allowance:
     """Energy imbalance that position errors δ of the bodies, as large as the tolerance, explain: m g δ and m v δ/τ.
 
-    τ, in which a body gets δ off its way, is a long step. Of a motion of a size, `moved` [m], errors of `TOLERABLE` δ
-    that go as it goes change rates by as large a part, and energies by twice that. An implicit method damps vibrations
-    that stay below δ, however fast they are, and all energy may have been theirs, or work that a drive does on them:
-    it is `compared` with a second run, if there is one, which judges.
+    τ, in which a body gets δ off its way, is a long step. Of a motion of a size errors of `TOLERABLE` δ that go as it
+    goes change rates by as large a part, and energies by twice that. An implicit method damps vibrations that stay
+    below δ, however fast they are, and all energy may have been theirs, or work that a drive does on them: it is
+    `compared` with a second run, if there is one, which judges. No δ is below the `least` tolerance [m].
     """
     if not run.controlled or run.duration == 0:
         return balance.NOTHING
-    momentum = δ * math.sqrt(2 * chain.mass) * LONG / run.duration
-    share = 2 * TOLERABLE * δ / moved if explicit and moved > 0 else math.inf
-    return Allowance(δ * chain.weight, momentum, share, not explicit, compared)
+    momentum, share = math.sqrt(2 * chain.mass) * LONG / run.duration, 2 * TOLERABLE if explicit else math.inf
+    part = run.tolerance_within(1.0) if run.accuracy == "deflection" else 0.0
+    δ = max(tolerance_of(run, chain, 0.0), least)
+    return Allowance(δ, part, chain.weight, momentum, share, not explicit, compared)
 
 
 def probed(run: RunSettings, rows: slice) -> Indices:
@@ -97,6 +99,8 @@ def apart(run: RunSettings) -> int:
 class RunMonitor:
     """Checks the samples of a run, chunk by chunk in the order of time.
 
+    Each is judged by what was before it, so that nothing depends on how long the chunks are.
+
     Attributes
     ----------
     n_valid
@@ -107,8 +111,6 @@ class RunMonitor:
         What a reader of the valid samples should know.
     confirmed
         Whether a verification run agrees.
-    tip_error
-        Sum of the steps' own errors of the tip [m], of fixed steps of an explicit method.
     """
 
     def __init__(self, record: Record, warnings: tuple[str, ...] = (), control: Control | None = None) -> None:
@@ -121,11 +123,12 @@ class RunMonitor:
         self.negative_rotors = NEGATIVE_ROTORS(chain, None, lambda: bool((chain.hinges["armature"] < 0).any()))
         self.n_valid, self.failure = 0, ""
         self.warnings = list(warnings)
-        self.tip_error = 0.0
         self.confirmed = False
         self.explicit = record.problem.explicit
         self.steps, self.deflection, self.angle_travelled = Steps(run.method, 0, 0), 0.0, 0.0
         self._warned: set[str] = set()
+        self._step_errors = [np.zeros(0)]
+        self._furthest = -A_DEGREE  # bend of a hinge at which M was judged last [rad]
         self._extent = 0, 0.0  # number of samples, and theirs
 
     def compile(self) -> None:
@@ -139,23 +142,26 @@ class RunMonitor:
         steps: Steps | None = None,
         errors: Array | None = None,
         *,
+        methods: Sequence[tuple[int, str, str]] = (),
         deflection: float = 0.0,
         angle_travelled: float = 0.0,
     ) -> bool:
         """Compute and check the samples before `stop` that are new; returns whether all are valid.
 
         `errors`, if known: the `step_errors` of the steps from the samples that are `probed`. Of steps with a
-        tolerance: the largest `deflection` so far [m], and the `angle_travelled` by all free joints [rad].
+        tolerance: their `methods`, with the rows of their first samples and why they were picked, the largest
+        `deflection` so far [m], and the `angle_travelled` by all free joints [rad].
         """
         first, self.steps = self.n_valid, steps or self.steps
         self.deflection, self.angle_travelled = deflection, angle_travelled
         if stop == first or self.failure:
             return not self.failure
         self.record.derive(first, stop)
-        self.n_valid = stop
-        self._look(first, stop)
-        if self.n_valid > first and self.negative_rotors:
-            self._judge_mass(slice(first, self.n_valid))
+        definite = self._definite(first, stop) if self.negative_rotors else stop
+        self._look(first, definite, methods)
+        if self.n_valid == definite < stop:
+            bent = self._bent(definite, self._bends(slice(definite, stop))[0])
+            self.failure = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
         if self.n_valid > first and self.explicit:
             with np.errstate(all="ignore"):
                 self._probe_steps(slice(first, self.n_valid), errors)
@@ -166,6 +172,11 @@ class RunMonitor:
         if not self.n_valid:
             self.check(1)
         return self.record.trajectory(self.n_valid, (*self.warnings, *self._doubts()), self.steps)
+
+    @property
+    def last_time(self) -> float:
+        """That of the last valid sample, or of the first one if none was checked yet [s]."""
+        return float(self.record.t[max(0, self.n_valid - 1)])
 
     @property
     def tolerance(self) -> float:
@@ -205,60 +216,71 @@ class RunMonitor:
         found = hindrance(self.record, self.record.q[0]) if self.record.inputs.drive.rate else None
         return f"{found.cause}; {found.advice}" if found is not None else ""
 
-    def _look(self, first: int, stop: int) -> None:
+    def _look(self, first: int, stop: int, methods: Sequence[tuple[int, str, str]]) -> None:
         """Judge samples: numbers are finite, the kinetic energy is positive, energy balances, hinges bend, limits."""
-        run, seen = self.run, self._balance.seen
+        seen, wrong = self._balance.seen, int(WRONG.nothing)
         if first == 0:
-            self._balance.start(self.record.energy[:, 0])
-        steps = (self.steps.taken, 0) if run.controlled else (0, run.steps_per_sample)
-        self.n_valid, wrong = self._balance.look(first, stop, self.record.samples, steps, self._allowance())
-        if (row := int(seen[SEEN.garbage])) >= 0:
-            r, X = seen[SEEN.imbalance], seen[SEEN.available]
-            unbalanced = f"the energy does not balance: E − E(0) − W = {r:.3g} J of {X:.3g} J exchanged"
-            if run.unstable == "allow":
-                self._warn("balance", row, unbalanced)
-            else:
-                self.failure = f"{unbalanced} (at most {balance.SHARE:.0%} allowed)"
-        self.failure = WRONG_SAMPLES.get(wrong, self.failure)
+            self._balance.start(self.record.energy[:, 0], self.record.tip[0])
+        self.n_valid = first
+        begins = [(min(max(first, row), stop), name) for row, name, _ in methods or [(0, self.run.method, "")]]
+        for (begin, name), (end, _) in itertools.pairwise([*begins, (stop, "")]):
+            if wrong == WRONG.nothing and self.n_valid == begin < end:
+                samples, allowed = self.record.samples, self._allowance(name)
+                self.n_valid, wrong = self._balance.look(begin, end, samples, allowed)
         rows = slice(first, self.n_valid)
+        for row, key, text in sorted(self._findings(rows), key=lambda found: found[0]):
+            self._warn(key, row, text)
+        if seen[SEEN.garbage] >= 0 and self.run.unstable != "allow":
+            self.failure = f"{self._unbalanced()} (at most {balance.SHARE:.0%} allowed)"
+        self.failure = WRONG_SAMPLES.get(wrong, self.failure)
+
+    def _findings(self, rows: slice) -> Iterator[tuple[int, str, str]]:
+        """What a reader of these samples should know: rows, what it is about, and texts."""
+        seen = self._balance.seen
+        if seen[SEEN.garbage] >= 0 and self.run.unstable == "allow":
+            yield int(seen[SEEN.garbage]), "balance", self._unbalanced()
         if seen[SEEN.bent]:
-            self._tell_bend(rows)
+            yield from self._far_bends(rows)
         if seen[SEEN.beyond]:
-            self._tell_limits(rows)
+            yield from self._past_limits(rows)
 
-    def _allowance(self) -> Allowance:
-        """Energy imbalance [J] of the next samples that the tolerance explains."""
-        if not self.run.controlled:
-            return balance.NOTHING
-        name = self.steps.method  # before the first step it may not be picked yet
-        explicit = name != AUTO and method(name).explicit
-        moved = self.extent if explicit else 0.0
-        return allowed_imbalance(self.run, self.record.chain, self.tolerance, moved, explicit, compared=not explicit)
+    def _unbalanced(self) -> str:
+        r, X = self._balance.seen[[SEEN.imbalance, SEEN.available]]
+        return f"the energy does not balance: E − E(0) − W = {r:.3g} J of {X:.3g} J exchanged"
 
-    def _tell_bend(self, rows: slice) -> None:
-        """Warn of the first sample in which a hinge is bent too far."""
+    def _allowance(self, name: str) -> Allowance:
+        """Energy imbalance that the tolerance explains of samples by a method."""
+        explicit = name != AUTO and method(name).explicit  # before the first step it may not be picked yet
+        return allowed_imbalance(
+            self.run, self.record.chain, self.record.least_tolerance, explicit, compared=not explicit
+        )
+
+    def _far_bends(self, rows: slice) -> Iterator[tuple[int, str, str]]:
+        """The first sample in which a hinge is bent too far."""
         bends = self._bends(rows)
         if bends.size and bends.max() > FAR:
             row = int(np.argmax(bends.max(axis=1) > FAR))
-            text = (
-                f"{self._bent(rows.start + row, bends[row])}: beyond 84° the chain is no longer a good model of a beam"
-            )
-            self._warn("bend", rows.start + row, f"{text}; use more segments")
+            bent = self._bent(rows.start + row, bends[row])
+            text = f"{bent}: beyond 84° the chain is no longer a good model of a beam; use more segments"
+            yield rows.start + row, "bend", text
 
     def _bends(self, rows: slice) -> Array:
         return np.abs(self.record.q[rows][:, self._balance.bounds.bending])
 
-    def _judge_mass(self, rows: slice) -> None:
-        """Check that M is positive definite where hinges are bent most: matched twist has negative rotors."""
-        bends = self._bends(rows)
-        row = int(np.argmax(bends.max(axis=1)))
-        if np.linalg.eigvalsh(mass_matrix(self.record.chain, self.record.q[rows][row]))[0] <= 0:
-            self.n_valid = rows.start + row
-            bent = self._bent(self.n_valid, bends[row])
-            self.failure = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
+    def _definite(self, first: int, stop: int) -> int:
+        """The first of these samples in which M is not positive definite, or `stop`: matched twist has negative rotors.
 
-    def _tell_limits(self, rows: slice) -> None:
-        """Warn of joints beyond their limits; the model has no end stops."""
+        Looked at where a hinge is bent a degree further than it was when M was judged last.
+        """
+        for row, bend in enumerate(self._bends(slice(first, stop)).max(axis=1).tolist(), first):
+            if bend >= self._furthest + A_DEGREE:
+                self._furthest, M = bend, mass_matrix(self.record.chain, self.record.q[row])
+                if np.linalg.eigvalsh(M)[0] <= 0:
+                    return row
+        return stop
+
+    def _past_limits(self, rows: slice) -> Iterator[tuple[int, str, str]]:
+        """Samples in which joints are beyond their limits; the model has no end stops."""
         chain = self.record.chain
         for k in self._balance.bounds.limited:
             q, lower, upper = self.record.q[rows, k], chain.hinges["lower"][k], chain.hinges["upper"][k]
@@ -266,12 +288,8 @@ class RunMonitor:
             if out.any():
                 row, slides = rows.start + int(np.argmax(out)), bool(chain.slides[k])
                 at, least, most = (in_words(slides, float(part)) for part in (self.record.q[row, k], lower, upper))
-                self._warn(
-                    f"limit {k}",
-                    row,
-                    f"joint {chain.joint_name(int(k))!r} is at {at}, past its limits {least} … {most}; the model has "
-                    "no end stops",
-                )
+                joint = f"joint {chain.joint_name(int(k))!r} is at {at}, past its limits {least} … {most}"
+                yield row, f"limit {k}", f"{joint}; the model has no end stops"
 
     def _bent(self, row: int, bends: Array) -> str:
         """Name and angle of the hinge that is bent most in a sample, for messages."""
@@ -279,11 +297,16 @@ class RunMonitor:
         return f"hinge {self.record.chain.joint_name(k)!r} is bent by {np.degrees(self.record.q[row, k]):.1f}°"
 
     def _probe_steps(self, rows: slice, known: Array | None) -> None:
-        """Add up the errors of steps, extrapolated from the measured ones."""
+        """Measure the errors of some steps."""
         sampled = probed(self.run, rows)
         errors = step_errors(self.record, sampled) if known is None else known[: len(sampled)].copy()
         errors[errors < rounding.of_position(self.record.chain)] = 0.0
-        self.tip_error += float(errors.sum()) * apart(self.run) * self.run.steps_per_sample
+        self._step_errors.append(errors)
+
+    @property
+    def tip_error(self) -> float:
+        """Sum of the steps' own errors [m], extrapolated from the measured ones."""
+        return float(np.concatenate(self._step_errors).sum()) * apart(self.run) * self.run.steps_per_sample
 
     def _doubts(self) -> Iterator[str]:
         """Warnings of a run that passed all checks but may be inaccurate."""

@@ -35,7 +35,7 @@ from flexlink.motion.verification import FAR_TURNED
 from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
-from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
+from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError, ended_early
 from flexlink.results.trajectory import Trajectory
 
 Ended = Trajectory | DivergenceError | InterruptedRunError
@@ -114,7 +114,7 @@ class Block:
         self.errors = np.zeros((b, 0))
 
     def integrate(self, stop: Stop) -> bool:
-        """Go to the end, or as far as `stop` lets them; False where one leaves the finite numbers."""
+        """Go to the end, or as far as `stop` lets them; False where they end early: one leaves the finite numbers."""
         run, n, b = self.run, self.chain.n, len(self.members)
         for k, member in enumerate(self.members):
             self.q[k, 0], self.qd[k, 0] = member.problem.q, member.problem.qd
@@ -128,9 +128,9 @@ class Block:
         for done in pieces(run, self.records[0], work, state, samples):  # noqa: B007  where it ended
             if stop.asked:
                 break
-        if not np.isfinite(state[:2]).all():
-            return False
         self.rows, self.steps = done // run.steps_per_sample + 1, steps_up_to(run, done)
+        if not stop.asked and ended_early(float(self.t[self.rows - 1]), float(self.t[-1])):
+            return False
         self.errors = step_errors_side_by_side(self.records, work, samples[:2], probed(run, slice(0, self.rows)))
         for own, of_all in ((self.q, q), (self.qd, qd), (self.works, samples[2])):
             own[:, : self.rows] = np.moveaxis(of_all[: self.rows, ..., :b], -1, 0)
@@ -171,6 +171,7 @@ class Block:
         """What has become of a member, judged like a run alone."""
         monitor = RunMonitor(self.records[k], self.members[k].warnings)
         if not monitor.check(self.rows, self.steps, self.errors[k]):
+            monitor.steps = steps_up_to(self.run, monitor.n_valid * self.run.steps_per_sample)
             return monitor.diverged()
         if not stop.asked:
             monitor.warnings += verify(monitor, self.steps.method, stop)
@@ -196,7 +197,7 @@ class Block:
 
     def _look(self) -> tuple[Array, NDArray[np.bool_]]:
         """What is seen of the samples of each, and whether none of them is wrong."""
-        insisted, every = self.run.unstable == "allow", (0, self.run.steps_per_sample)
+        insisted = self.run.unstable == "allow"
         seen, good = np.zeros((len(self.members), SEEN.size)), np.zeros(len(self.members), dtype=bool)
         for k, record in enumerate(self.records):
             record.derive(0, self.rows)
@@ -204,8 +205,8 @@ class Block:
             judge = balance.Balance(
                 record.chain, force, insisted=insisted, bend=FAR, near=AT_LIMIT, kept=record.kept
             )  # fmt: skip
-            judge.start(record.energy[:, 0])
-            row, wrong = judge.look(0, self.rows, record.samples, every)
+            judge.start(record.energy[:, 0], record.tip[0])
+            row, wrong = judge.look(0, self.rows, record.samples)
             seen[k] = judge.seen
             good[k] = row == self.rows and wrong == WRONG.nothing
         return seen, good & (seen[:, SEEN.garbage] < 0) & ~seen[:, [SEEN.bent, SEEN.beyond]].any(axis=1)

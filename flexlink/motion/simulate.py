@@ -33,7 +33,13 @@ from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.sampled_control import Law, control_of
 from flexlink.motion.verification import GIVEN_UP, UNKNOWN, advice, doubt, second_runs
 from flexlink.results.record import Record
-from flexlink.results.stop_reasons import ControlError, InterruptedRunError, LawFailure
+from flexlink.results.stop_reasons import (
+    ControlError,
+    EvaluationLimitError,
+    InterruptedRunError,
+    LawFailure,
+    ended_early,
+)
 from flexlink.results.trajectory import Trajectory
 
 
@@ -307,9 +313,9 @@ def _is_read(state: ArrayLike | None) -> bool:
 class SingleRun:
     """A run that is ready to start: checked, allocated, compiled; errors as in `simulate`."""
 
-    def __init__(self, monitor: RunMonitor) -> None:
+    def __init__(self, monitor: RunMonitor, halved: bool = False) -> None:
         self.monitor = monitor
-        self.steps = steps_of(self.monitor)
+        self.steps = steps_of(self.monitor, halved)
 
     def finish(
         self,
@@ -338,28 +344,33 @@ class SingleRun:
             raise InterruptedRunError(monitor.trajectory(), stop.signal)
         return monitor.trajectory()
 
-    def advance(
-        self,
-        stop: Stop,
-        report: Callable[[float], None],
-        most: float = math.inf,
-        warn: Callable[[str], None] | None = None,
-    ) -> None:
-        """Advance until the run ends, a check fails, somebody stops it, or `most` evaluations are spent."""
+    def advance(self, stop: Stop, report: Callable[[float], None], warn: Callable[[str], None] | None = None) -> None:
+        """Advance until the run ends, a check fails, or somebody stops it."""
         monitor, steps = self.monitor, self.steps
         for reached in steps:
+            good = True
             if reached.rows > 1 or reached.part == 1.0 or steps.failure:  # one look is enough for a short run
-                judged = monitor.check(
-                    reached.rows, steps.steps, deflection=steps.deflection, angle_travelled=steps.angle_travelled
+                good = monitor.check(
+                    reached.rows,
+                    steps.steps,
+                    methods=steps.methods,
+                    deflection=steps.deflection,
+                    angle_travelled=steps.angle_travelled,
                 )
-                if not judged or steps.failure:
-                    break
-            report(reached.part)
-            if warn and steps.slow:
-                warn(f"{monitor.record.chain.name}: {steps.slow}")
+            row, slow = steps.slow
+            if warn and slow and row <= max(1, monitor.n_valid):  # not of what came after a sample that is wrong
+                warn(f"{monitor.record.chain.name}: {slow}")
                 warn = None
-            if stop.asked or (most < math.inf and steps.steps.evaluations > most):
+            if not good:
+                monitor.steps = steps.steps_before(monitor.n_valid)
                 break
+            if steps.failure:
+                break
+            report(reached.part)
+            if stop.asked:
+                break
+        else:
+            steps.failure = ended_early(monitor.last_time, float(monitor.record.t[-1]))
 
 
 def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
@@ -367,20 +378,23 @@ def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
     text, own, problem = "", monitor.steps.evaluations, monitor.record.problem
     for second in second_runs(monitor, name):
         text = text or UNKNOWN.format(times=GIVEN_UP, advice=advice(monitor))
+        most = min(second.run.max_evaluations, GIVEN_UP * own)
+        limited = replace(second.run, max_evaluations=most) if second.run.controlled else second.run
         try:
-            again = replace(problem.scene, run=second.run)  # whose steps may not be such that one begins at its start
-            other = SingleRun(prepare(problem_of(again, problem.original)))
-            other.advance(stop, lambda _: None, most=GIVEN_UP * own)
+            again = replace(problem.scene, run=limited)  # whose steps may not be such that one begins at its start
+            other = SingleRun(prepare(problem_of(again, problem.original)), halved=limited.controlled)
+            other.advance(stop, lambda _: None)
         except FlexlinkError:
             continue
-        evaluations = other.steps.steps.evaluations
-        if evaluations > GIVEN_UP * own:
-            break
         if stop.asked:
             return
+        evaluations, wrong, failure = other.monitor.steps.evaluations, other.monitor.failure, other.steps.failure
+        limited_out = failure is not None and failure.kind is EvaluationLimitError and not wrong
+        if limited_out or evaluations > GIVEN_UP * own:
+            break
         # a step of 2 h in two parts is two steps of the run itself, which would agree with themselves
         in_parts = not second.run.controlled and other.steps.steps.failed > 0
-        if not (other.monitor.failure or other.steps.failure or in_parts):
+        if not (wrong or failure or in_parts):
             text = doubt(monitor, second, other.monitor.record.tip[: other.monitor.n_valid])
             monitor.confirmed = not text
             if not text or second.strict or evaluations > own:
@@ -389,9 +403,9 @@ def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
         yield text
 
 
-def steps_of(monitor: RunMonitor) -> FixedSteps | AdaptiveSteps:
-    """The stepper of a run: fixed steps of an explicit method, or adaptive and implicit ones."""
-    return FixedSteps(monitor) if monitor.explicit else AdaptiveSteps(monitor)
+def steps_of(monitor: RunMonitor, halved: bool = False) -> FixedSteps | AdaptiveSteps:
+    """The stepper of a run: fixed steps of an explicit method, or adaptive and implicit ones, the longest `halved`."""
+    return FixedSteps(monitor) if monitor.explicit else AdaptiveSteps(monitor, halved)
 
 
 def prepare(

@@ -20,14 +20,15 @@ from flexlink.inputs.problem import problem_of
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.stepping.samples import tips_and_energies
-from flexlink.motion.monitor import allowed_imbalance, tolerance_of
+from flexlink.kernels.stepping.step_state import SO_FAR
+from flexlink.motion.monitor import allowed_imbalance
 from flexlink.motion.sampled_control import held_torques_advice
 from flexlink.motion.sensing import sample_at
 from flexlink.motion.simulate import prepare, started_from, steps_of
 from flexlink.results import balance
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
-from flexlink.results.stop_reasons import DivergenceError, Failure
+from flexlink.results.stop_reasons import DivergenceError, Failure, ended_early
 from flexlink.sensors.readings import Readings
 
 OFTEN = 128
@@ -111,7 +112,7 @@ class Simulator:
             self._time = self._record.origin * self._run.fixed_step
         self._sensing = Readings(scene) if scene.sensor else None
         self._balance = balance.Balance(self.chain, np.zeros(3))
-        self._balance.start(self._record.energy[:, 0])
+        self._balance.start(self._record.energy[:, 0], self._record.tip[0])
         self._steps.go(self._pushed, self._time, self._time)  # compiles
         self._look(self._driven)
         return self.state
@@ -186,7 +187,7 @@ class Simulator:
         before = steps.saved(), drive, [array.copy() for array in drive]
         calls = self._calls + 1
         try:
-            fault = steps.go(inputs, self._time, end)
+            fault = steps.go(inputs, self._time, end) or ended_early(steps.time, end)
             if not fault and (calls % OFTEN == 0 or calls & (calls - 1) == 0):
                 fault = self._unbalanced()
         except BaseException:  # Ctrl-C, too
@@ -227,12 +228,12 @@ class Simulator:
         tips_and_energies(self._record.chain.arrays, q[None], qd[None], tip, energy)
         add_spring_energies(self.chain, q[None], energy[2])
         work = done[:1] + (tip - record.tip[0]) @ record.inputs.potential_force
-        δ, moved = tolerance_of(run, self.chain, self._steps.deflection), float(np.linalg.norm(tip - record.tip[0]))
         explicit = method(self._steps.steps.method).explicit
-        allowed = allowed_imbalance(run, self.chain, δ, moved, explicit, compared=False)
-        before = self._balance.seen.copy()
-        samples = record.t[:1], q[None], qd[None], record.tau[:1], tip, energy, work
-        _, wrong = self._balance.look(0, 1, samples, (self._steps.steps.taken, 0), allowed)
+        allowed = allowed_imbalance(run, self.chain, record.least_tolerance, explicit, compared=False)
+        before, so_far = self._balance.seen.copy(), np.zeros((1, SO_FAR.size))
+        so_far[0, [SO_FAR.deflection, SO_FAR.steps]] = self._steps.deflection, self._steps.steps.taken
+        samples = record.t[:1], q[None], qd[None], record.tau[:1], tip, energy, work, so_far
+        _, wrong = self._balance.look(0, 1, samples, allowed)
         if wrong in {WRONG.nothing, WRONG.kinetic}:
             return None
         r, X = self._balance.seen[[SEEN.last, SEEN.exchanged]]

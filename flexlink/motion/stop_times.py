@@ -24,16 +24,17 @@ class StopTimes:
     A long step of an explicit method ends at its samples: between its ends it is known less well than there. Fixed
     steps end there, too, so that nothing but the state goes past a sample; and at the knots of a table that is not
     smooth, and then on their own grid again. The instants of a law in Python are ends of pieces, those of a
-    sampled drive are ends of steps.
+    sampled drive are ends of steps. Those of a run that judges another one are `halved`: between two times it stops
+    once more, so that its steps are shorter wherever they, and not the tolerance, made those of the other so long.
     """
 
-    def __init__(self, method: Method, record: Record, by_drive: bool) -> None:
+    def __init__(self, method: Method, record: Record, by_drive: bool, halved: bool = False) -> None:
         part = 0.1  # of tolerance / reach: torque, over the largest, that a step may miss between its stages
         on_the_grid = 1e-6  # part of a fixed step within which a time counts as one of its ends
         run, (drive, motion, _, wrench) = record.run, record.inputs
         tables = [table for table in (drive if by_drive else None, wrench) if table is not None]
         self.drive = drive if by_drive and drive.rate else None
-        self.run, self.start, self.origin = run, float(record.t[0]), record.origin
+        self.run, self.start, self.origin, self.halved = run, float(record.t[0]), record.origin, halved
         self.at_samples = method.explicit or not run.controlled
         if run.controlled:
             reach = record.chain.reach
@@ -50,10 +51,12 @@ class StopTimes:
         """Those after `start` and before `end`, and `end` [s]; not to be written to."""
         if start == end:
             return np.array([end])
+        if self.halved:
+            times = self._between(start, end)
+            return np.column_stack([(np.append(start, times[:-1]) + times) / 2, times]).ravel()
         if self.drive is not None or not self.at_samples:
             return self._between(start, end)
-        times: Array = self._kept("between", (start, end), lambda: self._between(start, end))
-        return times
+        return np.asarray(self._kept("between", (start, end), lambda: self._between(start, end)))
 
     def _between(self, start: float, end: float) -> Array:
         fixed = self.fixed[bisect_right(self.fixed, start) : bisect_left(self.fixed, end)]

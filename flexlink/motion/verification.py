@@ -77,7 +77,8 @@ def second_runs(monitor: RunMonitor, name: str) -> Iterator[Second]:
 
 def doubt(monitor: RunMonitor, second: Second, tip: Array) -> str:
     """The warning that follows from the tips of a verification run; empty if both runs agree."""
-    error = float(np.linalg.norm(monitor.record.tip[:: second.every][: len(tip)] - tip, axis=1).max()) / second.larger
+    own = monitor.record.tip[: monitor.n_valid : second.every][: len(tip)]
+    error = float(np.linalg.norm(own - tip, axis=1).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(monitor)
     steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"steps of {second.run.fixed_step:g} s"
     text = f"doubtful: tip error {error:.2g} m against a run with {steps}"

@@ -58,17 +58,16 @@ class Balance:
         self.seen = np.zeros(SEEN.size)
         self.seen[SEEN.garbage] = -1.0
 
-    def start(self, energy: Array) -> None:
-        """The energies (3,) that the run starts with [J]."""
+    def start(self, energy: Array, tip: Array) -> None:
+        """The energies (3,) [J] and the place of the tip (3,) [m] that the run starts with."""
         self.seen[SEEN.start : SEEN.start + 3] = energy
+        self.seen[SEEN.low : SEEN.low + 3] = self.seen[SEEN.high : SEEN.high + 3] = tip
 
     def look(
-        self, first: int, stop: int, samples: tuple[Array, ...], steps: tuple[int, int], allowance: Allowance = NOTHING
+        self, first: int, stop: int, samples: tuple[Array, ...], allowance: Allowance = NOTHING
     ) -> tuple[int, int]:
         """Judge samples as `look_at` does: the row of the first that is wrong, or `stop`, and what is wrong (WRONG)."""
-        row, wrong = self._code(samples)(
-            first, stop, samples, self.chain.hinges, self.bounds, steps, allowance, self.seen
-        )
+        row, wrong = self._code(samples)(first, stop, samples, self.chain.hinges, self.bounds, allowance, self.seen)
         return row, wrong
 
     def compile(self, samples: tuple[Array, ...]) -> None:
@@ -76,7 +75,7 @@ class Balance:
         self._code(samples)
 
     def _code(self, samples: tuple[Array, ...]) -> Callable[..., tuple[int, int]]:
-        of_these = 0, 0, samples, self.chain.hinges, self.bounds, (0, 0), NOTHING, self.seen
+        of_these = 0, 0, samples, self.chain.hinges, self.bounds, NOTHING, self.seen
         code: Callable[..., tuple[int, int]] = self.kept(
             "look", None, lambda: direct(look_at, *of_these, types=self.kept.types)
         )

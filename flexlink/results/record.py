@@ -16,6 +16,7 @@ from flexlink.dynamics.momentum import Momentum, momentum_of_states
 from flexlink.dynamics.springs import add_spring_energies
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
+from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.samples import BaseMotion, Steps
 from flexlink.results.trajectory import Trajectory
@@ -36,6 +37,8 @@ class Record:
     q, qd, works
         States (samples, n) and the integrated work (samples,), without that of a constant tip
         force, which has a potential.
+    so_far
+        What is noted of the steps up to each sample (samples, SO_FAR.size).
     origin
         Number of fixed steps from t = 0 to the start of the run.
     kept
@@ -46,7 +49,9 @@ class Record:
         self.problem, self.run, self.chain, self.inputs = problem, problem.run, problem.chain, problem.inputs
         self.t, self.q, self.qd = t, q, qd
         self.tau, self.tip, self.energy = np.empty_like(q), np.empty((len(t), 3)), np.empty((3, len(t)))
-        self.works = np.zeros(len(t))
+        self.works, self.so_far = np.zeros(len(t)), np.zeros((len(t), SO_FAR.size))
+        if problem.explicit:
+            self.so_far[:, SO_FAR.steps] = self.run.steps_per_sample * np.arange(len(t))
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.fixed_step)
         self.kept = Kept() if kept is None else kept
         self.base = problem.base
@@ -71,7 +76,7 @@ class Record:
     @property
     def samples(self) -> tuple[Array, ...]:
         """All that is known of the samples."""
-        return self.t, self.q, self.qd, self.tau, self.tip, self.energy, self.works
+        return self.t, self.q, self.qd, self.tau, self.tip, self.energy, self.works, self.so_far
 
     @functools.cached_property
     def least_tolerance(self) -> float:
@@ -82,7 +87,7 @@ class Record:
 
     def compile(self) -> None:
         """Compile what `derive` calls."""
-        arguments = self.chain.arrays, self.inputs, 0, 0, *self.samples[:-1]
+        arguments = self.chain.arrays, self.inputs, 0, 0, *self.samples[:6]
         self._derive = self.kept("derive", None, lambda: direct(derive, *arguments, types=self.kept.types))
         if len(self.inputs.motion.joints):
             self._prescribe(slice(0))
@@ -92,7 +97,7 @@ class Record:
         if self._derive is None:
             self.compile()
         for part in self.parts(first, stop):
-            self._derive(self.chain.arrays, self.inputs, part.start, part.stop, *self.samples[:-1])  # type: ignore[misc]
+            self._derive(self.chain.arrays, self.inputs, part.start, part.stop, *self.samples[:6])  # type: ignore[misc]
             if len(self.inputs.motion.joints):
                 self._prescribe(part)
         add_spring_energies(self.chain, self.q[first:stop], self.energy[2, first:stop])

@@ -59,6 +59,17 @@ class Failure(NamedTuple):
     kind: type[DivergenceError] = DivergenceError
 
 
+def ended_early(reached: float, end: float) -> Failure | None:
+    """What is wrong with steps that told no failure and stand at another time than their end [s]; None: nothing.
+
+    Every kind of run is asked, so that none is taken for a whole one that is not.
+    """
+    if reached == end:
+        return None
+    text = f"the steps ended at t = {reached:.6g} s, not at {end:.6g} s, without a reason: a fault of flexlink itself"
+    return Failure(text, "take another method or step, and report this scene")
+
+
 class LawFailure(Exception):  # noqa: N818  no ending yet: becomes the error below with the samples
     """A control law raised, or gave no torques."""
 

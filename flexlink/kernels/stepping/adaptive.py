@@ -31,7 +31,7 @@ from flexlink.kernels.stepping.saturation import (
     saturates,
     thrown_by,
 )
-from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
+from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, SO_FAR, STEPPER
 from flexlink.kernels.tools.compiler import by_type, entry, inlined, recursion, shared
 from flexlink.kernels.tools.numbered import numbered
 
@@ -57,7 +57,7 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
     a step is long [s], a shorter one may have its part of that length of it, so that the errors of many steps add up to
     the same; what the iteration may leave [m], and that as a part of the error; p; how long the run is; smallest and
     largest step [s]. `knots`: times where a step ends, of which the last is the end. `samples`: times (rows,), q and q̇
-    (rows, n), W (rows,).
+    (rows, n), W (rows,), and what is noted of the steps so far (rows, SO_FAR.size).
     """
     absolute, part, long, exact, left, p, duration, smallest, largest = settings
     stepper, switches = work.stepper, absolute < math.inf and saturates(inputs.drive)
@@ -221,12 +221,21 @@ def following(h, error, p, iterations, stepper):
 @recursion
 def sample(t, h, inputs, state, work, count, samples, spare):
     """Fill in the samples up to the end of the step, t + h."""
-    times, qs, qds, works = samples
+    times, qs, qds, works, so_far = samples
     while count[COUNT.row] < len(times) and times[count[COUNT.row]] <= t + (1.0 + AT_THE_END) * h:
         row = count[COUNT.row]
         works[row] = place(min(1.0, (times[row] - t) / h), h, state, work, qs[row], qds[row])
         follow(inputs.motion, times[row], qs[row], qds[row], spare)
+        note(work.stepper, count, so_far[row])
         count[COUNT.row] += 1
+
+
+@inlined
+def note(stepper, count, so_far):
+    """Note what a sample is judged by, whenever somebody looks at it."""
+    so_far[SO_FAR.deflection] = stepper[STEPPER.deflection]
+    for k in range(COUNT.knot):
+        so_far[SO_FAR.steps + k] = count[k]
 
 
 @recursion

@@ -1,5 +1,7 @@
 """One look at new samples of a run: their power balance, bends, limits, and how far the joints have turned.
 
+A sample is judged by what was before it, so that it does not matter when somebody looks.
+
     d/dt (T + V_g + V_e) = q̇·(T_EX − T_FR) + f·ṗ + m·ω        r = E(t) − E(0) − W(t)
 
 Up to each sample X is the largest T + |ΔV_g| + |ΔV_e| + |W|, the energy exchanged, and ε what rounding explains: the
@@ -10,6 +12,7 @@ garbage where |r| > share · X + ε + what the tolerance explains.
 import math
 from typing import Any, NamedTuple
 
+from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.compiler import entry, recursion
 from flexlink.kernels.tools.numbered import numbered
 
@@ -17,6 +20,7 @@ EPS = 2.0**-52
 
 SEEN = numbered(
     "start:3",  # T, V_g and V_e at the start [J]
+    "low:3 high:3",  # corners of the box around the path of the tip [m]
     "exchanged rounded",  # X, and what one step may round, largest so far [J]
     "unbalanced excused",  # |r| less what is explained, and less what rounding explains, largest so far [J]
     "travelled",  # angle by all free joints, forth and back, by their rates [rad]
@@ -31,11 +35,13 @@ WRONG = numbered("nothing balance kinetic finite")
 
 
 class Allowance(NamedTuple):
-    """What a tolerance explains of an imbalance."""
+    """What a tolerance δ explains of an imbalance: δ (weight + momentum √T), T the kinetic energy."""
 
-    weight: float = 0.0  # at any sample [J]
-    momentum: float = 0.0  # and, of its kinetic energy T, times √T [√J]
-    share: float = math.inf  # of the energy exchanged, at most
+    least: float = 0.0  # δ [m], or more:
+    part: float = 0.0  # of the largest deflection so far
+    weight: float = 0.0  # at any sample [N]
+    momentum: float = 0.0  # of one that moves [√J/m]
+    share: float = math.inf  # times δ over the extent of the motion so far: of the energy exchanged, at most
     damped: bool = False  # losses are explained: an implicit method damps fast vibrations
     compared: bool = False  # no sample is garbage: a second run judges
 
@@ -55,17 +61,19 @@ class Bounds(NamedTuple):
 
 
 @entry
-def look_at(first, stop, samples, hinges, bounds, steps, allowance, seen):
+def look_at(first, stop, samples, hinges, bounds, allowance, seen):
     """Look at the samples `first` … `stop` − 1, up to one that is wrong; returns its row (`stop`: none is) and why.
 
-    `samples`: t (rows,), q, q̇, τ (rows, n), tip (rows, 3), energies (3, rows), W (rows,) without a constant force's.
-    `steps`: taken before row 0, and from row to row. `seen` (SEEN.size,) is carried on.
+    `samples`: t (rows,), q, q̇, τ (rows, n), tip (rows, 3), energies (3, rows), W (rows,) without a constant force's,
+    and what is noted of the steps so far (rows, SO_FAR.size). `seen` (SEEN.size,) is carried on.
     """
-    t, q, qd, tau, tip, energy, works = samples
+    t, q, qd, tau, tip, energy, works, so_far = samples
     for row in range(first, stop):
         W = works[row]
         for i in range(3):
             W += (tip[row, i] - tip[0, i]) * bounds.force[i]
+            seen[SEEN.low + i] = min(seen[SEEN.low + i], tip[row, i])
+            seen[SEEN.high + i] = max(seen[SEEN.high + i], tip[row, i])
         T, V_g, V_e = energy[0, row], energy[1, row], energy[2, row]
         ΔV_g, ΔV_e = V_g - seen[SEEN.start + 1], V_e - seen[SEEN.start + 2]
         r = T - seen[SEEN.start] + ΔV_g + ΔV_e - W
@@ -75,8 +83,9 @@ def look_at(first, stop, samples, hinges, bounds, steps, allowance, seen):
             return row, WRONG.finite
         size = abs(T) + abs(V_g) + abs(V_e) + abs(W) + bounds.weight * max(1.0, largest(q[row]))
         seen[SEEN.exchanged], seen[SEEN.rounded] = X, max(seen[SEEN.rounded], 4.0 * EPS * size)
-        ε = seen[SEEN.rounded] * (1.0 + steps[0] + row * steps[1])
-        explained = ε + explained_by(allowance, r, X, T)
+        ε = seen[SEEN.rounded] * (1.0 + so_far[row, SO_FAR.steps])
+        δ = max(allowance.least, allowance.part * so_far[row, SO_FAR.deflection])
+        explained = ε + explained_by(allowance, δ, extent(seen), r, X, T)
         garbage = abs(r) > bounds.share * X + explained and not allowance.compared
         if garbage and seen[SEEN.garbage] < 0.0:
             seen[SEEN.garbage], seen[SEEN.imbalance], seen[SEEN.available] = row, r, X
@@ -105,13 +114,27 @@ def look_at_joints(row, t, q, qd, hinges, bounds, seen):
             seen[SEEN.travelled] += (abs(qd[row, k]) + abs(qd[row - 1, k])) / 2.0 * (t[row] - t[row - 1])
 
 
+@recursion
+def extent(seen):
+    """Diagonal of the box around the path of the tip so far [m]."""
+    square = 0.0
+    for i in range(3):
+        square += (seen[SEEN.high + i] - seen[SEEN.low + i]) ** 2
+    return math.sqrt(square)
+
+
 @entry
-def explained_by(allowance, r, X, T):
-    """What a tolerance explains [J] of an imbalance r where X is exchanged and the kinetic energy is T."""
+def explained_by(allowance, δ, moved, r, X, T):
+    """What a tolerance δ explains [J] of an imbalance r where the tip has moved so far [m], X is exchanged, T is there.
+
+    T is the kinetic energy.
+    """
     if allowance.damped and r < 0.0:
         return math.inf
-    energy = allowance.weight + allowance.momentum * math.sqrt(abs(T))
-    return min(energy, allowance.share * X) if allowance.share < math.inf else energy
+    energy = δ * (allowance.weight + allowance.momentum * math.sqrt(abs(T)))
+    if allowance.share < math.inf and moved > 0.0:
+        return min(energy, allowance.share * δ / moved * X)
+    return energy
 
 
 @recursion

@@ -24,8 +24,10 @@ STEPPER = numbered(
 )
 COUNT = numbered(
     "steps rejected failed",  # taken; refused for their error, and for their iteration
-    "iterations",
+    "iterations before",  # by this method; evaluations by other ones before
     "knot row",  # numbers of the next knot and sample
 )
+SO_FAR = numbered("deflection", "steps rejected failed iterations before")
+"""What is noted with each sample: the largest deflection [m], and counts, up to the step that passes it."""
 REFUSAL = numbered("none error iteration")
 """Why a step was refused: not at all; for its error; for an iteration that did not end."""

@@ -1,0 +1,195 @@
+"""When somebody looks at a run changes nothing: after every step, now and then, or only at its end."""
+
+from __future__ import annotations
+
+import hashlib
+import random
+import warnings
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import ROOT, flexible, make_scene
+
+import flexlink as fl
+from flexlink.common.interruption import Stop
+from flexlink.inputs.problem import problem_of
+from flexlink.motion.batch import outcomes
+from flexlink.motion.chunk_size import ChunkSize
+from flexlink.motion.monitor import RunMonitor
+from flexlink.results.record import Record
+
+TUMBLER = fl.Arm(
+    links=(flexible("a", "yz", 2, joint=fl.Joint(viscous=0.1), section="rod", material="soft"),),
+    materials={"soft": fl.Material(young=2e9, density=1500.0)},
+    sections={"rod": fl.Section(shape="circle", diameter=0.02)},
+    tip=fl.RigidBody(mass=0.2), base=fl.Base(kind="free", mass=3.0, inertia=(0.2, 0.25, 0.3)),
+)  # fmt: skip
+SPIN = fl.InitialState(joint_deg=(20.0,), base=fl.BaseState(spin_deg=(30.0, 300.0, 60.0)))
+
+
+def pendulum(**changes: Any) -> fl.Scene:
+    """A soft link with limits that swings beyond them and bends."""
+    joint = fl.Joint(limits_deg=(-30.0, 60.0))
+    link = flexible("a", "z", 4, joint=joint)
+    scene = make_scene(link, gravity=(0.0, 9.81, 0.0), initial=fl.InitialState(joint_deg=(50.0,)))
+    return scene.varied({"material.aluminium": fl.Material(young=1e8, density=2700.0), "run.duration": 0.5, **changes})
+
+
+def driven(**changes: Any) -> fl.Scene:
+    """One link of steel that a motor turns along a quintic, sampled seldom: hardly any energy at the start."""
+    pd = fl.Drive(kind="pd", kp=(2000.0,), kd=(120.0,), target_deg=(-10.0,))
+    start = fl.InitialState(joint_deg=(-15.0,), passive="static")
+    scene = make_scene(flexible("a", "z", 5), gravity=(0.0, 9.81, 0.0), drive=pd, initial=start)
+    return scene.varied({"run.duration": 0.3, "run.sample": 0.01, **changes})
+
+
+def tumbler(**changes: Any) -> fl.Scene:
+    """A free base that turns round and round."""
+    scene = fl.Scene(name="tumbler", arm=TUMBLER, initial=SPIN, gravity=(0.0, 0.0, 0.0))
+    return scene.varied({"run.duration": 0.5, "run.sample": 0.05, **changes})
+
+
+def wild(**changes: Any) -> fl.Scene:
+    """A rod let go nearly upright, in steps so coarse that the method eats its energy, or makes some."""
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)))
+    return scene.varied({"run.step": 0.35, "run.sample": 0.35, "run.duration": 35.0, **changes})
+
+
+def bent(**changes: Any) -> fl.Scene:
+    """A link so soft that it bends beyond 84°."""
+    soft = flexible("a", "xyz", 2, joint=fl.Joint(locked=True), lumping="midpoint")
+    scene = make_scene(soft, gravity=(0.0, 0.0, -60.0))
+    material = fl.Material(young=2e6, density=1000.0)
+    return scene.varied({"material.aluminium": material, "run.duration": 1.0, "run.sample": 0.01, **changes})
+
+
+def law(_t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    """A damper and a spring in Python."""
+    return np.asarray([-50.0 * q[0] - 5.0 * qd[0]])
+
+
+TOLERANCE = {"run.step": None, "run.relative_tolerance": 1e-3}
+KINDS: dict[str, Callable[[], Any]] = {
+    "fixed explicit": lambda: fl.simulate(pendulum(**{"run.sample": 1e-3})),
+    "fixed explicit, coarse": lambda: fl.simulate(wild()),
+    "fixed explicit, insisted": lambda: fl.simulate(wild(**{"run.unstable": "allow"})),
+    "fixed explicit, free base": lambda: fl.simulate(tumbler(**{"run.step": 1e-3})),
+    "fixed implicit, free base": lambda: fl.simulate(tumbler(**{"run.step": 5e-3, "run.method": "Gauss6"})),
+    "fixed implicit, coarse": lambda: fl.simulate(wild(**{"run.method": "Radau5", "run.step": 0.175})),
+    "implicit": lambda: fl.simulate(driven(**TOLERANCE, **{"run.method": "Radau5"})),
+    "explicit": lambda: fl.simulate(driven(**TOLERANCE, **{"run.method": "DOP853"})),
+    "of a deflection": lambda: fl.simulate(
+        pendulum(**TOLERANCE, **{"run.method": "DOP853", "run.accuracy": "deflection", "run.sample": 0.01})
+    ),
+    "picked, with trials": lambda: fl.simulate(tumbler(**TOLERANCE, **{"run.method": "auto", "run.sample": 2e-3})),
+    "no further": lambda: fl.simulate(
+        driven(**TOLERANCE, **{"run.method": "Radau5", "run.max_evaluations": 60, "run.sample": 1e-3})
+    ),
+    "bent far": lambda: fl.simulate(bent(**TOLERANCE, **{"run.method": "Radau5"})),
+    "a law": lambda: fl.simulate(pendulum(**{"run.sample": 0.01}), control=law, rate=200.0),
+    "a law, adaptive": lambda: fl.simulate(
+        pendulum(**TOLERANCE, **{"run.method": "Radau5", "run.sample": 0.01}), control=law, rate=200.0
+    ),
+    "side by side": lambda: fl.simulate_many(
+        [pendulum(**{"run.sample": 5e-3, "initial.joint_deg": (angle,)}) for angle in (30.0, 50.0, 59.0)]
+    ),
+    "a sweep's members": lambda: outcomes([wild(), driven(**TOLERANCE), pendulum()], Stop()),
+    "a model": lambda: fl.simulate(fl.load_scene(ROOT / "models" / "satellite.toml"), duration=0.2),
+}
+
+
+def digest(run: fl.Trajectory) -> tuple[object, ...]:
+    """All that a run says, its arrays to the bit."""
+    arrays = run.t, run.q, run.qd, run.tau, run.tip, run.energy.parts, run.imbalance
+    sha = hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays))
+    return len(run.t), sha.hexdigest(), run.warnings, repr(run.steps)
+
+
+def told(what: Callable[[], Any]) -> list[object]:
+    """The digests of its runs, how they ended, and what was told on the way."""
+    with warnings.catch_warnings(record=True) as words:
+        warnings.simplefilter("always")
+        try:
+            ended = what()
+        except fl.errors.DivergenceError as error:
+            ended = error
+    found: list[object] = [str(word.message) for word in words]
+    for each in ended if isinstance(ended, list) else [ended]:
+        found += [str(each), digest(each.trajectory)] if isinstance(each, Exception) else [digest(each)]
+    return found
+
+
+def look(patch: pytest.MonkeyPatch, sizes: Iterator[int], due: Callable[[], bool]) -> None:
+    """Let all runs go on by so many steps, and look when it is due."""
+
+    def start(pace: ChunkSize) -> int:
+        pace.size = next(sizes)
+        return pace.size
+
+    def end(pace: ChunkSize) -> bool:
+        start(pace)
+        return due()
+
+    patch.setattr(ChunkSize, "start", start)
+    patch.setattr(ChunkSize, "end", end)
+    patch.setattr(ChunkSize, "over", property(lambda _pace: due()))
+
+
+def always(size: int) -> Iterator[int]:
+    """The same size again and again."""
+    while True:
+        yield size
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_a_run_says_does_not_depend_on_when_somebody_looks(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    dice = random.Random(kind)
+    ways = (
+        (always(1), lambda: True),
+        ((dice.randint(1, 40) for _ in iter(int, 1)), lambda: dice.random() < 0.3),
+        (always(2**40), lambda: False),
+    )
+    found = []
+    for sizes, due in ways:
+        with monkeypatch.context() as patch:
+            look(patch, sizes, due)
+            found.append(told(KINDS[kind]))
+    assert found[1:] == found[:-1]
+
+
+def test_the_kinds_of_runs_that_are_looked_at_end_in_every_way() -> None:
+    """Else they would show nothing."""
+    words = {
+        "fixed explicit": "past its limits",
+        "fixed explicit, coarse": "the energy does not balance",
+        "no further": "max_evaluations = 60",
+        "bent far": "beyond 84°",
+    }
+    for kind, wanted in words.items():
+        assert any(wanted in str(each) for each in told(KINDS[kind])), kind
+
+
+@pytest.mark.parametrize("pieces", [(0, 20), (0, 1, 2, 3, 4, 5, 6, 7, 8, 20), (0, 4, 9, 20), (0, 7, 8, 20)])
+def test_postures_are_judged_alike_in_pieces_of_any_size(pieces: tuple[int, ...]) -> None:
+    """A joint past its limit, a hinge that bends by 20° a sample until M is indefinite, and what is told of both."""
+    links = (
+        flexible("a", "xyz", 9, lumping="gauss_matched"),
+        flexible("b", "rigid", 1, joint=fl.Joint(limits_deg=(-9, 9))),
+    )
+    problem = problem_of(make_scene(*links).varied({"run.duration": 0.0, "run.unstable": "allow"}))
+    chain, rows = problem.chain, np.arange(20.0)
+    q = np.radians(np.multiply.outer(10.0 * rows, chain.stiffness > 0))
+    q[2:, chain.index("b", 0, 0)] = 1.0
+    monitor = RunMonitor(Record(problem, rows, q, np.zeros_like(q)))
+    for stop in pieces[1:]:
+        monitor.check(stop)
+    firsts = [float(np.linalg.eigvalsh(fl.mass_matrix(chain, row))[0]) <= 0 for row in q]
+    assert 3 < monitor.n_valid == firsts.index(True)
+    assert "M is not positive definite" in monitor.failure
+    times, words = zip(*(word.split(": ", 1) for word in monitor.warnings), strict=True)
+    assert times == ("t = 1 s", "t = 2 s")
+    assert "the energy does not balance" in words[0] and "past its limits" in words[1]
