@@ -115,10 +115,9 @@ def spun(t: Array, ω: tuple[float, float]) -> Array:
 def test_a_free_body_tumbles_as_jacobi_says(run: dict[str, Any]) -> None:
     """Its spin, the errors of which grow about in proportion to the turns, to 30 tolerances of angle and rate."""
     base = fl.Base(kind="free", mass=4.0, inertia=(1.0, 2.0, 3.0))
-    locked = fl.Link(name="box", joint=fl.Joint(locked=True))
-    initial = fl.InitialState(base=fl.BaseState(spin=(1.2, 0.0, 1.0)))
-    scene = make_scene(locked, initial=initial, run=settled(run, 10.0), **STILL)
-    scene = scene.varied({"base": base})
+    arm = fl.Arm(links=(fl.Link(name="box", joint=fl.Joint(locked=True)),), base=base)
+    initial = fl.InitialState(joint_deg=(0.0,), base=fl.BaseState(spin=(1.2, 0.0, 1.0)))
+    scene = fl.Scene(name="box", arm=arm, initial=initial, run=settled(run, 10.0), gravity=(0.0, 0.0, 0.0))
     found = fl.simulate(scene)
     assert found.base is not None
     assert found.t[-1] == 10.0
