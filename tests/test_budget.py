@@ -110,6 +110,18 @@ def test_a_sampled_loop_that_is_unstable_by_itself_is_named_and_a_stable_one_is_
 
 
 @compiled
+@pytest.mark.slow
+def test_a_loop_that_is_known_to_be_unstable_ends_a_run_when_two_looks_find_it_hanging() -> None:
+    scene = held_too_seldom(**{"run.max_evaluations": 2e5, "run.duration": 20.0})
+    with pytest.raises(
+        fl.errors.EvaluationLimitError, match=r"the rest would take .*; the control loop is unstable"
+    ) as e:
+        fl.simulate(scene)
+    assert e.value.trajectory.steps is not None
+    assert e.value.trajectory.steps.evaluations <= 2e5 / 10
+
+
+@compiled
 def test_the_growth_of_a_sampled_loop_is_that_of_a_wheel_by_hand() -> None:
     """ω ← (1 − k_d T / I) ω."""
     link = fl.Link(name="wheel", length=0.0, flex="rigid", joint=fl.Joint(armature=0.5))

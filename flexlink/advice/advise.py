@@ -112,7 +112,7 @@ class Advisor:
     def _rigid_is_enough(self) -> Advice | None:
         if self.goal.deflection:
             return None
-        self.rigid = rigid.rigid_run(self.runner, self.goal, self._reach())
+        self.rigid = rigid.rigid_run(self.runner, self.goal, self._size())
         if self.rigid is None or self.rigid.run is None:
             return None
         self.runner.sample_postures(self.rigid.run)
@@ -134,15 +134,15 @@ class Advisor:
         outcome = rigid.cheapest_run(self.runner, strict, tolerance, total)
         return self._done(rigid.rigid_model(self.runner), outcome, total(outcome.tip), tolerance, travel, None)
 
-    def _reach(self) -> float:
-        return self.runner.chain(uniform(self.axes, rigid.HINGES)).reach
+    def _size(self) -> float:
+        return self.runner.chain(uniform(self.axes, rigid.HINGES)).size
 
     def _first_flexible_run(self) -> tuple[Stepping, float]:
         """Steps of the levels, of errors far below the tolerance on the coarsest chain; and the tolerance [m]."""
         model = uniform(self.axes, rigid.HINGES)
-        travel = tip_travel(self.rigid.tip) if self.rigid else rigid.FIRST_GUESS * self._reach()
-        tolerance = self.goal.tolerance(travel, travel) or self.goal.size * self._reach()
-        least, share = least_tolerance(self._reach()), REFERENCE_STEP_SHARE
+        travel = tip_travel(self.rigid.tip) if self.rigid else rigid.FIRST_GUESS * self._size()
+        tolerance = self.goal.tolerance(travel, travel) or self.goal.size * self._size()
+        least, share = least_tolerance(self._size()), REFERENCE_STEP_SHARE
         # stricter steps measure the errors of steps: in sensitive motion they are many times their tolerance
         strictness, passes = 0.1, 8
         stepping, known_tolerance = Stepping("auto", tolerance=share * tolerance), tolerance

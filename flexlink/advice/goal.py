@@ -107,6 +107,6 @@ def _window(band: float, sample: float) -> Array | None:
     return np.hanning(2 * half + 1)[1:-1] if half > 1 else None
 
 
-def least_tolerance(reach: float) -> float:
-    """Smallest tolerance of steps for this reach [m]: a thousand roundings of the tip's position."""
-    return 1e3 * rounding.of_reach(reach)
+def least_tolerance(size: float) -> float:
+    """Smallest tolerance of steps for this size [m]: a thousand roundings of the tip's position."""
+    return 1e3 * rounding.of_reach(size)

@@ -37,15 +37,15 @@ def horizon(refinement: RefinementStudy, norm: TipErrorNorm, known: Array) -> fl
 
 def growth(runner: ModelRunner, refinement: RefinementStudy, tolerance: float) -> ErrorGrowth:
     """Of the finest level, by a run with perturbed initial angles."""
-    outcome, reach = refinement.finest.outcome, runner.chain(refinement.model).reach
-    angle = min(PERTURBATION * (outcome.stepping.tolerance or 0.0), tolerance) / reach
+    outcome, size = refinement.finest.outcome, runner.chain(refinement.model).size
+    angle = min(PERTURBATION * (outcome.stepping.tolerance or 0.0), tolerance) / size
     perturbed = runner.perturbed_run(refinement.model, outcome.stepping, angle)
     if perturbed is None or outcome.run is None:
         return ErrorGrowth(1.0, np.inf)
     apart = np.linalg.norm(perturbed.tip - outcome.tip, axis=1)
     beyond = np.flatnonzero(~(apart <= PROPORTIONAL * refinement.travel))
     apart = apart[: beyond[0]] if beyond.size else apart
-    grown = np.maximum.accumulate(apart) / (angle * reach)
+    grown = np.maximum.accumulate(apart) / (angle * size)
     factor = float(grown.max(initial=1.0))
     half = len(grown) // 2
     if factor < SENSITIVE_GROWTH or len(grown) - half < 3:

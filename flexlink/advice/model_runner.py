@@ -113,7 +113,7 @@ class ModelRunner:
         return self._outcomes[model, stepping]
 
     def perturbed_run(self, model: Model, stepping: Stepping, angle: float) -> Outcome | None:
-        """The run with all free joints turned by an angle [rad] at the start, or slid by that part of the reach.
+        """The run with all free joints turned by an angle [rad] at the start, or slid by that part of the size.
 
         None if no joint is free.
         """
@@ -125,7 +125,7 @@ class ModelRunner:
         free = {slides: [k not in held and s == slides for k, s in enumerate(scene.arm.slides, 1)] for slides in KIND}
         deg, m = scene.initial.joint_deg, scene.initial.positions_m
         turned = tuple(q + f * math.degrees(angle) for q, f in zip(deg, free[False], strict=True))
-        slid = tuple(q + f * angle * self.chain(model).reach for q, f in zip(m, free[True], strict=True))
+        slid = tuple(q + f * angle * self.chain(model).size for q, f in zip(m, free[True], strict=True))
         moved = replace(scene.initial, joint_deg=turned, joint_m=slid if any(free[True]) else scene.initial.joint_m)
         return self.run_from(moved, model, stepping)
 

@@ -36,7 +36,7 @@ HINGES = 2
 """Of each link, at Gauss points: exact for the deflection under loads that are linear along it."""
 
 FIRST_GUESS = 0.1
-"""Assumed travel of the tip over the reach, before the first run."""
+"""Assumed travel of the tip over the size, before the first run."""
 
 RERUN_FACTOR = 1.5
 """Error of an assumed travel, and so of the tolerance of steps, from which a run is repeated."""
@@ -54,27 +54,27 @@ def rigid_model(runner: ModelRunner) -> Model:
     return (None,) * len(runner.scene.arm.links)
 
 
-def rigid_run(runner: ModelRunner, goal: Goal, reach: float) -> Outcome | None:
+def rigid_run(runner: ModelRunner, goal: Goal, size: float) -> Outcome | None:
     """The run of the rigid arm with steps whose errors are far below the allowed error.
 
     None where nothing can move, or where the run fails.
     """
-    model, motion = rigid_model(runner), FIRST_GUESS * reach
+    model, motion = rigid_model(runner), FIRST_GUESS * size
     if not can_move(runner.scene, model):
         return None
     while True:
-        outcome = runner.run(model, Stepping("Radau5", tolerance=_of_steps(goal.tolerance(motion, motion), reach)))
+        outcome = runner.run(model, Stepping("Radau5", tolerance=_of_steps(goal.tolerance(motion, motion), size)))
         if not outcome.completed:
             return None
         assumed, motion = motion, tip_travel(outcome.tip)
         if assumed <= RERUN_FACTOR * motion or outcome.stepping.tolerance == _of_steps(
-            goal.tolerance(motion, motion), reach
+            goal.tolerance(motion, motion), size
         ):
             return outcome
 
 
-def _of_steps(allowed: float, reach: float) -> float:
-    return max(REFERENCE_STEP_SHARE * allowed, least_tolerance(reach))
+def _of_steps(allowed: float, size: float) -> float:
+    return max(REFERENCE_STEP_SHARE * allowed, least_tolerance(size))
 
 
 def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
@@ -143,9 +143,9 @@ def growth(runner: ModelRunner, outcome: Outcome, error: float) -> float:
     Measured by a run with perturbed initial angles; inf where the two differ too much for proportion.
     """
     assert outcome.stepping.tolerance is not None
-    reach = runner.chain(rigid_model(runner)).reach
+    size = runner.chain(rigid_model(runner)).size
     start = max(error, PERTURBATION * outcome.stepping.tolerance)
-    perturbed = runner.perturbed_run(rigid_model(runner), outcome.stepping, start / reach)
+    perturbed = runner.perturbed_run(rigid_model(runner), outcome.stepping, start / size)
     if perturbed is None:
         return 1.0
     apart = largest_distance(perturbed.tip, outcome.tip)

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import integer, number_of, require_type, vector
 from flexlink.chain.coordinates import LAST_AXIS, Coordinate, joint_names
 from flexlink.chain.couplings import add_products
+from flexlink.chain.size import has_levers, size_without_reach
 from flexlink.chain.spans import spans_of, sums_outward
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
@@ -316,6 +317,24 @@ class Chain:
             return _reach(self.bodies["translation"].tobytes(), self.bodies["center"].tobytes())
         away = sums_outward(spans_of(self.bodies), self.lengths)
         return float((away + np.linalg.norm(self.bodies["center"], axis=1)).max())
+
+    @functools.cached_property
+    def size(self) -> float:
+        """The reach [m], and where that is 0, as of a cart or a wheel, √(J/m), or 1 m: never 0.
+
+        What a relative tolerance is a part of, J the largest inertia that turns.
+        """
+        return self.reach or size_without_reach(self.bodies, self.hinges)
+
+    @property
+    def size_name(self) -> str:
+        """What `size` is, for messages."""
+        return "reach" if self.reach else "size"
+
+    @functools.cached_property
+    def has_levers(self) -> bool:
+        """Whether turning any joint moves a place, as of most arms; where it moves none angles times `size` count."""
+        return has_levers(self.arrays, self.reach)
 
     @property
     def lengths(self) -> Array:

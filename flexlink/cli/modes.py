@@ -97,10 +97,17 @@ def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
 
 
 def first_in_motion(found: Modes, texts: Iterable[str]) -> str:
-    """The first elastic frequency about a steady motion."""
-    hertz = found.first_elastic_hertz
-    value = f"{hertz:.6g} Hz" if np.isfinite(hertz) else "none among these modes"
-    return f"first elastic frequency: {value}, with {', '.join(texts)}"
+    """The lowest frequency about a steady motion, and what holds it: centrifugal loads hold most of a blade's flap."""
+    hertz, motion = found.first_elastic_hertz, f"with {', '.join(texts)}"
+    elastic = f"{hertz:.6g} Hz" if np.isfinite(hertz) else "none among these modes"
+    swings = np.flatnonzero(found.hertz > 0)
+    first = int(swings[np.argmin(found.hertz[swings])]) if len(swings) else 0
+    if not len(swings) or found.kinds[first] == "elastic":
+        return f"first elastic frequency: {elastic}, {motion}"
+    return (
+        f"lowest frequency: {found.hertz[first]:.6g} Hz, held by loads ({found.kinds[first]}); "
+        f"lowest held by springs (elastic): {elastic}, {motion}"
+    )
 
 
 def run_command(options: argparse.Namespace) -> int:

@@ -63,9 +63,14 @@ def defaults(scene: Scene) -> tuple[str, ...]:
         return ()
     if not run.by_default:
         return (f"run: no step given; fixed ones of {run.fixed_step:g} s by {run.method}, unless a tolerance is given",)
-    tolerance = run.tolerance_within(lump(scene).reach)
-    of_reach = f"{1e3 * tolerance:.3g} mm ({DEFAULT_TOLERANCE:g} of the reach)"
-    return (f"run: no step given; tolerance {of_reach}, method auto",)
+    chain = lump(scene)
+    tolerance, of = run.tolerance_within(chain.size), f"{DEFAULT_TOLERANCE:g} of the {chain.size_name}"
+    length = f"{1e3 * tolerance:.3g} mm"
+    if not chain.reach:
+        of += f", {chain.size:.3g} m"
+    if not chain.has_levers:
+        length = f"{tolerance / chain.size:.3g} rad or {length}"
+    return (f"run: no step given; tolerance {length} ({of}), method auto",)
 
 
 def _stillness(scene: Scene) -> Iterator[str]:

@@ -262,16 +262,16 @@ def of_energy_balance(chain: Chain, energy: Array, work: Array, q: Array) -> Arr
     """Of E(t) − E(0) − W(t) in one step [J], shape (samples,), from T, V_g, V_e (3, samples), W and q (samples, n).
 
     A step rounds angles, rates and work to eps of themselves, which changes the energies by a few eps of themselves;
-    gravity's by eps |q| m g times the arm's reach, wherever its zero lies.
+    gravity's by eps |q| m g times the arm's size, wherever its zero lies.
     """
-    weight = chain.weight * chain.reach
+    weight = chain.weight * chain.size
     size = np.abs(energy).sum(axis=0) + np.abs(work) + weight * np.maximum(1.0, np.abs(q).max(axis=1))
     return np.asarray(4 * EPS * size)
 
 
 def of_position(chain: Chain) -> float:
-    """Of where a step puts the tip [m], 10 eps of the arm's reach."""
-    return of_reach(chain.reach)
+    """Of where a step puts the tip [m], 10 eps of the arm's size."""
+    return of_reach(chain.size)
 
 
 def of_reach(reach: float, angle: float = 1.0) -> float:

@@ -17,7 +17,7 @@ from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.dynamics.terms import elastic_torque, gravity_torque
 
 SEEN = 1e-4
-"""Part of the reach by which a tip drops visibly."""
+"""Part of the size by which a tip drops visibly."""
 MANY = 300
 """Joints beyond which eigenvalues take seconds."""
 BALANCED = 2e-3
@@ -40,7 +40,7 @@ def slack_springs(scene: Scene) -> Iterator[str]:
         return
     chain = lump(scene)
     drop = _drop(chain, _angles(scene, chain))
-    if drop > SEEN * chain.reach:
+    if drop > SEEN * chain.size:
         yield (
             f"initial.passive = 'zero', the default: the springs start slack while {fed} holds the joints, so that the "
             f"tip drops by about {1e3 * drop:.3g} mm at t = 0 and swings; take initial.passive = 'static'"
@@ -54,7 +54,7 @@ def unheld_joints(scene: Scene) -> Iterator[str]:
     moved = {scene.arm.number(motion.link) - 1 for motion in scene.motion}
     chain = lump(scene)
     pulled = np.abs(gravity_torque(chain, _angles(scene, chain)))
-    names, some = [], BALANCED * chain.weight * np.where(chain.slides, 1.0, chain.reach)
+    names, some = [], BALANCED * chain.weight * np.where(chain.slides, 1.0, chain.size)
     for joint in chain.active:
         k = chain.coordinates[int(joint)].link - 1
         own = scene.arm.links[k].joint
@@ -75,7 +75,7 @@ def balance(scene: Scene) -> Iterator[str]:
         return
     chain = lump(scene)
     q = _angles(scene, chain)
-    some = BALANCED * chain.weight * np.where(chain.slides, 1.0, chain.reach)
+    some = BALANCED * chain.weight * np.where(chain.slides, 1.0, chain.size)
     if (np.abs(gravity_torque(chain, q) + elastic_torque(chain, q)) > some).any():
         return
     if not (np.abs(gravity_torque(chain, q + 0.1)) > some).any():

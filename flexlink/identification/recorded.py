@@ -108,11 +108,14 @@ FAR = 20.0
 
 
 def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
-    """Places of the tip are such as the arm can get to."""
-    reach, floats = lump(scene).reach, scene.arm.base.free
+    """Places of the tip are such as the arm can get to; one that floats, or slides without limits, gets anywhere."""
+    chain = lump(scene)
+    reach, ends = chain.reach, chain.hinges[["lower", "upper"]][chain.slides]
+    if scene.arm.base.free or not all(np.isfinite(ends[end]).all() for end in ("lower", "upper")):
+        return
     for block in blocks:
         far = float(np.ptp(block.y))
-        if re.fullmatch(r"tip [xyz] \[m\]", block.name) and not floats and far > FAR * reach:
+        if re.fullmatch(r"tip [xyz] \[m\]", block.name) and far > FAR * reach:
             raise DataFileError(
                 f"run {run.name!r}: {block.name} ranges over {far:.4g} m, but the arm reaches {reach:.2g} m; likely "
                 f"given in mm: the head is then {block.name.replace('[m]', '[mm]')!r}"

@@ -14,7 +14,7 @@ from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.describe.data_files import is_user_file
 from flexlink.describe.own_units import in_words
-from flexlink.describe.run_settings import AUTO, RunSettings
+from flexlink.describe.run_settings import AUTO, DEFAULT_TOLERANCE, RunSettings
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.stability import bounding_eigenvalues, stable_step, stable_step_of
@@ -32,7 +32,7 @@ from flexlink.motion.budget import FEWEST, Budget, Spent, warn
 from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.floating_steps import is_far
-from flexlink.motion.hindrance import hindrance
+from flexlink.motion.hindrance import hindrance, loop_is_unstable
 from flexlink.motion.method_choice import Choice, cheapest, fastest_motion
 from flexlink.motion.method_trial import FIRST, go_on_with_the_cheapest
 from flexlink.motion.monitor import LONG, RunMonitor
@@ -95,7 +95,7 @@ class AdaptiveSteps:
             types = self._types(record.kept)
             find = functools.partial(direct, adaptive.first_step, *arguments, types=types)
             record.kept("first step", (types, self.method), find)(*arguments)
-            self.work.stepper[STEPPER.deflection] = min(self.work.stepper[STEPPER.deflection], record.chain.reach)
+            self.work.stepper[STEPPER.deflection] = min(self.work.stepper[STEPPER.deflection], record.chain.size)
         else:
             self.work.stepper[STEPPER.step] = run.fixed_step
 
@@ -358,6 +358,8 @@ class AdaptiveSteps:
             most = min(most, self.budget.affordable(self._spent(), self.dearest))
             if self.budget.slow and not self.slow[1]:
                 self.slow = self.row, "; ".join(self._hanging(self.budget.slow))
+            if most and self.budget.slow and loop_is_unstable(self.record):  # it only grows: no need to spend the rest
+                most, self.budget.over = 0, self.budget.slow
             if not most:
                 self.failure = Failure(*self._hanging(self.budget.over), EvaluationLimitError)
         return most
@@ -432,8 +434,13 @@ class AdaptiveSteps:
             joint = self.record.chain.joint_name(int(self.work.stepper[STEPPER.worst_joint]))
             unsolved = f"Newton's iteration does not converge (joint {joint!r})"
             text = f"no step down to {h:.3g} s works at t = {now:.6g} s: {unsolved}"
-        known = hindrance(self.record, self.state[0])
-        return Failure(f"{text}; {known.cause}", known.advice) if known else Failure(text)
+        if known := hindrance(self.record, self.state[0]):
+            return Failure(f"{text}; {known.cause}", known.advice)
+        if not self.run.controlled and self.record.chain.hinges["coulomb"].any():
+            size = DEFAULT_TOLERANCE * self.record.chain.size
+            return Failure(f"{text}; dry friction turns round within it", f"take run.tolerance, such as {size:.1g} m, "
+                           "in place of run.step: fixed steps of an implicit method do not find where")  # fmt: skip
+        return Failure(text)
 
 
 def with_own_limits(inputs: Inputs) -> Inputs:
@@ -455,7 +462,7 @@ def choose(run: RunSettings, record: Record, slowest: float) -> Choice:
     """The method of a run, and the reason where it was chosen automatically."""
     if run.method != AUTO:
         return Choice(run.method, "")
-    return cheapest(record, run.tolerance_within(record.chain.reach), slowest)
+    return cheapest(record, run.tolerance_within(record.chain.size), slowest)
 
 
 def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) -> float:
@@ -467,12 +474,12 @@ def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) 
 def settings(run: RunSettings, method: Method, record: Record, largest: float) -> tuple[float, ...]:
     """Settings of `advance`: error limits, order of the error estimate, shortest and longest step."""
     long_stages = 5  # implicit methods of so many stages take few, long steps
-    exact = 1e-13  # residual of a fixed step over the arm's reach; a larger one makes the energy drift
+    exact = 1e-13  # residual of a fixed step over the arm's size; a larger one makes the energy drift
     of_the_iteration = 0.05  # residual of the Newton iteration over the error that a step may have
     of_a_deflection = 0.1  # stricter where the tolerance is on deflection: errors of all steps ring on in its vibration
-    reach = record.chain.reach
+    size = record.chain.size
     if not run.controlled:
-        return np.inf, 0.0, run.fixed_step, exact * reach, 0.0, 1.0, run.duration, run.fixed_step, run.fixed_step
+        return np.inf, 0.0, run.fixed_step, exact * size, 0.0, 1.0, run.duration, run.fixed_step, run.fixed_step
     if run.accuracy == "deflection" and not (record.chain.hinges["stiffness"] > 0).any():
         raise SceneError(
             f"run.accuracy = 'deflection': no link of {record.chain.name!r} bends, so there is no deflection to take "
@@ -481,10 +488,10 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
     least = record.least_tolerance
     absolute, part = least, run.relative_tolerance or 0.0  # of no deflection what rounding leaves
     if run.accuracy == "tip":
-        absolute, part = run.tolerance_within(reach), 0.0
+        absolute, part = run.tolerance_within(size), 0.0
         if absolute < least:
             raise SceneError(
-                f"run.tolerance = {absolute:.3g} m: below the rounding error of an arm of {reach:.3g} m at "
+                f"run.tolerance = {absolute:.3g} m: below the rounding error of an arm of {size:.3g} m at "
                 f"angles up to {np.abs(record.q[0]).max():.2g} rad; allowed are {least:.2g} m and more"
             )
     order = float(method.order if method.explicit else method.stages + 1)

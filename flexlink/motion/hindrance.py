@@ -27,16 +27,22 @@ class Hindrance(NamedTuple):
 
 def hindrance(record: Record, q: Array) -> Hindrance | None:
     """The known cause of short steps in a state with these angles (n,), or None."""
-    # By how much of itself a growth must be beyond that without the loop, which an arm that topples has, too
-    faster_growth = 1e-3
-    growth, without = sampled_growth(record)
-    if growth > max(1.0, without) * (1.0 + faster_growth):
+    if loop_is_unstable(record):
+        growth, _ = sampled_growth(record)
         return Hindrance(
             f"the control loop is unstable at drive.rate = {record.problem.scene.drive.rate:g} Hz: near the start, "
             f"motion grows by a factor of {growth:.3g} from one sample to the next",
             "use a higher rate, smaller gains, or no rate, or give the joints armature",
         )
     return _locked_gimbal(record, q)
+
+
+def loop_is_unstable(record: Record) -> bool:
+    """Whether motion grows from sample to sample of a sampled drive, and would not without it."""
+    # By how much of itself a growth must be beyond that without the loop, which an arm that topples has, too
+    faster_growth = 1e-3
+    growth, without = sampled_growth(record)
+    return growth > max(1.0, without) * (1.0 + faster_growth)
 
 
 def _locked_gimbal(record: Record, q: Array) -> Hindrance | None:

@@ -18,7 +18,7 @@ takes a few hundred steps, as an implicit one does. Measured on 104 random scene
 each with four tolerances: 200 and 2,000 are as good within 3 %."""
 
 SMALL = 1e-5
-"""Part of the reach: tolerances up to which Radau9 needs so many steps less than Radau5 that it is cheaper."""
+"""Part of the size: tolerances up to which Radau9 needs so many steps less than Radau5 that it is cheaper."""
 
 
 class Choice(NamedTuple):
@@ -38,12 +38,12 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
     modes are, an explicit one's do; Radau9 wants smooth motion, which dry friction does not leave.
     """
     chain, fastest = record.chain, max(fastest_motion(record, record.q[0]))
-    duration, part = record.run.duration, tolerance / chain.reach
+    duration, part = record.run.duration, tolerance / chain.size
     if fastest * duration <= STIFF:
         return Choice("DOP853", f"not stiff: fastest mode {fastest:.3g} rad/s")
     stiffness = f"stiffness ratio {fastest / slowest:.3g}"
     if part <= SMALL and not chain.hinges["coulomb"].any():
-        return Choice("Radau9", f"{stiffness}, tolerance {part:.2g} of the reach")
+        return Choice("Radau9", f"{stiffness}, tolerance {part:.2g} of the {chain.size_name}")
     return Choice("Radau5", stiffness)
 
 

@@ -63,8 +63,8 @@ one in so many, which costs three in 128, 2 %."""
 
 
 def tolerance_of(run: RunSettings, chain: Chain, deflection: float) -> float:
-    """The tolerance of a run [m]; a relative one is a part of the reach, or of the largest deflection so far [m]."""
-    return run.tolerance_within(deflection if run.accuracy == "deflection" else chain.reach)
+    """The tolerance of a run [m]; a relative one is a part of the size, or of the largest deflection so far [m]."""
+    return run.tolerance_within(deflection if run.accuracy == "deflection" else chain.size)
 
 
 def allowed_imbalance(run: RunSettings, chain: Chain, least: float, explicit: bool, compared: bool) -> Allowance:
@@ -185,9 +185,9 @@ class RunMonitor:
 
     @property
     def extent(self) -> float:
-        """Extent of the tip in the valid samples (`extent_of_motion`) [m]."""
+        """Extent of the tip, or of what is judged in its place, in the valid samples (`extent_of_motion`) [m]."""
         if self._extent[0] != self.n_valid:
-            self._extent = self.n_valid, extent_of_motion(self.record.tip[: self.n_valid])
+            self._extent = self.n_valid, extent_of_motion(self.record.path[: self.n_valid])
         return self._extent[1]
 
     def diverged(self, failure: Failure | None = None) -> DivergenceError:
@@ -353,8 +353,8 @@ class RunMonitor:
             return 0.0
         record, run = self.record, self.run
         q, qd = (np.abs(part[: self.n_valid]).max(axis=0) for part in (record.q, record.qd))
-        step, reach = float(np.minimum(run.fixed_step * qd, np.spacing(q) / 2).sum()), record.chain.reach
-        return step * reach * self.n_valid * run.steps_per_sample if step * reach > rounding.of_reach(reach) else 0.0
+        step, size = float(np.minimum(run.fixed_step * qd, np.spacing(q) / 2).sum()), record.chain.size
+        return step * size * self.n_valid * run.steps_per_sample if step * size > rounding.of_reach(size) else 0.0
 
     def _warn(self, key: str, row: int, text: str) -> None:
         if key not in self._warned:

@@ -55,7 +55,7 @@ def goes_along(problem: InitialValueProblem) -> bool:
     """Whether the compiled loop takes it with others, or alone in its lanes."""
     solver = solver_for(problem.chain, problem.run.solver)
     alone = not problem.explicit or problem.inputs.loads is not None or not acts_on_many(problem.inputs.drive)
-    return solver.lanes_workspace is not None and not alone and problem.base is None
+    return solver.lanes_workspace is not None and not alone and problem.base is None and problem.chain.has_levers
 
 
 def alike(one: InitialValueProblem, other: InitialValueProblem) -> bool:
@@ -182,7 +182,7 @@ class Block:
     def _passed(self) -> NDArray[np.bool_]:
         """Whose samples pass every look without a word."""
         chains = [record.chain for record in self.records]
-        rounded = rounding.of_reach(1.0) * np.array([chain.reach for chain in chains])
+        rounded = rounding.of_reach(1.0) * np.array([chain.size for chain in chains])
         seen, good = self._look()
         least = NEARLY * DOUBT * balance.SHARE * seen[:, SEEN.exchanged]
         good &= (seen[:, SEEN.unbalanced] <= least) & (seen[:, SEEN.excused] <= least / DOUBT)
@@ -215,7 +215,7 @@ class Block:
         """`RunMonitor._rounded_away` of each [m]."""
         q, qd = (np.abs(part[:, : self.rows]).max(axis=1) for part in (self.q, self.qd))
         lost = np.minimum(self.run.fixed_step * qd, np.spacing(q) / 2).sum(axis=1)
-        lost *= [chain.reach for chain in chains]
+        lost *= [chain.size for chain in chains]
         return np.where(lost > rounded, lost * self.rows * self.run.steps_per_sample, 0.0)
 
 

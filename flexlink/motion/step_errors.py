@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
-from flexlink.kernels.bodies.kinematics import tip_points
 from flexlink.kernels.stepping.runge_kutta import NEVER, probe
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.record import Record
+from flexlink.results.tip_motion import apart, judged_path
 
 
 def step_errors(record: Record, probed: NDArray[np.intp]) -> Array:
@@ -46,9 +46,8 @@ def _ends(record: Record, scratch: Any, samples: tuple[Array, Array], probed: ND
 
 def _tips(one: Array, two: Array, records: Sequence[Record]) -> Array:
     """Distances of the tips of arms at two angles each, shape (arms, rows)."""
-    tips = np.empty((2, len(records), len(one), 3))
-    for part, angles in enumerate((one, two)):
-        for arm, record in enumerate(records):
-            own = np.ascontiguousarray(angles[..., arm] if angles.ndim > 2 else angles)
-            tip_points(record.chain.arrays, own, tips[part, arm])
-    return np.asarray(np.linalg.norm(tips[1] - tips[0], axis=-1))
+    found = np.empty((len(records), len(one)))
+    for arm, record in enumerate(records):
+        paths = (np.ascontiguousarray(part[..., arm] if part.ndim > 2 else part) for part in (one, two))
+        found[arm] = apart(*(judged_path(record.chain, path) for path in paths))
+    return found

@@ -17,8 +17,8 @@ from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.bodies.rotation_springs import NO_ROTATION, rotation_springs
 from flexlink.kernels.forward.mass_plus_cells import columns
-from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture, plane_postures
-from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture, space_postures
+from flexlink.kernels.forward.mass_plus_diagonal_plane import PlanePosture, plane_posture, plane_postures
+from flexlink.kernels.forward.mass_plus_diagonal_space import SpacePosture, space_posture, space_postures
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.stepping.error_norm import Springs
@@ -40,7 +40,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     """Scratch of the steps of a method on the chain of a record, with its lowest frequency [rad/s]."""
     of_fixed_step = 50  # Newton iterations: a fixed step is worth more of them than one that may be shortened
     chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
-    posture = (plane_posture if chain.is_planar else space_posture)(*arrays)
+    posture = posture_of(chain)
     numbers, new, width = np.zeros(STEPPER.size), np.zeros((3, n)), columns(posture.first)
     numbers[STEPPER.inverse_ω1], numbers[STEPPER.rounding] = 1.0 / slowest, rounding.of_position(chain)
     numbers[STEPPER.max_iterations] = FEW_PASSES if record.run.controlled else of_fixed_step
@@ -71,6 +71,15 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
         np.zeros((r, n, width)), np.zeros((2, n), complex), np.zeros((p, n, width), complex),
         postures, np.zeros((s, n, width)), turning,
     )  # fmt: skip
+
+
+def posture_of(chain: Chain) -> PlanePosture | SpacePosture:
+    """Scratch of the chain's postures; where turning moves no place it counts by `size`, in the loop of trees."""
+    own = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    posture: PlanePosture | SpacePosture = own if chain.has_levers else own._replace(radius=np.array([chain.size]))
+    if not chain.has_levers and isinstance(posture, SpacePosture) and not len(posture.forks):
+        return posture._replace(forks=np.zeros((1, posture.forks.shape[1])))
+    return posture
 
 
 def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:

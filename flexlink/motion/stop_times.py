@@ -29,7 +29,7 @@ class StopTimes:
     """
 
     def __init__(self, method: Method, record: Record, by_drive: bool, halved: bool = False) -> None:
-        part = 0.1  # of tolerance / reach: torque, over the largest, that a step may miss between its stages
+        part = 0.1  # of tolerance / size: torque, over the largest, that a step may miss between its stages
         on_the_grid = 1e-6  # part of a fixed step within which a time counts as one of its ends
         run, (drive, motion, _, wrench) = record.run, record.inputs
         tables = [table for table in (drive if by_drive else None, wrench) if table is not None]
@@ -37,8 +37,8 @@ class StopTimes:
         self.run, self.start, self.origin, self.halved = run, float(record.t[0]), record.origin, halved
         self.at_samples = method.explicit or not run.controlled
         if run.controlled:
-            reach = record.chain.reach
-            smooth = [breakpoints(table, part * run.tolerance_within(reach) / reach) for table in tables]
+            size = record.chain.size
+            smooth = [breakpoints(table, part * run.tolerance_within(size) / size) for table in tables]
             fixed = np.concatenate([*smooth, motion.knots])
         else:
             number = np.concatenate([*map(corners, tables), motion.knots]) / run.fixed_step

@@ -20,6 +20,7 @@ from flexlink.common.types import Array
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.motion.hindrance import sampled_growth
 from flexlink.motion.monitor import DOUBT, TIP_SHARE, TOLERABLE, RunMonitor
+from flexlink.results.tip_motion import apart
 
 STRICTER = 0.1
 """Part of the tolerance, or of the error from which a run is doubtful, that the second run is allowed."""
@@ -75,10 +76,10 @@ def second_runs(monitor: RunMonitor, name: str) -> Iterator[Second]:
         yield Second(_within(run, AUTO, STRICTER * _tolerance(monitor)), 1, 1.0)
 
 
-def doubt(monitor: RunMonitor, second: Second, tip: Array) -> str:
-    """The warning that follows from the tips of a verification run; empty if both runs agree."""
-    own = monitor.record.tip[: monitor.n_valid : second.every][: len(tip)]
-    error = float(np.linalg.norm(own - tip, axis=1).max()) / second.larger
+def doubt(monitor: RunMonitor, second: Second, path: Array) -> str:
+    """The warning that follows from the judged path of a verification run; empty if both runs agree."""
+    own = monitor.record.path[: monitor.n_valid : second.every][: len(path)]
+    error = float(apart(own, path).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(monitor)
     steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"steps of {second.run.fixed_step:g} s"
     text = f"doubtful: tip error {error:.2g} m against a run with {steps}"

@@ -54,7 +54,7 @@ class Balance:
         self.chain, self.kept = chain, Kept() if kept is None else kept
         limited = np.isfinite(chain.hinges["lower"]).tobytes()
         joints = WATCHED(chain.coordinates, (limited, chain.hinges["prescribed"].tobytes()), lambda: _watched(chain))
-        self.bounds = Bounds(force, chain.weight * chain.reach, SHARE, insisted, bend, near, *joints)
+        self.bounds = Bounds(force, chain.weight * chain.size, SHARE, insisted, bend, near, *joints)
         self.seen = np.zeros(SEEN.size)
         self.seen[SEEN.garbage] = -1.0
 

@@ -19,6 +19,7 @@ from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.samples import BaseMotion, Steps
+from flexlink.results.tip_motion import judged_path
 from flexlink.results.trajectory import Trajectory
 
 
@@ -52,6 +53,7 @@ class Record:
         self.works, self.so_far = np.zeros(len(t)), np.zeros((len(t), SO_FAR.size))
         if problem.explicit:
             self.so_far[:, SO_FAR.steps] = self.run.steps_per_sample * np.arange(len(t))
+        self._placed = None if self.chain.has_levers else np.empty((len(t), len(self.chain.bodies), 12))
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.fixed_step)
         self.kept = Kept() if kept is None else kept
         self.base = problem.base
@@ -78,12 +80,17 @@ class Record:
         """All that is known of the samples."""
         return self.t, self.q, self.qd, self.tau, self.tip, self.energy, self.works, self.so_far
 
+    @property
+    def path(self) -> Array:
+        """The `judged_path` of the samples: that of the tip, or of all bodies where turning moves no place."""
+        return self.tip if self._placed is None else self._placed
+
     @functools.cached_property
     def least_tolerance(self) -> float:
-        """The smallest tolerance [m] that rounding allows, for the arm's reach and its initial angles."""
+        """The smallest tolerance [m] that rounding allows, for the arm's size and its initial angles."""
         # Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to
         roundings = 200.0
-        return roundings * rounding.of_reach(self.chain.reach, max(map(abs, self.q[0].tolist())))
+        return roundings * rounding.of_reach(self.chain.size, max(map(abs, self.q[0].tolist())))
 
     def compile(self) -> None:
         """Compile what `derive` calls."""
@@ -100,6 +107,8 @@ class Record:
             self._derive(self.chain.arrays, self.inputs, part.start, part.stop, *self.samples[:6])  # type: ignore[misc]
             if len(self.inputs.motion.joints):
                 self._prescribe(part)
+            if self._placed is not None:
+                self._placed[part] = judged_path(self.chain, self.q[part])
         add_spring_energies(self.chain, self.q[first:stop], self.energy[2, first:stop])
 
     def _prescribe(self, rows: slice) -> None:

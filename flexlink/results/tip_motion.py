@@ -1,10 +1,35 @@
-"""How far the tip of an arm moves, and how far two paths of it are apart; a path has shape (samples, 3) [m]."""
+"""How far the tip of an arm moves, and how far two paths of it are apart; a path has shape (samples, 3) [m].
+
+Where turning moves no place, as of a wheel, the path by which a run is judged is that of all bodies, (samples, bodies,
+12): of each its point and its axes times the chain's size L over √2, which a turn by a small angle φ moves by L φ.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
+from flexlink.kernels.bodies.kinematics import forward_kinematics, tip_points
+
+
+def judged_path(chain: Chain, q: Array) -> Array:
+    """The path of the tip at angles q (samples, n), or that of all bodies where turning moves no place."""
+    if chain.has_levers:
+        tips = np.empty((len(q), 3))
+        tip_points(chain.arrays, q, tips)
+        return tips
+    path = np.empty((len(q), len(chain.bodies), 12))
+    for row, angles in zip(path, np.ascontiguousarray(q), strict=True):
+        placed = forward_kinematics(chain.arrays, angles)
+        row[:, :3], row[:, 3:] = placed.points, placed.rotations.reshape(-1, 9) * (chain.size / np.sqrt(2))
+    return path
+
+
+def apart(path: Array, other: Array) -> Array:
+    """Distance of two judged paths at every sample (samples,) [m], of all bodies the largest."""
+    lengths = np.linalg.norm(path - other, axis=-1)
+    return np.asarray(lengths if path.ndim == 2 else lengths.max(axis=-1))
 
 
 def distances(path: Array, other: Array) -> Array:
@@ -33,7 +58,8 @@ def extent_of_motion(tip: Array) -> float:
     At least the travel. Errors of steps are judged by it: a vibration of amplitude a has the extent 2a, wherever in its
     period a run starts; its travel is between a and 2a.
     """
-    return float(np.linalg.norm(np.ptp(tip, axis=0)))
+    box = np.ptp(tip, axis=0)
+    return float(np.linalg.norm(box) if box.ndim == 1 else np.linalg.norm(box, axis=-1).max())
 
 
 def centre_of_motion(tip: Array) -> Array:

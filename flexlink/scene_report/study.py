@@ -60,9 +60,9 @@ class Study:
         return initial_state(self.scene, self.chain)
 
     @cached_property
-    def reach(self) -> float:
-        """How far the arm reaches [m]."""
-        return self.chain.reach
+    def size(self) -> float:
+        """How far the arm reaches, or another length of it [m]."""
+        return self.chain.size
 
     @cached_property
     def bends(self) -> bool:

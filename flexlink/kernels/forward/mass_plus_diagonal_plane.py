@@ -17,9 +17,10 @@ import numpy as np
 from flexlink.kernels.bodies.couplings import cells_of
 from flexlink.kernels.bodies.plane import LINK, cos_sin_less_turns, planar_workspace
 from flexlink.kernels.forward.mass_plus_cells import rows_beside
-from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.compiler import kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sincos import cos_sin_all
 
 FACTORS = numbered("A inverse hx hy β γ unused:2")  # of a hinge: A, 1 / D, H, β = A / D and 1 − β
@@ -35,6 +36,7 @@ class PlanePosture(NamedTuple):
     h: Any  # (n, 2) m c turned by 90°
     first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings
     beside: Any  # (n, w, 2) K and D of those before it in its cell
+    radius: Any  # (1,) by which turning counts as a displacement where it moves no place [m]; (0,) elsewhere
 
 
 @kernel
@@ -42,7 +44,12 @@ def plane_posture(bodies, hinges, gravity, couplings):
     """Scratch of a planar chain."""
     n, work = len(hinges), planar_workspace(bodies, hinges, gravity, couplings)
     d, h, first = np.zeros((n, 2)), np.zeros((n, 2)), cells_of(n, couplings)
-    return PlanePosture(work.links, work.prescribed, work.trig, d, h, first, rows_beside(first, couplings))
+    return PlanePosture(work.links, work.prescribed, work.trig, d, h, first, rows_beside(first, couplings), np.zeros(0))
+
+
+def without_levers(posture, radius):
+    """The posture of a chain in which turning moves no place."""
+    return posture._replace(radius=np.array([radius]))
 
 
 @kernel
@@ -50,21 +57,24 @@ def plane_postures(s, posture):
     """Scratch of `s` postures of the same chain, whose arrays have a leading dimension (s,)."""
     n = len(posture.d)
     trig, d, h = np.zeros((s, 3, n)), np.zeros((s, n, 2)), np.zeros((s, n, 2))
-    return PlanePosture(posture.links, posture.prescribed, trig, d, h, posture.first, posture.beside)
+    return PlanePosture(posture.links, posture.prescribed, trig, d, h, posture.first, posture.beside, posture.radius)
 
 
 @kernel
 def levers_alone(planar, levers):
     """A posture on scratch of `planar`, of one state or of eight, for those who take d and h alone."""
     links, prescribed, trig = planar.links, planar.prescribed, planar.trig
-    return PlanePosture(links, prescribed, trig, levers[0], levers[1], np.empty(0, np.int64), np.empty((0, 0, 2)))
+    no_cells, no_radius = (np.empty(0, np.int64), np.empty((0, 0, 2))), np.empty(0)
+    return PlanePosture(links, prescribed, trig, levers[0], levers[1], *no_cells, no_radius)
 
 
 @recursion
 def plane_posture_of(i, postures):
     """Posture `i` of several, whose arrays have a leading dimension."""
     trig, d, h = postures.trig[i], postures.d[i], postures.h[i]
-    return PlanePosture(postures.links, postures.prescribed, trig, d, h, postures.first, postures.beside)
+    return PlanePosture(
+        postures.links, postures.prescribed, trig, d, h, postures.first, postures.beside, postures.radius
+    )
 
 
 @recursion
@@ -151,4 +161,16 @@ def displacement_in_plane(δ, posture):
         φ += links[k, LINK.sign] * δ[k]
         x, y = x + φ * d[k, 0], y + φ * d[k, 1]
         largest = max(largest, x * x + y * y)
+    if rarely(len(posture.radius) > 0):
+        largest = max(largest, (posture.radius[0] * turned_in_plane(δ, links)) ** 2)
     return math.sqrt(largest + (φ - φ))  # nan, which `max` passes by, if a δ is not finite
+
+
+@subroutine
+def turned_in_plane(δ, links):
+    """Largest angle [rad] by which small changes δ (n,) turn any segment."""
+    φ = largest = 0.0
+    for k in range(len(δ)):
+        φ += links[k, LINK.sign] * δ[k]
+        largest = max(largest, abs(φ))
+    return largest

@@ -63,6 +63,7 @@ class SpacePosture(NamedTuple):
     first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings
     beside: Any  # (n, w, 2) K and D of those before it in its cell
     forks: Any  # rows of what branches go on from, and of what they demand, scratch; of a tree, or where joints slide
+    radius: Any  # (1,) by which turning counts as a displacement where it moves no place [m]; (0,) elsewhere
 
 
 @kernel
@@ -74,8 +75,14 @@ def space_posture(bodies, hinges, gravity, couplings):
     return SpacePosture(
         work.layout, work.axes, work.bodies, work.prescribed, work.trig,
         np.zeros((n, 3)), np.zeros((m + 1, 3)), np.zeros((m, 3)), np.zeros((m, 6)),
-        first, rows_beside(first, couplings), forks,
+        first, rows_beside(first, couplings), forks, np.zeros(0),
     )  # fmt: skip
+
+
+def without_levers(posture, radius):
+    """The posture of a chain in which turning moves no place; it takes the loop of trees."""
+    forks = np.zeros((max(1, len(posture.forks)), posture.forks.shape[1]))
+    return posture._replace(forks=forks, radius=np.array([radius]))
 
 
 @kernel
@@ -85,7 +92,7 @@ def space_postures(s, posture):
     return SpacePosture(
         posture.layout, posture.axes, posture.rows, posture.prescribed, np.zeros((s, 3, n)),
         np.zeros((s, n, 3)), np.zeros((s, m + 1, 3)), np.zeros((s, m, 3)), np.zeros((s, m, 6)),
-        posture.first, posture.beside, posture.forks,
+        posture.first, posture.beside, posture.forks, posture.radius,
     )  # fmt: skip
 
 
@@ -95,7 +102,7 @@ def space_posture_of(i, postures):
     return SpacePosture(
         postures.layout, postures.axes, postures.rows, postures.prescribed, postures.trig[i],
         postures.e[i], postures.r[i], postures.moments[i], postures.inertias[i],
-        postures.first, postures.beside, postures.forks,
+        postures.first, postures.beside, postures.forks, postures.radius,
     )  # fmt: skip
 
 
@@ -242,8 +249,11 @@ def displacement_in_space(δ, posture):
 
 @subroutine
 def displacement_in_tree(δ, posture):
-    """The same where branches begin, or joints slide: apart, as implicit steps call the loop above most of all."""
+    """The same where branches begin, joints slide, or turning moves no place but counts by a radius: apart, as implicit
+    steps call the loop above most of all.
+    """
     layout, es, rs, forks = posture.layout, posture.e, posture.r, posture.forks
+    counts = posture.radius[0] ** 2 if len(posture.radius) > 0 else 0.0
     φ, p, largest = ZERO, ZERO, 0.0
     keep_motion(forks, 0, φ, p)
     for i in range(len(layout)):
@@ -258,6 +268,7 @@ def displacement_in_tree(δ, posture):
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
                 φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
+            largest = max(largest, counts * dot(φ, φ))
         if layout[i, LAYOUT.fork] > 0:
             keep_motion(forks, layout[i, LAYOUT.fork], φ, p)
     return math.sqrt(largest + (φ[0] - φ[0]))

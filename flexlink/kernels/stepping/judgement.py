@@ -5,7 +5,7 @@ A sample is judged by what was before it, so that it does not matter when somebo
     d/dt (T + V_g + V_e) = q̇·(T_EX − T_FR) + f·ṗ + m·ω        r = E(t) − E(0) − W(t)
 
 Up to each sample X is the largest T + |ΔV_g| + |ΔV_e| + |W|, the energy exchanged, and ε what rounding explains: the
-largest of one step's, 4 eps (|T| + |V_g| + |V_e| + |W| + m g · reach · max(1, |q|)), times all steps. A sample is
+largest of one step's, 4 eps (|T| + |V_g| + |V_e| + |W| + m g · size · max(1, |q|)), times all steps. A sample is
 garbage where |r| > share · X + ε + what the tolerance explains.
 """
 
@@ -50,7 +50,7 @@ class Bounds(NamedTuple):
     """What no sample may pass, and the joints that are looked at."""
 
     force: Any  # (3,) a constant one on the tip, whose work is not integrated [N]
-    weight: float  # m g · reach [J]
+    weight: float  # m g · size [J]
     share: float  # of the energy exchanged, from which an imbalance is garbage
     insisted: bool  # garbage is told, and the run goes on
     bend: float  # angle of a hinge [rad]

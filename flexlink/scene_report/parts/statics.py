@@ -100,7 +100,7 @@ def _picture(study: Study, size: float) -> Picture:
     chain, rest = study.chain, study.rest
     straight, bent = (frames(chain, q).points for q in (unbent(chain, rest.q), rest.q))
     visible = 0.08  # of the reach: the tip is drawn to sag by at least as much
-    scale = max(1.0, _round(visible * study.reach / size))
+    scale = max(1.0, _round(visible * study.size / size))
     shown = straight + scale * (bent - straight)
     both = np.stack([straight, shown])
     views = views_of(chain, both)

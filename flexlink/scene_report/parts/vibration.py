@@ -74,7 +74,7 @@ def _line(found: Modes, k: int) -> tuple[Cell, ...]:
 
 
 def _picture(study: Study, found: Modes, fine: tuple[bool, ...]) -> Picture:
-    amplitude = 0.08 * study.reach
+    amplitude = 0.08 * study.size
     shown = min(4, len(found.eigenvalues))
     figure = Figure(figsize=(WIDTH, 2.3 * ((shown + 1) // 2)), layout="constrained")
     axes = np.atleast_1d(figure.subplots((shown + 1) // 2, 2, squeeze=False)).ravel()

@@ -1,0 +1,152 @@
+"""A length of a chain that is never 0: carts, wheels and motors run by default, and right, by every method."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import compiled, flexible, make_scene
+from scipy.special import ellipj
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.common.types import Array
+from flexlink.motion.step_workspace import posture_of
+
+ROOT = Path(__file__).parent.parent
+SLIDE = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0))
+STILL = {"gravity": (0.0, 0.0, 0.0)}
+BY_TOLERANCE = [{"method": name, "tolerance": 1e-5} for name in ("auto", "DOP853", "Radau5", "Radau9")]
+BY_STEP = [{"method": name, "step": 1e-3} for name in ("RK4", "DOP853", "Gauss6", "Radau5")]
+EVERY = pytest.mark.parametrize("run", [*BY_TOLERANCE, *BY_STEP], ids=lambda run: "-".join(map(str, run.values())))
+
+
+def cart(mass: float = 2.0, **joint: Any) -> fl.Link:
+    """A mass on a slide."""
+    return fl.Link(
+        name="cart", joint=fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), **joint), hub=fl.RigidBody(mass=mass)
+    )
+
+
+def wheel(inertia: float = 0.1, mass: float = 5.0, **joint: Any) -> fl.Link:
+    """A hub that turns about its own axis."""
+    hub = fl.RigidBody(mass=mass, inertia=(inertia / 2, inertia / 2, inertia))
+    return fl.Link(name="wheel", joint=fl.Joint(**joint), hub=hub)
+
+
+def settled(run: dict[str, Any], duration: float) -> fl.RunSettings:
+    return fl.RunSettings(duration=duration, sample=0.05, **run)
+
+
+@pytest.mark.parametrize(
+    ("link", "size"),
+    [
+        (wheel(0.45, 5.0), 0.3), (wheel(0.0, 5.0, armature=0.2), 0.2), (cart(), 1.0), (wheel(0.3, 0.0), 1.0),
+        (cart(limits_m=(-2.0, 3.0)), 3.0), (fl.Link(name="arm", length=0.7, hub=fl.RigidBody(mass=1.0)), 0.7),
+    ],
+    ids=["radius of gyration", "by its rotor", "a mass alone", "no mass", "travel", "reach"],
+)  # fmt: skip
+def test_the_size_is_the_reach_or_a_radius_of_gyration_or_a_metre(link: fl.Link, size: float) -> None:
+    chain = fl.lump(make_scene(link, **STILL))
+    assert chain.size == pytest.approx(size, rel=1e-14)
+    assert chain.reach in (0.0, chain.size)
+
+
+@pytest.mark.parametrize(
+    ("links", "levers"),
+    [
+        ((wheel(),), False), ((cart(),), True), ((cart(), wheel()), False),
+        ((fl.Link(name="arm", length=0.7, hub=fl.RigidBody(mass=1.0)),), True),
+        ((fl.Link(name="shaft", length=0.7, joint=fl.Joint(axis=(1.0, 0.0, 0.0)), hub=fl.RigidBody(mass=1.0)),), False),
+        ((fl.Link(name="bob", hub=fl.RigidBody(mass=1.0, center=(0.5, 0.0, 0.0))),), False),
+        ((wheel(), fl.Link(name="arm", length=1.0, hub=fl.RigidBody(mass=1.0))), True),
+        ((flexible("a", segments=3),), True),
+    ],
+    ids=["wheel", "cart", "wheel on a cart", "arm", "shaft", "bob", "arm on a wheel", "bending"],
+)  # fmt: skip
+def test_levers_are_places_that_turning_moves(links: tuple[fl.Link, ...], levers: bool) -> None:
+    chain = fl.lump(make_scene(*links, **STILL))
+    assert chain.has_levers is levers
+    assert len(posture_of(chain).radius) == (not levers)
+
+
+@compiled
+@EVERY
+def test_a_cart_on_a_spring_swings_as_its_closed_form_says(run: dict[str, Any]) -> None:
+    """x = x₀ cos √(k/m) t, a drive's gain for the spring; to its tolerance, or to 1e-6 by 600 steps a period."""
+    drive = fl.Drive(kind="pd", kp=(200.0,), kd=(0.0,), target_m=(0.0,))
+    start = fl.InitialState(joint_m=(0.1,))
+    found = fl.simulate(make_scene(cart(), drive=drive, initial=start, run=settled(run, 2.0), **STILL))
+    off = np.abs(found.q[:, 0] - 0.1 * np.cos(10.0 * found.t)).max()
+    assert found.t[-1] == 2.0
+    assert off <= 3 * run.get("tolerance", 1e-6)
+
+
+@compiled
+@EVERY
+def test_two_masses_on_an_elastic_gear_swing_against_each_other(run: dict[str, Any]) -> None:
+    """The twist is a cos ω t, ω² = k (1/J + 1/I), and the motor turns by I/(I + J) of what it lost."""
+    motor, load, k, twist = 0.05, 0.1, 30.0, 0.2
+    gear = wheel(load, armature=motor, gear_stiffness=k, gear_damping=0.0)
+    initial = fl.InitialState(q=(0.0, twist), qd=(0.0, 0.0))
+    found = fl.simulate(make_scene(gear, initial=initial, run=settled(run, 2.0), **STILL))
+    ω, share = np.sqrt(k * (1 / motor + 1 / load)), load / (load + motor)
+    wanted = np.column_stack([share * twist * (1 - np.cos(ω * found.t)), twist * np.cos(ω * found.t)])
+    limit = 3 * run.get("tolerance", 2e-6) / found.chain.size
+    assert np.abs(found.q - wanted).max() <= limit
+
+
+def spun(t: Array, ω: tuple[float, float]) -> Array:
+    """ω of a free body with I = 1, 2, 3 that starts at (ω₁, 0, ω₃), by Jacobi's functions; turning about its third."""
+    one, three = ω
+    energy, square = one**2 + 3 * three**2, one**2 + (3 * three) ** 2  # 2 T, L²
+    assert square > 2 * energy
+    rate = np.sqrt((square - energy) / 6)
+    sn, cn, dn, _ = ellipj(rate * t, (3 * energy - square) / (square - energy))
+    sizes = np.sqrt([(3 * energy - square) / 2, (3 * energy - square) / 2, (square - energy) / 6])
+    return np.asarray(np.column_stack([cn, sn, dn]) * sizes)
+
+
+@compiled
+@pytest.mark.slow
+@EVERY
+def test_a_free_body_tumbles_as_jacobi_says(run: dict[str, Any]) -> None:
+    """Its spin, the errors of which grow about in proportion to the turns, to 30 tolerances of angle and rate."""
+    base = fl.Base(kind="free", mass=4.0, inertia=(1.0, 2.0, 3.0))
+    arm = fl.Arm(links=(fl.Link(name="box", joint=fl.Joint(locked=True)),), base=base)
+    initial = fl.InitialState(joint_deg=(0.0,), base=fl.BaseState(spin=(1.2, 0.0, 1.0)))
+    scene = fl.Scene(name="box", arm=arm, initial=initial, run=settled(run, 10.0), gravity=(0.0, 0.0, 0.0))
+    found = fl.simulate(scene)
+    assert found.base is not None
+    assert found.t[-1] == 10.0
+    limit = 30 * run.get("tolerance", 1e-6) / found.chain.size
+    assert np.abs(found.base.spin - spun(found.t, (1.2, 1.0))).max() <= limit
+
+
+@compiled
+def test_a_bob_without_a_rod_keeps_its_tolerance() -> None:
+    """A hub off its axis is a pendulum, of which no hinge point and no tip moves: its turning counts."""
+    bob = fl.Link(name="bob", hub=fl.RigidBody(mass=1.0, center=(0.5, 0.0, 0.0), inertia=(0.01, 0.01, 0.01)))
+    scene = make_scene(bob, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(60.0,)))
+    exact = fl.simulate(scene.varied({"run": fl.RunSettings(method="RK4", step=1e-3, duration=3.0, sample=0.05)}))
+    for name in ("auto", "DOP853", "Radau5", "Radau9"):
+        found = fl.simulate(
+            scene.varied({"run": fl.RunSettings(method=name, tolerance=1e-3, duration=3.0, sample=0.05)})
+        )
+        assert np.abs(found.q - exact.q).max() * found.chain.size <= 3e-3
+
+
+@compiled
+@pytest.mark.slow
+@pytest.mark.parametrize("links", [(cart(),), (wheel(),), (cart(), wheel())], ids=["cart", "wheel", "both"])
+def test_commands_take_scenes_without_a_reach(links: tuple[fl.Link, ...], tmp_path: Path, capsys: Any) -> None:
+    scene = make_scene(*links, **STILL, drive=fl.Drive(kind="constant", torque=(0.3,) * len(links)))
+    (tmp_path / "scene.toml").write_text(scene.to_toml())
+    path = str(tmp_path / "scene.toml")
+    assert main(["info", path]) == 0
+    assert " 0 mm" not in capsys.readouterr().out
+    assert main(["simulate", path, "--out", str(tmp_path / "run.csv")]) == 0
+    assert main(["modes", path]) == 0
+    assert main(["show", path, "-o", str(tmp_path / "run.html")]) == 0
