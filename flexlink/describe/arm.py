@@ -147,7 +147,8 @@ class Damping(Spec, frozen=True):
     of a mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable
     step of explicit methods: `flexlink info` says by how much.
     constant: dampers between all hinges of the links that have it, root and gear, too, such that every mode of the arm
-    where it starts, its joints held, has the same ratio, if all links that bend have it; elsewhere modes are near it.
+    has the same ratio, if all links that bend have it, with its joints held where `initial.joint_deg` and `joint_m` put
+    them; elsewhere modes are near it. A whole state, `initial.q`, as of a run that is continued, changes no dampers.
     For links without branches or slides between them.
 
     Examples
