@@ -25,7 +25,7 @@ from scipy import linalg
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.describe.arm import Arm
+from flexlink.describe.arm import BETWEEN, Arm
 from flexlink.describe.scene import Scene
 from flexlink.kernels.bodies.mass import mass_upper
 from flexlink.kernels.layout import COUPLING
@@ -86,10 +86,7 @@ def _check(chain: Chain, arm: Arm, hinges: NDArray[np.intp], count: int) -> None
         raise SceneError(f"{path}: {count} hinges in all; at most {MOST}; take fewer, or law = 'proportional'")
     between = slice(chain.body(int(hinges[0])) + 1, chain.body(int(hinges[-1])) + 1)
     if chain.bodies["begins"][between].any() or chain.slides[hinges[0] : hinges[-1]].any():
-        raise SceneError(
-            f"{path}: a branch begins or a joint slides between the links that have it; give it to one link, or take "
-            "law = 'proportional'"
-        )
+        raise SceneError(f"{path}: {BETWEEN}")
 
 
 def _damping(M: Array, K: Array, ratios: Array, name: str) -> Array:
