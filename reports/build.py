@@ -12,10 +12,10 @@ from pathlib import Path
 import matplotlib as mpl
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.common.output import write_text
+from flexlink.common.output import make_folder, write_text
 from flexlink.pages.chapter import Chapter, Shown
 from flexlink.pages.numbers import amount, plural
-from flexlink.pages.page import make_folder, template
+from flexlink.pages.page import template
 from flexlink.pages.style import RC
 from flexlink.pages.tables import Table, table_csv
 from flexlink.pages.verdict import Report

@@ -14,9 +14,9 @@ import msgspec
 from PIL import Image, ImageColor
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.common.output import write_text
+from flexlink.common.output import make_folder, write_text
 from flexlink.pages.colours import CYCLE, GREY, INK, PAPER
-from flexlink.pages.page import make_folder, template
+from flexlink.pages.page import template
 from flexlink.pages.tables import table_csv
 from reports import verdict
 from reports.build import StudyReport, environment_rows, given_up, write

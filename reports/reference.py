@@ -7,8 +7,7 @@ import dataclasses
 from pathlib import Path
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.common.output import write_text
-from flexlink.pages.page import make_folder
+from flexlink.common.output import make_folder, write_text
 from flexlink.pages.tables import table_csv
 from reports.results import Results
 from reports.verdict import PASS, correct, measured

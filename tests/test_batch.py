@@ -78,7 +78,30 @@ def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: in
     for scene, many in zip(scenes, fl.simulate_many(scenes, threads=threads), strict=True):
         one = fl.simulate(scene)
         for name in ("t", "q", "qd", "tau", "tip", "work"):
-            np.testing.assert_allclose(getattr(many, name), getattr(one, name), rtol=1e-12, atol=1e-12)
+            np.testing.assert_array_equal(getattr(many, name), getattr(one, name), err_msg=name)
+
+
+SLIDE = fl.Link(
+    name="s", hub=fl.RigidBody(mass=2.0), joint=fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), limits_m=(-3.0, 3.0))
+)
+TREE = flexible("a", segments=3), flexible("b", segments=3), flexible("c", segments=3, on="a")
+
+
+@compiled
+@pytest.mark.parametrize(
+    "run", [{"tolerance": 1e-4}, {"method": "Gauss6", "step": 1e-3}, {"method": "RK4", "step": 5e-5}],
+    ids=["tolerance", "Gauss6", "RK4"],
+)  # fmt: skip
+@pytest.mark.parametrize("links", [(SLIDE, flexible("a", segments=3)), TREE], ids=["slide", "tree"])
+def test_three_of_one_scene_are_the_run_alone(links: tuple[fl.Link, ...], run: dict[str, object]) -> None:
+    """To the bit, their lengths, on which tolerances and Newton's iteration count, included."""
+    scene = make_scene(*links, gravity=(3.0, -9.81, 0.0), run=fl.RunSettings(duration=0.02, sample=0.01, **run))
+    alone = fl.simulate(scene)
+    for many in fl.simulate_many([scene] * 3):
+        assert many.steps == alone.steps
+        assert many.chain.reach == alone.chain.reach
+        for name in ("q", "qd", "tau", "tip", "work"):
+            np.testing.assert_array_equal(getattr(many, name), getattr(alone, name), err_msg=name)
 
 
 @compiled

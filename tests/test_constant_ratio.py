@@ -135,6 +135,11 @@ def test_what_cannot_be_is_refused() -> None:
     slide = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0))
     between = flexible("a", damping=ALIKE), fl.Link(name="s", joint=slide, hub=LOAD), flexible("b", damping=ALIKE)
     with pytest.raises(SceneError, match=r"^link\.a\.damping\.law = 'constant': a branch begins or a joint slides"):
-        fl.lump(make_scene(*between))
+        make_scene(*between)
+    branch = flexible("a", damping=ALIKE), flexible("b"), flexible("c", damping=ALIKE, on="a")
+    with pytest.raises(SceneError, match=r"^link\.a\.damping\.law = 'constant': a branch begins or a joint slides"):
+        make_scene(*branch)
+    beside = flexible("z"), flexible("a", damping=ALIKE, on="base"), fl.Link(name="s", joint=slide, hub=LOAD)
+    assert len(fl.lump(make_scene(*beside)).couplings) == 6, "of one link"
     with pytest.raises(SceneError, match=r"402 hinges in all; at most 400"):
         fl.lump(make_scene(flexible("a", "z", 403, damping=ALIKE)))

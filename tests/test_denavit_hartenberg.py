@@ -94,6 +94,14 @@ def test_beams_run_beside_the_table_and_change_nothing_of_it(convention, rng) ->
         np.testing.assert_allclose(got, tip_of(bare, q), rtol=0, atol=40 * EPS)
 
 
+def test_the_tip_is_where_a_standard_table_ends_and_at_the_end_of_the_last_beam_of_a_modified_one() -> None:
+    beam = {"material": "aluminium", "section": "square", "length": 0.3}
+    for convention, wanted in (("standard", (0.4, 0.0, 0.5)), ("modified", (0.7, -0.5, 0.0))):
+        row = fl.DenavitHartenberg(convention=convention, a=0.4, alpha_deg=90, d=0.5)
+        chain = fl.lump(make_scene(fl.Link(name="a", dh=row, **beam)))
+        np.testing.assert_allclose(fl.tip_position(chain, np.zeros(1)), wanted, rtol=0, atol=8 * EPS)
+
+
 def test_a_standard_row_carries_a_beam_from_the_joint_to_its_end() -> None:
     row = fl.DenavitHartenberg(convention="standard", a=-0.3, d=0.4, alpha_deg=90)
     link = fl.Link(name="a", dh=row, material="aluminium", section="square")

@@ -53,6 +53,8 @@ def at(*keys: Any, **values: Any) -> Edit:
         (at("link", 1, joint={"type": "revolute"}), "a joint turns unless its kind is 'prismatic': leave this out"),
         (at(contact={"ground": 0.0}), "contact = .*: contact is not supported: give the force"),
         (at(loop=[{}]), "loop = .*: closed loops are not supported, .* cut the loop"),
+        (at(weld=[{"links": ["fore", "base"]}]), "weld = .*: closed loops are not supported, .* cut the loop"),
+        (at("link", 2, on=["upper", "base"]), "link.fore.on = .*: expected the name of one link; closed loops are not"),
         (at("link", 2, parent="waist"), "link.fore.parent = 'waist': a link names the one that it hangs on, on = "),
         (at("link", 1, joint={"axis": "x"}), r"joint.axis = 'x': expected three numbers, such as \[1.0, 0.0, 0.0\]"),
         (at(gravity=-9.81), r"gravity = -9.81: expected three numbers \[m/s²\], such as \[0.0, 0.0, -9.81\]"),

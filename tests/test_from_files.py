@@ -12,6 +12,7 @@ from conftest import make_scene
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.describe.csv_table import read_csv
 from flexlink.describe.smoothing import smoothed
 
 HUB = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
@@ -217,6 +218,9 @@ MISTAKES = {
     "too few cells": (MOTION, edited("0.05,5\n", "0.05\n"), "line 7: 1 cells; the header line has 2"),
     "a decimal comma": (MOTION, edited("0.05,5\n", "0,05,5\n"), "line 7: 3 cells; the header line has 2"),
     "no number": (MOTION, edited("0.05,5\n", "0.05,five\n"), "line 7, q upper [deg]: 'five' is not a number"),
+    "an underscore": (MOTION, edited("0.05,5\n", "0.05,1_000\n"), "line 7, q upper [deg]: '1_000' is not a number"),
+    "other digits": (MOTION, edited("0.05,5\n", "0.05,٥\n"), "line 7, q upper [deg]: '٥' is not a number"),
+    "a long text": (MOTION, edited("0.05,5\n", f"0.05,{'long ' * 99}\n"), "long l… is not a number"),
     "not finite": (MOTION, edited("0.05,5\n", "0.05,nan\n"), "line 7, q upper [deg]: 'nan' is not finite"),
     "an empty cell": (MOTION, edited("0.05,5\n", "0.05,\n"), "line 7, q upper [deg]: empty"),
     "rows in disorder": (MOTION, edited("0.05,5\n0.06,6\n", "0.06,6\n0.05,5\n"), "line 8: t = 0.05 s: must be later"),
@@ -252,6 +256,20 @@ MISTAKES = {
     "a force along q": (WRENCH, "t [s],force q [N]\n0,1\n", "column 'force q [N]': not known"),
     "a force beside a file": (WRENCH + "force = [1.0, 0.0, 0.0]\n", "t [s],force x [N]\n0,1\n", "force is given, too"),
 }  # fmt: skip
+
+
+def test_of_a_file_that_is_no_table_nothing_is_quoted(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("root:x:0:0:secret:/root:/bin/sh\nanother:secret\n")
+    (tmp_path / "scene.toml").write_text(f"{make_scene(*LINKS).to_toml()}\n{MOTION}", encoding="utf-8")
+    with pytest.raises(fl.errors.DataFileError, match=r"run\.csv': its first line has no column with a unit") as error:
+        fl.load_scene(tmp_path / "scene.toml")
+    assert "secret" not in str(error.value)
+
+
+def test_line_ends_of_any_system_are_line_ends(tmp_path: Path) -> None:
+    for end in ("\n", "\r\n", "\r"):
+        (tmp_path / "run.csv").write_bytes(GOOD.replace("\n", end).encode())
+        assert read_csv(tmp_path / "run.csv").column("q upper", "deg").tolist() == [float(k) for k in range(20)]
 
 
 @pytest.mark.parametrize("name", MISTAKES)

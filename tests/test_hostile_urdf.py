@@ -106,7 +106,7 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "no inertia": (edited(INERTIA, ""), "<inertia>: missing"),
     "no product": (edited('ixy="0"', ""), "<inertia ixy>: missing"),
     "two inertials": (edited(BODY, BODY * 2), "<inertial> is given 2 times"),
-    "nothing moves": (edited(BODY, ""), "nothing beyond its joint has inertia"),
+    "nothing moves": (edited(BODY, ""), "no link of this file has mass; give the links that move their <inertial>"),
     # names and the tree
     "link without name": (edited('<link name="a"/>', "<link/>"), "link 1: name: missing"),
     "joint without name": (edited('name="j"', ""), "joint 1: name: missing"),
@@ -197,7 +197,7 @@ def test_a_hostile_file_is_refused_in_one_line_and_nothing_else_is_touched(
     assert lines[0].startswith("flexlink: bad.urdf: ")
     assert message in lines[0]
     assert len(lines[0]) < 400
-    assert set(opened) <= {"bad.urdf"}
+    assert {name for name in opened if "/.out-" not in name} <= {"bad.urdf"}  # one is made, to know whether it can be
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.urdf", "secret.txt"]
 
 
@@ -207,7 +207,7 @@ def test_the_good_file_is_imported_and_only_it_is_opened(tmp_path: Path, monkeyp
     Path("good.urdf").write_text(edited(BODY, BODY + mesh), encoding="utf-8")
     opened.clear()
     assert main(["import", "good.urdf"]) == 0
-    assert set(opened) == {"good.urdf"}
+    assert {name for name in opened if "/.out-" not in name} == {"good.urdf"}
 
 
 @pytest.mark.slow

@@ -92,7 +92,42 @@ def test_no_answer_in_time_ends_the_process(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(child_process, "TIMEOUT_PER_STEP", 0.0)
     with pytest.raises(EngineError, match=r"integrate of test: no result within 0\.05 s; the child process was killed"):
         engine.integrate(SCENE.varied({"run.duration": 1000.0}))
-    assert process_of(engine).returncode == -signal.SIGALRM
+    assert process_of(engine).returncode == -signal.SIGKILL
+
+
+BARE = """
+import os, signal
+for name in ("SIGALRM", "setitimer", "ITIMER_REAL", "SIGKILL", "SIGUSR1", "pthread_sigmask"):
+    vars(signal).pop(name, None)
+for name in ("fork", "mkfifo", "sched_getaffinity"):
+    vars(os).pop(name, None)
+"""
+
+
+def test_it_needs_nothing_that_windows_has_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    """No file descriptor beyond the three, and no alarm, here as in the child: it answers, and is ended in time."""
+    (tmp_path / "sitecustomize.py").write_text(BARE)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(child_process, "_idle", {})
+    for name in ("SIGALRM", "setitimer", "ITIMER_REAL"):
+        monkeypatch.delattr(signal, name, raising=False)
+    started = subprocess.Popen
+
+    def popen(*arguments: object, **named: object) -> object:
+        assert not named.keys() & {"pass_fds", "preexec_fn", "start_new_session"}
+        return started(*arguments, **named)
+
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    engine = IsolatedEngine("native", lump(SCENE))
+    assert engine._call("look", eval, "not hasattr(__import__('signal'), 'setitimer')")
+    q, _ = random_state(lump(SCENE), rng)
+    assert_array_equal(engine.mass_matrix(q), load("native", lump(SCENE)).mass_matrix(q))
+    monkeypatch.setattr(child_process, "CALL_TIMEOUT", 0.05)
+    monkeypatch.setattr(child_process, "TIMEOUT_PER_STEP", 0.0)
+    with pytest.raises(EngineError, match=r"no result within 0\.05 s"):
+        engine.integrate(SCENE.varied({"run.duration": 1000.0}))
 
 
 def test_a_script_without_a_main_guard_is_not_run_again_in_the_child(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import threading
 from collections.abc import Callable
 
@@ -11,6 +12,8 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.common.memo import Memo
+from flexlink.inputs.references import reference_arrays
+from flexlink.inputs.static_feedforward import holding_torque
 
 HELD = fl.PrescribedMotion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
 
@@ -29,6 +32,40 @@ def test_a_result_is_found_once_for_its_object_and_key() -> None:
     for key in ("a", "a", "b", "a"):
         assert memo(one, key, lambda key=key: calls.append(key) or len(calls)) == {"a": 1, "b": 2}[key]
     assert calls == ["a", "b"]
+
+
+def test_a_key_of_contents_holds_all_that_is_given() -> None:
+    """Numbers of another value, type, shape or place are another key; a copy of an array is the same one."""
+    memo, one, calls, zeros, ones = Memo(64), Unhashable(), [], np.zeros(2), np.ones(2)
+    given = [
+        (zeros, ones), (zeros, ones + 1.0), (ones, zeros), (zeros, np.ones((2, 1))), (zeros, np.ones(2, np.int64)),
+        ((zeros, ones),), ((zeros,), (ones,)), (zeros, 1), (zeros, 1.0), (zeros, "1"),
+    ]  # fmt: skip
+
+    def find(*given: object) -> int:
+        calls.append(given)
+        return len(calls)
+
+    for _ in range(2):
+        assert [memo.calling(find, one, *copy.deepcopy(each)) for each in given] == list(range(1, len(given) + 1))
+    assert memo.calling(lambda *_: "of another function", one, zeros, ones) == "of another function"
+
+
+def test_torques_held_along_one_reference_are_not_those_of_another_at_the_same_times() -> None:
+    """As in a sweep of `to_deg`: pieces of polynomials that differ in coefficients alone."""
+    arm = make_scene(flexible("a", segments=3), gravity=(0.0, -9.81, 0.0))
+    gains = {"kind": "pd", "kp": (50.0,), "kd": (5.0,), "gravity": "static"}
+    drives = [
+        fl.Drive(**gains, reference=fl.Reference(profile="quintic", to_deg=(end,), duration=0.5))
+        for end in (10.0, 60.0)
+    ]
+    chain = fl.lump(arm)
+    references = [reference_arrays(arm.varied({"drive": drive}), chain) for drive in drives]
+    assert references[0].knots.tolist() == references[1].knots.tolist()
+    for angle, reference in zip((10.0, 60.0), references, strict=True):
+        there = fl.solve_static(chain, np.radians([angle, 0.0, 0.0]), locked=[0]).q
+        held = holding_torque(chain, reference).coefficients[-1, 0, 0]
+        assert held == pytest.approx(fl.gravity_torque(chain, there)[0], rel=1e-6)
 
 
 def test_an_equal_object_is_another_one() -> None:

@@ -1,11 +1,14 @@
 """Damping of one ratio in every mode: dampers between all hinges of the links that ask for it, root and gear, too.
 
-With M and K of all hinges with springs where the arm starts, these slack, the rest held, and K φ = ω² M φ, φᵀ M φ = 1,
+With M and K of all hinges with springs where `initial.joint_deg` and `joint_m` put the joints, the springs slack, all
+else held, and K φ = ω² M φ, φᵀ M φ = 1,
 
     D = Σ 2 ω (S M φ) (S M φ)ᵀ        S = diag(√ζ)        so that φᵀ D φ / (2 ω) = ζ in every mode, of one ζ
 
 ζ is 0 for hinges of links that do not ask for it; then the ratios of modes are no more than near that of those that do.
 What `root_damping` and `gear_damping` say comes on top.
+
+A whole state, `initial.q`, changes no dampers: a run that is continued from it goes on with the same arm.
 
 M has in it what the links carry. In other postures modes are others, and so are their ratios: of two equal links of one
 ζ, once the elbow has turned by 90°, 0.4 to 1.3 ζ in the first two modes and 0.8 to 1.02 ζ in all others.
@@ -22,7 +25,7 @@ from scipy import linalg
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.describe.arm import Arm
+from flexlink.describe.arm import BETWEEN, Arm
 from flexlink.describe.scene import Scene
 from flexlink.kernels.bodies.mass import mass_upper
 from flexlink.kernels.layout import COUPLING
@@ -49,7 +52,7 @@ def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
         return chain
     _check(chain, arm, hinges, len(sprung))
     M, K = np.zeros((chain.n, chain.n)), chain.matrix("stiffness")
-    mass_upper(chain.arrays, _start(chain, scene), M)
+    mass_upper(chain.arrays, _posture(chain, scene), M)
     block = np.ix_(sprung, sprung)
     D = _damping(M[block], K[block], wanted, chain.name)[np.ix_(of_these, of_these)]
     damped = chain.hinges.copy()
@@ -57,19 +60,19 @@ def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
     return dataclasses.replace(chain, hinges=damped, couplings=_joined(chain.couplings, hinges, D))
 
 
-def _start(chain: Chain, scene: Scene) -> Array:
-    """Where the joints are at the start, springs at rest, shape (n,)."""
-    q, given, places = np.array(chain.rest), scene.initial.q, scene.joint_positions
+def _posture(chain: Chain, scene: Scene) -> Array:
+    """Where the scene puts the joints, springs at rest, shape (n,)."""
+    q, places = np.array(chain.rest), scene.joint_positions
     for k in chain.active.tolist():
-        q[k] = places[chain.coordinates[k].link - 1] if given is None or len(given) != chain.n else given[k]
+        q[k] = places[chain.coordinates[k].link - 1]
     return q
 
 
-def posture_of(scene: Scene) -> tuple[object, ...]:
+def posture_of(scene: Scene) -> tuple[float, ...]:
     """What of the start the dampers of such links depend on; nothing without them."""
     if not any(link.damping is not None and link.damping.is_constant for link in scene.arm.links):
         return ()
-    return tuple(scene.joint_positions.tolist()), scene.initial.q
+    return tuple(scene.joint_positions.tolist())
 
 
 MOST = 400
@@ -83,10 +86,7 @@ def _check(chain: Chain, arm: Arm, hinges: NDArray[np.intp], count: int) -> None
         raise SceneError(f"{path}: {count} hinges in all; at most {MOST}; take fewer, or law = 'proportional'")
     between = slice(chain.body(int(hinges[0])) + 1, chain.body(int(hinges[-1])) + 1)
     if chain.bodies["begins"][between].any() or chain.slides[hinges[0] : hinges[-1]].any():
-        raise SceneError(
-            f"{path}: a branch begins or a joint slides between the links that have it; give it to one link, or take "
-            "law = 'proportional'"
-        )
+        raise SceneError(f"{path}: {BETWEEN}")
 
 
 def _damping(M: Array, K: Array, ratios: Array, name: str) -> Array:

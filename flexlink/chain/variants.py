@@ -79,7 +79,6 @@ def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
         limits = [name in {"lower", "upper"} for name in HINGE.names or ()]
         finite = np.isfinite(hinges.view(np.float64)).reshape(b, -1, len(limits))
         good &= (finite | limits).all(axis=(1, 2))
-        found = _found(bodies)
     chains: list[Chain | None] = []
     for k, scene in enumerate(scenes):
         if not good[k]:
@@ -87,7 +86,6 @@ def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
             continue
         gravity = np.array(scene.gravity)
         frame.chain = frame.chain.with_numbers(scene.name, bodies[k], hinges[k], gravity, couplings[k])
-        vars(frame.chain).update((name, values[k]) for name, values in found.items())
         chains.append(frame.chain)
     return chains
 
@@ -165,12 +163,3 @@ def _symmetric(inertias: Array) -> Array:
     for row, column in ((0, 1), (0, 2), (1, 2)):
         inertias[..., column, row] = inertias[..., row, column]
     return inertias
-
-
-def _found(bodies: NDArray[np.void]) -> dict[str, list[float]]:
-    """`Chain.mass` and `Chain.reach` of every chain."""
-    offsets, centers = (
-        np.linalg.norm(np.ascontiguousarray(bodies[name]), axis=2) for name in ("translation", "center")
-    )
-    mass = np.ascontiguousarray(bodies["mass"]).sum(axis=1)
-    return {"mass": mass.tolist(), "reach": (offsets.sum(axis=1) + centers.max(axis=1)).tolist()}

@@ -13,9 +13,9 @@ from pathlib import Path
 from flexlink.chain.arguments import positive
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import make_folder, prefix_errors, print_lines, require_writable, varied_scene
+from flexlink.cli.shared import prefix_errors, print_lines, require_writable, varied_scene
 from flexlink.common.errors import ArgumentError
-from flexlink.common.output import write_text
+from flexlink.common.output import make_folder, write_text
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.formats import FORMATS
@@ -57,9 +57,10 @@ def run_command(options: argparse.Namespace) -> int:
             with prefix_errors(path):
                 notes += _missing(target, scene, chain, name, strict=options.strict)
                 texts[target] = FORMATS[name].write(chain, **({"initial": state} if FORMATS[name].keyframe else {}))
-    for path, text in texts.items():
+    for path in texts:
         make_folder(path.parent)
         require_writable(path)
+    for path, text in texts.items():
         write_text(path, text)
         print(path)
     print_lines("note", notes)

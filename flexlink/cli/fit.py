@@ -17,6 +17,7 @@ from msgspec.structs import replace
 
 from flexlink.cli.shared import prefix_errors, print_hints, print_lines, varied
 from flexlink.common.errors import IdentifiabilityError
+from flexlink.common.output import make_folder, or_keep
 from flexlink.identification.fit import check_fit, fit
 from flexlink.identification.fitted import Fitted, building
 from flexlink.identification.identifiability import WIDE, Check
@@ -49,6 +50,7 @@ def run_command(options: argparse.Namespace) -> int:
     print_hints(problem.scene, options)
     if options.out is not None:
         building()  # what is missing is said before the work
+        make_folder(options.out)
     with prefix_errors(options.problem):
         found: Check | Fitted
         if options.check:
@@ -67,7 +69,7 @@ def _told(found: Check | Fitted, problem: FitProblem, out: Path | None) -> int:
     command = shlex.join(["flexlink", *sys.argv[1:]])
     if isinstance(found, Fitted):
         _print_fit(found)
-        page = None if out is None else found.report(out, command=command)
+        page = None if out is None else or_keep(out, lambda folder: found.report(folder, command=command))
     else:
         _print_check(found)
         page = None if out is None else building("checked_page").build_check(problem, found, out, command)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import ast
+import inspect
 import io
 import os
 import signal
@@ -25,7 +27,7 @@ from flexlink.results.stop_reasons import InterruptedRunError
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code.
 
-    0 done, 1 engines disagree or no model is good enough, 2 error, 130 Ctrl-C, 143 SIGTERM.
+    0 done, 1 engines disagree, no model is good enough or no member of a sweep ran, 2 error, 130 Ctrl-C, 143 SIGTERM.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -40,8 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (FlexlinkError, OSError, MemoryError) as error:
-        reason = "not enough memory: " if isinstance(error, MemoryError) else ""
-        print(f"flexlink: {reason}{_in_lines(error)}", file=sys.stderr)
+        reasons = ["not enough memory"] if isinstance(error, MemoryError) else []
+        print(f"flexlink: {': '.join([*reasons, *filter(None, [_in_lines(error)])])}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
         number = getattr(error, "signal", signal.SIGINT)
@@ -95,7 +97,8 @@ def build_parser() -> argparse.ArgumentParser:
 
 def _help_of(module: ModuleType) -> tuple[str, str, str]:
     """Name, help text and examples of a command, which are the docstring of its module."""
-    heading, _, examples = (module.__doc__ or "`flexlink`: ").partition("\n\n")
+    said = module.__doc__ or ast.get_docstring(ast.parse(inspect.getsource(module))) or ""  # `python -OO` keeps none
+    heading, _, examples = said.partition("\n\n")
     name, _, text = heading.removeprefix("`flexlink ").partition("`: ")
     return name, " ".join(text.split()), "\n".join(f"  {line.strip()}" for line in examples.splitlines())
 

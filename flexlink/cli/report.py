@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 from flexlink.cli.shared import prefix_errors, varied_scene
+from flexlink.common.output import make_folder
 from flexlink.scene_report.report import building, report
 
 
@@ -33,6 +34,7 @@ def run_command(options: argparse.Namespace) -> int:
     """Write the report, a line a chapter on stderr; 1 if something in it is known to be wrong."""
     scene = varied_scene(options.scene, options)
     building()  # what is missing is said before the work
+    make_folder(options.out)
     with prefix_errors(options.scene):
         page = report(
             scene, options.out, against=options.against, command=_command(),

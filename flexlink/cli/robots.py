@@ -20,15 +20,15 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run_command(options: argparse.Namespace) -> int:
     """Print every arm's name, joints, mass and file; write all scenes, or none, where it is asked for."""
+    targets = {name: options.out / f"{name}.toml" for name in known_arms()} if options.out else {}
+    for target in targets.values():
+        require_writable(target)
     arms = {name: import_known(name) for name in known_arms()}
     scenes = {name: varied(Path(name), arm.scene, options.set) for name, arm in arms.items()}
-    targets = {options.out / f"{name}.toml": scene for name, scene in scenes.items()} if options.out else {}
-    for target in targets:
-        require_writable(target)
     print(f"{'name':<27} joints  mass [kg]  file")
     for name, arm in arms.items():
         moving = sum(part.body.mass for part in arm.path.parts)
         print(f"{name:<27} {len(arm.path.parts):6d} {moving:10.4g}  {known_arm(name).path}")
-    for target, scene in targets.items():
-        write_text(target, scene.to_toml())
+    for name, target in targets.items():
+        write_text(target, scenes[name].to_toml())
     return 0

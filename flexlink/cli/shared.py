@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
-from flexlink.common.output import write_or_keep
+from flexlink.common.output import check_writable, write_or_keep
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.dynamics.notes import defaults, notes
@@ -89,26 +89,13 @@ def draw(figure: Figure, path: Path) -> None:
     print(f"plot: {path}")
 
 
-def make_folder(path: Path) -> None:
-    """Make a folder to write to, if it is not there.
-
-    Raises
-    ------
-    ArgumentError
-        It cannot be made.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ArgumentError(f"{path}: the folder cannot be made: {error.strerror}") from None
-
-
 def require_writable(path: Path) -> None:
-    """What can be known before the work: that the folder is there, and that no folder has the file's name."""
+    """Know before the work that the folder is there and takes files, and that no folder has the file's name."""
     if not path.parent.is_dir():
         raise ArgumentError(f"{path}: the folder {str(path.parent)!r} does not exist")
     if path.is_dir():
         raise ArgumentError(f"{path}: is a folder; name a file")
+    check_writable(path)
 
 
 def require_picture(path: Path | None) -> None:

@@ -43,7 +43,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Run the members that have no row yet, say what became of them, export all rows."""
+    """Run the members that have no row yet, say what became of them, export all rows; 1 if every member failed."""
     plan = _planned(options)
     out = options.out or Path(options.sweep.stem + ".db")
     require_writable(out)
@@ -62,7 +62,7 @@ def run_command(options: argparse.Namespace) -> int:
             place = out.with_suffix(f".{options.export}")
             export(place, *store.table())
             print(f"table: {place}")
-    return 0
+        return int(store.failures()[0] == plan.members)
 
 
 def _planned(options: argparse.Namespace) -> Plan:

@@ -147,7 +147,8 @@ class Damping(Spec, frozen=True):
     of a mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable
     step of explicit methods: `flexlink info` says by how much.
     constant: dampers between all hinges of the links that have it, root and gear, too, such that every mode of the arm
-    where it starts, its joints held, has the same ratio, if all links that bend have it; elsewhere modes are near it.
+    has the same ratio, if all links that bend have it, with its joints held where `initial.joint_deg` and `joint_m` put
+    them; elsewhere modes are near it. A whole state, `initial.q`, as of a run that is continued, changes no dampers.
     For links without branches or slides between them.
 
     Examples
@@ -358,6 +359,11 @@ def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | Non
 
 SAME_LENGTH = 1e-6
 """Part of a beam's length by which its table may end beside it: the rounding of what was written."""
+BETWEEN = (
+    "a branch begins or a joint slides between the links that have it; give it to one link, or take law = "
+    "'proportional'"
+)
+"""Where kernels know no dampers between hinges."""
 BASE = "base"
 """What a link hangs on that hangs on none, unless one before it is called so."""
 
@@ -455,8 +461,18 @@ class Arm(Spec, frozen=True):
                 yield f"{self.path(k)}.section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
         if len({link.dh.convention for link in self.links if link.dh is not None}) > 1:
             yield "link.dh.convention: differs from link to link; a table has one"
+        yield from self._wrong_law()
         if not self.base.free and all(link.joint.locked and not link.elastic for link in self.links):
             yield "link: every joint is locked and every link rigid; at least one must move"
+
+    def _wrong_law(self) -> Iterator[str]:
+        """Dampers of one ratio in all modes between hinges between which a branch begins or a joint slides."""
+        given = [k for k, link in enumerate(self.links) if link.damping is not None and link.damping.is_constant]
+        for k in range(given[0] + 1, given[-1] + 1) if given else ():
+            link, before = self.links[k], self.links[k - 1]
+            if link.on not in {"", before.name} or (link.joint.slides and not link.joint.locked):
+                yield f"{self.path(given[0] + 1)}.damping.law = 'constant': {BETWEEN}"
+                return
 
     def _wrong_table(self, k: int, link: Link) -> Iterator[str]:
         """What a table of rigidities lacks for its link."""

@@ -14,7 +14,7 @@ import numpy as np
 from flexlink.common.errors import DataFileError
 from flexlink.common.files import read_regular
 from flexlink.common.types import Array
-from flexlink.describe.spec import did_you_mean, short_list
+from flexlink.describe.spec import did_you_mean, short_list, truncated
 
 TIME = "t [s]"
 UNITS = {
@@ -148,12 +148,15 @@ def read_csv(path: Path) -> CsvTable:
     Raises
     ------
     DataFileError
-        The file cannot be read, or is empty; a line has more or fewer cells than the heads; a cell is no finite number.
+        The file cannot be read, or is empty; no head has a unit; a line has more or fewer cells than the heads; a cell
+        is no finite number, of digits 0 to 9.
     """
     data = read_regular(path, largest=100_000_000, error=DataFileError)
     try:
         text = data.decode("utf-8-sig")
-        heads, *lines = [line for line in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in line)]
+        heads, *lines = [
+            line for line in csv.reader(io.StringIO(text, newline=None)) if any(cell.strip() for cell in line)
+        ]
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataFileError(f"{path}: is not CSV: {error}") from None
     except ValueError:
@@ -162,6 +165,8 @@ def read_csv(path: Path) -> CsvTable:
         if len(heads) == 1 and sign in heads[0]:
             raise DataFileError(f"{path}: cells are separated by {name}; expected commas, and points in decimals")
     heads = [head.strip() for head in heads]
+    if not any(head_of(head).unit for head in heads):  # of another kind of file nothing is quoted
+        raise DataFileError(f"{path}: its first line has no column with a unit, such as {TIME!r}; expected CSV")
     rows = [_numbers(path, number, line, heads) for number, line in enumerate(lines, 2)]
     return CsvTable(path, tuple(heads), np.array(rows, dtype=np.float64).reshape(len(rows), len(heads)))
 
@@ -172,9 +177,11 @@ def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list
     found = []
     for cell, head in zip(line, heads, strict=True):
         try:
+            if "_" in cell or not cell.isascii():  # which Python reads as numbers
+                raise ValueError
             found.append(float(cell) if cell.strip() else math.nan)
         except ValueError:
-            raise DataFileError(f"{path}: line {number}, {head}: {cell!r} is not a number") from None
+            raise DataFileError(f"{path}: line {number}, {head}: {truncated(cell)} is not a number") from None
         if not math.isfinite(found[-1]) and cell.strip():
-            raise DataFileError(f"{path}: line {number}, {head}: {cell!r} is not finite")
+            raise DataFileError(f"{path}: line {number}, {head}: {truncated(cell)} is not finite")
     return found

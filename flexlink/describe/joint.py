@@ -131,8 +131,9 @@ class DenavitHartenberg(Spec, frozen=True):
     to the link's end frame; the beam of a link with neither `length` nor `line` runs from the joint to (a, 0, d).
     modified (Craig 2005, section 3.4): T = Rx(α) Tx(a) Rz(θ) Tz(d) from the frame of the link before, not from its end
     frame, to this link's; a and α are Craig's of the link before, a_{i−1}, α_{i−1}, as in the rows of his tables.
-    Either way the table alone says where axes and tip are: a beam runs beside it, and carries it at its end. The
-    link's `mount`, that of the base, comes before the row. `a`, `d` [m].
+    Either way the table alone says where the axes are: a beam runs beside it, and carries it at its end. A standard
+    table says where the tip is, too; a modified one ends in the last joint's frame, and the tip is the end of the last
+    link's beam, without a beam that frame. The link's `mount`, that of the base, comes before the row. `a`, `d` [m].
 
     Examples
     --------

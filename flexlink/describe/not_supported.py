@@ -26,7 +26,8 @@ BY_VALUE = {
 }  # fmt: skip
 BY_KEY = {
     **dict.fromkeys(("prismatic", "slide", "slider", "stroke", "telescope"), SLIDING),
-    **dict.fromkeys(("loop", "loops", "closure", "constraint", "constraints", "equality", "parallel"), LOOPS),
+    **dict.fromkeys(("loop", "loops", "closure", "constraint", "constraints", "equality", "parallel",
+                     "weld", "welds", "closed", "connect", "loop_joint"), LOOPS),
     **dict.fromkeys(("free_base", "floating_base", "floating"), FLOATING),
     **dict.fromkeys(("parent", "child", "children", "branch", "branches", "tree"), TREES),
     **dict.fromkeys(("contact", "contacts", "collision", "collisions", "ground", "floor", "obstacle", "wall_contact",

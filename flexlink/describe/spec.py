@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array, T
-from flexlink.describe.not_supported import why_not
+from flexlink.describe.not_supported import LOOPS, why_not
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -253,6 +253,7 @@ WRITTEN = {
     "torque": (float, "expected a list of one torque per link [N m], such as [10.0, 5.0]"),
     "joint_deg": (float, "expected a list of one angle per link [deg], such as [0.0, 30.0]"),
     "joint_m": (float, "expected a list of one position per link [m], such as [0.0, 0.5]"),
+    "on": (list, f"expected the name of one link; {LOOPS}"),
     "base": (str, 'expected a table, such as { kind = "free", mass = 100.0, inertia = [10.0, 10.0, 10.0] }'),
 }
 """What is often written in place of a list or a table, by key: its type, and how it looks."""

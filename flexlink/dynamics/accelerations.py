@@ -17,7 +17,7 @@ from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, is_batch, rows
 from flexlink.dynamics.drag import drag_torque
-from flexlink.dynamics.singularity import no_acceleration
+from flexlink.dynamics.singularity import base_without_rates, no_acceleration
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.forward import solvers
 from flexlink.kernels.tools.finite import is_finite
@@ -69,7 +69,8 @@ def forward_dynamics(
     ArgumentError
         An argument has a wrong shape, is not real or finite, unknown solver, chains of different layout, q̈ overflows.
     SingularMassError
-        A joint moves no inertia of its own here; to "lu" and "cholesky" next to gimbal lock of a passive group, too.
+        A joint moves no inertia of its own here; a free base's angle about Y is 90°; to "lu" and "cholesky" next to
+        gimbal lock of a passive group, too.
 
     Examples
     --------
@@ -84,6 +85,8 @@ def forward_dynamics(
     n, kernel = chain.n, solver_for(chain, solver)
     q, qd, tau = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("tau", tau, n, many=True)
     wrench = world_wrench(chain, q, tip_wrench, frame)
+    if error := base_without_rates(chain, q):
+        raise error
     if len(chain.drag):
         tau = tau - drag_torque(chain, q, qd)
     qdd: Array = kernel.accelerations(chain.arrays, wrench, q, qd, tau)
@@ -121,6 +124,9 @@ def _forward_dynamics_of_many(
         q, qd, tau = states
         one = len(chains) == 1
         states[2] = tau - (drag_torque(chains[0], q, qd) if one else np.array([*map(drag_torque, chains, q, qd)]))
+    for k, q in enumerate(states[0] if chains[0].has_free_base else ()):
+        if error := base_without_rates(chains[k % len(chains)], q):
+            raise about_state(k, error)
     qdd = _side_by_side(chains, solver, [wrenches, *states])
     if not is_finite(qdd.reshape(-1)):
         k = int(np.argmin(np.isfinite(qdd).all(axis=1)))

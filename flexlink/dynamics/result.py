@@ -111,5 +111,7 @@ def read_archive(path: str | Path) -> dict[str, np.ndarray[Any, Any]]:
             return dict(archive)
     except OSError as error:
         raise DataFileError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (MemoryError, OverflowError):
+        raise DataFileError(f"{path}: claims more numbers than fit into memory; expected an .npz file") from None
     except (ValueError, TypeError, EOFError, zipfile.BadZipFile):
         raise DataFileError(f"{path}: not an archive of arrays; expected an .npz file") from None

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.free_base import AXES
 from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
 from flexlink.common.types import Array
 from flexlink.describe.own_units import in_words
 from flexlink.kernels.bodies.mass import mass_composite
 from flexlink.kernels.forward.solvers import ARTICULATED, Solver
+
+PITCH = AXES.index(1)
+"""Coordinate of a free base that turns it about Y."""
 
 
 def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: Array, tau: Array) -> FlexlinkError:
@@ -36,6 +40,20 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
     return SingularMassError(
         f"mass matrix of {chain.name!r} is singular: joint {chain.joint_name(k)!r} moves no inertia of its own "
         f"at {angles}; {way_out}, or take another posture"
+    )
+
+
+def base_without_rates(chain: Chain, q: Array) -> FlexlinkError | None:
+    """The error of a free base whose angles have no rates there: about Y they are at 90°, within 3e-8 rad.
+
+    The other two then turn about one axis. Of M only cos² of that angle is left, and of this rounding leaves nothing.
+    """
+    if not chain.has_free_base or np.cos(q[PITCH]) ** 2 >= 4 * np.finfo(float).eps:
+        return None
+    return SingularMassError(
+        f"mass matrix of {chain.name!r} is singular: at {chain.joint_name(PITCH)} = "
+        f"{in_words(False, float(q[PITCH]))} the base's angles cannot tell how it turns; tell them from another "
+        "attitude, initial.base.rpy_deg, as runs do"
     )
 
 

@@ -22,11 +22,11 @@ POSTURES = Memo(64)
 
 def static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array:
     """The posture (n,) at which a chain rests, its driven joints held as in q; errors as in `solve_static`."""
-    rest = POSTURES(
-        chain, (q.tobytes(), wrench.tobytes(), frame),
-        lambda: solve_static(chain, q, tip_wrench=wrench, frame=frame, locked=chain.active.tolist()),
-    )  # fmt: skip
-    return rest.q.copy()
+    return POSTURES.calling(_static_posture, chain, q, wrench, frame).copy()
+
+
+def _static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array:
+    return solve_static(chain, q, tip_wrench=wrench, frame=frame, locked=chain.active.tolist()).q
 
 
 def static_postures(chain: Chain, angles: Array) -> Array:

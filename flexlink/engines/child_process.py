@@ -1,37 +1,39 @@
 """Functions, and whole engines, in a child process: a crash or a hang there raises an error here.
 
-The child is a new Python: it neither copies this process nor runs its main script again. Calls and results go through
-a pipe, and what the child prints goes into a temporary file. The child is killed with its `ChildProcess`, and it ends
-with this process, however that ends (its standard input is closed then). The system's timer ends it if a call takes too
-long: code that hangs, or that holds Python's lock, cannot keep it alive. A child whose engine is no longer used waits
-for the next one of that name: to start and import takes a second or two.
+The child is a new Python: it neither copies this process nor runs its main script again. Calls go to its standard
+input, results come from its standard output, as on every system, and what the child prints goes into a temporary file.
+The child is killed with its `ChildProcess`, or if a call takes too long, whatever it does; and it ends with this
+process, however that ends: its standard input is closed then. A child whose engine is no longer used waits for the next
+one of that name: to start and import takes a second or two.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import tempfile
 import weakref
-from collections.abc import Callable
-from multiprocessing import Pipe
-from multiprocessing.connection import Connection
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread, Timer
 from typing import IO, Any
 
 from flexlink import engines
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, EngineError, FlexlinkError
-from flexlink.common.processes import exit_when_closed
 from flexlink.describe.scene import Scene
 from flexlink.engines.base import Engine, FileEngine, ForeignFile, Samples
 
 CALL_TIMEOUT = 300.0
 """Longest time of a call [s]. A call takes milliseconds, but a first run may have to compile our kernels."""
 TIMEOUT_PER_STEP = 0.01  # added for every step of a run [s]
+HEAD = 8  # bytes that say how many follow
 
 
 class ChildProcess:
@@ -45,16 +47,18 @@ class ChildProcess:
 
     def __init__(self) -> None:
         self._output = tempfile.TemporaryFile()  # noqa: SIM115  closed with the child
-        self._pipe, end = Pipe()
-        command = f"from flexlink.engines.child_process import _serve; _serve({end.fileno()})"
+        command = "from flexlink.engines.child_process import _serve; _serve()"
         paths = os.pathsep.join(path or str(Path.cwd()) for path in sys.path)
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-c", command], env=os.environ | {"PYTHONPATH": paths}, pass_fds=[end.fileno()],
-            stdin=subprocess.PIPE, stdout=self._output, stderr=self._output,
+            [sys.executable, "-P", "-c", command], env=os.environ | {"PYTHONPATH": paths},
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._output,
         )  # fmt: skip
-        end.close()
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self._calls, self._results = self.process.stdin, self.process.stdout
         self._seen = 0  # bytes of output from before
-        self._kill = weakref.finalize(self, _kill, self.process, self._pipe, self._output)
+        self._late = False  # whether it was killed, as a call took too long
+        self._kill = weakref.finalize(self, _kill, self.process, self._output)
 
     def call(self, what: str, seconds: float, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
         """Run a function in the child.
@@ -75,10 +79,15 @@ class ChildProcess:
         EngineError
             It raises another error, its process crashes, or it does not return in time.
         """
+        if self._calls.closed:
+            raise self._failure(what, seconds)
         try:
-            self._pipe.send((what, seconds, function, arguments, named))
-            result = self._pipe.recv()
-        except (EOFError, OSError):
+            call = pickle.dumps((what, function, arguments, named))
+            with self._limited(seconds):
+                self._calls.write(len(call).to_bytes(HEAD, "little") + call)
+                self._calls.flush()
+                result = pickle.load(self._results)
+        except (EOFError, OSError, pickle.UnpicklingError):
             raise self._failure(what, seconds) from None
         except BaseException:  # Ctrl-C: nobody waits for the result any more
             self._kill()
@@ -86,6 +95,22 @@ class ChildProcess:
         if isinstance(result, Exception):
             raise result
         return result
+
+    @contextlib.contextmanager
+    def _limited(self, seconds: float) -> Iterator[None]:
+        """Kill the child if the block takes longer; 0: never."""
+        timer = Timer(seconds, self._end_late)
+        timer.daemon = True
+        if seconds:
+            timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+
+    def _end_late(self) -> None:
+        self._late = True
+        self.process.kill()
 
     @property
     def alive(self) -> bool:
@@ -108,41 +133,47 @@ class ChildProcess:
         code = self.process.wait()
         if code == -signal.SIGINT:
             return KeyboardInterrupt()  # a terminal sends it to both processes
-        if code == -signal.SIGALRM:
+        if self._late:
             return EngineError(f"{what}: no result within {seconds:g} s; the child process was killed")
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
         last = next((line for line in reversed(self.output()) if line), "none")
         return EngineError(f"{what}: the child process {how}; last line of its output: {last}")
 
 
-def _kill(process: subprocess.Popen[bytes], pipe: Connection, output: IO[bytes]) -> None:
+def _kill(process: subprocess.Popen[bytes], output: IO[bytes]) -> None:
     process.kill()
     process.wait()
-    for file in (process.stdin, pipe, output):
+    for file in (process.stdin, process.stdout, output):
         if file is not None:
-            file.close()
+            with contextlib.suppress(OSError):  # of a call that it has not read
+                file.close()
 
 
-def _serve(file_descriptor: int) -> None:
+def _serve() -> None:
     """Run the calls of the parent: the main loop of the child."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends the child at once, whatever code it is in
-    exit_when_closed(sys.stdin.fileno())
-    pipe = Connection(file_descriptor)
+    results = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what is printed goes where errors go
+    calls = SimpleQueue[bytes]()
+    Thread(target=_listen, args=(sys.stdin.buffer, calls), daemon=True).start()
     while True:
-        try:
-            what, seconds, function, arguments, named = pipe.recv()
-        except EOFError:
-            return
-        signal.setitimer(signal.ITIMER_REAL, seconds)
+        what, function, arguments, named = pickle.loads(calls.get())
         try:
             result = function(*arguments, **named)
         except FlexlinkError as error:
             result = error
         except Exception as error:
             result = EngineError(f"{what}: {type(error).__name__}: {' '.join(str(error).split())}")
-        pipe.send(result)
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        pickle.dump(result, results)
+        results.flush()
+
+
+def _listen(stdin: IO[bytes], calls: SimpleQueue[bytes]) -> None:
+    """Hand over every call, whatever the child does meanwhile; end it when the parent has ended."""
+    while head := stdin.read(HEAD):
+        calls.put(stdin.read(int.from_bytes(head, "little")))
+    os._exit(1)
 
 
 def _in_child(method: Any) -> Any:

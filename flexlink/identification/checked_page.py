@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.common.output import write_text
+from flexlink.common.output import make_folder, write_text
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
 from flexlink.describe.writing import toml_of, without_defaults
@@ -17,7 +17,7 @@ from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.problem import FitProblem
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.numbers import plural
-from flexlink.pages.page import make_folder, write_page
+from flexlink.pages.page import write_page
 from flexlink.pages.part import Part, written
 from flexlink.pages.tables import Table, columns_csv
 from flexlink.pages.verdict import Report, Verdict

@@ -9,12 +9,13 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
+from flexlink.common.output import make_folder
 from flexlink.identification.checked_page import asked, known_before, reproduced, told, what_differs
 from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.numbers import JOIN, amount, number, plural
-from flexlink.pages.page import make_folder, write_page
+from flexlink.pages.page import write_page
 from flexlink.pages.part import Part, written
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import RC, legend_over, stacked_axes

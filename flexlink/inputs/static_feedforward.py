@@ -28,9 +28,7 @@ def holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyno
     ConvergenceError
         Somewhere the arm has no equilibrium.
     """
-    knots, coefficients = (np.ascontiguousarray(part) for part in target)
-    key = knots.tobytes(), coefficients.tobytes(), coefficients.shape
-    kept = TORQUES(chain, key, lambda: _holding_torque(chain, target))
+    kept = TORQUES.calling(_holding_torque, chain, target)
     return PiecewisePolynomial(*(part.copy() for part in kept))
 
 

@@ -64,6 +64,8 @@ class StopTimes:
             return np.array([end])
         samples = self._samples(start, end) if self.at_samples else range(0)
         asked = instants(self.drive, start, end)
+        if not self.run.controlled:  # as they are on the grid, or a step of one rounding would lie between
+            asked = np.round(asked / self.run.fixed_step) * self.run.fixed_step
         if not fixed and not samples and not len(asked):
             return np.array([end])
         times = self._times(np.array(samples))

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import jinja2
 
-from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.numbers import amount, number
@@ -41,20 +40,6 @@ def sentence_case(head: str) -> str:
     """
     first = re.split(r"[ ,:/-]", head, maxsplit=1)[0]
     return head[:1].upper() + head[1:] if len(first) > 1 and first.isalpha() else head
-
-
-def make_folder(path: Path) -> None:
-    """Make `path` and its parents.
-
-    Raises
-    ------
-    FlexlinkError
-        It is impossible.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FlexlinkError(f"{path}: cannot be made a folder: {error.strerror or error}") from None
 
 
 def write_page(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import convert
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
@@ -19,6 +20,7 @@ from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.result import read_archive
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.layout import BODY, COUPLING, DRAG, HINGE
+from flexlink.results.archive_schema import check_chain, check_samples
 from flexlink.results.samples import BaseMotion, Steps
 from flexlink.results.trajectory import Trajectory
 
@@ -44,7 +46,8 @@ def load_trajectory(path: str | Path) -> Trajectory:
     ArgumentError
         `path` is no path, or does not end in .npz.
     DataFileError
-        The file is missing, or no run of this version of flexlink.
+        The file is missing, or no run of this version of flexlink: its arrays have other types or shapes, numbers that
+        are not finite, or a chain whose parts do not belong together.
 
     Examples
     --------
@@ -55,19 +58,24 @@ def load_trajectory(path: str | Path) -> Trajectory:
     arrays = read_archive(path)
     try:
         return _trajectory(arrays)
-    except (KeyError, ValueError, TypeError, FlexlinkError) as error:
+    except KeyError as error:
+        raise DataFileError(f"{path}: holds no run of this version of flexlink: {error.args[0]} is missing") from None
+    except (ValueError, TypeError, IndexError, OverflowError, RecursionError, FlexlinkError) as error:
         raise DataFileError(f"{path}: holds no run of this version of flexlink: {error}") from None
 
 
 def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
     steps, scene = json.loads(str(arrays["steps"])), tomllib.loads(str(arrays["scene"]))
+    chain = _chain(arrays)
+    check_chain(chain)
+    check_samples(arrays, chain.n)
     return Trajectory(
-        chain=_chain(arrays),
+        chain=chain,
         **{name: arrays[name] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")},
         energy=Energy(arrays["kinetic"], arrays["gravity"], arrays["elastic"]),
         work=arrays.get("work"),
         warnings=tuple(arrays["warnings"].tolist()),
-        steps=Steps(*steps) if steps else None,
+        steps=convert(steps, Steps | None),
         scene=scene_from(scene) if scene else None,
         base=_base(arrays) if "attitude" in arrays else None,
     )

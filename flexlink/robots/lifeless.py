@@ -31,7 +31,7 @@ def living_paths(
     ArgumentError
         As in `paths`.
     DataFileError
-        Nothing has inertia that a joint on the way to a tip that is named moves, or any joint at all.
+        Nothing has inertia that a joint on the way to a tip that is named moves, or any joint at all; or no link has.
     """
     still: dict[str, None] = {}
     while True:
@@ -40,6 +40,8 @@ def living_paths(
         if not lifeless:
             return found, tuple(still)
         if tip is not None or len(lifeless) == len(found.parts):
+            if not any(body.mass or body.inertia.any() for body in robot.links.values()):
+                raise DataFileError("no link of this file has mass; give the links that move their <inertial>")
             part = lifeless[-1]
             hint = f", as by --tip {part.joint.parent}" if part.parent else ""
             raise DataFileError(

@@ -11,8 +11,9 @@ import matplotlib as mpl
 import numpy as np
 
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.output import make_folder
 from flexlink.pages.chapter import Chapter
-from flexlink.pages.page import make_folder, write_page
+from flexlink.pages.page import write_page
 from flexlink.pages.part import Part, written
 from flexlink.pages.style import RC
 from flexlink.pages.verdict import Fact, Report, Verdict

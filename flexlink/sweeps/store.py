@@ -101,7 +101,7 @@ class Store:
         lines = [(*row[:4], *map(_kept, self.plan.values(row.number).values()), *row.values) for row in rows]
         if lines:
             marks = ", ".join("?" * len(lines[0]))
-            with self._translated_errors():
+            with self._translated_errors("; its rows are kept, and the same command continues from there"):
                 self._db.executemany(f"INSERT INTO rows VALUES ({marks})", lines)
                 self._commit()
 
@@ -145,8 +145,8 @@ class Store:
                 path.with_name(path.name + end).unlink(missing_ok=True)
 
     @contextlib.contextmanager
-    def _translated_errors(self) -> Iterator[None]:
-        """SQLite's errors as an OutputError, in one line."""
+    def _translated_errors(self, then: str = "") -> Iterator[None]:
+        """SQLite's errors as an OutputError, in one line; `then` of one that cannot be written."""
         try:
             yield
         except (sqlite3.Error, OSError) as error:
@@ -158,7 +158,7 @@ class Store:
             elif isinstance(error, ForeignError) or "not a database" in text:
                 why = f"is not a database of a sweep ({text}), and stays unchanged; name another file"
             else:
-                why = f"cannot be written: {text}; its rows are kept, and the same command continues from there"
+                why = f"cannot be written: {text}{then}"
             raise OutputError(f"{self.path}: {why}") from None
 
 

@@ -133,7 +133,7 @@ def of_loads(scene: Scene, about: Situation) -> Iterator[str]:
 
 
 def _strain(E: float, section: Section, moment: float) -> float:
-    """Of the outermost fibre, bent about the weaker axis; M c/(E I)."""
+    """Of the outermost fibre, M c/(E I), bent about the stiffer axis: the least that such a moment does."""
     _, i_y, i_z, _ = section.properties
     return moment * largest_dimension(section)[1] / 2 / (E * max(i_y, i_z))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 
 import numpy as np
@@ -40,7 +39,7 @@ def slowest_frequency(chain: Chain, q: Array) -> float:
     K φ = ω² S φ on the hinges with springs, S = M_pp − M_pa M_aa⁺ M_ap what is left of M with the free joints a, whose
     M_aa is singular where a stretched arm moves nothing but a point mass: the power iteration φ ← K⁻¹ S φ.
     """
-    return FOUND(chain, ("slowest", q.tobytes()), lambda: _slowest_frequency(chain, q))
+    return FOUND.calling(_slowest_frequency, chain, q)
 
 
 def _slowest_frequency(chain: Chain, q: Array) -> float:
@@ -66,14 +65,17 @@ def fastest_decay(chain: Chain, q: Array, damping: Array | None = None) -> float
 
 
 def _found(chain: Chain, name: str, q: Array, weights: Array) -> float:
-    find = functools.partial(_largest_eigenvalue, chain, q, weights, chain.couplings[name])
-    return FOUND(chain, (name, q.tobytes(), weights.tobytes()), find)
+    return FOUND.calling(_largest_eigenvalue, chain, name, q, weights)
 
 
-def _largest_eigenvalue(chain: Chain, q: Array, weights: Array, coupled: Array) -> float:
-    """Largest λ of W φ = λ M φ: the power iteration φ ← M⁻¹ W φ, at rest where motion is prescribed."""
+def _largest_eigenvalue(chain: Chain, name: str, q: Array, weights: Array) -> float:
+    """Largest λ of W φ = λ M φ: the power iteration φ ← M⁻¹ W φ, at rest where motion is prescribed.
+
+    W is of "stiffness" or "damping": `weights` on its diagonal, and the chain's couplings.
+    """
     if not weights.any():
         return 0.0
     posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
-    found = largest_eigenvalue(chain.arrays, q, weights, np.ascontiguousarray(coupled), PASSES, CLOSE, posture)
+    coupled = np.ascontiguousarray(chain.couplings[name])
+    found = largest_eigenvalue(chain.arrays, q, weights, coupled, PASSES, CLOSE, posture)
     return float(found) if np.isfinite(found) else np.inf

@@ -1,0 +1,90 @@
+"""What a saved run must be: numbers that are finite, as many as there are samples and joints, of a chain that exists.
+
+Kernels take indices of a chain as they are: one that points elsewhere would be read from elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.builder import record_branches
+from flexlink.chain.chain import Chain
+
+ONE, JOINTS = 0, -1
+COLUMNS = {
+    "t": ONE, "q": JOINTS, "qd": JOINTS, "tau": JOINTS, "tip": 3, "tip_wrench": 6,
+    "kinetic": ONE, "gravity": ONE, "elastic": ONE, "work": ONE,
+    "attitude": 4, "spin": 3, "momentum_linear": 3, "momentum_angular": 3, "momentum_center": 3,
+}  # fmt: skip
+"""Numbers per sample: one, one for each joint, or so many in a row."""
+UNLIMITED = {"lower", "upper"}
+"""Fields that may be infinite."""
+
+
+def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
+    """Numbers of every sample, those that are there.
+
+    Raises
+    ------
+    ValueError
+        They are none, not finite, too few or too many, or times do not increase.
+    """
+    samples = len(arrays["t"]) if arrays["t"].ndim else 0
+    for name in (name for name in COLUMNS if name in arrays):
+        array, width = arrays[name], COLUMNS[name]
+        wanted = (samples,) if width == ONE else (samples, n if width == JOINTS else width)
+        if array.dtype != np.float64:
+            raise ValueError(f"{name} is of type {array.dtype}; expected float64")
+        if array.shape != wanted and not (name == "tip_wrench" and array.shape == (0, 6)):  # of no run
+            raise ValueError(f"{name} has shape {array.shape}; expected {wanted}")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} has numbers that are not finite")
+    if (np.diff(arrays["t"]) <= 0).any():
+        raise ValueError("t does not increase")
+
+
+def check_chain(chain: Chain) -> None:
+    """Its numbers are finite, and bodies, hinges, couplings and drag belong to one another.
+
+    Raises
+    ------
+    ValueError
+        They do not.
+    """
+    parts = {"bodies": chain.bodies, "hinges": chain.hinges, "couplings": chain.couplings, "drag": chain.drag}
+    for part, rows in parts.items():
+        for name in set(rows.dtype.names or ()) - UNLIMITED:
+            if not np.isfinite(rows[name]).all():
+                raise ValueError(f"its chain's {part} have a {name} that is not finite")
+    if chain.gravity.shape != (3,) or chain.gravity.dtype != np.float64 or not np.isfinite(chain.gravity).all():
+        raise ValueError("its chain's gravity is not three finite numbers")
+    if len(chain.coordinates) != chain.n or any(not 0 <= c.link <= len(chain.link_names) for c in chain.coordinates):
+        raise ValueError("its chain's coordinates are not those of its hinges and links")
+    for part, good in (("bodies", _is_tree(chain)), ("couplings", _are_pairs(chain)), ("drag", _is_on_bodies(chain))):
+        if not good:
+            raise ValueError(f"its chain's {part} do not belong together")
+
+
+def _is_tree(chain: Chain) -> bool:
+    bodies, hinges, again = chain.bodies, chain.hinges, chain.bodies.copy()
+    if not len(bodies) or (bodies["parent"] < 0).any() or (bodies["parent"] > np.arange(len(bodies))).any():
+        return False
+    record_branches(again)
+    ends = np.append(0, bodies["stop"])
+    in_order = bool((bodies["first"] == ends[:-1]).all() and ends[-1] == chain.n and (np.diff(ends) >= 0).all())
+    known = np.isin(hinges["axis"], range(6)).all() and np.isin(bodies["springs"], range(3)).all()
+    on = all(-1 <= body < len(bodies) for body in chain.tips.values())  # -1: the base
+    return in_order and bool(known) and on and again.tobytes() == bodies.tobytes()
+
+
+def _are_pairs(chain: Chain) -> bool:
+    inner, outer = chain.couplings["inner"], chain.couplings["outer"]
+    return bool(((inner >= 0) & (inner < outer) & (outer < chain.n)).all())
+
+
+def _is_on_bodies(chain: Chain) -> bool:
+    return bool(((chain.drag["body"] >= 0) & (chain.drag["body"] < len(chain.bodies))).all())

@@ -1,0 +1,96 @@
+"""Archives of runs that somebody changed: what is wrong is named in a line, and nothing is computed with it."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import ROOT, flexible, make_scene
+
+import flexlink as fl
+from flexlink.errors import DataFileError
+
+Arrays = dict[str, Any]
+TREE = flexible("a", segments=3), flexible("b", segments=5, lumping="lobatto4"), flexible("c", on="a")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Arrays:
+    """The arrays of a run of a tree with coupled springs."""
+    scene = make_scene(*TREE, gravity=(0.0, -9.81, 0.0))
+    run = fl.simulate(scene, method="Radau5", step=1e-3, duration=3e-3, sample=1e-3)
+    with np.load(run.save(tmp_path_factory.mktemp("whole") / "run.npz")) as archive:
+        return dict(archive)
+
+
+def put(name: str, value: object, field: str = "", row: int = 0) -> Callable[[Arrays], object]:
+    """One number of an array in place of another."""
+
+    def change(arrays: Arrays) -> None:
+        array = arrays[name] = arrays[name].copy()
+        (array[field] if field else array)[row] = value
+
+    return change
+
+
+WRONG: dict[str, tuple[Callable[[Arrays], object], str]] = {
+    "fewer samples": (lambda a: a.update(q=a["q"][:3]), r"q has shape \(3, \d+\); expected \(4, \d+\)"),
+    "more joints": (lambda a: a.update(tau=np.zeros((4, 99))), r"tau has shape \(4, 99\)"),
+    "no samples": (lambda a: a.update(t=np.array(1.0)), r"t has shape \(\); expected \(0,\)"),
+    "nan": (put("qd", np.nan), "qd has numbers that are not finite"),
+    "inf": (put("tip", np.inf), "tip has numbers that are not finite"),
+    "texts": (lambda a: a.update(t=np.array(["0", "1", "2", "3"])), "t is of type <U1; expected float64"),
+    "whole numbers": (lambda a: a.update(work=np.zeros(4, int)), "work is of type int64"),
+    "time": (lambda a: a.update(t=a["t"][::-1].copy()), "t does not increase"),
+    "missing": (lambda a: a.pop("kinetic"), "kinetic is missing"),
+    "steps": (lambda a: a.update(steps=json.dumps(["RK4", "many", 1])), r"Expected `int`"),
+    "gravity": (lambda a: a.update(chain_gravity=np.zeros(4)), "gravity is not three finite numbers"),
+    "mass": (put("chain_bodies", np.nan, "mass"), "bodies have a mass that is not finite"),
+    "hinges elsewhere": (put("chain_bodies", 10**9, "stop", -1), "bodies do not belong together"),
+    "parent elsewhere": (put("chain_bodies", 10**9, "parent", -1), "bodies do not belong together"),
+    "parent below": (put("chain_bodies", -1, "parent"), "bodies do not belong together"),
+    "slot elsewhere": (put("chain_bodies", 10**6, "slot", -1), "bodies do not belong together"),
+    "axis": (put("chain_hinges", 17, "axis"), "bodies do not belong together"),
+    "coupling elsewhere": (put("chain_couplings", 10**9, "outer"), "couplings do not belong together"),
+    "coordinates": (lambda a: a.update(chain_coordinates=a["chain_coordinates"][1:]), "coordinates are not those"),
+    "tip elsewhere": (lambda a: a.update(chain_tips=np.array([[0, 10**9]])), "bodies do not belong together"),
+}
+
+
+@pytest.mark.parametrize("mistake", WRONG)
+def test_an_archive_with_a_mistake_is_refused_by_its_name(mistake: str, whole: Arrays, tmp_path: Path) -> None:
+    change, message = WRONG[mistake]
+    arrays = dict(whole)
+    np.savez(tmp_path / "good.npz", **arrays)
+    assert fl.load_trajectory(tmp_path / "good.npz").t.shape == (4,)
+    change(arrays)
+    np.savez(tmp_path / "run.npz", **arrays)
+    with pytest.raises(
+        DataFileError, match=rf"run\.npz: holds no run of this version of flexlink: .*{message}"
+    ) as error:
+        fl.load_trajectory(tmp_path / "run.npz")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("count", [10**11, 10**15, 10**30])
+def test_a_header_that_claims_more_numbers_than_there_are_is_refused(count: int, whole: Arrays, tmp_path: Path) -> None:
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (count,)})
+    with zipfile.ZipFile(tmp_path / "run.npz", "w") as archive:
+        archive.writestr("t.npy", head.getvalue() + bytes(80))
+    with pytest.raises(DataFileError, match=r"claims more numbers than fit into memory|not an archive of arrays"):
+        fl.load_trajectory(tmp_path / "run.npz")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["satellite", "dual_arm", "gantry"])
+def test_runs_of_free_bases_trees_and_slides_pass(model: str, tmp_path: Path) -> None:
+    scene = fl.load_scene(ROOT / "models" / f"{model}.toml")
+    run = fl.simulate(scene, duration=2 * scene.run.spacing)
+    assert np.array_equal(fl.load_trajectory(run.save(tmp_path / "run.npz")).q, run.q)
