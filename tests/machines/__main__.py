@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(error.args[0], file=sys.stderr)
         return 2
     if choice.quick and not choice.name:
-        machines = [machine for machine in machines if machine.quick and not is_already(machine)]
+        machines = [machine for machine in machines if machine.quick]
     if choice.list:
         print(*(f"{machine.name:<14}{machine.reason}" for machine in machines), sep="\n")
         return 0
@@ -40,7 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         for known in machines:
             machine = msgspec.structs.replace(known, python=places.get(known.python, known.python))
-            if why := missing(machine):
+            already = "this computer is one" if choice.quick and not choice.name and is_already(machine) else ""
+            if why := missing(machine) or already:
                 print(f"{machine.name:<14}skipped: {why}", flush=True)
                 continue
             outcome = run_as(machine, choice.files or machine.files, options, quick=choice.quick)
