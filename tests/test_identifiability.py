@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from flexlink.identification.fitted import Fitted, FittedColumn
 from flexlink.identification.identifiability import Check, checked
+from flexlink.identification.problem import Use
+from flexlink.identification.remarks import warnings
 
 NAMES = ["a", "b", "c", "d", "e"]
 
 
-def known(effects: list[float], mix: np.ndarray | None = None, rng: np.random.Generator | None = None) -> np.ndarray:
+def known(effects: list[float], mix: np.ndarray | None = None) -> np.ndarray:
     """Slopes J = Q diag(effects) mix of 40 residuals, Q of orthonormal columns."""
-    Q = np.linalg.qr((rng or np.random.default_rng(1)).normal(size=(40, len(effects))))[0]
+    Q = np.linalg.qr(np.random.default_rng(1).normal(size=(40, len(effects))))[0]
     return Q @ np.diag(effects) @ (np.eye(len(effects)) if mix is None else mix)
 
 
@@ -67,3 +72,27 @@ def test_weak_numbers_of_equal_effect_are_not_mixed(rng: np.random.Generator) ->
         check = checked(Q @ known([50.0, 5.0, 5.0]) * (1 + 1e-12 * rng.normal(size=(40, 3))), 1e-9, NAMES[:3])
         assert told(check) == [f"{name} is hardly held by the data: expected ± 39 % (95 %)" for name in "bc"]
         assert check.passed
+
+
+def column(use: Use, after: float, before: float = 0.0) -> FittedColumn:
+    """A column of numbers up to 1, off by so much."""
+    y, nan = np.sin(np.arange(50.0)), float("nan")
+    return FittedColumn(
+        source=use, name="tip y [m]", use=use, t=np.arange(50.0), measured=y, before=y + before, after=y + after,
+        linear=None, gain=1.0, bias=0.0, noise=after or 1e-16, stated=False, times_noise=1.0, whiteness=nan,
+    )  # fmt: skip
+
+
+def test_of_exact_data_rounding_decides_neither_what_is_better_nor_what_is_worse_than_fitted() -> None:
+    def better(*columns: FittedColumn) -> bool:
+        judged = Fitted.judged.fget(SimpleNamespace(columns=columns))
+        return Fitted.better.fget(SimpleNamespace(judged=judged))
+
+    def told(*columns: FittedColumn) -> list[str]:
+        every = warnings((), (), checked(known([50.0]), 0.0, "a"), (), columns, ())
+        return [one for one in every if "fitted runs" in one]
+
+    assert better(column("fit", after=3e-16, before=1e-16))
+    assert not better(column("fit", after=3e-6, before=1e-6))
+    assert told(column("fit", after=1e-16), column("check", after=9e-16)) == []
+    assert len(told(column("fit", after=1e-6), column("check", after=9e-6))) == 1
