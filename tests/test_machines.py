@@ -27,8 +27,8 @@ def test_what_this_computer_cannot_be_is_told() -> None:
     assert "python2.99 is not installed" in missing(Machine("new", "new", python="python2.99"))
     assert missing(Machine("here", "this one")) == ""
     assert not is_already(Machine("here", "this one"))
-    assert is_already(Machine("new", "new", beyond=frozenset({"vax"})))
-    assert not any(is_already(Machine("old", "old", beyond=frozenset({flag}))) for flag in flags())
+    assert not is_already(Machine("new", "new", needs=frozenset({"vax"}), best=True))
+    assert is_already(Machine("here", "this one", needs=flags(), best=True))
     with pytest.raises(LookupError, match="allowed are noise, "):
         select(["vax"])
 

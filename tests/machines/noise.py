@@ -60,17 +60,20 @@ def moved(x: Any, by: float, ξ: np.random.Generator, *, symmetric: bool = False
 def as_elsewhere(function: Callable[..., Any]) -> Callable[..., Any]:
     """The function as on another CPU."""
     name = function.__name__
+    own = zlib.crc32(name.encode(), SEED)
 
     @functools.wraps(function)
     def noisy(*given: Any, **keywords: Any) -> Any:
-        arrays = [one for one in (*given, *keywords.values()) if isinstance(one, np.ndarray)]
-        key = zlib.crc32(name.encode(), SEED)
-        for one in arrays:
-            key = zlib.crc32(np.ascontiguousarray(one).tobytes() if one.dtype != object else b"", key)
+        key = own
+        for one in (*given, *keywords.values()):
+            key = zlib.crc32(one.tobytes(), key) if isinstance(one, np.ndarray) else key
+        if name == "norm":  # the most frequent by far, a sum of squares: only its result moves, all of it by as much
+            found = np.asarray(function(*given, **keywords), dtype=np.float64)
+            rounded = (found.view(np.int64) & EXACT) != 0
+            return np.where(rounded, found * (1 + OUT * (key / 2**31 - 1)), found)[()]
         ξ = np.random.Generator(np.random.PCG64(key))
         given = tuple(moved(one, IN, ξ, symmetric=name in SYMMETRIC) for one in given)
-        found = moved(function(*given, **keywords), OUT, ξ)
-        return _drawn(name, found, ξ)
+        return _drawn(name, moved(function(*given, **keywords), OUT, ξ), ξ)
 
     return noisy
 

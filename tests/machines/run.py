@@ -29,7 +29,7 @@ class Machine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reason: str
     env: dict[str, str] = {}
     needs: frozenset[str] = frozenset()  # flags of this computer's CPU, which the chosen kernels use
-    beyond: frozenset[str] = frozenset()  # flags without which this computer is the machine already
+    best: bool = False  # OpenBLAS takes these kernels by itself where the CPU has what they need
     python: str = ""  # command; "": the one that runs this
     cores: int = 0  # 0: all
     plugin: str = ""  # of pytest, what environment variables cannot do
@@ -85,8 +85,8 @@ def missing(machine: Machine) -> str:
 
 
 def is_already(machine: Machine) -> bool:
-    """Whether this computer is the machine without being told to: what its CPU has, decides OpenBLAS's kernels."""
-    return bool(machine.beyond) and not machine.beyond & flags()
+    """Whether this computer is the machine without being told to, so that its own tests were that machine's."""
+    return machine.best and machine.needs <= flags()
 
 
 def flags() -> frozenset[str]:
