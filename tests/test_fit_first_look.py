@@ -14,10 +14,12 @@ from conftest import ROOT, make_scene
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.describe.units import unit_of
+from flexlink.identification.block import Block
 from flexlink.identification.colour import Colour
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.profile import HALVINGS, _Floor
+from flexlink.identification.remarks import ranges_apart
 from flexlink.pages.page import sentence_case
 from flexlink.results.measured import measured_from
 
@@ -101,6 +103,21 @@ class TestReasons:
         (lost,) = check(run).lost
         assert lost.text.startswith("tip.mass has no effect on the data; it moves tip z [m]")
         assert lost.text.endswith("the data of film are tip y [m]")
+
+    def test_an_arm_at_rest_moves_nothing_whatever_rounding_leaves_of_its_rates(self) -> None:
+        """Rates of 1e-15 rad/s that change by as much would otherwise be named as moved."""
+        scene = strip().varied({"initial.passive": "static"})
+        run = fl.FitRun(name="film", columns={"t [s]": T, "tip y [m]": 1e-4 * np.sin(40 * T)})
+        (lost,) = check(run, "material.steel.loss_time", scene=scene.varied({"material.steel.loss_time": 1e-3})).lost
+        assert lost.text.endswith("no effect on the data; in film it moves nothing by more than 0.1% of its range")
+
+    @pytest.mark.parametrize("still", [0.0, 1e-17, -1e-17])
+    def test_a_column_in_which_the_scene_moves_by_rounding_alone_has_no_wrong_unit(self, still: float) -> None:
+        blocks = (Block("tip y [m]", np.sin(T), np.ones(len(T)), True, T),)
+        model = [[0.3 + still * np.arange(len(T))], [1e-3 * np.sin(T)]]
+        source = SimpleNamespace(name="film", blocks=blocks)
+        told = ranges_apart([source, source], model)
+        assert len(told) == 1 and "the scene at its start over 0.000841 m" in told[0]
 
     def test_a_spring_about_another_axis_than_the_bending_is_told_with_both(self) -> None:
         scene = strip(z=900.0)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numba
+import numpy as np
 import pytest
 from conftest import ROOT
+from machines import noise
 from machines.__main__ import main
-from machines.run import FILE, Machine, missing, run_as, select
+from machines.run import FILE, Machine, flags, is_already, missing, run_as, select
 from numba.core.registry import cpu_target
 
 from flexlink.kernels.tools.machine_code import DiskCache
@@ -14,7 +16,7 @@ from flexlink.kernels.tools.machine_code import DiskCache
 
 def test_machines_have_names_of_their_own_and_name_tests_that_exist() -> None:
     assert len({machine.name for machine in FILE.machine}) == len(FILE.machine)
-    tests = {*FILE.cpu, *FILE.everywhere, *(file for machine in FILE.machine for file in machine.files)}
+    tests = {*FILE.everywhere, *(file for machine in FILE.machine for file in (*machine.files, *machine.without))}
     for file, _, name in (test.partition("::") for test in tests):
         assert f"def {name.rpartition('::')[2]}" in (ROOT / file).read_text(encoding="utf-8"), f"{file}: {name}"
     assert any(machine.quick for machine in FILE.machine)
@@ -24,7 +26,10 @@ def test_what_this_computer_cannot_be_is_told() -> None:
     assert "no vax" in missing(Machine("vax", "old", needs=frozenset({"vax"})))
     assert "python2.99 is not installed" in missing(Machine("new", "new", python="python2.99"))
     assert missing(Machine("here", "this one")) == ""
-    with pytest.raises(LookupError, match="allowed are haswell, "):
+    assert not is_already(Machine("here", "this one"))
+    assert not is_already(Machine("new", "new", needs=frozenset({"vax"}), best=True))
+    assert is_already(Machine("here", "this one", needs=flags(), best=True))
+    with pytest.raises(LookupError, match="allowed are noise, "):
         select(["vax"])
 
 
@@ -39,6 +44,75 @@ def test_a_machine_s_failure_is_told(tmp_path, monkeypatch, capsys) -> None:
     out = capsys.readouterr().out
     assert "good          ok" in out
     assert "bad           FAILED" in out
+
+
+@pytest.mark.slow
+def test_few_fast_tests_are_quick_and_asserts_of_flexlink_alone_are_optimised_away(tmp_path) -> None:
+    file = tmp_path / "test_it.py"
+    file.write_text(
+        "import subprocess, sys, pytest, flexlink\n"
+        "@pytest.mark.parametrize('k', range(5))\n"
+        "def test_ends(k): assert k in (0, 4)\n"
+        "@pytest.mark.slow\n"
+        "def test_slow(): assert False\n"
+        "def test_docstrings(): assert flexlink.simulate.__doc__ is None and pytest.__doc__\n"
+        "def test_children(): assert not subprocess.run([sys.executable, '-c', 'assert False']).returncode\n",
+        encoding="utf-8",
+    )
+    optimised = Machine("-", "-", plugin="tests.machines.optimised", files=(str(file),))
+    outcome = run_as(optimised, optimised.files, ("-c", str(ROOT / "pyproject.toml")), quick=True)
+    assert outcome.counts == "4 passed", outcome.failed
+
+
+class TestNoise:
+    """Linear algebra as another CPU might round it: as well as this one, and the same for the same input."""
+
+    def test_numbers_that_were_never_rounded_stay(self, rng: np.random.Generator) -> None:
+        exact = np.array([0.0, 1.0, -2.5, 1024.0, np.inf])
+        np.testing.assert_array_equal(noise.moved(exact, noise.OUT, rng), exact)
+        np.testing.assert_array_equal(noise.as_elsewhere(np.linalg.solve)(np.eye(3), exact[:3]), exact[:3])
+        assert noise.as_elsewhere(np.linalg.norm)([3.0, 4.0]) == 5.0
+
+    def test_others_move_by_two_eps_and_by_the_same_for_the_same_input(self, rng: np.random.Generator) -> None:
+        A, b = rng.normal(size=(2, 30, 30)), rng.normal(size=(2, 30, 1))
+        solve = noise.as_elsewhere(np.linalg.solve)
+        np.testing.assert_array_equal(solve(A, b), solve(A.copy(), b.copy()))
+        assert (solve(A, b) != np.linalg.solve(A, b)).mean() > 0.9
+        x = noise.moved(A, noise.OUT, rng)
+        assert (x != A).mean() > 0.5
+        assert (np.abs(x - A) <= 2 * noise.EPS * np.abs(A) * 1.5).all()  # and half an ulp, of rounding the product
+
+    def test_decompositions_stay_decompositions(self, rng: np.random.Generator) -> None:
+        A = rng.normal(size=(6, 6))
+        U, s, V = noise.as_elsewhere(np.linalg.svd)(A)
+        near = {"rtol": 0, "atol": 100 * noise.EPS * s[0]}
+        np.testing.assert_allclose(U * s @ V, A, **near)
+        λ, X = noise.as_elsewhere(np.linalg.eig)(A)
+        np.testing.assert_allclose(A @ X, X * λ, **near)
+        np.testing.assert_array_equal(np.sort_complex(λ[λ.imag > 0]), np.sort_complex(λ[λ.imag < 0].conj()))
+        w, Q = noise.as_elsewhere(np.linalg.eigh)(A + A.T)
+        np.testing.assert_allclose(Q * w @ Q.T, A + A.T, **near)
+        assert (np.diff(w) >= 0).all()
+        assert (np.diff(s) <= 0).all()
+
+    def test_what_no_norm_fixes_is_drawn(self, rng: np.random.Generator) -> None:
+        eigh, eigvals = noise.as_elsewhere(np.linalg.eigh), noise.as_elsewhere(np.linalg.eigvals)
+        several = [A + A.T for A in rng.normal(size=(20, 4, 4))]
+        turned = [np.sign((eigh(A)[1] * np.linalg.eigh(A)[1]).sum(axis=0)) for A in several]
+        assert {-1.0, 1.0} == set(np.ravel(turned))
+        assert any(np.abs(eigvals(A) - np.linalg.eigvals(A)).max() > 0.1 for A in several)
+
+    @pytest.mark.slow
+    def test_a_test_that_hangs_on_the_last_place_fails(self, tmp_path) -> None:
+        file = tmp_path / "test_it.py"
+        file.write_text(
+            "from numpy.linalg import norm\n"
+            "def test_bits(): assert norm([0.1, 0.2, 0.3]) == 0.37416573867739417\n"
+            "def test_near(): assert abs(norm([0.1, 0.2, 0.3]) - 0.37416573867739417) < 1e-15\n",
+            encoding="utf-8",
+        )
+        noisy = Machine("-", "-", plugin="tests.machines.noise", files=(str(file),))
+        assert run_as(noisy, noisy.files, ()).counts == "1 failed, 1 passed"
 
 
 def test_machine_code_on_disk_is_kept_apart_by_cpu() -> None:

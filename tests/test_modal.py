@@ -31,7 +31,7 @@ from flexlink import (
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
-from flexlink.dynamics.vibration.modal import first_order_matrix
+from flexlink.dynamics.vibration.modal import first_order_matrix, scaled
 from flexlink.errors import ArgumentError
 from validation.oracles import bending_chain, hencky
 from validation.physics.hinge_sweep import order
@@ -44,6 +44,13 @@ PINNED = np.array(BEAM["pinned_free_and_clamped_pinned"][:3], float)
 
 def clamped_error(rule, hinges):
     return natural_frequencies(cantilever(rule, hinges))[:3] / CLAMPED - 1
+
+
+@pytest.mark.parametrize("noise", [-1e-12, 0.0, 1e-12])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_sign_of_a_shape_that_is_symmetric_is_not_decided_by_rounding(noise: float, sign: float) -> None:
+    found = scaled(sign * np.array([[0.2, 0.3], [0.5, -0.5 - noise], [0.1, 0.0], [-0.5 - noise, 0.5]]))
+    np.testing.assert_allclose(found, [[0.4, -0.6], [1, 1], [0.2, 0], [-1, -1]], rtol=0, atol=1e-11)
 
 
 # --- bars: the continuous beam ---------------------------------------------------------------------------------------

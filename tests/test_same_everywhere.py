@@ -19,7 +19,7 @@ from flexlink.dynamics import rounding
 from flexlink.formats.principal import principal_axes
 
 EPS = np.finfo(float).eps
-OTHERS = [machine for machine in FILE.machine if machine.env and not machine.python and machine.name != "no_home"]
+OTHERS = [machine for machine in FILE.machine if machine.env and not machine.plugin and machine.name != "no_home"]
 ROBOTS = sorted((ROOT / "models" / "robots").glob("*.toml"))
 
 EXPORT = """

@@ -52,6 +52,7 @@ def test_a_shape_is_what_its_name_says() -> None:
     assert not shapes.none_expected(seen([0.0, 1.0], [0.0, 1.0]))
     assert shapes.all_larger(seen([1.0, 2.0], [1.1, 2.1]))
     assert not shapes.all_larger(seen([1.0, 2.0], [1.1, 1.9]))
+    assert not shapes.all_larger(seen([1.0, 2.0], [1.0 + 1e-15, 2.0]))
     assert shapes.fewer_digits(seen([1.23456, 0.98765], [1.23, 0.988]))
     assert not shapes.fewer_digits(seen([1.23456, 0.98765], [1.23, 0.98]))
 

@@ -133,8 +133,8 @@ def permuted(diff: Discrepancy) -> bool:
 
 
 def all_larger(diff: Discrepancy) -> bool:
-    """All larger; of inertias the smallest moments."""
-    return bool((_smallest(diff.theirs) > _smallest(diff.ours)).all())
+    """All larger, by more than rounding; of inertias the smallest moments."""
+    return bool((_smallest(diff.theirs) > (1 + TOLERANCE) * _smallest(diff.ours)).all())
 
 
 def fewer_digits(diff: Discrepancy) -> bool:

@@ -63,6 +63,10 @@ class Estimate:
         return (self.high - self.low) / 2
 
 
+ENDS = 1e-7
+"""Part of what was measured that is no difference: searches end 1e-8 beside the least, in parts of the numbers."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class FittedColumn:
     """One instrument of one run, or the single numbers of one kind.
@@ -110,6 +114,10 @@ class FittedColumn:
     def off(self, model: Array) -> float:
         """Root mean square difference."""
         return float(math.sqrt(((model - self.measured) ** 2).mean()))
+
+    def left(self, model: Array) -> float:
+        """The same, but no less than a search can leave: two fits of exact data are as good as each other."""
+        return max(self.off(model), ENDS * float(abs(self.measured).max()))
 
     def fit(self, model: Array | None) -> float:
         """1 − |difference| / |measured less its mean| [%]; nan of single numbers."""
@@ -184,8 +192,8 @@ class Fitted:
     @property
     def better(self) -> bool:
         """Whether what is left is less than before, over all columns by which the fit is judged."""
-        before = sum((one.off(one.before) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.judged)
-        after = sum((one.off(one.after) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.judged)
+        before = sum((one.left(one.before) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.judged)
+        after = sum((one.left(one.after) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.judged)
         return after <= before * (1 + 1e-9)
 
     @property

@@ -23,6 +23,11 @@ WIDE = 1.96
 """Half of a 95 % interval over its standard deviation."""
 COUNTS = 0.2
 """Share of the largest effect among a direction's numbers that makes another one part of it."""
+NOTHING = 100.0
+"""Half of an expected 95 % interval, a part of the number, from which on it has no effect: a search tries
+± ln 1000 = 6.9 at most, and what rounding leaves of slopes gives 1e5 and more."""
+EQUAL = 1e-6
+"""Relative difference up to which sizes are equal, and the problem's order decides: slopes are known to no more."""
 
 
 class Direction(NamedTuple):
@@ -103,14 +108,19 @@ class Check(NamedTuple):
 def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[str] = ()) -> Check:
     """Judge slopes J of all residuals, shape (data, all), known up to `error`, of each column a large change's.
 
-    A number without effect stands alone; of what is left, combinations are as short as they can be.
+    A number without effect stands alone; of what is left, combinations are as short as they can be. Nothing here
+    depends on the basis in which rounding gives directions of equal effect, nor on its order and signs.
     """
-    least = max(1 / FREE, 10 * error)
+    unknown = 10 * error
+    least, nothing = max(1 / FREE, unknown), max(WIDE / NOTHING, unknown)
+
+    def deviation(effect: float) -> float:
+        return 1 / effect if effect > nothing else np.inf
+
     size = np.linalg.norm(J, axis=0)
     moved = np.flatnonzero(size > least)
     directions = [
-        Direction((names[k],), (1.0,), np.inf if size[k] <= 10 * error else 1 / float(size[k]), True)
-        for k in np.flatnonzero(size <= least).tolist()
+        Direction((names[k],), (1.0,), deviation(float(size[k])), True) for k in np.flatnonzero(size <= least).tolist()
     ]
     some = J[:, moved]
     _, s, V = np.linalg.svd(np.vstack([some, np.zeros((len(moved),) * 2)]), full_matrices=False)
@@ -118,9 +128,11 @@ def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[str] =
     of_some = [names[k] for k in moved.tolist()]
     for v in _short(V[lost]):
         along = float(np.linalg.norm(some @ v))
-        directions.append(_direction(of_some, v, size[moved], np.inf if along <= 10 * error else 1 / along, lost=True))
-    for k in np.flatnonzero(~lost & (s < 1 / WEAK))[::-1].tolist():
-        directions.append(_direction(of_some, V[k], size[moved], 1 / float(s[k]), lost=False))
+        directions.append(_direction(of_some, v, size[moved], deviation(along), lost=True))
+    weak = np.flatnonzero(~lost & (s < 1 / WEAK))[::-1]
+    for equal in np.split(weak, np.flatnonzero(np.diff(s[weak]) > EQUAL * s[weak[1:]]) + 1):
+        for v in _short(V[equal]):
+            directions.append(_direction(of_some, v, size[moved], 1 / float(s[equal[0]]), lost=False))
     expected = np.full(len(names), np.inf)
     unheld = (V[lost] ** 2).sum(axis=0) > COUNTS**2 / 10
     expected[moved] = np.where(unheld, np.inf, np.sqrt((V[~lost].T ** 2 / s[~lost] ** 2).sum(axis=1)))
@@ -129,19 +141,31 @@ def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[str] =
     )
 
 
+def _largest(sizes: Array) -> int:
+    """Where the largest of sizes is, the first of equal ones."""
+    return int(np.flatnonzero(sizes >= (1 - EQUAL) * sizes.max())[0])
+
+
 def _short(basis: Array) -> Array:
-    """Directions of unit length that span the same, with as many zeros as elimination finds."""
-    rows = basis.copy()
-    for k in range(len(rows)):
-        column = int(np.abs(rows[k]).argmax())
-        rows[k] /= rows[k, column]
-        others = np.arange(len(rows)) != k
-        rows[others] -= np.outer(rows[others, column], rows[k])
+    """Directions of unit length that span the same, with as many zeros as elimination finds.
+
+    Pivots are the numbers that lie farthest in what they span, one after the other, whatever basis is given.
+    """
+    left, pivots = basis.copy(), []
+    for _ in basis:
+        pivots.append(_largest(np.linalg.norm(left, axis=0)))
+        along = left[:, pivots[-1]] / np.linalg.norm(left[:, pivots[-1]])
+        left -= np.outer(along, along @ left)
+    rows = np.linalg.solve(basis[:, sorted(pivots)], basis)
     return np.asarray(rows / np.linalg.norm(rows, axis=1)[:, None])
 
 
 def _direction(names: Sequence[str], v: Array, effects: Array, deviation: float, lost: bool) -> Direction:
-    """The numbers in it are those whose effects on the data cancel, or would be noticed alone."""
+    """The numbers in it are those whose effects on the data cancel, or would be noticed alone; the first goes up."""
     effect = np.abs(v) * effects
-    order = [int(k) for k in np.argsort(-np.abs(v)) if effect[k] > COUNTS * effect.max()]
+    rest, order = np.where(effect > COUNTS * effect.max(), np.abs(v), 0.0), []
+    while rest.any():
+        order.append(_largest(rest))
+        rest[order[-1]] = 0.0
+    v = v * np.sign(v[order[0]])
     return Direction(tuple(names[k] for k in order), tuple(float(v[k]) for k in order), float(deviation), lost)

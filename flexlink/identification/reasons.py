@@ -21,8 +21,12 @@ BY = 0.05
 """Change of a number, in its coordinate, by which it is tried what it moves."""
 MOVES = 1e-3
 """Part of the range of a run's columns of one unit by which one of them must then move to be named."""
+ROUNDED = 1e-9
+"""Range, a part of 1 and of its largest number, below which a column stands still: rounding leaves 1e-15."""
 MOST = 2
 """Columns that are named."""
+DIAGONAL = 0.7
+"""Cosine from which on two axes are one; at 45°, as sections may be turned, too."""
 
 
 def with_reasons(signals: Signals, x: Array, directions: Sequence[Direction]) -> tuple[Direction, ...]:
@@ -55,15 +59,16 @@ def _moves(signals: Signals, x: Array, k: int) -> str:
     names = [name for name in here if name != "t [s]" and unit_in(name) != "J"]
     ranges: dict[str, float] = {}
     for name in names:
-        ranges[unit_in(name)] = max(ranges.get(unit_in(name), 0.0), float(np.ptp(here[name])))
-    moved = {name: float(np.abs(there[name] - here[name]).max()) / (ranges[unit_in(name)] or 1.0) for name in names}
+        still = ROUNDED * (1.0 + float(np.abs(here[name]).max()))
+        ranges[unit_in(name)] = max(ranges.get(unit_in(name), 0.0), still, float(np.ptp(here[name])))
+    moved = {name: float(np.abs(there[name] - here[name]).max()) / ranges[unit_in(name)] for name in names}
     measured = {block.name for block in source.blocks}
     free = (name for name in names if moved[name] > MOVES and name not in measured)
-    most = sorted(free, key=lambda name: (name.startswith("q"), -moved[name]))  # hinges of a beam are no instruments
+    most = sorted(free, key=lambda name: (name.startswith("q"), -float(f"{moved[name]:.3g}")))  # a beam's hinges last
     data = ", ".join(sorted(measured))
     if most:
         return f"it moves {' and '.join(most[:MOST])}, the data of {source.name} are {data}"
-    return f"in {source.name} it moves {'hardly anything' if max(moved.values()) > 0 else 'nothing'}"
+    return f"in {source.name} it moves nothing by more than {MOVES:.1%} of its range"
 
 
 def _axis(scene: Scene, path: str) -> str:
@@ -73,7 +78,7 @@ def _axis(scene: Scene, path: str) -> str:
         return ""
     link = scene.arm.links[scene.arm.number(int(parts[1]) if parts[1].isdigit() else parts[1]) - 1]
     bent = _bending(link)
-    if not bent or max(abs(float(axis["xyz".index(parts[3])])) for axis in bent) > np.sqrt(0.5):
+    if not bent or max(abs(float(axis["xyz".index(parts[3])])) for axis in bent) > DIAGONAL:
         return ""
     about = " and ".join(map(_named, bent))
     return (

@@ -46,7 +46,8 @@ def ranges_apart(sources: Sequence[Source], model: Model) -> list[str]:
     for source, several in zip(sources, model, strict=True):
         for block, y in zip(source.blocks, several, strict=True):
             measured, ours = float(np.ptp(block.y)), float(np.ptp(y))
-            if block.t is not None and not block.gain and ours > 0 and not 1 / APART < measured / ours < APART:
+            moves = ours > ROUNDED * max(measured, float(np.abs(y).max()))
+            if block.t is not None and not block.gain and moves and not 1 / APART < measured / ours < APART:
                 found.append(
                     f"{source.name}: {block.name} ranges over {measured:.3g} {block.unit}, the scene at its start over "
                     f"{ours:.3g} {block.unit}: is its unit right?"
@@ -56,6 +57,8 @@ def ranges_apart(sources: Sequence[Source], model: Model) -> list[str]:
 
 APART = 100.0
 """Factor by which ranges may differ untold."""
+ROUNDED = 1e-9
+"""Range, a part of what was measured or of the numbers themselves, that is rounding's: no unit is so much larger."""
 EVEN = 0.1
 """Part of the time between samples by which it may vary untold."""
 FAR = 2.0
@@ -75,7 +78,7 @@ def _too_far(one: FittedColumn) -> str:
 
 def _times_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> float:
     """What is left of a column that was kept to check, over what is left of the same one where it was fitted."""
-    left = [other.off(other.after) for other in columns if other.use == "fit" and other.name == one.name]
+    left = [other.left(other.after) for other in columns if other.use == "fit" and other.name == one.name]
     return one.off(one.after) / max(left) if one.use == "check" and left and max(left) > 0 else 0.0
 
 

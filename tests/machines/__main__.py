@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from tests.machines.run import FILE, missing, run_as, select
+from tests.machines.run import is_already, missing, run_as, select
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -21,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.machines", description=__doc__)
     parser.add_argument("name", nargs="*", help="a machine (default: all)")
     parser.add_argument("--list", action="store_true", help="only list them")
-    parser.add_argument("--quick", action="store_true", help="few machines, with the tests that the CPU can move")
+    parser.add_argument("--quick", action="store_true", help="few machines, fast tests, of those with parameters two")
     parser.add_argument("--files", nargs="+", default=[], help="these tests instead of all")
     parser.add_argument("--python", action="append", default=[], metavar="python3.13=PATH", help="where a Python is")
     choice = parser.parse_args(own)
@@ -40,11 +40,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         for known in machines:
             machine = msgspec.structs.replace(known, python=places.get(known.python, known.python))
-            if why := missing(machine):
+            already = "this computer is one" if choice.quick and not choice.name and is_already(machine) else ""
+            if why := missing(machine) or already:
                 print(f"{machine.name:<14}skipped: {why}", flush=True)
                 continue
-            files = choice.files or machine.files or (FILE.cpu if choice.quick else ())
-            outcome = run_as(machine, files, options)
+            outcome = run_as(machine, choice.files or machine.files, options, quick=choice.quick)
             good = good and outcome.code == 0
             verdict = "ok" if outcome.code == 0 else "FAILED"
             print(f"{machine.name:<14}{verdict:<8}{outcome.seconds:>6.0f} s  {outcome.counts}", flush=True)

@@ -19,6 +19,7 @@ import msgspec
 HERE = Path(__file__).parent
 ROOT = HERE.parent.parent
 CPU_FLAGS = Path("/proc/cpuinfo")
+QUICK = "tests.machines.quick"
 
 
 class Machine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -28,14 +29,17 @@ class Machine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reason: str
     env: dict[str, str] = {}
     needs: frozenset[str] = frozenset()  # flags of this computer's CPU, which the chosen kernels use
+    best: bool = False  # OpenBLAS takes these kernels by itself where the CPU has what they need
     python: str = ""  # command; "": the one that runs this
     cores: int = 0  # 0: all
+    plugin: str = ""  # of pytest, what environment variables cannot do
     files: tuple[str, ...] = ()  # tests that run there; none: all
+    without: tuple[str, ...] = ()  # tests that do not
+    fast: bool = False  # without slow tests
     quick: bool = False
 
 
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    cpu: tuple[str, ...]
     everywhere: tuple[str, ...]
     machine: tuple[Machine, ...]
 
@@ -69,17 +73,27 @@ def select(names: Sequence[str]) -> list[Machine]:
 
 def missing(machine: Machine) -> str:
     """Why this computer cannot be the machine; empty if it can."""
-    if machine.needs:
-        if not CPU_FLAGS.is_file():
-            return "needs Linux, to know what the CPU has"
-        flags = re.search(r"^flags\s*:(.*)$", CPU_FLAGS.read_text(encoding="utf-8"), re.MULTILINE)
-        if lacking := machine.needs - set(flags[1].split() if flags else ()):
-            return f"this CPU has no {', '.join(sorted(lacking))}, and OpenBLAS's kernels would crash"
+    if machine.needs and not CPU_FLAGS.is_file():
+        return "needs Linux, to know what the CPU has"
+    if lacking := machine.needs - flags():
+        return f"this CPU has no {', '.join(sorted(lacking))}, and OpenBLAS's kernels would crash"
     if machine.cores and not hasattr(os, "sched_setaffinity"):
         return "needs Linux, to leave cores away"
     if machine.python and not works(machine.python):
         return f"{machine.python} is not installed; --python names one"
     return ""
+
+
+def is_already(machine: Machine) -> bool:
+    """Whether this computer is the machine without being told to, so that its own tests were that machine's."""
+    return machine.best and machine.needs <= flags()
+
+
+def flags() -> frozenset[str]:
+    """What the CPU has, as Linux calls it; nothing elsewhere."""
+    text = CPU_FLAGS.read_text(encoding="utf-8") if CPU_FLAGS.is_file() else ""
+    found = re.search(r"^flags\s*:(.*)$", text, re.MULTILINE)
+    return frozenset(found[1].split() if found else ())
 
 
 def works(python: str) -> bool:
@@ -107,16 +121,19 @@ def python_of(machine: Machine) -> Iterator[str]:
         yield python
 
 
-def run_as(machine: Machine, files: Sequence[str], options: Sequence[str]) -> Outcome:
-    """Run tests as a machine."""
+def run_as(machine: Machine, files: Sequence[str], options: Sequence[str], *, quick: bool = False) -> Outcome:
+    """Run tests as a machine; `quick`: the fast ones, of those with parameters few."""
 
     def fewer_cores() -> None:
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: machine.cores])
 
     began = time.perf_counter()
     with python_of(machine) as python:
-        left_out = [f"--deselect={test}" for test in FILE.everywhere]
-        command = [python, "-m", "pytest", "-q", "--no-header", "-p", "no:cacheprovider", *left_out, *files, *options]
+        left_out = [f"--deselect={test}" for test in (*FILE.everywhere, *machine.without)]
+        plugins = [word for name in (machine.plugin, QUICK if quick else "") if name for word in ("-p", name)]
+        fast = ["-m", "not slow"] if machine.fast or quick else []
+        command = [python, "-m", "pytest", "-q", "--no-header", "-p", "no:cacheprovider"]
+        command += [*plugins, *fast, *left_out, *files, *options]
         done = subprocess.run(
             command, cwd=ROOT, env=environment(machine), preexec_fn=fewer_cores if machine.cores else None,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", errors="replace", check=False,

@@ -187,13 +187,23 @@ def modes(
     λ, vectors, rounding, loads = _all(small) if found is None else found
     λ, vectors, rounding = λ[:few], vectors[:, :few], rounding[:few]
     shapes = np.zeros((len(λ), n), dtype=vectors.dtype)
-    largest = vectors[np.abs(vectors).argmax(axis=0), np.arange(len(λ))]
-    shapes[:, free] = (vectors / largest).T
+    shapes[:, free] = scaled(vectors).T
     points = frames(chain, q).points
     friction = damping_slope(chain)[free]
     own = Springs(chain.stiffness[free], friction, _coupled_energy(chain, λ, shapes))
     kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), own)
     return Modes(λ, shapes, displacements(chain, q, shapes), points, rounding, kinds, shares)
+
+
+EQUAL = 1e-6
+"""Relative difference up to which two entries of a shape are as large: in symmetric arms only rounding tells them."""
+
+
+def scaled(vectors: NDArray[np.inexact]) -> NDArray[np.inexact]:
+    """Columns over their largest entry, the first of equal ones, so that rounding decides no sign."""
+    sizes = np.abs(vectors)
+    first = (sizes >= (1 - EQUAL) * sizes.max(axis=0)).argmax(axis=0)
+    return np.asarray(vectors / vectors[first, np.arange(vectors.shape[1])])
 
 
 DENSE = 100
