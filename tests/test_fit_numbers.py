@@ -118,7 +118,9 @@ def fit_of(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Fitted]:
     for module in (fitting, solve, judge):
         monkeypatch.setattr(module, "Signals", Toy)
 
-    def fitted(Φ: Array, *films: Film, law: Callable[..., Array] = of_logs, problem: Any = PROBLEM, **how: Any) -> Fitted:
+    def fitted(
+        Φ: Array, *films: Film, law: Callable[..., Array] = of_logs, problem: Any = PROBLEM, **how: Any
+    ) -> Fitted:
         monkeypatch.setattr(Toy, "Φ", Φ)
         monkeypatch.setattr(Toy, "law", staticmethod(law))
         monkeypatch.setattr(fitting, "sources_of", lambda _, use: [one for one in films if one.use == use])
@@ -288,7 +290,12 @@ class TestEstimates:
         gain, bias = linear_estimates([one], [[row]], Spread(np.diag([9.0, 0.04, 0.01]), 2.0, []), 1)
         slope, zero = np.polyfit([0.0, 1.0, 2.0], one.blocks[0].y, 1)
         assert (gain.start, gain.value, gain.low, gain.high, gain.unit) == (1.0, pytest.approx(slope), pytest.approx(slope - 0.4), pytest.approx(slope + 0.4), "")  # fmt: skip
-        assert (bias.start, bias.value, bias.deviation, bias.unit) == (0.0, pytest.approx(zero), pytest.approx(0.1), "m")
+        assert (bias.start, bias.value, bias.deviation, bias.unit) == (
+            0.0,
+            pytest.approx(zero),
+            pytest.approx(0.1),
+            "m",
+        )
 
 
 class TestIdentifiability:
@@ -307,8 +314,12 @@ class TestIdentifiability:
         tables = {one.name: one for one in told(check).tables}
         assert [line[1] for line in tables["expected"].lines] == [pytest.approx(9.8), None, None, pytest.approx(49.0)]
 
-    @pytest.mark.parametrize(("effect", "error", "lost"), [(0.3, 0.0, True), (3.0, 0.0, False), (3.0, 1.0, True), (30.0, 1.0, False)])
-    def test_an_effect_below_the_noise_or_ten_errors_of_the_slopes_is_none(self, effect: float, error: float, lost: bool) -> None:
+    @pytest.mark.parametrize(
+        ("effect", "error", "lost"), [(0.3, 0.0, True), (3.0, 0.0, False), (3.0, 1.0, True), (30.0, 1.0, False)]
+    )
+    def test_an_effect_below_the_noise_or_ten_errors_of_the_slopes_is_none(
+        self, effect: float, error: float, lost: bool
+    ) -> None:
         J = np.diag([100.0, effect])
         assert bool(checked(J, error, ("a", "b")).lost) == lost
 
@@ -317,7 +328,9 @@ class TestTimes:
     def test_times_that_are_one_percent_off_are_no_samples(self) -> None:
         t = np.linspace(0.0, 1.0, 101)
         for late in (0.005, 1e-4, 1e-5):
-            np.testing.assert_allclose(at_times(t, np.sin(6 * t), t[:50] + late), np.sin(6 * (t[:50] + late)), atol=1e-6)
+            np.testing.assert_allclose(
+                at_times(t, np.sin(6 * t), t[:50] + late), np.sin(6 * (t[:50] + late)), atol=1e-6
+            )
 
     @pytest.mark.parametrize(("samples_a_period", "seen"), [(1.6, False), (2.5, True)])
     def test_two_samples_a_period_are_needed(self, samples_a_period: float, seen: bool, monkeypatch: Any) -> None:
@@ -346,7 +359,9 @@ class TestLinearReference:
         for k, one in enumerate(λ):
             for row in (5, 25):
                 for part in (np.real, np.imag):
-                    kernel = lambda s, one=one, row=row, part=part: part(np.exp(one * (t[row] - s))) * np.interp(s, t, u)  # noqa: E731
+                    kernel = lambda s, one=one, row=row, part=part: (
+                        part(np.exp(one * (t[row] - s))) * np.interp(s, t, u)
+                    )  # noqa: E731
                     exact = sum(quad(kernel, a, b)[0] for a, b in zip(t[:row], t[1 : row + 1], strict=True))
                     assert forced[row, 2 * k + (part is np.imag)] == pytest.approx(exact, rel=1e-9, abs=1e-12)
 
@@ -366,7 +381,15 @@ class TestLinearReference:
 
 def column(source: str, use: str, measured: Array, before: Array, after: Array, **more: Any) -> FittedColumn:
     t = more.pop("t", 0.01 * np.arange(len(measured)))
-    usual = {"linear": None, "gain": 1.0, "bias": 0.0, "noise": 0.1, "stated": True, "times_noise": 1.0, "whiteness": 0.5}
+    usual = {
+        "linear": None,
+        "gain": 1.0,
+        "bias": 0.0,
+        "noise": 0.1,
+        "stated": True,
+        "times_noise": 1.0,
+        "whiteness": 0.5,
+    }
     return FittedColumn(source, FILM, use, t, measured, before, after, **(usual | more))  # type: ignore[arg-type]
 
 
@@ -405,7 +428,9 @@ class TestPage:
             (43.21, 43.18, 43.24, "43.210 ± 0.030 kg"),
         ],
     )
-    def test_a_number_is_told_to_two_digits_of_its_interval_or_with_both_ends(self, value: float, low: float, high: float, text: str) -> None:
+    def test_a_number_is_told_to_two_digits_of_its_interval_or_with_both_ends(
+        self, value: float, low: float, high: float, text: str
+    ) -> None:
         assert page._told(Estimate(MASS, MASS, 1.0, value, low, high, 0.1, unit="kg")).replace("\xa0", " ") == text
 
     def test_differences_are_root_mean_squares_and_shares_of_the_signal(self) -> None:
@@ -426,18 +451,29 @@ class TestPage:
         quiet = column("quiet", "check", self.Y, self.Y, self.Y)
         verdict = page._verdicts(fitted_with(fitted, quiet, kept))[1]
         assert (verdict.about, verdict.state) == ("Fit", state)
-        assert verdict.text.replace("\xa0", " ") == f"{FILM} of kept: RMS difference 0.2 m before, {after} m after (kept to check)."
+        assert (
+            verdict.text.replace("\xa0", " ")
+            == f"{FILM} of kept: RMS difference 0.2 m before, {after} m after (kept to check)."
+        )
 
     def test_numbers_are_held_unless_a_direction_is_lost_or_one_is_at_its_bound(self) -> None:
         one = column("a", "fit", self.Y, self.Y, self.Y)
         lost = HELD._replace(directions=(Direction((MASS,), (1.0,), math.inf, True),))
         bound = (dataclasses.replace(NUMBERS[0], at_bound=True), NUMBERS[1])
-        for fitted, state in ((fitted_with(one), "pass"), (fitted_with(one, check=lost), "fail"), (fitted_with(one, numbers=bound), "fail")):
+        for fitted, state in (
+            (fitted_with(one), "pass"),
+            (fitted_with(one, check=lost), "fail"),
+            (fitted_with(one, numbers=bound), "fail"),
+        ):
             assert page._verdicts(fitted)[0].state == state
             assert fitted.passed == (state == "pass")
 
-    @pytest.mark.parametrize(("ours", "theirs", "state"), [(95.0, 95.5, "pass"), (90.0, 95.0, "doubt"), (20.0, 40.0, "info")])
-    def test_the_scene_is_complete_where_it_explains_as_much_as_a_free_model(self, ours: float, theirs: float, state: str) -> None:
+    @pytest.mark.parametrize(
+        ("ours", "theirs", "state"), [(95.0, 95.5, "pass"), (90.0, 95.0, "doubt"), (20.0, 40.0, "info")]
+    )
+    def test_the_scene_is_complete_where_it_explains_as_much_as_a_free_model(
+        self, ours: float, theirs: float, state: str
+    ) -> None:
         off = [self.Y.std() * (1 - share / 100) for share in (ours, theirs)]
         one = column("a", "fit", self.Y, self.Y + 9.0, self.Y + off[0], linear=self.Y + off[1])
         verdict = page._verdicts(fitted_with(one))[2]
@@ -446,7 +482,10 @@ class TestPage:
         assert f"{theirs:g} %:" in verdict.text
 
     def test_columns_that_leave_more_than_white_noise_are_counted(self) -> None:
-        several = [column(name, "fit", self.Y, self.Y, self.Y + 0.1, whiteness=p) for name, p in zip("abc", (1e-4, 0.02, 0.5), strict=True)]
+        several = [
+            column(name, "fit", self.Y, self.Y, self.Y + 0.1, whiteness=p)
+            for name, p in zip("abc", (1e-4, 0.02, 0.5), strict=True)
+        ]
         part = page._left(fitted_with(*several))
         assert part.sentences[0].startswith("1 of 3 columns leave more")
         assert [line["p of whiteness"] for line in lines(part.tables, "left")] == [1e-4, 0.02, 0.5]
@@ -464,7 +503,9 @@ class TestPage:
 
 
 class TestRemarks:
-    def of(self, one: Estimate, by: Coordinate | None = None, columns: Sequence[FittedColumn] = (), found: Any = (None,)) -> tuple[str, ...]:
+    def of(
+        self, one: Estimate, by: Coordinate | None = None, columns: Sequence[FittedColumn] = (), found: Any = (None,)
+    ) -> tuple[str, ...]:
         usual = Coordinate(one.path, "", one.start, True, 1.0, (1e-3, 1e3), None)
         return remarks.warnings([one], [by or usual], HELD, found, columns, [])
 
