@@ -20,8 +20,8 @@ from flexlink.identification import fit as fitting
 from flexlink.identification import judge, page, remarks, solve
 from flexlink.identification.block import Block
 from flexlink.identification.checked_page import told
-from flexlink.identification.colour import SHARE, Colour, colour_of, whiteness
-from flexlink.identification.coordinates import Coordinate, coordinates_of
+from flexlink.identification.colour import SHARE, colour_of, whiteness
+from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
 from flexlink.identification.data import Source
 from flexlink.identification.estimates import estimates, linear_estimates
 from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
@@ -30,6 +30,7 @@ from flexlink.identification.interval import Part, Spread, spread_of
 from flexlink.identification.linear_reference import _modes, _shapes
 from flexlink.identification.recorded import Recorded, _noise_of_sensors, at_times
 from flexlink.identification.residuals import row_of
+from flexlink.identification.single import Sagged
 from flexlink.identification.timing import doubts_of_times
 from flexlink.pages.tables import Table
 
@@ -259,6 +260,8 @@ class TestKept:
         ours, theirs = fitted.columns
         assert (theirs.source, theirs.use) == ("kept", "check")
         assert ours.gain == theirs.gain == pytest.approx(1.5, rel=0.01)
+        best = float(np.linalg.lstsq(np.full((n, 1), 3.0), first)[0][0])  # at the start the toy gives 3
+        np.testing.assert_allclose(ours.before, 3.0 * best)
         after = ours.gain * (3.0 + of_logs({p: math.log(fitted[p].value) for p in PATHS[:2]}, Φ))
         np.testing.assert_allclose(theirs.after, after, rtol=1e-9)
         assert theirs.off(theirs.after) == pytest.approx(float(np.sqrt(((after - second) ** 2).mean())))
@@ -324,6 +327,20 @@ class TestIdentifiability:
         assert bool(checked(J, error, ("a", "b")).lost) == lost
 
 
+class TestSingle:
+    def test_a_change_of_sag_is_that_of_the_load_that_was_hung_on(self) -> None:
+        still = SCENE.varied({"gravity": (0.0, -9.81, 0.0), "link.bar.segments": 9})
+        hung = fl.FitStatic(axis="y", value=-1e-3, deviation=1e-5, set={"tip.mass": 0.5}, before={"tip.mass": 0.2})
+        one = Sagged(fl.FitProblem(scene=still, parameter=(fl.FitParameter(path=YOUNG),), static=(hung,)), hung, 1)
+        ((change,),) = one.of(one.scene)
+        assert change == pytest.approx(-0.3 * 9.81 * 1.0**3 / (3 * E * 0.01**4 / 12), rel=0.02)
+
+    def test_a_prior_weighs_as_its_deviation_in_the_value(self) -> None:
+        known = Coordinate(MASS, "", 1.0, True, 1.0, (1e-3, 1e3), (5.0, 0.1))
+        residual, slopes = prior_rows([known], np.array([math.log(5.0) + 0.02]))
+        assert (residual[0], slopes[0, 0]) == pytest.approx((0.02 * 5.0 / 0.1, 5.0 / 0.1))
+
+
 class TestTimes:
     def test_times_that_are_one_percent_off_are_no_samples(self) -> None:
         t = np.linspace(0.0, 1.0, 101)
@@ -361,7 +378,7 @@ class TestLinearReference:
                 for part in (np.real, np.imag):
                     kernel = lambda s, one=one, row=row, part=part: (
                         part(np.exp(one * (t[row] - s))) * np.interp(s, t, u)
-                    )  # noqa: E731
+                    )
                     exact = sum(quad(kernel, a, b)[0] for a, b in zip(t[:row], t[1 : row + 1], strict=True))
                     assert forced[row, 2 * k + (part is np.imag)] == pytest.approx(exact, rel=1e-9, abs=1e-12)
 

@@ -1,12 +1,13 @@
-"""Numbers, sentences and verdicts of a report's chapters, each found again by another way: closed forms, loops, SciPy."""
+"""Numbers, sentences and verdicts of a report's chapters, found again by another way: closed forms, loops, SciPy."""
 
 from __future__ import annotations
 
+import importlib
 import re
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,24 +20,18 @@ from flexlink.advice.model_runner import Outcome, Stepping
 from flexlink.diagnosis.trajectories import MEANINGFUL_TOLERANCE, RunDifference
 from flexlink.pages.part import Part
 from flexlink.results.convergence import Limit
-from flexlink.scene_report.parts import (
-    accuracy,
-    agreement,
-    energy,
-    loads,
-    measurements,
-    model,
-    motion,
-    settling,
-    statics,
-    theirs,
-    vibration,
-)
 from flexlink.scene_report.refinement import Choice
 from flexlink.scene_report.study import Study
 
 Array = np.ndarray
+PARTS = "flexlink.scene_report.parts"
 SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+
+
+def made(name: str, study: Any) -> Part:
+    """A chapter."""
+    found: Part = importlib.import_module(f"{PARTS}.{name}").made(study)
+    return found
 
 
 def numbers(text: str) -> list[float]:
@@ -50,27 +45,24 @@ def three(*values: float) -> Any:
     return pytest.approx(list(values), rel=5.01e-3)
 
 
-def said(part: Part | None, begin: str) -> str:
+def said(part: Part, begin: str) -> str:
     """The sentence, or the piece of one, from these words to a full stop before a space."""
-    assert part is not None
     (found,) = [s[s.index(begin) + len(begin) :] for s in part.sentences if begin in s]
     return re.split(r"\.(?=\s|$)", found)[0]
 
 
-def told(part: Part | None, begin: str) -> list[float]:
+def told(part: Part, begin: str) -> list[float]:
     return numbers(said(part, begin))
 
 
-def table(part: Part | None, name: str) -> dict[str, list[Any]]:
+def table(part: Part, name: str) -> dict[str, list[Any]]:
     """Columns of a table."""
-    assert part is not None
     (one,) = [one for one in part.tables if one.name == name]
     return dict(zip(one.heads, map(list, zip(*one.lines, strict=True)), strict=True))
 
 
-def picture(part: Part | None, name: str) -> dict[str, Array]:
+def picture(part: Part, name: str) -> dict[str, Array]:
     """Columns of the file beside a picture."""
-    assert part is not None
     (one,) = [one for one in part.pictures if one.name == name]
     heads, *lines = one.csv.splitlines()
     return dict(zip(heads.split(","), np.array([line.split(",") for line in lines], float).T, strict=True))
@@ -113,7 +105,7 @@ class TestHeld:
     """Sag, stress and loads of a cantilever; 1e-4 is left to eight hinges, and to the slope of the bent bar."""
 
     def test_its_sag_and_the_torque_that_holds_it_are_those_of_a_beam(self, held: Study) -> None:
-        part, sag = statics.made(held), 1e3 * (G * LOAD * L**3 / (3 * EI) + WEIGHT * L**4 / (8 * EI))
+        part, sag = made("statics", held), 1e3 * (G * LOAD * L**3 / (3 * EI) + WEIGHT * L**4 / (8 * EI))
         size, x, y, z = told(part, "Static tip deflection: ")
         assert [size, y, *numbers(part.facts[0].value)] == three(sag, -sag, sag)
         assert max(abs(x), abs(z)) < 2e-3 * sag
@@ -123,7 +115,7 @@ class TestHeld:
 
     @pytest.mark.slow
     def test_loads_at_the_root_are_those_of_its_weight_and_the_largest_torque_has_no_sign(self, held: Study) -> None:
-        part = loads.made(held)
+        part = made("loads", held)
         assert [told(part, "Largest bending moment: ")[0], *told(part, "Largest drive torque: ")] == three(
             MOMENT, MOMENT
         )
@@ -133,7 +125,7 @@ class TestHeld:
         assert numbers(part.facts[0].value) == three(1e-6 * MOMENT * HEIGHT / 2 / (EI / E))  # M c / I
 
     def test_what_was_modelled_is_counted_and_weighed(self, held: Study) -> None:
-        part, chain = model.made(held), held.chain
+        part, chain = made("model", held), held.chain
         size = next(s for s in part.sentences if s.startswith("1 link"))
         assert numbers(size) == three(1, L, LOAD + WEIGHT * L / G, 17, 1, 16)
         assert numbers(said(part, "Gravity: ").replace("s²", "")) == [0, -G, 0]
@@ -147,7 +139,7 @@ class TestHeld:
         assert [names.count("bar.") for names in springs["coupled with"]] == [3] * 16  # of a cell of four
 
     def test_modes_beyond_one_for_two_hinges_about_each_axis_are_the_cuts(self, held: Study) -> None:
-        part = vibration.made(held)
+        part = made("vibration", held)
         assert told(part, "Modes from ")[0] == 9
         modes = table(part, "modes")
         elastic = [fine for fine, kind in zip(*(modes[h] for h in ("resolved by the hinges", "kind")), strict=True)
@@ -155,10 +147,10 @@ class TestHeld:
         assert elastic == ["yes"] * 8 + ["no"] * (len(elastic) - 8)
 
     def test_an_arm_at_rest_has_nothing_to_settle_and_no_energy_to_lose(self, held: Study) -> None:
-        assert settling.made(held).sentences == ("The tip stays where it starts: there is nothing to settle.",)
-        assert energy.made(held).verdicts[0].state == "pass"
+        assert made("settling", held).sentences == ("The tip stays where it starts: there is nothing to settle.",)
+        assert made("energy", held).verdicts[0].state == "pass"
         lost = with_run(held, replace(held.run, work=held.run.work + 1e-3 * held.run.t))
-        assert energy.made(lost).verdicts[0].state == "doubt"
+        assert made("energy", lost).verdicts[0].state == "doubt"
 
 
 # an arm that moves: loops over the samples
@@ -211,7 +203,7 @@ def target_of(study: Study) -> Array:
 
 class TestMove:
     def test_travel_and_deflection_are_the_largest_distances_with_their_time(self, move: Study) -> None:
-        part, run = motion.made(move), move.run
+        part, run = made("motion", move), move.run
         off = [float(np.linalg.norm(tip - straight(move, q))) for tip, q in zip(run.tip, run.q, strict=True)]
         far = [float(np.linalg.norm(tip - run.tip[0])) for tip in run.tip]
         assert [told(part, "Simulated time: ")[0], *told(part, "The tip moves up to ")] == three(0.6, max(far))
@@ -225,15 +217,15 @@ class TestMove:
 
     def test_a_run_that_failed_is_no_pass_and_one_that_was_warned_says_so(self, move: Study) -> None:
         failed = Study(move.scene.varied({"run.step": 0.05, "run.sample": 0.05}))  # beyond the largest stable one
-        part = motion.made(failed)
+        part = made("motion", failed)
         assert [(v.about, v.state) for v in part.verdicts] == [("Run", "fail")]
         assert str(failed.attempt) in part.sentences[0]
-        warned = motion.made(with_run(move, replace(move.run, warnings=("mind the step",))))
+        warned = made("motion", with_run(move, replace(move.run, warnings=("mind the step",))))
         assert "Warning: mind the step." in warned.sentences
 
     @pytest.mark.slow
     def test_the_largest_loads_are_found_sample_by_sample(self, move: Study) -> None:
-        part, run, chain = loads.made(move), move.run, move.chain
+        part, run, chain = made("loads", move), move.run, move.chain
         F, M = run.loads.force, run.loads.moment
         best = max((float(np.hypot(*M[row, body, 1:])), -row, body)
                    for row in range(len(run.t)) for body in range(len(chain.bodies) - 1))  # fmt: skip
@@ -258,7 +250,7 @@ class TestMove:
                 np.testing.assert_array_equal(columns[f"drive {name} [N m]"], run.tau[:, k])
 
     def test_the_target_is_where_the_arm_rests_bent_and_ringing_counts_from_the_reference(self, move: Study) -> None:
-        part, run, target = settling.made(move), move.run, target_of(move)
+        part, run, target = made("settling", move), move.run, target_of(move)
         off = np.linalg.norm(run.tip - target, axis=1)
         assert told(part, "At the end of the run the tip is ") == three(1e3 * off[-1])
         late = run.tip[run.t >= 0.25]
@@ -274,7 +266,7 @@ class TestMove:
         """A tip comes nearer as 0.5 m e^(−20 t): to p of its travel at −ln p / 20, in samples of 0.01 s."""
         t = 0.25 + 0.01 * np.arange(100)
         tip = target_of(move) + np.exp(-20 * (t - 0.25))[:, None] * [0.3, 0.0, 0.4]
-        lines = table(settling.made(with_run(move, replace(move.run, t=t, tip=tip))), "settling")
+        lines = table(made("settling", with_run(move, replace(move.run, t=t, tip=tip))), "settling")
         parts, travel = np.array([1e-2, 1e-3, 1e-4]), 0.5 * (1 - np.exp(-20 * 0.99))
         assert lines["part of the travel"] == parts.tolist()
         assert lines["tolerance [m]"] == pytest.approx(parts * travel, rel=1e-9)
@@ -282,12 +274,12 @@ class TestMove:
         assert lines["settling time [s]"] == pytest.approx(0.01 * steps, abs=1e-9)
 
     def test_a_run_that_ends_before_its_reference_is_not_judged(self, move: Study) -> None:
-        part = settling.made(Study(move.scene.varied({"run.duration": 0.2})))
+        part = made("settling", Study(move.scene.varied({"run.duration": 0.2})))
         assert told(part, "The reference ends at ") == [0.25, 0.2]
         assert not part.tables
 
     def test_the_energy_balance_is_that_of_the_state_and_the_work(self, move: Study) -> None:
-        part, run, chain = energy.made(move), move.run, move.chain
+        part, run, chain = made("energy", move), move.run, move.chain
         kinetic = np.array([qd @ fl.mass_matrix(chain, q) @ qd / 2 for q, qd in zip(run.q, run.qd, strict=True)])
         elastic = (chain.stiffness * run.q**2).sum(axis=1) / 2
         T, V, U, W = (picture(part, "energy")[f"{name} [J]"] for name in ("kinetic", "gravity", "elastic", "work"))
@@ -301,7 +293,7 @@ class TestMove:
         """The limit is a thousandth of what was exchanged; planted is a third of it, and three times it, at 0.4 s."""
         run = move.run
         planted = share * float(run.exchanged[-1]) * np.exp(-(((run.t - 0.4) / 0.01) ** 2))
-        part = energy.made(with_run(move, replace(run, work=run.work + planted)))
+        part = made("energy", with_run(move, replace(run, work=run.work + planted)))
         assert part.verdicts[0].state == state
         assert numbers(part.sentences[0])[:3] == pytest.approx([planted.max(), 0.4, share], rel=0.01)
 
@@ -318,7 +310,7 @@ class TestRest:
         return q, np.diag(move.chain.stiffness[free]), slopes[np.ix_(free, free)]
 
     def test_sag_torques_and_buckling_are_those_of_the_bent_arm(self, move: Study, rest: tuple[Array, ...]) -> None:
-        part, (q, K, S) = statics.made(move), rest
+        part, (q, K, S) = made("statics", move), rest
         sag = 1e3 * (fl.tip_position(move.chain, q) - straight(move, q))
         assert told(part, "Static tip deflection: ") == three(float(np.linalg.norm(sag)), *sag)
         tau, lines = of_loads(move, q)[move.chain.active], table(part, "holding")
@@ -330,7 +322,7 @@ class TestRest:
         assert told(part, "Buckling load: ") == three(min(f for f in factors if f > 0))
 
     def test_modes_are_those_of_dense_matrices(self, move: Study, rest: tuple[Array, ...]) -> None:
-        part, (q, K, S), free = vibration.made(move), rest, move.chain.stiffness > 0
+        part, (q, K, S), free = made("vibration", move), rest, move.chain.stiffness > 0
         M, D = fl.mass_matrix(move.chain, q)[np.ix_(free, free)], np.diag(move.chain.damping[free])
         A = np.block([[np.zeros_like(M), np.eye(len(M))], [-np.linalg.solve(M, K + S), -np.linalg.solve(M, D)]])
         λ = np.array(sorted((one for one in np.linalg.eigvals(A) if one.imag > 0), key=abs))
@@ -359,19 +351,19 @@ class TestGantry:
         return Study(scene.varied({"run.duration": 0.2, "drive": drive, **leaning}))
 
     def test_forces_and_torques_are_told_apart(self, gantry: Study) -> None:
-        part, largest = loads.made(gantry), np.abs(gantry.run.tau).max(axis=0)
+        part, largest = made("loads", gantry), np.abs(gantry.run.tau).max(axis=0)
         assert told(part, "Largest drive force: ") == three(max(largest[:2]))
         assert said(part, "Largest drive force: ").endswith(f"N at {('bridge', 'trolley')[int(largest[:2].argmax())]}")
         assert told(part, "Largest drive torque: ") == three(largest[2])
-        columns = picture(motion.made(gantry), "motion")
+        columns = picture(made("motion", gantry), "motion")
         np.testing.assert_array_equal(columns["bridge [m]"], gantry.run.q[:, 0])
 
     def test_positions_limits_and_held_forces_have_their_unit(self, gantry: Study) -> None:
-        lines = table(model.made(gantry), "sliding")
+        lines = table(made("model", gantry), "sliding")
         assert [lines[head] for head in ("start [m]", "viscous friction [N s/m]")] == [[0.5, -1.0], [200.0, 80.0]]
         assert [numbers(limits) for limits in lines["limits [m]"]] == [[0.0, 8.0], [-2.0, 2.0]]
-        assert table(model.made(gantry), "joints")["joint"] == ["boom"]
-        part = statics.made(gantry)
+        assert table(made("model", gantry), "joints")["joint"] == ["boom"]
+        part = made("statics", gantry)
         assert list(table(part, "forces").values())[1:] == [[0.5, -1.0], [0.0, 0.0]]
         lever, weight = 4.0 * np.sin(np.radians(5.0)), 7850 * (0.10 * 0.06 - 0.092 * 0.052) * 4.0
         (torque,) = table(part, "holding")["torque [N m]"]
@@ -406,11 +398,9 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Part]:
             limit=Limit(np.zeros((3, 3)), np.array([0.0, 1e-4, 2.5e-4]), 2.02), is_known=more.get("known", True),
             error=lambda _: error, known_until=lambda part: 25 * part, choices=lambda: CHOICES,
         )  # fmt: skip
-        monkeypatch.setattr(accuracy, "Refinement", lambda _: about)
-        monkeypatch.setattr(accuracy, "_in_time", lambda _: None)
-        part = accuracy.made(cast("Any", study))
-        assert part is not None
-        return part
+        monkeypatch.setattr(f"{PARTS}.accuracy.Refinement", lambda _: about)
+        monkeypatch.setattr(f"{PARTS}.accuracy._in_time", lambda _: None)
+        return made("accuracy", study)
 
     return of
 
@@ -472,7 +462,7 @@ def test_differences_are_root_mean_squares_and_the_payload_explains_them(tmp_pat
     head = ",".join(["t [s]", *seen])
     np.savetxt(tmp_path / "film.csv", np.vstack([rows, [1.0, 0.0, 0.0]]), delimiter=",", header=head, comments="")
     study = Study(scene, tmp_path / "film.csv")
-    part, run = measurements.made(study), study.run
+    part, run = made("measurements", study), study.run
     assert told(part, "film.csv: ") == [2, 31, 0, 0.3, 1]
 
     def off(tip: Array) -> dict[str, Array]:
@@ -512,9 +502,9 @@ class TestOthers:
         one = SimpleNamespace(engine="mujoco", rows=rows, passed=terms <= 1)
         runs = SimpleNamespace(rows=[run], steps="steps of RK4", refused=("drake: free base",))
         compared = {name: SimpleNamespace(diagnoses=[one] if name == "mujoco" else []) for name in fl.engines.ENGINES}
-        monkeypatch.setattr(agreement, "compare", lambda _, engines, samples: compared[engines[0]])
-        monkeypatch.setattr(agreement, "compare_trajectories", lambda _, duration: runs)
-        return agreement.made(study)
+        monkeypatch.setattr(f"{PARTS}.agreement.compare", lambda _, engines, samples: compared[engines[0]])
+        monkeypatch.setattr(f"{PARTS}.agreement.compare_trajectories", lambda _, duration: runs)
+        return made("agreement", study)
 
     @pytest.mark.parametrize(
         ("terms", "run", "state"),
@@ -545,8 +535,9 @@ class TestOthers:
 
     def test_as_much_of_a_run_is_compared_as_eight_thousand_evaluations_are(self, move: Study) -> None:
         """Four a step of 1 ms: two seconds; less where the run is shorter."""
-        assert agreement._affordable(Study(move.scene.varied({"run.duration": 8.0}))) == pytest.approx(2.0)
-        assert agreement._affordable(move) == 0.6
+        affordable = importlib.import_module(f"{PARTS}.agreement")._affordable
+        assert affordable(Study(move.scene.varied({"run.duration": 8.0}))) == pytest.approx(2.0)
+        assert affordable(move) == 0.6
 
     @pytest.mark.parametrize("passed", [True, False])
     def test_another_file_agrees_or_its_first_mistake_that_counts_is_told(
@@ -560,9 +551,8 @@ class TestOthers:
             one.counts = one != "a hint"
         rows = [SimpleNamespace(quantity="T_G", error=7.0, joint="fore", passed=passed)]
         found = SimpleNamespace(engine="mujoco", rows=rows, findings=findings, passed=passed)
-        monkeypatch.setattr(theirs, "compare", lambda *_, **__: SimpleNamespace(diagnoses=[found]))
-        part = theirs.made(Study(move.scene, ROOT / "their.xml"))
-        assert part is not None
+        monkeypatch.setattr(f"{PARTS}.theirs.compare", lambda *_, **__: SimpleNamespace(diagnoses=[found]))
+        part = made("theirs", Study(move.scene, ROOT / "their.xml"))
         assert part.verdicts[0].state == ("pass" if passed else "fail")
         assert (part.verdicts[0].text == "their.xml: gravity has the wrong sign") == (not passed)
         assert [cells[0] for cells in table(part, "theirs").values()][1:] == [
