@@ -1,13 +1,15 @@
-"""What advice says is met is met, of arms whose tip is known in closed form: finer truth than any model of the search."""
+"""What advice says is met is met, of arms whose tip is known in closed form: truer than any model of the search."""
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
 from conftest import make_scene
+from test_advice import along_x, study_of_levels
 
 import flexlink as fl
 from flexlink.advice import advise as advising
@@ -32,7 +34,7 @@ WAYS = [T[:, None] * [1.0, 0.0, 0.0], (T**2)[:, None] * [0.6, 0.8, 0.0]]  # of t
 
 
 class World(NamedTuple):
-    """A tip off by C_k (1/N² − a/N⁴) of each link, an axis left out by `aside`, and by a part of the steps' tolerance."""
+    """A tip off by C_k (1/N² − a/N⁴) of each link, an axis left out by `aside`, by a part of the steps' tolerance."""
 
     constants: tuple[float, ...] = (1e-2, 4e-2)
     fourth: float = 0.0
@@ -169,11 +171,10 @@ def test_axes_that_are_left_out_count_with_what_is_not_known(advised: Any) -> No
     assert off(advice.converged_tip.tip) == pytest.approx(0.08 * tolerance, rel=1e-3)
     assert 0.08 * tolerance <= advice.converged_tip.error * (1 + 1e-9)
     assert true <= advice.error <= tolerance
-    told = next(line for line in advice.lines if line.startswith("error"))
-    assert (
-        told.split("including ")[1] == f"{1e6 * advice.converged_tip.error:.3g} µm uncertainty of the reference"
-        or "mm" in told
-    )
+    told = next(line for line in advice.lines if line.startswith("error")).split(", including ")
+    for text, error in zip(told, (advice.error, advice.converged_tip.error), strict=True):
+        value, unit = re.findall(r"([\d.e-]+) (mm|µm)", text)[0]
+        assert float(value) * {"mm": 1e-3, "µm": 1e-6}[unit] == pytest.approx(error, rel=5.01e-3)
     kept = advised(World(aside=2 * tolerance, steps=0.0), 1e-3)[0].scene.arm.links
     assert [link.flex for link in kept] == ["yz", "yz"]
 
@@ -251,6 +252,22 @@ def test_errors_of_a_link_are_those_of_its_models_also_where_they_change_their_s
         true = abs(1e-2 * (hinges**-2.0 - 8 * hinges**-4.0))
         assert errors.error(uniform(("z", "rigid"), hinges)) == pytest.approx(true, rel=1e-9)
     assert errors.error(uniform(("z", "rigid"), 8)) == pytest.approx(1e-2 * (4**-2.0 - 8 * 4**-4.0) / 4, rel=1e-9)
+
+
+def test_a_perturbed_run_starts_as_far_off_as_it_is_asked() -> None:
+    """Two bars of a metre, straight: turning both by an angle moves the tip by 2 + 1 of it."""
+    runner, steps = ModelRunner(SCENE.varied({"run.duration": 0.05}), 60.0), Stepping("RK4", step=0.05)
+    plain, turned = runner.run((None, None), steps), runner.perturbed_run((None, None), steps, 1e-3)
+    assert turned is not None
+    assert np.linalg.norm(turned.tip[0] - plain.tip[0]) == pytest.approx(3e-3, rel=1e-3)
+
+
+def test_two_levels_that_agree_are_believed_no_better_than_a_fast_order_allows() -> None:
+    """Four, six, eight hinges at 0, 1 and 1 cm: the limit of the first two is 0.8 cm beyond; 1.4 of that, (6/8)⁴."""
+    limit = study_of_levels(n4=along_x(0.0, 0.0), n6=along_x(0.0, 0.01), n8=along_x(0.0, 0.01)).limit
+    assert limit is not None
+    assert limit.tip[1, 0] == 0.01
+    assert limit.error == pytest.approx(1.4 * 0.008 * (6 / 8) ** 4)
 
 
 def test_a_run_that_did_not_end_is_no_solution_however_good(advised: Any) -> None:

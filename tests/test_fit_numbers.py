@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
@@ -31,7 +32,7 @@ from flexlink.identification.linear_reference import _modes, _shapes
 from flexlink.identification.recorded import Recorded, _noise_of_sensors, at_times
 from flexlink.identification.residuals import row_of
 from flexlink.identification.single import Sagged
-from flexlink.identification.timing import doubts_of_times
+from flexlink.identification.timing import doubts_of_times, in_periods
 from flexlink.pages.tables import Table
 
 Array = np.ndarray
@@ -174,7 +175,7 @@ class TestCoverage:
             assert found.wide == pytest.approx(1.96, abs=1e-4)
 
     def test_white_noise_seldom_gets_a_colour(self) -> None:
-        """One coefficient more must gain ln n: by chance in P(χ²₁ > ln 60) = 4.3 % of draws, more of them more rarely."""
+        """One coefficient more must gain ln n: by chance in P(χ²₁ > ln 60) = 4.3 % of draws, several more rarely."""
         rng = np.random.default_rng(5)
         orders = [len(colour_of(rng.standard_normal(60)).a) - 1 for _ in range(300)]
         assert np.mean([order > 0 for order in orders]) < 3 * 0.043
@@ -192,7 +193,7 @@ class TestSearch:
 
     def test_numbers_are_those_of_linear_least_squares_and_profiles_their_intervals(self, fit_of: Any) -> None:
         rng = np.random.default_rng(8)
-        Φ = rng.standard_normal((30, 2))
+        Φ = rng.standard_normal((30, 2)) * [0.5, 5.0]  # the first is ten times less certain
         y = clean(Φ) + 0.1 * rng.standard_normal(30)
         fitted = fit_of(Φ, film(y, 0.1, stated=True), profile=True)
         best = np.linalg.lstsq(Φ, y)[0]
@@ -200,6 +201,7 @@ class TestSearch:
         assert [one.value for one in fitted.numbers] == pytest.approx(values, rel=1e-8)
         for one in fitted.numbers:
             assert one.profile == pytest.approx((one.low, one.high), rel=1e-5)
+            assert not one.widened
         ((at, cost),) = fitted.starts
         assert at == pytest.approx(values, rel=1e-8)
         assert cost == pytest.approx(float(((Φ @ best - y) ** 2).sum()) / 0.1**2 / 2, rel=1e-9)
@@ -207,7 +209,7 @@ class TestSearch:
         assert fitted.correlation[0, 1] == pytest.approx(C[0, 1] / math.sqrt(C[0, 0] * C[1, 1]), abs=0.1)
 
     def test_what_the_scene_lacks_is_no_noise_that_hangs_together(self, fit_of: Any) -> None:
-        """A slow drift, as large as the signal: what leaves least stays, though whitened residuals would like another."""
+        """A slow drift, as large as the signal: what leaves least stays, though whitened residuals are for another."""
         t = np.linspace(0.0, 1.0, 200)
         Φ = np.column_stack([t, np.sin(40 * t)])
         y = Φ @ [0.1, -0.05] + 0.3 * np.sin(3 * t) + 1e-4 * np.random.default_rng(9).standard_normal(200)
@@ -239,6 +241,16 @@ class TestSearch:
         assert [float(line.split(" times")[0].split()[-1]) for line in said] == pytest.approx(
             [math.sqrt(2 * c / 3) for c in (30.0, 10.0, 20.0)], rel=1e-3
         )
+
+    def test_starts_fill_the_bounds_a_factor_of_two_or_what_is_known_evenly(self) -> None:
+        wide, bounded = (Coordinate(MASS, "", 5.0, True, 1.0, (low, 5e3), None) for low in (5e-3, 4.0))
+        known = dataclasses.replace(wide, prior=(6.0, 0.3))
+        own, *points = solve.start_points([wide, bounded, known], 9)
+        assert own.tolist() == [math.log(5.0)] * 3
+        ends = [(2.5, 10.0), (4.0, 10.0), (6.0 / math.exp(0.1), 6.0 * math.exp(0.1))]  # ± two deviations of 5 %
+        for values, (low, high) in zip(np.array(points).T, ends, strict=True):
+            eighths = (values - math.log(low)) / math.log(high / low) * 8
+            assert sorted(eighths.astype(int)) == list(range(8))
 
     def test_a_number_that_is_not_held_where_the_search_ends_has_no_interval(self, fit_of: Any) -> None:
         """The data are (ln m − 1)², least at the answer: slopes are none there."""
@@ -290,15 +302,12 @@ class TestEstimates:
         one = film(np.array([1.0, 3.0, 5.2]), 1.0, gain=True)
         one.blocks = (dataclasses.replace(one.blocks[0], bias=True),)
         row = row_of(one.blocks[0], np.array([0.0, 1.0, 2.0]))
-        gain, bias = linear_estimates([one], [[row]], Spread(np.diag([9.0, 0.04, 0.01]), 2.0, []), 1)
+        found = linear_estimates([one], [[row]], Spread(np.diag([9.0, 0.04, 0.01]), 2.0, []), 1)
         slope, zero = np.polyfit([0.0, 1.0, 2.0], one.blocks[0].y, 1)
-        assert (gain.start, gain.value, gain.low, gain.high, gain.unit) == (1.0, pytest.approx(slope), pytest.approx(slope - 0.4), pytest.approx(slope + 0.4), "")  # fmt: skip
-        assert (bias.start, bias.value, bias.deviation, bias.unit) == (
-            0.0,
-            pytest.approx(zero),
-            pytest.approx(0.1),
-            "m",
-        )
+        expected = [(1.0, slope, slope - 0.4, slope + 0.4, 0.2), (0.0, zero, zero - 0.2, zero + 0.2, 0.1)]
+        for each, values in zip(found, expected, strict=True):
+            assert (each.start, each.value, each.low, each.high, each.deviation) == pytest.approx(values)
+        assert [each.unit for each in found] == ["", "m"]
 
 
 class TestIdentifiability:
@@ -342,6 +351,10 @@ class TestSingle:
 
 
 class TestTimes:
+    def test_the_length_of_a_record_is_that_from_its_first_sample_on(self) -> None:
+        said = in_periods(np.linspace(2.0, 5.0, 601), 2.5)
+        assert said == "3 s, 7.5 periods of the slowest mode, 2.5 Hz"
+
     def test_times_that_are_one_percent_off_are_no_samples(self) -> None:
         t = np.linspace(0.0, 1.0, 101)
         for late in (0.005, 1e-4, 1e-5):
@@ -375,12 +388,10 @@ class TestLinearReference:
         _, forced = _shapes(λ, t, (t, u[:, None]))
         for k, one in enumerate(λ):
             for row in (5, 25):
-                for part in (np.real, np.imag):
-                    kernel = lambda s, one=one, row=row, part=part: (
-                        part(np.exp(one * (t[row] - s))) * np.interp(s, t, u)
-                    )
-                    exact = sum(quad(kernel, a, b)[0] for a, b in zip(t[:row], t[1 : row + 1], strict=True))
-                    assert forced[row, 2 * k + (part is np.imag)] == pytest.approx(exact, rel=1e-9, abs=1e-12)
+                pieces = [quad(lambda s, e=one, end=t[row]: np.exp(e * (end - s)) * np.interp(s, t, u), *ends,
+                               complex_func=True)[0] for ends in itertools.pairwise(t[: row + 1])]  # fmt: skip
+                found = complex(*forced[row, 2 * k : 2 * k + 2])
+                assert found == pytest.approx(sum(pieces), rel=1e-9)
 
     def test_modes_are_those_at_rest_below_what_the_rate_of_the_record_shows(self) -> None:
         scene = fl.load_scene(ROOT / "models" / "three_links.toml")
