@@ -155,7 +155,7 @@ class TestHeld:
 
 # an arm that moves: loops over the samples
 
-GOAL, PUSH = (-25.0, 30.0, -60.0), np.array([150.0, -90.0, 60.0])
+GOAL, PUSH = (-25.0, 30.0, -60.0), np.array([-150.0, -90.0, -60.0])
 
 
 @pytest.fixture(scope="module")
