@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from conftest import ROOT
+from msgspec.structs import replace
 from scipy.integrate import quad
 from scipy.signal import lfilter
 from scipy.stats import t as student
@@ -29,8 +30,9 @@ from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.identification.identifiability import Check, Direction, checked
 from flexlink.identification.interval import Part, Spread, spread_of
 from flexlink.identification.linear_reference import _modes, _shapes
-from flexlink.identification.recorded import Recorded, _noise_of_sensors, at_times
+from flexlink.identification.recorded import Recorded, _noise_of_sensors, _with_noise, at_times
 from flexlink.identification.residuals import row_of
+from flexlink.identification.signals import DOWN, FOUR, TWO, UP, Stencil
 from flexlink.identification.single import Sagged
 from flexlink.identification.timing import doubts_of_times, in_periods
 from flexlink.pages.tables import Table
@@ -174,6 +176,12 @@ class TestCoverage:
             np.testing.assert_allclose(found.covariance, factor * np.linalg.inv(J.T @ J), rtol=1e-9)
             assert found.wide == pytest.approx(1.96, abs=1e-4)
 
+    def test_a_constant_is_told_as_uncertain_as_if_noise_had_followed_it(self) -> None:
+        """C = Σ e² / n², and Σ (1 − |k|/n) over all pairs, n (2 n² + 1)/(3 n), of what the fit has taken off."""
+        e, n = np.random.default_rng(14).standard_normal(30), 30
+        found = spread_of([Part([e], [np.ones((n, 1))], True)], np.zeros((0, 1))).covariance[0, 0]
+        assert found == pytest.approx(float(e @ e) / n**2 * (1 + (2 * n**2 + 1) / (3 * n**2)), rel=1e-9)
+
     def test_white_noise_seldom_gets_a_colour(self) -> None:
         """One coefficient more must gain ln n: by chance in P(χ²₁ > ln 60) = 4.3 % of draws, several more rarely."""
         rng = np.random.default_rng(5)
@@ -216,6 +224,25 @@ class TestSearch:
         fitted = fit_of(Φ, film(y, 0.01))
         best = np.linalg.lstsq(Φ, y)[0]
         assert math.log(fitted[MASS].value) == pytest.approx(best[0], rel=1e-6)
+
+    def test_columns_weigh_by_the_noise_that_is_left_of_each(self, fit_of: Any) -> None:
+        """One column is a hundred times noisier than the other, which nobody has stated."""
+        rng, n = np.random.default_rng(15), 80
+        Φ = rng.standard_normal((n, 2))
+        loud, quiet = (clean(Φ) + size * rng.standard_normal(n) for size in (1.0, 0.01))
+        both = film(loud, 0.1)
+        both.blocks = (both.blocks[0], dataclasses.replace(film(quiet, 0.1).blocks[0], name="tip y [m]"))
+        fitted = fit_of(Φ, both, problem=replace(PROBLEM, noise="white"))
+        x = [math.log(one.value / START[one.path]) for one in fitted.numbers]
+        alike, weighed = (np.linalg.lstsq(np.vstack([Φ / a, Φ]), np.append(loud / a, quiet))[0] for a in (1.0, 100.0))
+        assert np.linalg.norm(x - weighed) < 0.01 * np.linalg.norm(alike - weighed)
+        assert [one.noise for one in fitted.columns] == pytest.approx([1.0, 0.01], rel=0.3)
+
+    @pytest.mark.parametrize(("stencil", "order"), [(TWO, 2), (FOUR, 4), (UP, 2), (DOWN, 2)])
+    def test_slopes_are_exact_of_powers_up_to_their_order(self, stencil: Stencil, order: int) -> None:
+        for power in range(order + 1):
+            slope = sum(w * at**power for at, w in zip(stencil.at, stencil.weights, strict=True))
+            assert slope == pytest.approx(float(power == 1), abs=1e-15)
 
     def test_the_likelihood_of_noise_pays_for_each_coefficient(self) -> None:
         e = noise(np.random.default_rng(10), 300, (1.0, -1.6, 0.9))
@@ -308,6 +335,21 @@ class TestEstimates:
         for each, values in zip(found, expected, strict=True):
             assert (each.start, each.value, each.low, each.high, each.deviation) == pytest.approx(values)
         assert [each.unit for each in found] == ["", "m"]
+
+    def test_slopes_are_those_of_what_is_left_with_gain_and_bias_at_their_best(self) -> None:
+        """Exact where nothing is left: differences of residuals, each with its own best gain and bias."""
+        t = np.linspace(0.0, 1.0, 20)
+        swing = lambda x: np.sin((5 + x) * t)  # noqa: E731
+        block = dataclasses.replace(film(1.5 * swing(0.0) + 0.2, 0.1, gain=True).blocks[0], bias=True)
+        slope = (swing(1e-5) - swing(-1e-5))[:, None] / 2e-5
+        numeric = (row_of(block, swing(1e-5)).residual - row_of(block, swing(-1e-5)).residual) / 2e-5
+        np.testing.assert_allclose(row_of(block, swing(0.0), slope).slopes[:, 0], numeric, rtol=1e-5, atol=1e-6)
+
+    def test_noise_that_is_not_stated_is_a_hundredth_of_the_range_of_its_unit(self) -> None:
+        y = np.linspace(0.0, 1.0, 5)
+        blocks = [Block(name, size * y, 0 * y, name == "z [m]") for name, size in
+                  (("x [m]", 1.0), ("y [m]", 3.0), ("q [rad]", 0.2), ("z [m]", 9.0))]  # fmt: skip
+        assert [block.σ[0] for block in _with_noise(blocks)] == pytest.approx([0.09, 0.09, 0.002, 0.0])
 
 
 class TestIdentifiability:
