@@ -108,10 +108,10 @@ def test_a_linear_model_shows_gain_times_signal_plus_bias() -> None:
 @pytest.mark.parametrize("blur", [{"noise": 1e3}, {"resolution": 50.0}])
 def test_noise_and_resolution_neither_hide_nor_feign_samples_too_far_apart(blur: dict[str, float]) -> None:
     """A swing is told whose delay asks for what lies between samples; an arm at rest is not."""
-    sensors = [Sensor(name="encoder", kind="joint", link="a", delay=0.15, **more) for more in ({}, blur)]
+    sensors = [Sensor(name="encoder", kind="joint", link="a", delay=0.3, **more) for more in ({}, blur)]
     scene = make_scene(flexible("a"), gravity=(0.0, -9.81, 0.0))
-    run = fl.simulate(scene, method="Radau5", step=1e-3, sample=0.1, duration=2.0)
-    scenes = [scene.varied({"sensor": (sensor,), "run.sample": 0.1}) for sensor in sensors]
+    run = fl.simulate(scene, method="Radau5", step=1e-3, sample=0.2, duration=2.0)
+    scenes = [scene.varied({"sensor": (sensor,), "run.sample": 0.2}) for sensor in sensors]
     plain, blurred = (list(coarse_samples(each, run)) for each in scenes)
     assert blurred == plain
     assert len(plain) == 1
