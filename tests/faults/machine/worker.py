@@ -21,7 +21,7 @@ def main(file: str) -> None:
     """Judge every mistake of a file."""
     mutants = [Mutant(*each) for each in json.loads(Path(file).read_text(encoding="utf-8"))]
     output = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # dots
     as_python = bool(os.environ.get("NUMBA_DISABLE_JIT"))
     recorded = Recorded(CACHE / ("python.json" if as_python else "fast.json"))
     files = list(plan().python) if as_python else test_files()
