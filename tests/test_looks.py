@@ -88,11 +88,12 @@ def test_a_law_is_asked_once_for_each_instant_though_the_motion_multiplies_error
 
     def law(t: float, q: Array, qd: Array) -> Array:
         asked.append(t)
-        return np.zeros(1)
+        return np.array([50.0])
 
     run = fl.simulate(scene, control=law, rate=100.0)
     assert np.abs(run.q).max() > 30.0
     np.testing.assert_allclose(asked, 0.01 * np.arange(51), atol=1e-12)
+    assert not [text for text in run.warnings if "against a run" in text], "nor is it compared with one without its law"
 
 
 def test_a_feed_forward_belongs_to_its_reference() -> None:
