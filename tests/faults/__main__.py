@@ -1,5 +1,7 @@
 """python -m tests.faults [name or glob ...]: plant faults, one after another, and see whether the tests notice.
 
+With --machine: mistakes made by machine in every room of the project, or in rooms and files of these names.
+
 Exit code 0: all killed; 1: one survived, does not apply any more or was not judged; 2: wrong call, or the tests fail
 without any fault; 130: interrupted, what was judged stands above.
 """
@@ -12,6 +14,7 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 
+from tests.faults.machine import run
 from tests.faults.plant import KILLED, Copy, Fault, Verdict, copied, load, select
 
 
@@ -20,7 +23,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
     parser.add_argument("pattern", nargs="*", help="name or glob of a fault, or of a source (default: all)")
     parser.add_argument("--list", action="store_true", help="only list them")
+    parser.add_argument("--machine", action="store_true", help="mistakes made by machine, in folders or files")
+    parser.add_argument("--seed", type=int, help="with --machine: others")
+    parser.add_argument("--most", type=int, help="with --machine: so many of each room")
     options = parser.parse_args(arguments)
+    if options.machine:
+        return run.main([name.rstrip("/") for name in options.pattern], options.seed, options.most)
     try:
         faults = select(load(), options.pattern)
     except LookupError as error:

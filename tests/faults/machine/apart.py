@@ -1,0 +1,36 @@
+"""Judge a mistake in a copy of the tree: what a fork of a running process cannot take, seconds more."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+from tests.faults.machine.generator import Mutant
+from tests.faults.machine.judge import MOST, Judged, cost
+from tests.faults.machine.recording import Function, Ran
+from tests.faults.plant import KILLED, SURVIVED, Copy, verdict
+
+LONGEST = 300.0  # s by the clock
+
+
+def judge_apart(copy: Copy, mutant: Mutant, by_function: dict[Function, list[Ran]]) -> Judged:
+    """Whether tests that run something of the file notice it, quick ones first, as many as take `MOST` seconds."""
+    chosen, taken = [], 0.0
+    for ran in sorted(by_function.get((mutant.file, mutant.where), ()), key=cost):
+        chosen.append(ran.test)
+        taken += ran.seconds + 0.005
+        if taken > MOST:
+            break
+    path = copy.root / mutant.file
+    sound = path.read_bytes()
+    kept = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    cache = None if os.environ.get("NUMBA_DISABLE_JIT") else kept
+    start = time.monotonic()
+    path.write_bytes(mutant.planted(sound))
+    try:
+        outcome, told = verdict(copy.run(chosen, cache, LONGEST))
+    finally:
+        path.write_bytes(sound)
+    seen = SURVIVED if outcome == SURVIVED else KILLED  # what cannot be imported is noticed
+    return Judged(mutant, seen, told, len(chosen), time.monotonic() - start)

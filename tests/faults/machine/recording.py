@@ -1,0 +1,112 @@
+"""Which tests run a function: found by running each test file once, and kept until that file changes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import CodeType, FrameType
+from typing import Any, NamedTuple
+
+from tests.faults.machine.generator import TREES
+from tests.faults.plant import ROOT
+
+Function = tuple[str, str]  # file, name of the outermost function
+
+
+class Ran(NamedTuple):
+    """A test: its cost in seconds of processor time, and the functions that it ran."""
+
+    test: str
+    seconds: float
+    functions: frozenset[Function]
+
+
+class Recorded:
+    """What is known of test files, kept in a file: a test file that has changed is unknown."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._known: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+
+    def knows(self, file: str) -> bool:
+        """Whether this test file was recorded as it stands there."""
+        return file in self._known and self._known[file]["digest"] == _digest(file)
+
+    def add(self, file: str, ran: list[Ran]) -> None:
+        """Keep the tests of a file."""
+        names = sorted({function for each in ran for function in each.functions})
+        number = {name: k for k, name in enumerate(names)}
+        tests = {each.test: [round(each.seconds, 4), sorted(number[name] for name in each.functions)] for each in ran}
+        self._known[file] = {"digest": _digest(file), "functions": names, "tests": tests}
+        self._path.parent.mkdir(exist_ok=True)
+        self._path.write_text(json.dumps(self._known), encoding="utf-8")
+
+    def __iter__(self) -> Iterator[Ran]:
+        """Every test of the files that stand there yet."""
+        for file, known in self._known.items():
+            names = [(path, name) for path, name in known["functions"]]
+            if (ROOT / file).is_file():
+                for test, (seconds, numbers) in known["tests"].items():
+                    yield Ran(test, seconds, frozenset(names[k] for k in numbers))
+
+    def by_function(self) -> dict[Function, list[Ran]]:
+        """Tests of each function; under the empty name those of any function of the file."""
+        found: dict[Function, list[Ran]] = defaultdict(list)
+        for ran in self:
+            for function in ran.functions | {(file, "") for file, _ in ran.functions}:
+                found[function].append(ran)
+        return found
+
+
+def _digest(file: str) -> str:
+    return hashlib.sha256((ROOT / file).read_bytes()).hexdigest()[:16]
+
+
+@contextmanager
+def calls() -> Iterator[dict[int, CodeType]]:
+    """Code that is run meanwhile, in every thread of this process."""
+    seen: dict[int, CodeType] = {}
+
+    def look(frame: FrameType, event: str, _: Any) -> None:
+        code = frame.f_code
+        seen[id(code)] = code
+
+    sys.settrace(look)
+    threading.settrace(look)
+    try:
+        yield seen
+    finally:
+        sys.settrace(None)
+        threading.settrace(None)  # type: ignore[arg-type]
+
+
+def functions(seen: dict[int, CodeType]) -> frozenset[Function]:
+    """The functions of the project among these."""
+    trees = tuple(f"{ROOT / tree}/" for tree in TREES)
+    found = set()
+    for code in seen.values():
+        if code.co_filename.startswith(trees) and code.co_name != "<module>":
+            file = Path(code.co_filename).relative_to(ROOT).as_posix()
+            found.add((file, outermost(code.co_qualname)))
+    return frozenset(found)
+
+
+def outermost(name: str) -> str:
+    """Of a function in a function the outer one."""
+    return name.partition(".<locals>")[0]
+
+
+def clock() -> float:
+    """Processor time of this process and of those that it waited for [s]."""
+    own = time.process_time()
+    import resource  # noqa: PLC0415  only here, as judges fork, too
+
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return own + children.ru_utime + children.ru_stime

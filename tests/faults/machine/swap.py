@@ -1,0 +1,104 @@
+"""Put a mistake into modules that are imported already: the code of functions is exchanged, and values of modules."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import gc
+import sys
+from collections import Counter, defaultdict
+from types import CodeType, FunctionType
+
+from tests.faults.machine.generator import Mutant
+from tests.faults.plant import ROOT
+
+
+class CannotSwapError(Exception):
+    """The mistake changes more than code of functions and plain values of a module."""
+
+
+def swap(mutant: Mutant) -> None:
+    """Let this process go on with the mistake.
+
+    Raises
+    ------
+    CannotSwapError
+        It takes a process of its own.
+    """
+    path = ROOT / mutant.file
+    source = path.read_bytes()
+    planted = mutant.planted(source)
+    if mutant.where:
+        _swap_code(str(path), source, planted)
+    else:
+        _swap_value(mutant, source, planted)
+    _forget()
+
+
+def _swap_code(path: str, source: bytes, planted: bytes) -> None:
+    old, new = (_codes(compile(text, path, "exec", dont_inherit=True)) for text in (source, planted))
+    by_place: dict[tuple[str, int], list[CodeType | None]] = defaultdict(list)
+    for name, code in old.items():
+        by_place[code.co_qualname, code.co_firstlineno].append(new.get(name))
+    swapped = 0
+    for function in [each for each in gc.get_objects() if isinstance(each, FunctionType)]:
+        code = function.__code__
+        found = by_place[code.co_qualname, code.co_firstlineno] if code.co_filename == path else []
+        if len(found) == 1 and found[0] is not None and found[0] != code:
+            if found[0].co_freevars != code.co_freevars:
+                raise CannotSwapError
+            function.__code__ = found[0]
+            swapped += 1
+    if not swapped:
+        raise CannotSwapError
+
+
+def _codes(code: CodeType) -> dict[tuple[str, int], CodeType]:
+    """Code of every function by its name, and how many of that name stand before it."""
+    found: dict[tuple[str, int], CodeType] = {}
+    before: Counter[str] = Counter()
+
+    def walk(outer: CodeType) -> None:
+        for inner in outer.co_consts:
+            if isinstance(inner, CodeType):
+                found[inner.co_qualname, before[inner.co_qualname]] = inner
+                before[inner.co_qualname] += 1
+                walk(inner)
+
+    walk(code)
+    return found
+
+
+def _swap_value(mutant: Mutant, source: bytes, planted: bytes) -> None:
+    """Values of a module that are numbers, text or arrays, here and wherever they were imported by name."""
+    modules = [each for each in list(sys.modules.values()) if hasattr(each, "__dict__")]
+    path = str(ROOT / mutant.file)
+    module = next((each for each in modules if getattr(each, "__file__", None) == path), None)
+    name = _assigned(ast.parse(source), mutant.line)
+    if module is None or name is None:
+        raise CannotSwapError
+    fresh = {name: vars(module)[name] for name in ("__name__", "__file__", "__package__")}
+    exec(compile(planted, mutant.file, "exec", dont_inherit=True), fresh)
+    old = vars(module)[name]
+    for other in modules:
+        if vars(other).get(name) is old:
+            setattr(other, name, fresh[name])
+
+
+def _assigned(tree: ast.Module, line: int) -> str | None:
+    """The only name that is assigned there, of a value that no other value of the module is made of."""
+    for statement in tree.body:
+        if statement.lineno <= line <= (statement.end_lineno or 0):
+            match statement:
+                case ast.Assign([ast.Name(name)]) | ast.AnnAssign(ast.Name(name)):
+                    used = [node for each in tree.body if isinstance(each, (ast.Assign, ast.AnnAssign, ast.ClassDef))
+                            for node in ast.walk(each) if isinstance(node, ast.Name) and node.id == name]  # fmt: skip
+                    return name if len(used) == 1 else None
+    return None
+
+
+def _forget() -> None:
+    """Results that were kept while modules were imported."""
+    for each in gc.get_objects():
+        if isinstance(each, functools._lru_cache_wrapper):
+            each.cache_clear()

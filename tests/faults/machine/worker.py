@@ -1,0 +1,49 @@
+"""The process that judges: python -m tests.faults.machine.worker FILE, mistakes as JSON; prints outcomes."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+
+from tests.faults.machine.apart import judge_apart
+from tests.faults.machine.generator import Mutant
+from tests.faults.machine.judge import APART, Session, record, test_files, with_tests
+from tests.faults.machine.recording import Recorded
+from tests.faults.machine.run import plan
+from tests.faults.plant import ROOT, copied
+
+CACHE = ROOT / ".faults_cache"
+
+
+def main(file: str) -> None:
+    """Judge every mistake of a file."""
+    mutants = [Mutant(*each) for each in json.loads(Path(file).read_text(encoding="utf-8"))]
+    output = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # dots
+    as_python = bool(os.environ.get("NUMBA_DISABLE_JIT"))
+    recorded = Recorded(CACHE / ("python.json" if as_python else "fast.json"))
+    files = list(plan().python) if as_python else test_files()
+
+    def tell(text: str) -> None:
+        print(text, file=output, flush=True)
+
+    def work(session: Session) -> None:
+        record(session, recorded, tell)
+        by_function = recorded.by_function()
+        with copied() as copy:
+            for number, mutant in enumerate(mutants):
+                judged = session.judge(mutant, by_function)
+                if judged.outcome == APART:
+                    judged = judge_apart(copy, mutant, by_function)
+                tell(json.dumps([number, *judged[1:]]))
+
+    unknown = [name for name in files if not recorded.knows(name)]
+    mutated = {mutant.file for mutant in mutants}
+    asked = {ran.test.partition("::")[0] for ran in recorded if any(file in mutated for file, _ in ran.functions)}
+    with_tests(sorted({*unknown, *(asked & set(files))}), work)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

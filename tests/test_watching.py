@@ -1,0 +1,137 @@
+"""What a run is told: each look at its samples finds what is wrong there, alone and beside others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import ALUMINIUM, SQUARE, compiled, flexible, make_scene
+from msgspec.structs import replace
+
+import flexlink as fl
+from flexlink.common.types import Array
+from flexlink.dynamics.floating_base import FloatingBase
+from flexlink.inputs.problem import problem_of
+from flexlink.inputs.static_feedforward import holding_torque
+from flexlink.kernels.inputs.record import PiecewisePolynomial
+from flexlink.motion import monitor
+from flexlink.motion.monitor import RunMonitor
+from flexlink.results.record import Record
+from flexlink.results.stop_reasons import Failure
+
+
+def monitor_of(scene: fl.Scene, *postures: Array) -> RunMonitor:
+    """The monitor of a run that shows these postures, at rest."""
+    last = 0.01 * (len(postures) - 1)
+    problem = problem_of(replace(scene, run=replace(scene.run, sample=0.01, duration=last)))
+    q = np.array(postures)
+    return RunMonitor(Record(problem, 0.01 * np.arange(len(q)), q, np.zeros_like(q)))
+
+
+@pytest.mark.parametrize(("angle", "told"), [(-31.0, "-31"), (-29.0, ""), (44.0, ""), (46.0, "46")])
+def test_a_joint_is_told_past_either_limit(angle: float, told: str) -> None:
+    scene = make_scene(flexible("a", joint=fl.Joint(limits_deg=(-30.0, 45.0))))
+    q = np.zeros(fl.lump(scene).n)
+    bent = q.copy()
+    bent[0] = np.radians(angle)
+    seen = monitor_of(scene, q, bent)
+    seen.check(2)
+    said = [text for text in seen.warnings if "past its limits" in text]
+    assert len(said) == bool(told)
+    assert all(f"is at {told}" in text for text in said)
+
+
+def test_m_is_judged_where_hinges_are_bent_most() -> None:
+    """Not only where a run starts: with matched twist M is indefinite at 80° (`test_monitor`)."""
+    scene = make_scene(
+        flexible("a", "xyz", 9, lumping="gauss_matched"), run=fl.RunSettings(step=1e-4, unstable="allow")
+    )
+    chain = fl.lump(scene)
+    bent = np.where(chain.stiffness > 0, np.radians(80.0), 0.0)
+    seen = monitor_of(scene, 0 * bent, bent, 0.1 * bent)
+    assert not seen.check(3)
+    assert "M is not positive definite" in seen.failure
+    assert seen.n_valid == 1
+
+
+def test_a_run_that_is_wrong_wants_a_smaller_tolerance_and_one_whose_steps_vanish_a_larger_one() -> None:
+    scene = make_scene(flexible("a"), run=fl.RunSettings(tolerance=1e-4, duration=0.1))
+    still = np.zeros(fl.lump(scene).n)
+    wrong, stuck = monitor_of(scene, still, still), monitor_of(scene, still, still)
+    for each in (wrong, stuck):
+        each.check(1)
+    wrong.failure = "the energy does not balance"
+    assert "try a smaller tolerance" in str(wrong.diverged())
+    assert "try a larger tolerance" in str(stuck.diverged(Failure("t = 0.01 s: no step is small enough")))
+
+
+@compiled
+def test_m_of_matched_twist_is_judged_beside_others_as_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = make_scene(flexible("a", "xyz", 5, lumping="gauss_matched"), run=fl.RunSettings(step=1e-6, duration=4e-6))
+    monkeypatch.setattr(monitor, "mass_matrix", lambda chain, q: -np.eye(chain.n))
+    told = []
+    for run in (lambda: fl.simulate(scene), lambda: fl.simulate_many([scene, scene])):
+        with pytest.raises(fl.errors.DivergenceError) as caught:
+            run()
+        told.append(str(caught.value))
+    assert "M is not positive definite" in told[0]
+    assert told[1] == told[0]
+
+
+def test_a_law_is_asked_once_for_each_instant_though_the_motion_multiplies_errors() -> None:
+    """It may remember what it was asked: no second run takes it."""
+    rod = fl.Link(name="rod", length=1.0, material="aluminium", section="square")
+    start = fl.InitialState(joint_deg=(0.0,), rate_deg=(4000.0,))
+    scene = make_scene(
+        rod, initial=start, run=fl.RunSettings(method="DOP853", tolerance=1e-5, duration=0.5, sample=0.1)
+    )
+    asked = []
+
+    def law(t: float, q: Array, qd: Array) -> Array:
+        asked.append(t)
+        return np.array([50.0])
+
+    run = fl.simulate(scene, control=law, rate=100.0)
+    assert np.abs(run.q).max() > 30.0
+    np.testing.assert_allclose(asked, 0.01 * np.arange(51), atol=1e-12)
+    assert not [text for text in run.warnings if "against a run" in text], "nor is it compared with one without its law"
+
+
+def test_a_feed_forward_belongs_to_its_reference() -> None:
+    """Two references of the same times: a rod is held at rest by m g L/2 cos θ, wherever it is."""
+    scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(0, -9.81, 0))
+    chain, weight = fl.lump(scene), 2700.0 * 0.04**2 * 9.81
+    for angle in (0.0, 0.5, 1.0, 0.5):
+        target = PiecewisePolynomial(np.array([0.0]), np.array([[[angle]]]))
+        torque = holding_torque(chain, target)
+        assert torque.coefficients[0, 0, 0] == pytest.approx(weight / 2 * np.cos(angle), rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def tumbling() -> fl.Scene:
+    """A satellite that turns by more than half a radian every tenth of a second."""
+    base = fl.Base(kind="free", mass=3.0, center=(0.05, -0.02, 0.03), inertia=(0.2, 0.25, 0.3))
+    rod = fl.Link(name="rod", length=0.6, mount=fl.Mount(xyz=(0.2, 0.0, 0.0)), material="aluminium", section="square")
+    arm = fl.Arm(links=(rod,), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE}, base=base)
+    start = fl.InitialState(joint_deg=(0.0,), base=fl.BaseState(spin_deg=(40.0, 400.0, 60.0)))
+    run = fl.RunSettings(method="RK4", step=1e-3, duration=0.3, sample=0.05)
+    return fl.Scene(name="tumbling", arm=arm, gravity=(0.0, 0.0, 0.0), initial=start, run=run)
+
+
+def test_a_law_that_is_asked_at_every_stage_leaves_a_base_the_attitudes_that_it_has_without(tumbling: fl.Scene) -> None:
+    free = fl.simulate(tumbling)
+    driven = fl.simulate(tumbling, control=lambda t, q, qd: np.zeros(len(free.chain.active)))
+    assert free.base is not None and driven.base is not None
+    assert np.linalg.norm(free.base.attitude[-1] - free.base.attitude[0]) > 0.5
+    np.testing.assert_allclose(driven.base.attitude, free.base.attitude, atol=1e-10)
+    np.testing.assert_allclose(driven.tip, free.tip, atol=1e-10)
+
+
+def test_a_base_that_goes_back_forgets_the_attitudes_of_what_was_tried(tumbling: fl.Scene) -> None:
+    base = FloatingBase(fl.lump(tumbling))
+    q = np.zeros((4, base.chain.n))
+    q[:, 3:6] = 0.1 * np.arange(12).reshape(4, 3)
+    before, saved = base.attitudes(q), base.saved()
+    base.turn(2, q[2].copy(), np.zeros(base.chain.n))
+    assert np.abs(base.attitudes(q) - before).max() > 0.1
+    base.restore(saved)
+    np.testing.assert_array_equal(base.attitudes(q), before)
