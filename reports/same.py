@@ -1,5 +1,9 @@
 """Whether the numbers of a study are those of one that is checked in: equal to the bit, within rounding, different.
 
+Of the same sources all numbers are the same, and there are as many. Where sources or a case were edited since, what is
+checked in both agrees within its limit, and no published check is missing; other numbers that differ, are new or are
+gone have moved, which is told. No limit is wider than the published one, unless the case says why (`widened`).
+
 What was timed stands apart: it depends on the machine, as do counts of runs that had a budget of time.
 """
 
@@ -18,8 +22,9 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.pages.numbers import number, plural
 from flexlink.pages.tables import Table
 from reports.results import Results
-from reports.stored_full import COMMAND
+from reports.stored_full import COMMAND, read_sources
 from validation.facts import column_head
+from validation.sources import changed
 from validation.store import Row
 
 FILE = "all_checks.csv"
@@ -29,10 +34,20 @@ INFORMING, SMALL = 1e-3, 1e-9  # the same of a number without a limit, which may
 ROUNDING = "what rounding explains"
 """In the words of a number without a limit: it is in parts of the rounding bound, whose limit is 1."""
 BY_TIME = ("extremes",)  # kinds whose counts without a limit tell how many runs a budget of time let end
-FIXED = ("case", "scene", "engine", "quantity", "value", "timed", "state")
-Kind = Literal["equal", "rounding", "different", "timed"]
+FIXED = ("case", "scene", "engine", "quantity", "value", "tolerance", "bound", "timed", "state")
+OF_SCALE = 1e-3  # of a limit that goes with what the physics of a run predicts, which rounding moves
+Kind = Literal["equal", "rounding", "different", "moved", "timed"]
 Asked = tuple[str, str, str, str, frozenset[tuple[str, str]]]
 """Case, scene, engine, quantity and what was varied: what a number answers."""
+
+
+class Published(NamedTuple):
+    """A published number; None where it was not finite, or had no limit."""
+
+    value: float | None
+    tolerance: float | None
+    bound: str
+    timed: bool
 
 
 class Pair(NamedTuple):
@@ -45,10 +60,13 @@ class Pair(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """All numbers that both have; `missing` are published, and not in the study's cases, and the other way round."""
+    """All numbers that both have; those that only one has; limits that are wider than the published ones."""
 
     pairs: tuple[Pair, ...]
-    missing: tuple[str, ...]
+    missing: tuple[str, ...]  # only in one of both, where that may not be
+    wider: tuple[str, ...]
+    moved: tuple[str, ...]  # only in one of both, of sources that were edited since
+    unpublished: tuple[str, ...]  # cases
     cases: int  # that both have
     published: int  # cases of the published study
 
@@ -58,8 +76,8 @@ class Comparison:
 
     @property
     def same(self) -> bool:
-        """Whether no number differs or is missing."""
-        return not (self.of("different") or self.missing)
+        """Whether no number differs or is missing, and no limit is wider."""
+        return not (self.of("different") or self.missing or self.wider)
 
     def sentences(self) -> list[str]:
         """What came out, the answer first."""
@@ -73,6 +91,14 @@ class Comparison:
         found = [answer, counts]
         if self.missing:
             found.append(f"Only in one of both: {plural(len(self.missing), 'number')} ({self.missing[0]}, …).")
+        if self.wider:
+            found.append(f"{plural(len(self.wider), 'limit')} wider than the published one ({self.wider[0]}, …).")
+        if moved := [*self.moved, *(f"{pair.row.case}: {pair.row.quantity}" for pair in self.of("moved"))]:
+            edited = len({words.partition(":")[0] for words in moved})
+            told = f"{plural(len(moved), 'number')} of {plural(edited, 'case')} ({moved[0]}, …)"
+            found.append(f"Moved, or new, as sources were edited since: {told}.")
+        if self.unpublished:
+            found.append(f"Not published yet: {plural(len(self.unpublished), 'case')} ({', '.join(self.unpublished)}).")
         ratios = [pair.row.value / pair.published for pair in timed if pair.row.value and pair.published]
         if timed:
             middle = f", in the middle {number(median(ratios), 2)} times the published value" if ratios else ""
@@ -104,16 +130,41 @@ def compare(results: Results, folder: Path) -> Comparison:
     FlexlinkError
         The folder holds no `FILE`, or one that cannot be understood.
     """
-    published, timed = _published(folder)
+    published = _published(folder)
     known = {asked[0] for asked in published}
-    own = {_asked(row): row for row in results.rows if row.case in known}
-    here = {asked[0] for asked in own}
-    pairs = tuple(
-        Pair(row, published[asked], _kind(row, published[asked])) for asked, row in own.items() if asked in published
-    )
-    missing = [asked for asked, row in own.items() if asked not in published and not row.timed]
-    missing += [asked for asked in published if asked[0] in here and asked not in own and asked not in timed]
-    return Comparison(pairs, tuple(map(_in_words, missing)), len(here), len(known))
+    edited = _edited(folder, known)
+    own = {_asked(row): row for row in results.rows}
+    here = known & {asked[0] for asked in own}
+    both = [(row, published[asked]) for asked, row in own.items() if asked in published]
+    pairs = tuple(Pair(row, there.value, _kind(row, there, row.case in edited)) for row, there in both)
+    new = [asked for asked, row in own.items() if asked[0] in here and asked not in published and not row.timed]
+    gone = {asked: there for asked, there in published.items() if asked[0] in here and asked not in own}
+    moved = [asked for asked in new if asked[0] in edited]
+    moved += [asked for asked, there in gone.items() if asked[0] in edited and there.tolerance is None]
+    gone_untimed = [asked for asked, there in gone.items() if not there.timed]
+    missing = [asked for asked in (*new, *gone_untimed) if asked not in moved]
+    wider = tuple(_in_words(_asked(row)) for row, there in both if _is_wider(row, there) and not row.widened)
+    unpublished = tuple(dict.fromkeys(asked[0] for asked in own if asked[0] not in known))
+    lost, gained = (tuple(map(_in_words, some)) for some in (missing, moved))
+    return Comparison(pairs, lost, wider, gained, unpublished, len(here), len(known))
+
+
+def _edited(folder: Path, known: set[str]) -> set[str]:
+    """Published cases that are not what was measured: all, where anything but files of cases has changed."""
+    measured = read_sources(folder)
+    files = [Path(file) for file in changed(measured)] if measured else []
+    cases = {file.stem for file in files if file.parent.name == "cases"}
+    return known if len(cases) < len(files) else {name for name in known if name.partition("-")[0] in cases}
+
+
+def _is_wider(row: Row, there: Published) -> bool:
+    """Whether the limit of a check lets more pass than the published one."""
+    if there.tolerance is None or row.timed:
+        return False
+    if row.tolerance is None:
+        return not row.given_up
+    more = row.tolerance - there.tolerance if row.bound == "at most" else there.tolerance - row.tolerance
+    return row.bound != there.bound or more > OF_SCALE * abs(there.tolerance)
 
 
 def _asked(row: Row) -> Asked:
@@ -126,24 +177,23 @@ def _in_words(asked: Asked) -> str:
     return ", ".join(part for part in (f"{case}: {quantity}", scene, engine, *sorted(v for _, v in facts)) if part)
 
 
-def _published(folder: Path) -> tuple[dict[Asked, float | None], set[Asked]]:
-    """Published numbers by what they answer, and which of them were timed."""
+def _published(folder: Path) -> dict[Asked, Published]:
+    """Published numbers by what they answer."""
     lines = csv.DictReader(io.StringIO(_text(folder), newline=""))
     heads = lines.fieldnames or ()
     if lacking := [head for head in FIXED if head not in heads]:
         raise FlexlinkError(f"{folder / FILE}: column {lacking[0]!r} is missing; make the file with: {COMMAND}")
     varied = heads[list(heads).index("seconds") + 1 : list(heads).index("state")] if "seconds" in heads else ()
-    values, timed = dict[Asked, float | None](), set[Asked]()
+    found = dict[Asked, Published]()
     try:
         for line in lines:
             facts = frozenset((head, line[head]) for head in varied if line[head])
             asked = line["case"], line["scene"], line["engine"], line["quantity"], facts
-            values[asked] = float(line["value"]) if line["value"] else None
-            if line["timed"] == "True":
-                timed.add(asked)
+            value, tolerance = (float(line[head]) if line[head] else None for head in ("value", "tolerance"))
+            found[asked] = Published(value, tolerance, line["bound"], line["timed"] == "True")
     except ValueError as error:
         raise FlexlinkError(f"{folder / FILE}, line {lines.line_num}: {error}") from None
-    return values, timed
+    return found
 
 
 def _text(folder: Path) -> str:
@@ -156,16 +206,18 @@ def _text(folder: Path) -> str:
         raise FlexlinkError(f"{plain}[.gz]: no published numbers ({why}); such as reports/full hold them") from None
 
 
-def _kind(row: Row, published: float | None) -> Kind:
+def _kind(row: Row, there: Published, edited: bool) -> Kind:
     if row.timed or (row.tolerance is None and row.kind in BY_TIME):
         return "timed"
-    if row.value == published:
+    if row.value == there.value:
         return "equal"
-    if row.value is None or published is None or _passes(row, row.value) is not _passes(row, published):
-        return "different"
-    return (
-        "rounding" if abs(row.value - published) <= _allowed(row, max(abs(row.value), abs(published))) else "different"
-    )
+    apart: Kind = "moved" if edited and row.tolerance is None else "different"
+    if row.value is None or there.value is None or _passes(row, row.value) is not _passes(row, there.value):
+        return apart
+    allowed = _allowed(row, max(abs(row.value), abs(there.value)))
+    if edited and row.tolerance is not None:
+        allowed = max(allowed, abs(row.tolerance))
+    return "rounding" if abs(row.value - there.value) <= allowed else apart
 
 
 def _passes(row: Row, value: float) -> bool | None:
@@ -216,3 +268,4 @@ def differences(comparison: Comparison) -> Iterator[str]:
         row = pair.row
         yield f"{row.case}: {row.quantity} ({row.where}) = {row.value} {row.unit}, published {pair.published}"
     yield from (f"only in one of both: {words}" for words in comparison.missing)
+    yield from (f"limit wider than the published one: {words}" for words in comparison.wider)

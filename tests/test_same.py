@@ -14,6 +14,7 @@ from reports import full, same
 from reports.build import build
 from reports.results import Results
 from validation import __main__ as command
+from validation import sources
 from validation.store import Row
 
 CHECK = {"value": 0.29, "tolerance": 1.0}
@@ -83,6 +84,68 @@ def test_a_number_that_only_one_of_both_has_is_a_difference_and_a_case_is_not(
     assert not compared(tmp_path / "more", folder, one, two, row(quantity="new")).same
 
 
+def edited_since(folder: Path, file: str) -> None:
+    """The published study was measured with another file."""
+    now = sources.digests() | {file: "older"}
+    text = "file,digest\n" + "".join(f"{path},{digest}\n" for path, digest in now.items())
+    (folder / "sources.csv").write_text(text, encoding="utf-8")
+
+
+EDITED = [("flexlink/__init__.py", True), ("validation/cases/terms.toml", True), ("validation/cases/other.toml", False)]
+
+
+@pytest.mark.parametrize(("file", "told"), EDITED)
+@pytest.mark.parametrize(("there", "here", "kind"), [
+    (INFORMING, {"value": 3.95}, "moved"), (CHECK, {"value": 0.45}, "rounding"), (CHECK, {"value": 1.4}, "different"),
+])  # fmt: skip
+def test_where_sources_were_edited_since_checks_agree_within_their_limits_and_other_numbers_may_move(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: dict[str, object], here: dict[str, object], kind: str,
+    file: str, told: bool,
+) -> None:  # fmt: skip
+    folder = published(tmp_path, row(**there), monkeypatch=monkeypatch)
+    edited_since(folder, file)
+    assert kinds(compared(tmp_path, folder, row(**(there | here)))) == [kind if told else "different"]
+
+
+@pytest.mark.parametrize(("file", "told"), EDITED)
+def test_where_sources_were_edited_since_new_numbers_are_told_and_a_check_that_is_gone_still_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, told: bool
+) -> None:
+    one, check, note = row(), row(quantity="T_GC"), row(quantity="horizon", tolerance=None)
+    folder = published(tmp_path, one, check, note, monkeypatch=monkeypatch)
+    edited_since(folder, file)
+    more = compared(tmp_path / "more", folder, one, check, note, row(quantity="new"))
+    assert (more.same, len(more.moved)) == ((True, 1) if told else (False, 0))
+    assert compared(tmp_path / "less", folder, one, check).same is told
+    assert not compared(tmp_path / "least", folder, one, note).same
+
+
+@pytest.mark.parametrize(("there", "here", "wider"), [
+    (CHECK, {"tolerance": 1000.0}, True), (CHECK, {"tolerance": 1.0005}, False), (CHECK, {"tolerance": 0.5}, False),
+    (CHECK, {"tolerance": None}, True), (CHECK, {"tolerance": None, "given_up": "why"}, False),
+    (CHECK, {"tolerance": 1000.0, "widened": "why"}, False),
+    (CHECK | {"bound": "at least", "value": 2.0}, {"tolerance": 1e-3}, True),
+    (CHECK | {"bound": "at least", "value": 2.0}, {"tolerance": 1.5}, False),
+    (INFORMING, {"tolerance": 5.0}, False),
+])  # fmt: skip
+def test_a_limit_that_is_wider_than_the_published_one_is_a_difference_unless_the_case_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: dict[str, object], here: dict[str, object], wider: bool
+) -> None:
+    folder = published(tmp_path, row(**there), monkeypatch=monkeypatch)
+    found = compared(tmp_path, folder, row(**(there | here)))
+    assert (bool(found.wider), found.same) == (wider, not wider)
+    assert wider == any("limit wider than the published one: terms: M" in line for line in same.differences(found))
+
+
+def test_cases_that_are_not_published_are_named_in_one_line_and_do_not_fail(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = published(tmp_path, row(), monkeypatch=monkeypatch)
+    found = compared(tmp_path, folder, row(), row("first"), row("second"))
+    assert found.same
+    assert "Not published yet: 2 cases (first, second)." in found.sentences()
+
+
 def test_the_command_says_same_with_0_and_a_planted_difference_with_1(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -120,7 +183,8 @@ def test_the_page_says_whether_its_numbers_are_the_published_ones(
 @pytest.mark.parametrize(("name", "content", "said"), [
     (None, b"", "no published numbers"), ("all_checks.csv", b"case,scene\n", "column 'engine' is missing"),
     ("all_checks.csv.gz", b"no gzip", "no published numbers"),
-    ("all_checks.csv", b"case,scene,engine,quantity,value,timed,seconds,state\na,,,q,many,,,\n", "line 2"),
+    ("all_checks.csv", b"case,scene,engine,quantity,value,tolerance,bound,timed,seconds,state\na,,,q,many,,,,,\n",
+     "line 2"),
 ])  # fmt: skip
 def test_a_folder_without_numbers_is_one_line(tmp_path: Path, name: str | None, content: bytes, said: str) -> None:
     folder = tmp_path / "folder"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 
@@ -34,12 +34,16 @@ class Quantity(Spec, frozen=True):
     """A measured quantity: it passes if its value is `bound` the tolerance; without a tolerance there is no verdict.
 
     `reason` says why the tolerance is what it is; of a quantity without one, what it is shown for, if that needs words.
-    `given_up` says why a tolerance that was once set is not kept.
+    `given_up` says why a tolerance that was once set is not kept, `widened` why it is wider than the published one.
+    `rows` is how often it is measured, all scenes and engines together; "by machine" where that depends on what is
+    installed or on how many runs end in time. What is timed is not counted.
     """
 
     metric: str
     reason: str = ""
     given_up: str = ""
+    widened: str = ""
+    rows: Annotated[int, msgspec.Meta(ge=1)] | Literal["by machine"] = 1
     unit: str = "1"
     tolerance: float | None = None
     bound: Bound = "at most"
@@ -80,7 +84,7 @@ class Case(Spec, frozen=True):
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
     by_name: bool = False  # runs only when it is asked for: it takes long
     needs: str = (
-        ""  # path from the checkout of data that are no part of it; where they are missing the case is left out
+        ""  # path from the checkout of data that are no part of it; without them the case is left out, and told
     )
     claim: str = ""
     sheet: Sheet | None = None  # of a benchmark that other codes can be judged by, too
@@ -96,6 +100,11 @@ class Case(Spec, frozen=True):
     def has_data(self) -> bool:
         """Whether the data that it needs are there."""
         return not self.needs or (HERE.parent / self.needs).exists()
+
+    @property
+    def without_data(self) -> str:
+        """Why it is left out where the data are missing."""
+        return f"needs {self.needs}, which is not here"
 
     def divided(self) -> list[Case]:
         """Its parts, each with the common quantities and its own, "PART, …"; the case itself if it has none."""
@@ -208,5 +217,12 @@ def load_cases(*wanted: str) -> list[Case]:
     chosen = [case for case in cases if any(map(case.is_meant_by, wanted))] if wanted else cases
     left = [case for case in chosen if case.has_data and (wanted or not case.by_name)]
     if chosen and not left:
-        raise ArgumentError(f"case = {chosen[0].name!r}: needs {chosen[0].needs}, which is not here")
+        raise ArgumentError(f"case = {chosen[0].name!r}: {chosen[0].without_data}")
     return left
+
+
+def cases_without_data(*wanted: str) -> list[Case]:
+    """The cases that `load_cases` leaves out because the data that they need are not here."""
+    cases = [part for path in sorted(CASES.glob("*.toml")) for part in load_case(path).divided()]
+    meant = [case for case in cases if any(map(case.is_meant_by, wanted)) or not (wanted or case.by_name)]
+    return [case for case in meant if not case.has_data]

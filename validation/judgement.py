@@ -11,7 +11,7 @@ from validation.store import Conditions, Finished, Row
 State = Literal["FAIL", "missed", "not measured", "met", "pass", "info"]
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class JudgedRow(Row):
     """A row with the verdict on it in a word, and with what else the machine did while its case was timed.
 

@@ -19,6 +19,7 @@ from flexlink.common.errors import DataFileError, FlexlinkError, OutputError, Sc
 from flexlink.common.processes import exit_when_closed
 from flexlink.common.versions import processor, system, versions
 from flexlink.describe.spec import decode
+from validation import row_counts
 from validation.case import ALL, CLAIM, Case, Measured, load_cases
 from validation.kinds import KINDS, LONG, SETTINGS, TIMED, Kind, measurements
 from validation.sources import ROOT, digests, sources
@@ -182,16 +183,19 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
     """
     kind, settings = kind_of(case)
     missing = {quantity for quantity in case.quantity if case.demands(quantity)}
+    rows: list[Row] = []
     start = time.perf_counter()
     for result in measurements(kind, case, settings):
         if isinstance(result, Series):
             yield result
         elif result.quantity in case.quantity:  # a case takes of what its kind measures
-            yield judged(case, result, time.perf_counter() - start, key)
+            rows.append(judged(case, result, time.perf_counter() - start, key))
+            yield rows[-1]
             missing.discard(result.quantity)
             start = time.perf_counter()
     if missing:  # a limit that nobody measured must not look like a limit that was kept
         raise DataFileError(f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here")
+    yield from row_counts.wrong(case, rows)
 
 
 def kind_of(case: Case) -> tuple[Kind, Any]:
@@ -220,6 +224,7 @@ def judged(case: Case, measured: Measured, seconds: float, key: str) -> Row:
         value=value, unit=quantity.unit, tolerance=tolerance, bound=quantity.bound,
         passed=None if passed is None else bool(passed), timed=measured.timed, reason=quantity.reason,
         note=measured.note, given_up=quantity.given_up, seconds=round(seconds, 3), key=key,
+        widened=quantity.widened,
     )  # fmt: skip
 
 

@@ -67,6 +67,7 @@ class Row:
     given_up: str  # why a limit that was once set is not kept; "" if there was none
     seconds: float
     key: str  # hash of everything that the row depends on
+    widened: str = ""  # why the limit is wider than the published one
 
     @property
     def where(self) -> str:

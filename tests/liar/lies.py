@@ -1,0 +1,141 @@
+"""What can be wrong, and how: functions by what they give, and values of every type that is given, off by a part."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import importlib
+import re
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from flexlink.dynamics.equilibrium import Equilibrium
+from flexlink.dynamics.terms import Energy
+from flexlink.results.trajectory import Trajectory
+
+Wrong = Callable[[Any, float], Any]
+"""A value, and by which part of itself it is wrong → the wrong value."""
+
+CALLERS = "validation", "flexlink.diagnosis.native", "flexlink.diagnosis.comparison"
+"""What calls the liar in place of the library: the study, and the library as an engine; the library keeps its own."""
+
+
+def scaled(value: Any, size: float) -> Any:
+    """Every number of a value times 1 + size."""
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return type(value)(*(scaled(part, size) for part in value))
+    if isinstance(value, Equilibrium):
+        return dataclasses.replace(value, q=scaled(value.q, size))
+    if hasattr(value, "eigenvalues"):
+        return dataclasses.replace(value, eigenvalues=scaled(value.eigenvalues, size))
+    if dataclasses.is_dataclass(value):
+        names = [field.name for field in dataclasses.fields(value)]
+        kept = {name: getattr(value, name) for name in names if isinstance(getattr(value, name), (float, np.ndarray))}
+        return dataclasses.replace(value, **{name: scaled(part, size) for name, part in kept.items()})  # type: ignore[type-var]
+    return value * (1 + size)
+
+
+def one_sample(run: Trajectory, size: float, row: int | None = None) -> Trajectory:
+    """A run of which the sample in the middle is wrong."""
+    factor = np.ones((len(run.t), 1))
+    factor[len(run.t) // 2 if row is None else row] += size
+    energy = Energy(run.energy.kinetic, run.energy.gravity, run.energy.elastic * factor[:, 0])
+    moved = {"q": run.q * factor, "qd": run.qd * factor, "tip": run.tip * factor, "energy": energy}
+    return dataclasses.replace(run, **moved)
+
+
+def at_the_end(run: Trajectory, size: float) -> Trajectory:
+    """A run of which the last sample is wrong."""
+    return one_sample(run, size, -1)
+
+
+def total_energy(run: Trajectory, size: float) -> Trajectory:
+    """A run whose energy jumps half-way by a part of the largest kinetic energy."""
+    jump = np.zeros(len(run.t))
+    jump[len(run.t) // 2] = size * np.max(run.energy.kinetic)
+    return dataclasses.replace(run, energy=dataclasses.replace(run.energy, elastic=run.energy.elastic + jump))
+
+
+def negative(value: Any, size: float) -> Any:
+    """A matrix with its sign turned round."""
+    return -size * value
+
+
+def first_number(text: str, size: float) -> str:
+    """An exported file of which the first mass is wrong."""
+    return re.sub(r'(mass[^>]*?")([\d.e+-]+)(")', lambda m: f"{m[1]}{float(m[2]) * (1 + size)!r}{m[3]}", text, count=1)
+
+
+class Function(NamedTuple):
+    """A function or method of the library, "module:name" or "module:Class.name", and how what it gives is wrong."""
+
+    path: str
+    wrong: Wrong = scaled
+
+
+RUN, TERMS, MODAL = "flexlink.motion.simulate:simulate", "flexlink.dynamics.terms", "flexlink.dynamics.vibration.modal"
+LIES = {
+    "M": Function(f"{TERMS}:mass_matrix"),
+    "sign of M": Function(f"{TERMS}:mass_matrix", negative),
+    "T_GC": Function(f"{TERMS}:bias_torque"),
+    "T_G": Function(f"{TERMS}:gravity_torque"),
+    "T_FL": Function(f"{TERMS}:elastic_torque"),
+    "T_FR": Function(f"{TERMS}:friction_torque"),
+    "ID": Function(f"{TERMS}:inverse_dynamics"),
+    "energies": Function(f"{TERMS}:energy"),
+    "q̈": Function("flexlink.dynamics.accelerations:forward_dynamics"),
+    "∂q̈": Function("flexlink.dynamics.derivatives:forward_dynamics_derivatives"),
+    "drag": Function("flexlink.dynamics.drag:drag_torque"),
+    "frames": Function("flexlink.dynamics.placement:frames"),
+    "statics": Function("flexlink.dynamics.equilibrium:solve_static"),
+    "buckling": Function("flexlink.dynamics.equilibrium:buckling_loads"),
+    "modes": Function(f"{MODAL}:modes"),
+    "frequencies": Function(f"{MODAL}:natural_frequencies"),
+    "stable step": Function("flexlink.dynamics.vibration.stability:stable_step"),
+    "motion": Function(RUN, one_sample),
+    "end of motion": Function(RUN, at_the_end),
+    "energy of motion": Function(RUN, total_energy),
+    "run": Function("flexlink.motion.simulate:SingleRun.finish", one_sample),
+    "exported file": Function("flexlink.formats:to_urdf", first_number),
+}
+"""What the study can be told wrong."""
+
+
+@contextlib.contextmanager
+def replaced(function: Function, by: Callable[[Callable[..., Any]], Callable[..., Any]]) -> Iterator[None]:
+    """Everybody of `CALLERS` who has imported a function gets another one."""
+    module = importlib.import_module(function.path.partition(":")[0])
+    owner, _, name = function.path.partition(":")[2].rpartition(".")
+    holder = getattr(module, owner) if owner else module
+    honest = getattr(holder, name)
+    liar = by(honest)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(holder, name, liar)
+        for other in [m for key, m in sys.modules.items() if key == "flexlink" or key.startswith(CALLERS)]:
+            for alias, value in list(vars(other).items()):
+                if value is honest:
+                    patch.setattr(other, alias, liar)
+        yield
+
+
+@contextlib.contextmanager
+def told(name: str, size: float, at: int | None) -> Iterator[list[int]]:
+    """A lie in call number `at`, in every call without; what is given counts the calls."""
+    function, calls = LIES[name], [0]
+
+    def by(honest: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(honest)
+        def liar(*arguments: Any, **named: Any) -> Any:
+            value, number = honest(*arguments, **named), calls[0]
+            calls[0] += 1
+            return function.wrong(value, size) if size and at in (None, number) else value
+
+        return liar
+
+    with replaced(function, by):
+        yield calls

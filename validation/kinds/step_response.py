@@ -1,0 +1,43 @@
+"""A step of a PD law's target on a rigid link: motion, settling time and overshoot against a second-order system's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+import flexlink as fl
+from flexlink.common.types import Array
+from flexlink.describe.spec import Positive
+from validation.case import Case, Measured
+from validation.oracles.rigid_motions import Servo
+
+
+def run(case: Case, within: Positive) -> Iterator[Measured]:
+    """Errors of angle, overshoot and settling time; `within` is the distance that counts as settled [m]."""
+    for scene in case.load_scenes():
+        found, servo, r = fl.simulate(scene), _servo(scene), scene.arm.links[0].length
+        exact = np.array([servo.angle(t) for t in found.t.tolist()])
+        yield Measured("angle", float(np.abs(found.q[:, 0] - exact).max()), scene.name)
+        target, start = _place(r, servo.target), _place(r, 0.0)
+        way = (target - start) / np.linalg.norm(target - start)
+        beyond = float((_place(r, servo.peak) - target) @ way)
+        error = abs(fl.overshoot(found, target=target) / beyond - 1)
+        yield Measured("overshoot", error, scene.name, note=f"{1e3 * beyond:.6g} mm in closed form.")
+        at = servo.settled(2 * math.asin(within / (2 * r)))  # a chord of the tip's circle
+        late = (fl.settling_time(found, target=target, tolerance=within) - at) / scene.run.spacing
+        yield Measured("settling time, samples early", -late, scene.name)
+        yield Measured("settling time, samples late", late, scene.name, note=f"{at:.6g} s in closed form.")
+
+
+def _place(r: float, angle: float) -> Array:
+    return np.array([r * math.cos(angle), r * math.sin(angle), 0.0])
+
+
+def _servo(scene: fl.Scene) -> Servo:
+    """From the numbers of the scene's file."""
+    body, drive = scene.arm.links[0].hub, scene.drive
+    assert drive.kp is not None and drive.kd is not None and drive.target_deg is not None
+    inertia = body.inertia[2] + body.mass * body.center[0] ** 2
+    return Servo(inertia, drive.kp[0], drive.kd[0], math.radians(drive.target_deg[0]))

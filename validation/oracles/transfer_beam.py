@@ -1,0 +1,65 @@
+"""A clamped beam whose EI and ρA vary along it: deflection, slope, moment and shear carried from the root to the tip.
+
+    w' = φ        φ' = M/EI        M' = V        V' = ρA ω² w
+
+Of the columns that start with a moment and with a shear force alone, the tip's M and V vanish together where ω is an
+eigenfrequency: the determinant of the transfer matrix' block is 0. Columns are linear between rows and may jump.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+Columns = tuple[Sequence[float], Sequence[float], Sequence[float]]
+"""x from the root [m], EI [N m²] and ρA [kg/m]."""
+
+
+def frequencies(columns: Columns, count: int) -> list[float]:
+    """The first frequencies [rad/s]."""
+    x, EI, ρA = (np.asarray(column) for column in columns)
+    unit = np.sqrt(EI.min() / ρA.max()) / x[-1] ** 2
+    found: list[float] = []
+    low, before = 0.1 * unit, _determinant(columns, 0.1 * unit)
+    while len(found) < count:
+        high = 1.15 * low
+        value = _determinant(columns, high)
+        if before * value < 0:
+            found.append(float(brentq(lambda ω: _determinant(columns, ω), low, high, rtol=1e-13)))
+        low, before = high, value
+    return found
+
+
+def curvature(columns: Columns, force: float, at: Sequence[float]) -> list[float]:
+    """M/EI of the beam under a small force across its tip [rad/m]."""
+    x, EI, _ = (np.asarray(column) for column in columns)
+    return [force * (x[-1] - place) / _linear(x, EI, place) for place in at]
+
+
+def _linear(x: np.ndarray, column: np.ndarray, at: float) -> float:
+    """Between the rows about `at`, of which none is there."""
+    k = int(np.searchsorted(x, at)) - 1
+    return float(column[k] + (column[k + 1] - column[k]) * (at - x[k]) / (x[k + 1] - x[k]))
+
+
+def _determinant(columns: Columns, ω: float) -> float:
+    x, EI, ρA = (np.asarray(column) for column in columns)
+    state = np.eye(4)[:, 2:]  # clamped: a moment, or a force
+    for k in range(len(x) - 1):
+        if x[k + 1] > x[k]:
+            state = _carried(state, x[k : k + 2], EI[k : k + 2], ρA[k : k + 2], ω)
+    return float(np.linalg.det(state[2:]))
+
+
+def _carried(state: np.ndarray, x: np.ndarray, EI: np.ndarray, ρA: np.ndarray, ω: float) -> np.ndarray:
+    def slope(at: float, flat: np.ndarray) -> np.ndarray:
+        w, φ, M, V = flat.reshape(4, -1)
+        stiff, heavy = (np.interp(at, x, column) for column in (EI, ρA))
+        return np.concatenate([φ, M / stiff, V, heavy * ω**2 * w])
+
+    return np.asarray(
+        solve_ivp(slope, tuple(x), state.ravel(), method="DOP853", rtol=1e-10, atol=1e-14).y[:, -1].reshape(4, -1)
+    )
