@@ -33,7 +33,7 @@ from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.floating_steps import is_far
 from flexlink.motion.hindrance import hindrance, loop_is_unstable
-from flexlink.motion.method_choice import Choice, cheapest, fastest_motion
+from flexlink.motion.method_choice import Choice, cheapest, fastest_motion, tumbles
 from flexlink.motion.method_trial import FIRST, go_on_with_the_cheapest
 from flexlink.motion.monitor import LONG, RunMonitor
 from flexlink.motion.sampled_control import Control
@@ -65,11 +65,11 @@ NEAR = 1e-9
 
 
 class AdaptiveSteps:
-    """Stepper of a run; `failure` says why it ended early. Of one that judges another run the longest steps are `halved`."""
+    """Stepper of a run, which may have its longest steps `halved`; `failure` says why it ended early."""
 
     def __init__(self, monitor: RunMonitor, halved: bool = False) -> None:
         self.halved = halved
-        self.compare_at, self.taken_over = FIRST, False  # tries of steps; whether a method goes on for one that failed
+        self.taken_over = False  # whether a method goes on for one that failed
         record, run = monitor.record, monitor.run
         self.failure: Failure | None = None
         self.record, self.run, self.control = record, run, monitor.control
@@ -80,6 +80,7 @@ class AdaptiveSteps:
         n, self.memory = record.chain.n, np.zeros(3 * record.chain.n + 2)
         self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
         self.slow = 0, ""  # row of the next sample when it was found, and what is to be told while the run goes on
+        self.compare_at = NEVER if run.method == AUTO and tumbles(record) else FIRST  # tries of steps
         record.begin()
         self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
         self.tau = np.zeros(record.chain.n)
@@ -440,7 +441,8 @@ class AdaptiveSteps:
             size = DEFAULT_TOLERANCE * self.record.chain.size
             return Failure(f"{text}; dry friction turns round within it", f"take run.tolerance, such as {size:.1g} m, "
                            "in place of run.step: fixed steps of an implicit method do not find where")  # fmt: skip
-        return Failure(text)
+        fixed = f"try a tolerance, which steps follow, or a smaller step than {self.run.fixed_step:g} s"
+        return Failure(text, "" if self.run.controlled else fixed)
 
 
 def with_own_limits(inputs: Inputs) -> Inputs:
@@ -475,6 +477,8 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
     """Settings of `advance`: error limits, order of the error estimate, shortest and longest step."""
     long_stages = 5  # implicit methods of so many stages take few, long steps
     exact = 1e-13  # residual of a fixed step over the arm's size; a larger one makes the energy drift
+    if record.chain.has_free_base:
+        exact = 1e-16  # one pass more: all steps leave momentum of one sign, and nothing takes it up
     of_the_iteration = 0.05  # residual of the Newton iteration over the error that a step may have
     of_a_deflection = 0.1  # stricter where the tolerance is on deflection: errors of all steps ring on in its vibration
     size = record.chain.size

@@ -47,6 +47,16 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
     return Choice("Radau5", stiffness)
 
 
+def tumbles(record: Record) -> bool:
+    """Whether rigid bodies fly freely: nothing holds them, dampers are slow, and the motion alone limits a step.
+
+    An implicit method of lower order is cheaper there only because samples make the steps of an explicit one much more
+    accurate than asked for, and bodies that turn over multiply the difference.
+    """
+    frequency, decay = fastest_motion(record, record.q[0])
+    return record.base is not None and frequency == 0.0 and decay * record.run.duration <= STIFF
+
+
 def fastest_motion(record: Record, q: Array) -> tuple[float, float]:
     """The fastest frequency [rad/s] and decay [1/s] of a chain under its drive at a posture."""
     chain, zero = record.chain, np.zeros(record.chain.n)
