@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 import mujoco
 import numpy as np
 import pytest
-from conftest import flexible, make_scene
+from conftest import compiled, flexible, make_scene
 
 import flexlink as fl
 from flexlink.dynamics.notes import notes
@@ -221,3 +221,27 @@ def test_a_bend_and_a_gear_survive_toml(tmp_path) -> None:
     scene, path = arm_with_gears(), tmp_path / "gears.toml"
     path.write_text(scene.to_toml(), encoding="utf-8")
     assert fl.load_scene(path) == scene
+
+
+@compiled
+@pytest.mark.slow
+def test_fixed_implicit_steps_that_sharp_friction_stops_name_a_tolerance_and_with_it_the_run_ends() -> None:
+    """A spinning free arm with dry friction over 1e-4 rad/s: Newton finds no stages, in however small parts."""
+    dry = {"coulomb": 0.5, "coulomb_width": 1e-4}
+    soft = fl.Section(shape="circle", diameter=0.01)
+    link = flexible(
+        "arm", segments=3, length=0.8, section="rod", joint=fl.Joint(**dry), friction=fl.Friction(0.05, 1e-4)
+    )
+    base = fl.Base(kind="free", mass=5.0, inertia=(0.2, 0.25, 0.3))
+    material = fl.Material(young=70e9, density=2700.0)
+    arm = fl.Arm(
+        links=(link,), base=base, materials={"aluminium": material}, sections={"rod": soft}, tip=fl.RigidBody(mass=0.5)
+    )
+    initial = fl.InitialState(joint_deg=(30.0,), rate_deg=(100.0,), base=fl.BaseState(spin_deg=(200.0, 100.0, 50.0)))
+    run = fl.RunSettings(method="Gauss4", step=1e-3, duration=0.2, sample=0.02)
+    scene = fl.Scene(name="spinning", arm=arm, initial=initial, run=run, gravity=(0.0, 0.0, 0.0))
+    with pytest.raises(
+        fl.errors.DivergenceError, match=r"friction turns round .*; take run\.tolerance, such as 0\.\d+ m"
+    ):
+        fl.simulate(scene)
+    assert fl.simulate(scene.varied({"run": fl.RunSettings(tolerance=1e-3, duration=0.2, sample=0.02)})).t[-1] == 0.2

@@ -438,9 +438,9 @@ class AdaptiveSteps:
         if known := hindrance(self.record, self.state[0]):
             return Failure(f"{text}; {known.cause}", known.advice)
         if not self.run.controlled and self.record.chain.hinges["coulomb"].any():
-            size = DEFAULT_TOLERANCE * self.record.chain.size
-            return Failure(f"{text}; dry friction turns round within it", f"take run.tolerance, such as {size:.1g} m, "
-                           "in place of run.step: fixed steps of an implicit method do not find where")  # fmt: skip
+            allowed = DEFAULT_TOLERANCE * self.record.chain.size
+            cause = f"{text}; dry friction turns round within it"
+            return Failure(cause, f"take run.tolerance, such as {allowed:.1g} m, in place of run.step")
         fixed = f"try a tolerance, which steps follow, or a smaller step than {self.run.fixed_step:g} s"
         return Failure(text, "" if self.run.controlled else fixed)
 

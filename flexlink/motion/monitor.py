@@ -24,7 +24,7 @@ from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import DivergenceError, Failure
-from flexlink.results.tip_motion import extent_of_motion
+from flexlink.results.tip_motion import extent_of_motion, motion_in_words
 from flexlink.results.trajectory import Trajectory
 
 FAR = float(np.radians(84.0))
@@ -316,7 +316,8 @@ class RunMonitor:
         moved = self.extent if self.tip_error or rounded else np.inf
         if self.tip_error > DOUBT * TIP_SHARE * moved:
             yield (
-                f"doubtful: step errors add up to {self.tip_error:.2g} m, while the tip moves {moved:.3g} m; "
+                f"doubtful: step errors add up to {self.tip_error:.2g} m, "
+                f"{motion_in_words(self.record.chain, moved)}; "
                 "halve the step and compare"
             )
         if rounded > DOUBT * TIP_SHARE * moved:

@@ -32,6 +32,18 @@ def apart(path: Array, other: Array) -> Array:
     return np.asarray(lengths if path.ndim == 2 else lengths.max(axis=-1))
 
 
+def error_in_words(chain: Chain, error: float) -> str:
+    """An error of a judged path [m]."""
+    if chain.has_levers:
+        return f"tip error {error:.2g} m"
+    return f"error {error:.2g} m, of places or of angles times {chain.size:.3g} m,"
+
+
+def motion_in_words(chain: Chain, moved: float) -> str:
+    """How far a judged path goes [m]."""
+    return f"while {'the tip' if chain.has_levers else 'it'} moves {moved:.3g} m"
+
+
 def distances(path: Array, other: Array) -> Array:
     """Distance of a path from another one, or from a point (3,), at every sample (samples,) [m]."""
     return np.asarray(np.linalg.norm(path - other, axis=1))

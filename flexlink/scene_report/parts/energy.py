@@ -16,7 +16,6 @@ from flexlink.pages.verdict import State, Verdict
 from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.study import Study
 
-
 NOTHING = 1e6
 """Times what rounding may do to the balance: an arm that exchanges less energy is at rest, as in `Study.moves`."""
 
