@@ -99,6 +99,12 @@ def test_the_summary_tells_the_power_balance_in_one_line(paper: str, capsys) -> 
     assert float(share[2]) == pytest.approx(float(share[1]) / float(share[3]), rel=0.1)
 
 
+def test_a_run_of_no_duration_says_that_it_is_none(paper: str, capsys) -> None:
+    assert main(["simulate", paper, "--duration", "0"]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first == "paper_fig5: run.duration = 0 s, so the start alone; give a duration, such as --duration 1"
+
+
 def test_a_missing_output_folder_is_found_before_the_run(paper: str, tmp_path: Path, capsys) -> None:
     assert main(["simulate", paper, "--out", str(tmp_path / "no" / "run.npz")]) == 2
     assert "does not exist" in error_line(capsys)

@@ -194,6 +194,38 @@ def test_what_a_process_printed_for_an_engine_is_not_that_of_the_next_one(monkey
     assert engine.stderr_errors == []
 
 
+def test_a_waiting_process_is_given_to_one_engine_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    gc.collect()
+    monkeypatch.setattr(child_process, "_idle", {})
+    engine = IsolatedEngine("native", lump(SCENE))
+    process = process_of(engine)
+    del engine
+    engine, other = (IsolatedEngine("native", lump(SCENE)) for _ in range(2))
+    assert process_of(engine) is process is not process_of(other)
+
+
+def test_a_call_in_time_leaves_the_process_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its timer is started before the call, and stopped after it."""
+    told: list[str] = []
+
+    class Watched:
+        daemon = False
+
+        def __init__(self, seconds: float, _: object) -> None:
+            told.append(f"{seconds:g} s")
+
+        def start(self) -> None:
+            told.append("started")
+
+        def cancel(self) -> None:
+            told.append("stopped")
+
+    monkeypatch.setattr(child_process, "Timer", Watched)
+    child = child_process.ChildProcess()
+    assert child.call("number", 60.0, os.getpid) == child.process.pid
+    assert told == ["60 s", "started", "stopped"]
+
+
 def test_a_process_that_died_while_it_waited_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(child_process, "_idle", {})
     engine = IsolatedEngine("native", lump(SCENE))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 
+import numpy as np
 import pytest
 from conftest import make_scene
 
@@ -48,6 +49,11 @@ def test_columns_are_named_with_their_unit() -> None:
         ({"gain": 0}, r"gain = 0.0: must not be 0"),
         ({"order": 2}, r"order = 2: has no effect without low_pass"),
         ({"seed": 2}, r"seed = 2: has no effect without noise"),
+        ({"noise": 1e308}, r"noise = 1e\+308: expected float <= 1e\+30"),
+        ({"noise": 1e-308}, r"noise = 1e-308: must be 0, or at least 1e-30"),
+        ({"gain": -1e308}, r"gain = -1e\+308: expected float >= -1e\+30"),
+        ({"bias": 1e308}, r"bias = 1e\+308: expected float <= 1e\+30"),
+        ({"resolution": 5e-324}, r"resolution = 5e-324: expected float >= 1e-30"),
         ({"name": "tip"}, r"name = 'tip': columns of a run are called so"),
         ({"name": "tau boom"}, r"name = 'tau boom': columns of a run are called so"),
         ({"name": "a [V]"}, r"name = 'a \[V\]': expected a text without brackets"),
@@ -86,3 +92,12 @@ def test_one_pair_of_brackets_is_named() -> None:
     table = tomllib.loads(scene_with(PLACE).to_toml().replace("[[sensor]]", "[sensor]"))
     with pytest.raises(fl.errors.SceneError, match=r"sensor = .*: expected \[\[sensor\]\], a table for each sensor"):
         scene_from(table)
+
+
+@pytest.mark.slow
+def test_readings_at_the_ends_of_what_is_allowed_are_finite() -> None:
+    extremes = {"noise": 1e30, "gain": 1e30, "bias": -1e30, "resolution": 1e-30}
+    place = {key: value for key, value in extremes.items() if key != "resolution"}
+    scene = scene_with(GAUGE | extremes | {"noise": 0.0, "gain": 1.0, "bias": 1.0}, PLACE | place)
+    run = fl.simulate(scene, duration=0.01, sample=0.005)
+    assert all(np.isfinite(column).all() for column in run.readings.values())

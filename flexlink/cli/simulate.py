@@ -132,7 +132,10 @@ def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
     x, y, z = run.tip[-1]
     total = np.asarray(run.energy.total)
     past = run.t[-1] - run.t[0]
-    print(f"{scene.name}: {past:g} s simulated in {seconds:.3g} s ({past / seconds:.3g} × real time)")
+    if past == 0:
+        print(f"{scene.name}: run.duration = 0 s, so the start alone; give a duration, such as --duration 1")
+    else:
+        print(f"{scene.name}: {past:g} s simulated in {seconds:.3g} s ({past / seconds:.3g} × real time)")
     print(f"steps: {run.steps}")
     print(f"tip at the end: x = {x:.6f}, y = {y:.6f}, z = {z:.6f} m (frame 0)")
     print(f"energy: {total[0]:.9g} J at the start, {total[-1]:.9g} J at the end")

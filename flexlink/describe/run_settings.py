@@ -62,7 +62,7 @@ class RunSettings(Spec, frozen=True):
     step: Positive | None = None
     """Length of fixed steps [s]. Default: steps follow from a tolerance; of a method that is named 1e-4."""
     duration: NonNegative = DEFAULT_DURATION
-    """How long the run is [s]."""
+    """How long the run is [s]; 0: one sample, the start."""
     sample: Positive | None = None
     """Time between stored samples [s]. Default: 0.005, or what is nearest of the parts of the duration that are whole
     numbers of steps."""

@@ -14,7 +14,7 @@ from flexlink.describe.csv_table import conversion
 from flexlink.describe.directions import unit
 from flexlink.describe.own_units import SI, TORQUE
 from flexlink.describe.rigidity import Rigidity
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key, truncated
+from flexlink.describe.spec import LARGE, SMALL, Deviation, NonNegative, Positive, Spec, Vector3, link_key, truncated
 
 Kind = Literal["strain", "accelerometer", "gyroscope", "joint", "torque", "current", "position"]
 """What a sensor measures."""
@@ -97,11 +97,11 @@ class Sensor(Spec, frozen=True):
     Default: all three, a column each."""
     torque_constant: Positive | None = None
     """Of current: torque at the joint per current, gear ratio included [N m/A]; of a prismatic joint [N/A]."""
-    gain: float = 1.0
+    gain: Annotated[float, msgspec.Meta(ge=-LARGE, le=LARGE)] = 1.0
     """What one unit of the signal, in SI units and radians, is in the column [its unit per SI unit]."""
     unit: str | None = None
     """Unit of the column, to which the gain leads. Default: the signal's own: 1, m/s², rad/s, rad or m, N m or N, A."""
-    bias: float = 0.0
+    bias: Annotated[float, msgspec.Meta(ge=-LARGE, le=LARGE)] = 0.0
     """What it shows where there is nothing [unit of the column]."""
     delay: NonNegative = 0.0
     """How much later the signal is seen [s]; before the start it was as at the start."""
@@ -112,9 +112,9 @@ class Sensor(Spec, frozen=True):
     """Order of the low-pass. Default: 1."""
     rate: Positive | None = None
     """How often it is asked [Hz], at t = k / rate; in between the reading is held. Default: at every sample."""
-    resolution: Positive | None = None
+    resolution: Deviation | None = None
     """Step between two readings, which are its multiples [unit of the column]. Default: none."""
-    noise: NonNegative = 0.0
+    noise: Annotated[float, msgspec.Meta(ge=0, le=LARGE)] = 0.0
     """Standard deviation of the readings' white, normal noise [unit of the column]; without a rate every `run.sample`
     has a number of its own."""
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
@@ -137,6 +137,8 @@ class Sensor(Spec, frozen=True):
             unit("axis", self.axis)
         if self.gain == 0:
             raise SceneError("gain = 0.0: must not be 0; nothing would be measured")
+        if 0 < self.noise < SMALL:
+            raise SceneError(f"noise = {self.noise!r}: must be 0, or at least {SMALL:g}")
         self._check_unit()
         for key, of in (("order", "low_pass"), ("seed", "noise")):
             if getattr(self, key) is not None and not getattr(self, of):

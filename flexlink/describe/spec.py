@@ -23,6 +23,9 @@ from flexlink.describe.not_supported import LOOPS, why_not
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
+SMALL, LARGE = 1e-30, 1e30
+"""Of numbers that measure, so that float64 holds fourth powers of their quotients with ordinary ones."""
+Deviation = Annotated[float, msgspec.Meta(ge=SMALL, le=LARGE)]
 Vector3 = tuple[float, float, float]
 ONE_PER_LINK = msgspec.Meta(extra={"one per": "link"})
 """Marks the annotation of a list with one number per link: paths lead to its items by the links' names or numbers."""

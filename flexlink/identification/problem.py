@@ -10,7 +10,7 @@ import msgspec
 
 from flexlink.common.errors import SceneError
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Positive, Spec
+from flexlink.describe.spec import Deviation, Positive, Spec
 
 Use = Literal["fit", "check"]
 """What data are for: to fit, or to judge what was fitted without them."""
@@ -34,7 +34,7 @@ class FitParameter(Spec, frozen=True):
     its logarithm, else none."""
     start: float | None = None
     """Where the search begins. Default: the scene's value."""
-    prior: tuple[float, Positive] | None = None
+    prior: tuple[float, Deviation] | None = None
     """What is known of it already: its value and its standard deviation."""
     scale: Literal["auto", "log", "linear"] = "auto"
     """Whether its logarithm is sought. Default: of positive numbers, but not of those of the initial state."""
@@ -74,7 +74,7 @@ class FitRun(Spec, frozen=True):
     """What differs from the scene in this run, values by path."""
     compare: tuple[str, ...] = ()
     """Columns that count, as in the file's heads; others may be anything. Default: all, and all must be known."""
-    noise: dict[str, Positive] = msgspec.field(default_factory=dict)
+    noise: dict[str, Deviation] = msgspec.field(default_factory=dict)
     """Standard deviation of a column's noise, by its head, in the head's unit. Default: that of the scene's sensor of
     this name, else what the fit leaves."""
     gain: tuple[str, ...] = ()
@@ -104,13 +104,13 @@ class FitModes(Spec, frozen=True):
 
     hertz: Annotated[tuple[Positive, ...], msgspec.Meta(min_length=1)]
     """Frequencies [Hz]."""
-    deviation: tuple[Positive, ...]
+    deviation: tuple[Deviation, ...]
     """Standard deviation of each, or one of all [Hz]."""
     numbers: tuple[int, ...] = ()
     """Which of the arm's elastic modes they are, from 1, slowest first. Default: the first ones."""
     ratios: tuple[float, ...] = ()
     """Ratios of damping of the same modes [1]. Default: not measured."""
-    ratio_deviation: Positive = 1e-3
+    ratio_deviation: Deviation = 1e-3
     """Standard deviation of the ratios [1]."""
     locked: tuple[str, ...] | None = None
     """Links or joints that are held. Default: all driven joints."""
@@ -142,7 +142,7 @@ class FitStatic(Spec, frozen=True):
     """Along which axis of frame 0."""
     value: float
     """The tip's coordinate, or by how much it is larger than `before` [m]."""
-    deviation: Positive
+    deviation: Deviation
     """Its standard deviation [m]."""
     set: dict[str, Any] = msgspec.field(default_factory=dict)
     """What differs from the scene, values by path."""

@@ -1,0 +1,50 @@
+"""Standard deviations that no measurement has are refused by name; what is allowed ends in a result or in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+
+import flexlink as fl
+
+TOO_SMALL, TOO_LARGE = r"expected float >= 1e-30", r"expected float <= 1e\+30"
+
+
+@pytest.mark.parametrize(("value", "allowed"), [(5e-324, TOO_SMALL), (1e-308, TOO_SMALL), (1e308, TOO_LARGE)])
+@pytest.mark.parametrize(
+    ("key", "build"),
+    [
+        (r"prior\[1\]", lambda d: fl.FitParameter(path="tip.mass", prior=(1.0, d))),
+        (r"deviation\[0\]", lambda d: fl.FitModes(hertz=(5.0,), deviation=(d,))),
+        ("ratio_deviation", lambda d: fl.FitModes(hertz=(5.0,), deviation=(0.1,), ratio_deviation=d)),
+        ("deviation", lambda d: fl.FitStatic(axis="x", value=0.0, deviation=d)),
+        ("noise.*", lambda d: fl.FitRun(name="a", file="a.csv", noise={"tip x [m]": d})),
+    ],
+)
+def test_a_deviation_that_float64_cannot_square_is_refused(
+    key: str, build: Callable[[float], object], value: float, allowed: str
+) -> None:
+    with pytest.raises(fl.errors.SceneError, match=rf"^{key} = \S+: {allowed}$"):
+        build(value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("deviation", [1e-30, 1e30])
+def test_the_ends_of_what_is_allowed_end_in_a_result_or_in_a_line(deviation: float) -> None:
+    arm = make_scene(
+        flexible("a", segments=3, joint=fl.Joint(locked=True)), flexible("b", segments=3), gravity=(0, -9.81, 0)
+    )
+    problem = fl.FitProblem(
+        scene=arm,
+        parameter=(fl.FitParameter(path="material.aluminium.young", prior=(7e10, deviation)),),
+        modes=(fl.FitModes(hertz=(5.0,), deviation=(deviation,)),),
+        static=(fl.FitStatic(axis="y", value=-0.01, deviation=deviation),),
+    )
+    assert np.isfinite(fl.check_fit(problem).singular_values).all()
+    try:
+        assert fl.fit(problem).numbers[0].value > 0
+    except fl.errors.IdentifiabilityError as error:
+        assert deviation > 1 and "\n" not in str(error)
