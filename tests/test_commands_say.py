@@ -1,4 +1,4 @@
-"""What commands say and refuse at their edges: a screen, an ending of a file, a narrow terminal, an arm that is free."""
+"""What commands say and refuse at their edges: a screen, a file's ending, a narrow terminal, an arm that is free."""
 
 from __future__ import annotations
 
