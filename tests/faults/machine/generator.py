@@ -26,8 +26,8 @@ SHOWN = frozenset({
 TOLD = frozenset({"Memo", "lru_cache", "numbered", "warn", "cast", "TypeVar", "NewType", "print", "Gauge"})
 """Calls whose arguments are messages, types, names, or how much is kept."""
 NUMBERS = frozenset({"constant", "count", "factor", "sign"})
-WITNESSES = frozenset({"drake.py", "drake_reader.py", "exudyn.py"})
-"""Files that only run where the extra `witness` is installed."""
+NOT_HERE = frozenset({"__init__.py", "__main__.py", "drake.py", "drake_reader.py", "exudyn.py"})
+"""Files that are commands, or run only where the extra `witness` is installed."""
 DRAWN = ("flexlink/pages", "flexlink/results/pictures", "reports", "reports/figures")
 """Rooms whose numbers are places on paper: there only logic is mutated."""
 
@@ -71,8 +71,7 @@ class Mutant(NamedTuple):
 def files(root: Path = ROOT) -> list[str]:
     """Every source file that mistakes are made in."""
     paths = itertools.chain.from_iterable((root / tree).rglob("*.py") for tree in TREES)
-    left_out = WITNESSES | {"__init__.py"}
-    return sorted(path.relative_to(root).as_posix() for path in paths if path.name not in left_out)
+    return sorted(path.relative_to(root).as_posix() for path in paths if path.name not in NOT_HERE)
 
 
 def mutants(file: str, source: bytes) -> list[Mutant]:
@@ -142,7 +141,7 @@ def _only_told(node: ast.AST) -> bool:
             return True
         case ast.Raise() | ast.JoinedStr() | ast.Assert() | ast.Import() | ast.ImportFrom():
             return True
-        case ast.If(ast.Name("TYPE_CHECKING")) | ast.Assign([ast.Name("__all__")]):
+        case ast.If(ast.Name("TYPE_CHECKING") | ast.Compare(ast.Name("__name__"))) | ast.Assign([ast.Name("__all__")]):
             return True
         case ast.Call(ast.Name(name) | ast.Attribute(_, name)):
             return name in TOLD
