@@ -59,6 +59,11 @@ def test_a_fresh_start_leaves_no_row_of_a_process_that_was_killed(tmp_path: Path
         assert store.count() == 2
 
 
+def test_a_sweep_that_was_stopped_says_so_and_by_which_signal() -> None:
+    stopped = fl.errors.InterruptedSweepError("2 of 3 members are done", 15)
+    assert (str(stopped), stopped.signal) == ("2 of 3 members are done", 15)
+
+
 def test_damage_is_told_wherever_it_is(tmp_path: Path) -> None:
     """Here in a page that holds the rest of a long reason, which nothing reads but who wants the table."""
     plan, out = Plan(SWEEP), tmp_path / "sweep.db"

@@ -58,7 +58,6 @@ def test_the_mistakes_are_those_of_the_list() -> None:
         },
         ("Shape.area", "-a"): {"(a)"},
         ("Shape.area", "max"): {"min"},
-        ("Shape.area", "max(b, 3.0)"): {"max(3.0, b)"},
         ("Shape.area", "3.0"): {"30.0"},
         ("total", "len(shapes), chain.name"): {"(chain.name,)", "(len(shapes),)"},
         ("total", "check(chain)"): {"pass"},
@@ -79,7 +78,7 @@ def test_no_mistake_is_made_in_words_types_and_what_is_only_shown() -> None:
     texts = {was for _, was in made()}
     assert not texts & {"1 + 2", "1 + 1", "16", "3", "a + 1", "LIMIT - 1"}
     looks = b"def draw(axes):\n    axes.plot(t, x, linewidth=2.0, alpha=0.5)\n    return x * 3.0\n"
-    assert {was for _, was in made(looks)} == {"axes.plot(t, x, linewidth=2.0, alpha=0.5)", "x * 3.0", "3.0"}
+    assert {was for _, was in made(looks)} == {"x * 3.0", "3.0"}
     drawing = {mutant.kind for mutant in mutants("reports/figures/area.py", SOURCE)}
     assert not drawing & generator.NUMBERS
 
@@ -132,14 +131,14 @@ def test_code_of_a_running_process_is_exchanged(tmp_path: Path, monkeypatch: pyt
         line = source[:start].count(b"\n") + 1
         swap.swap(Mutant("shapes.py", line, where, "", was, becomes, start, start + len(was), 0))
 
+    with pytest.raises(swap.CannotSwapError):
+        plant("def area(a)", "def area(a=1)", "area")
     plant("a * SIZE", "a / SIZE", "area")
     assert area(5.0) == 2.0
     plant("a + b", "a - b", "made")
     assert held(5) == shapes.made(1)(5) == 4
     plant("2.5", "25.0", "")
     assert (shapes.SIZE, area(5.0)) == (25.0, 125.0)  # the function as it was
-    with pytest.raises(swap.CannotSwapError):
-        plant("def area(a)", "def area(a=1)", "area")
 
 
 def test_what_is_the_same_has_a_reason_and_stands_there() -> None:

@@ -126,5 +126,15 @@ def test_places_bodies_and_roots_are_told_from_their_limits_on() -> None:
         assert len([text for text in above if text.startswith(key)]) == 1, key
 
 
+@pytest.mark.parametrize(("length", "side", "key"), [(30.0, 5e-3, "link.bar.length"), (0.03, 0.04, "section.square.")])
+def test_of_a_link_that_is_no_beam_its_length_is_told_or_its_section(length: float, side: float, key: str) -> None:
+    """Too slender, L/h = 6000: likely the length is wrong; wider than long: the section."""
+    section = fl.Section(shape="rectangle", height=side, width=side)
+    scene = make_scene(flexible("bar", length=length), gravity=(0.0, 0.0, 0.0)).varied({"section.square": section})
+    (told,) = [text for text in hints(scene) if "times as long as wide" in text]
+    assert told.startswith(key)
+    assert f"{length / side:.2g} times as long as wide" in told
+
+
 assert ALUMINIUM.young == 70e9
 assert SQUARE.properties.i_z == pytest.approx(0.04**4 / 12)

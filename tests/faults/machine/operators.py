@@ -30,6 +30,11 @@ NAMES = (
 SWAPPED = {a: b for pair in NAMES for a, b in (pair, pair[::-1])}
 DROPPED = frozenset({"abs", "sorted", "reversed", "sqrt", "cumsum", "transpose", "conj", "diff"})
 """Functions of one array whose value may be taken for their argument."""
+SYMMETRIC = frozenset({
+    "isinstance", "issubclass", "getattr", "hasattr", "zip", "range", "max", "min", "maximum", "minimum", "hypot",
+    "allclose", "array_equal",
+})  # fmt: skip
+"""Functions whose arguments may be swapped, or are never in another order."""
 EMPTY = {"bool": "not ({})", "float": "0.0 * ({})", "int": "0 * ({})", "Array": "0.0 * ({})", "str": '""'}
 CONTAINERS = {"list": "[]", "tuple": "()", "dict": "{}", "set": "set()"}
 
@@ -95,7 +100,7 @@ def _condition(node: ast.AST, text: Text, _: ast.expr | None) -> Made:
 
 def _arguments(node: ast.AST, text: Text, _: ast.expr | None) -> Made:
     match node:
-        case ast.Call(ast.Name("isinstance" | "zip" | "getattr" | "hasattr" | "range")):
+        case ast.Call(ast.Name(name) | ast.Attribute(_, name)) if name in SYMMETRIC:
             return
         case ast.Call(func, args) if not any(isinstance(arg, ast.Starred) for arg in args):
             for first, second in itertools.pairwise(args):

@@ -1,0 +1,56 @@
+"""Tables of the study's page and what is read of foreign files, recomputed from numbers that stand here."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from flexlink.engines.base import refuse_sampled_inputs
+from flexlink.errors import ArgumentError
+from reports.findings import physics_published
+
+
+def test_a_published_number_and_ours_differ_by_their_quotient_less_one() -> None:
+    theirs = np.array([2.0, 4.0, 5.0, 8.0, 10.0, 20.0])
+    ours = theirs * (1 + np.array([0.001, -0.002, 0.0, 0.004, -0.05, 0.03]))
+    columns = {"what": np.array(list("abcdef")), "published": theirs, "ours": ours}
+    series = SimpleNamespace(columns=columns)
+    results = SimpleNamespace(showing=lambda name: [("beam", series)], cases={"beam": [SimpleNamespace(title="Beam")]})
+    (table,) = physics_published.find(cast("Any", results))
+    shown = [str(line[3]).replace("−", "-") for line in table.lines]
+    numbers = [float(text.removeprefix("at most ").split()[0].rstrip("%")) for text in shown]
+    assert numbers == pytest.approx([0.1, -0.2, 0.0, 0.4, 5.0], abs=0.051)
+    assert shown[-1].startswith("at most ")
+    assert [line[0] for line in table.lines] == ["Beam: a", "Beam: b", "Beam: c", "Beam: d", "Beam: 2 more"]
+
+
+def test_engines_that_step_alone_take_a_reference_only_by_a_pd_drive_without_jumps() -> None:
+    """The other laws need torques between samples, which such an engine cannot be told."""
+
+    def scene(kind: str, jumps: list[float]) -> Any:
+        drive = SimpleNamespace(hold=False, rate=None, kind=kind)
+        return SimpleNamespace(drive=drive, wrench=SimpleNamespace(hold=False), initial=SimpleNamespace(time=0.0),
+                               course=SimpleNamespace(jumps=np.array(jumps)))  # fmt: skip
+
+    refuse_sampled_inputs("exudyn", scene("pd", []))
+    for kind, jumps in (("computed_torque", []), ("pd", [0.5])):
+        with pytest.raises(ArgumentError, match=r"drive\.reference with jumps in its derivatives"):
+            refuse_sampled_inputs("exudyn", scene(kind, jumps))
+
+
+def test_a_servos_control_is_an_angle_before_its_gear() -> None:
+    """kp (u − r q) r moves the joint to q = u / r: 1/r is what a unit of control means there; a motor's is its gear."""
+    mujoco = pytest.importorskip("mujoco")
+    from flexlink.engines import mujoco_actuators  # noqa: PLC0415
+
+    body = '<body><joint name="{0}"/><geom type="box" size=".1 .1 .1"/></body>'
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{body.format('a')}{body.format('b')}</worldbody><actuator>"
+        '<position joint="a" kp="30" gear="4"/><motor joint="b" gear="7"/></actuator></mujoco>'
+    )
+    fields = mujoco_actuators.at_joints(model)
+    np.testing.assert_allclose(fields["gear"], [1 / 4, 7.0], rtol=1e-12)
+    np.testing.assert_allclose(fields["servo_stiffness"], [16 * 30.0, 0.0], rtol=1e-12)
