@@ -204,12 +204,31 @@ def test_rigid_links_are_enough_below_half_the_tolerance_growth_of_errors_counte
 ) -> None:
     """Growth beyond ten counts: 0.1 grown by 30 is told as 0.3 tolerances, by 90 as 0.9: too much."""
     tolerance = 0.01 * TRAVEL
-    world = World(estimated=estimated * tolerance, grows=grows, constants=(1e-6, 1e-6), steps=0.0)
-    advice, _ = advised(world, 0.01)
+    world = World(estimated=estimated * tolerance, grows=grows, constants=(1e-6, 1e-6), steps=0.5)
+    advice, true = advised(world, 0.01)
+    assert true <= advice.error <= tolerance
     assert (advice.converged_tip is None) == rigid_links
     if rigid_links:
         assert advice.error == pytest.approx(max(1.0, grows / 10) * estimated * tolerance, rel=0.05)
         assert any(f"estimated error at most {1e3 * estimated * tolerance:.3g} mm" in line for line in advice.lines)
+
+
+@pytest.mark.parametrize(("steps", "times"), [(1e-4, 100.0), (0.05, 10.0)])
+def test_rigid_links_take_the_loosest_steps_that_are_allowed(advised: Any, steps: float, times: float) -> None:
+    """A hundred times the tolerance is tried first, then ten times: they are off by `steps` of that."""
+    tolerance = 0.01 * TRAVEL
+    world = World(estimated=0.1 * tolerance, constants=(1e-6, 1e-6), steps=steps)
+    advice, true = advised(world, 0.01)
+    assert advice.scene.run.tolerance == pytest.approx(times * tolerance, rel=1e-3)
+    assert true <= advice.error <= tolerance
+
+
+def test_rigid_links_that_are_good_enough_are_taken_with_what_is_not_known(advised: Any) -> None:
+    """No estimate holds, but finer models tell: they lack the axes that were left out, as rigid links do."""
+    tolerance = 1e-3 * TRAVEL
+    advice, true = advised(World(constants=(1e-6, 1e-6), aside=0.04 * tolerance, steps=0.0), 1e-3)
+    assert {link.flex for link in advice.scene.arm.links} == {"rigid"}
+    assert 0.08 * tolerance <= true <= advice.error <= tolerance
 
 
 def test_a_part_of_the_deflection_is_that_of_the_springs(advised: Any) -> None:
