@@ -34,7 +34,7 @@ from flexlink.identification.recorded import Recorded, _noise_of_sensors, _with_
 from flexlink.identification.residuals import row_of
 from flexlink.identification.signals import DOWN, FOUR, TWO, UP, Stencil
 from flexlink.identification.single import Sagged
-from flexlink.identification.timing import doubts_of_times, in_periods
+from flexlink.identification.timing import as_long, doubts_of_times, in_periods
 
 Array = np.ndarray
 E, MASS, YOUNG = 2e11, "tip.mass", "material.steel.young"
@@ -180,6 +180,12 @@ class TestCoverage:
         e, n = np.random.default_rng(14).standard_normal(30), 30
         found = spread_of([Part([e], [np.ones((n, 1))], True)], np.zeros((0, 1))).covariance[0, 0]
         assert found == pytest.approx(float(e @ e) / n**2 * (1 + (2 * n**2 + 1) / (3 * n**2)), rel=1e-9)
+
+    def test_the_same_column_twice_tells_no_more_than_once(self) -> None:
+        rng = np.random.default_rng(16)
+        e, J = rng.standard_normal(30), rng.standard_normal((30, 1))
+        once, twice = (spread_of([Part([e] * k, [J] * k, True)], np.zeros((0, 1))).covariance for k in (1, 2))
+        assert twice == pytest.approx(once, rel=0.1)
 
     def test_white_noise_seldom_gets_a_colour(self) -> None:
         """One coefficient more must gain ln n: by chance in P(χ²₁ > ln 60) = 4.3 % of draws, several more rarely."""
@@ -402,6 +408,14 @@ class TestTimes:
             np.testing.assert_allclose(
                 at_times(t, np.sin(6 * t), t[:50] + late), np.sin(6 * (t[:50] + late)), atol=1e-6
             )
+
+    def test_a_run_goes_on_to_the_last_sample_of_its_record_and_of_its_first_part(self) -> None:
+        later = SCENE.varied({"initial.time": 0.5})
+        assert as_long(later, np.linspace(0.7, 1.5, 81)).run.duration == pytest.approx(1.0)
+        whole = film(np.zeros(100), 1.0)
+        part = Recorded.first(whole, 0.15)
+        assert len(part.blocks[0].y) == 15
+        assert part.scene.run.duration == pytest.approx(0.14)  # samples 0 to 14
 
     @pytest.mark.parametrize(("samples_a_period", "seen"), [(1.6, False), (2.5, True)])
     def test_two_samples_a_period_are_needed(self, samples_a_period: float, seen: bool, monkeypatch: Any) -> None:

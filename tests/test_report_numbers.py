@@ -104,6 +104,9 @@ class TestHeld:
         assert [size, y, *numbers(part.facts[0].value)] == three(sag, -sag, sag)
         assert max(abs(x), abs(z)) < 2e-3 * sag
         assert said(part, "The posture is ") == "stable"
+        largest = 0.08 * held.reach / (1e-3 * sag)  # what is drawn is a twelfth of the reach at most
+        scale = max(times for times in (1, 2, 5, 10, 20, 50, 100, 200, 500) if times <= largest)
+        assert part.pictures[0].caption == f"Grey: undeformed. Blue: deformed, deflection × {scale}."
         assert table(part, "holding")["torque [N m]"] == pytest.approx([-MOMENT], rel=1e-4)
         assert numbers(part.facts[1].value) == three(MOMENT)
 
@@ -205,6 +208,10 @@ class TestMove:
         columns, k = picture(part, "motion"), move.chain.joint_names.index("fore")
         assert columns["tip deflection [m]"] == pytest.approx(off, rel=1e-9, abs=1e-15)
         assert columns["fore [deg]"] == pytest.approx(run.q[:, k] * 180 / np.pi, rel=1e-12)
+        postures = picture(part, "postures")
+        times, tips = (postures[head][postures["body"] == move.chain.tips["fore"]] for head in ("time [s]", "x [m]"))
+        assert tips == pytest.approx(np.interp(times, run.t, run.tip[:, 0]), abs=1e-9)
+        assert times[[0, -1]].tolist() == [0.0, 0.6]
         heads, *rows = part.files["run.csv"].splitlines()
         rows_of_run = np.array([run.columns[head] for head in heads.split(",")]).T
         np.testing.assert_array_equal(np.array([row.split(",") for row in rows], float), rows_of_run)
@@ -230,6 +237,11 @@ class TestMove:
         most = max(torque, key=torque.__getitem__)
         assert told(part, "Largest drive torque: ") == three(torque[most])
         assert said(part, "Largest drive torque: ").endswith(f"at {most}")
+        cuts = [chain.body(k) for k, name in enumerate(chain.joint_names) if name.startswith(("upper", "fore"))]
+        bending = np.hypot(*np.moveaxis(M[:, cuts, 1:], 2, 0)).max(axis=1)
+        stress = bending * 0.045 / 2 / (np.pi / 64 * (0.045**4 - 0.037**4))  # of a tube
+        assert numbers(part.facts[0].value) == three(1e-6 * stress.max())
+        assert f"at {run.t[stress.argmax()]:g} s" in part.facts[0].label
         lines, columns = table(part, "loads"), picture(part, "loads")
         for place, name in enumerate(lines.pop("location")):
             k = chain.joint_names.index(name)
@@ -255,6 +267,13 @@ class TestMove:
         beyond = max(0.0, *((run.tip - target) @ way / np.linalg.norm(way)))
         assert told(part, "Overshoot: ") == three(1e3 * beyond)
         assert picture(part, "settling")["distance to target [m]"] == pytest.approx(off, rel=1e-6, abs=1e-9)
+
+    def test_a_drive_without_a_reference_leads_to_its_target_from_the_start(self, move: Study) -> None:
+        drive = fl.Drive(kind="pd", kp=(4e4,) * 3, kd=(4e2,) * 3, target_deg=GOAL)
+        study = Study(move.scene.varied({"drive": drive, "run.duration": 0.1}))
+        off = np.linalg.norm(study.run.tip[-1] - target_of(move))
+        assert told(made("settling", study), "At the end of the run the tip is ") == three(1e3 * off)
+        assert told(made("settling", study), "after the reference ends (") == [0]
 
     def test_settling_times_are_those_after_which_the_tip_stays_close(self, move: Study) -> None:
         """A tip comes nearer as 0.5 m e^(−20 t): to p of its travel at −ln p / 20, in samples of 0.01 s."""
