@@ -24,6 +24,7 @@ from flexlink.advice.refinement import RefinementStudy
 from flexlink.advice.rigid import RigidError
 from flexlink.advice.run_time import RunTime
 from flexlink.advice.search import Search
+from flexlink.advice.straightness import load_and_bend
 from flexlink.advice.verdict import Advice
 from flexlink.results.convergence import Limit
 
@@ -204,12 +205,31 @@ def test_rigid_links_are_enough_below_half_the_tolerance_growth_of_errors_counte
 ) -> None:
     """Growth beyond ten counts: 0.1 grown by 30 is told as 0.3 tolerances, by 90 as 0.9: too much."""
     tolerance = 0.01 * TRAVEL
-    world = World(estimated=estimated * tolerance, grows=grows, constants=(1e-6, 1e-6), steps=0.0)
-    advice, _ = advised(world, 0.01)
+    world = World(estimated=estimated * tolerance, grows=grows, constants=(1e-6, 1e-6), steps=0.5)
+    advice, true = advised(world, 0.01)
+    assert true <= advice.error <= tolerance
     assert (advice.converged_tip is None) == rigid_links
     if rigid_links:
         assert advice.error == pytest.approx(max(1.0, grows / 10) * estimated * tolerance, rel=0.05)
         assert any(f"estimated error at most {1e3 * estimated * tolerance:.3g} mm" in line for line in advice.lines)
+
+
+@pytest.mark.parametrize(("steps", "times"), [(1e-4, 100.0), (0.05, 10.0)])
+def test_rigid_links_take_the_loosest_steps_that_are_allowed(advised: Any, steps: float, times: float) -> None:
+    """A hundred times the tolerance is tried first, then ten times: they are off by `steps` of that."""
+    tolerance = 0.01 * TRAVEL
+    world = World(estimated=0.1 * tolerance, constants=(1e-6, 1e-6), steps=steps)
+    advice, true = advised(world, 0.01)
+    assert advice.scene.run.tolerance == pytest.approx(times * tolerance, rel=1e-3)
+    assert true <= advice.error <= tolerance
+
+
+def test_rigid_links_that_are_good_enough_are_taken_with_what_is_not_known(advised: Any) -> None:
+    """No estimate holds, but finer models tell: they lack the axes that were left out, as rigid links do."""
+    tolerance = 1e-3 * TRAVEL
+    advice, true = advised(World(constants=(1e-6, 1e-6), aside=0.04 * tolerance, steps=0.0), 1e-3)
+    assert {link.flex for link in advice.scene.arm.links} == {"rigid"}
+    assert 0.08 * tolerance <= true <= advice.error <= tolerance
 
 
 def test_a_part_of_the_deflection_is_that_of_the_springs(advised: Any) -> None:
@@ -260,6 +280,35 @@ def test_a_perturbed_run_starts_as_far_off_as_it_is_asked() -> None:
     plain, turned = runner.run((None, None), steps), runner.perturbed_run((None, None), steps, 1e-3)
     assert turned is not None
     assert np.linalg.norm(turned.tip[0] - plain.tip[0]) == pytest.approx(3e-3, rel=1e-3)
+
+
+def test_postures_are_taken_along_the_whole_run_and_fixed_steps_are_no_longer_than_asked() -> None:
+    runner = ModelRunner(SCENE.varied({"run.duration": 0.2}), 60.0)
+    run = runner.run((None, None), Stepping("RK4", step=0.05)).run
+    assert run is not None
+    runner.sample_postures(run)
+    assert [posture.time for posture in runner.postures] == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.2])
+    assert [list(posture.angles.values()) for posture in runner.postures] == run.q.tolist()
+    for largest, step in ((0.02, 0.05 / 3), (0.05, 0.05), (0.024, 0.05 / 3)):
+        assert runner.fixed_steps(largest) == Stepping("RK4", pytest.approx(step))
+
+
+def test_stable_steps_fall_with_the_square_of_the_hinges() -> None:
+    runner = SimpleNamespace(estimated_step=lambda k, bend: 1e-3 / bend.hinges**2)
+    search = Search(cast("Any", runner), cast("Any", None), 1e-3)
+    for hinges in (2, 4, 12):
+        assert search._stable_step(0, Bend("z", "gauss", hinges)) == pytest.approx(1e-3 / hinges**2)
+
+
+def test_the_load_along_a_hanging_bar_is_its_weight_over_what_makes_it_buckle() -> None:
+    """γ = F L² / EI at the first of two hinges, 0.21 of the length below the joint."""
+    hanging = make_scene(
+        fl.Link(name="bar", length=1.0, material="aluminium", section="square", flex="z", segments=3),
+        tip=fl.RigidBody(mass=5.0), gravity=(9.81, 0.0, 0.0), run=fl.RunSettings(duration=0.01, sample=0.01, step=1e-4),
+    )  # fmt: skip
+    below = 5.0 + 2700 * 0.04**2 * (1 - 0.2113)
+    found = load_and_bend(hanging.arm, fl.simulate(hanging))
+    assert found == pytest.approx(below * 9.81 / (70e9 * 0.04**4 / 12), rel=0.01)
 
 
 def test_two_levels_that_agree_are_believed_no_better_than_a_fast_order_allows() -> None:
