@@ -58,7 +58,7 @@ def check_fit(problem: FitProblem) -> Check:
     ...     fl.FitProblem(scene=bare, parameter=sought, modes=(fl.FitModes(hertz=(11.0, 50.0), deviation=(0.01,)),))
     ... )
     >>> print(check.passed, check.directions[0].names)
-    False ('material.aluminium.density', 'material.aluminium.young')
+    False ('material.aluminium.young', 'material.aluminium.density')
     """
     problem = require_type("problem", problem, FitProblem)
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
