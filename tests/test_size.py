@@ -13,6 +13,7 @@ from scipy.special import ellipj
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.types import Array
+from flexlink.diagnosis.trajectories import in_fixed_steps
 from flexlink.motion.step_workspace import posture_of
 
 ROOT = Path(__file__).parent.parent
@@ -150,3 +151,31 @@ def test_commands_take_scenes_without_a_reach(links: tuple[fl.Link, ...], tmp_pa
     assert main(["simulate", path, "--out", str(tmp_path / "run.csv")]) == 0
     assert main(["modes", path]) == 0
     assert main(["show", path, "-o", str(tmp_path / "run.html")]) == 0
+
+
+def test_engines_are_compared_over_one_step_a_sample_where_no_step_is_unstable() -> None:
+    scene = make_scene(cart(), run=fl.RunSettings(tolerance=1e-3, duration=1.0, sample=0.05), **STILL)
+    fixed, words = in_fixed_steps(scene, fl.lump(scene))
+    assert fixed.run.fixed_step == 0.05
+    assert "RK4 steps of 0.05 s" in words
+
+
+@compiled
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("limits", "refused"), [({}, False), ({"limits_m": (-1.0, 1.0)}, True)], ids=["free", "limited"]
+)
+def test_a_recorded_place_is_too_far_only_where_limits_say_so(limits: dict[str, Any], refused: bool) -> None:
+    t = np.linspace(0.0, 1.0, 21)
+    columns = {"t [s]": tuple(t.tolist()), "tip x [m]": tuple((500.0 * t).tolist())}
+    drive = fl.Drive(kind="constant", torque=(1.0,))
+    scene = make_scene(cart(**limits), run=fl.RunSettings(duration=1.0, sample=0.05), drive=drive, **STILL)
+    problem = fl.FitProblem(
+        scene=scene, run=(fl.FitRun(name="push", columns=columns),),
+        parameter=(fl.FitParameter(path="link.cart.hub.mass", between=(1.0, 3.0)),),
+    )  # fmt: skip
+    if refused:
+        with pytest.raises(fl.FlexlinkError, match="but the arm reaches 1 m"):
+            fl.check_fit(problem)
+    else:
+        assert fl.check_fit(problem) is not None

@@ -20,7 +20,7 @@ from flexlink.common.types import Array
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.motion.hindrance import sampled_growth
 from flexlink.motion.monitor import DOUBT, TIP_SHARE, TOLERABLE, RunMonitor
-from flexlink.results.tip_motion import apart, error_in_words, motion_in_words
+from flexlink.results.tip_motion import apart, motion_in_words
 
 STRICTER = 0.1
 """Part of the tolerance, or of the error from which a run is doubtful, that the second run is allowed."""
@@ -82,12 +82,16 @@ def doubt(monitor: RunMonitor, second: Second, path: Array) -> str:
     error = float(apart(own, path).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(monitor)
     steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"steps of {second.run.fixed_step:g} s"
-    text = f"doubtful: {error_in_words(monitor.record.chain, error)} against a run with {steps}"
+    text = f"doubtful: tip error {error:.2g} m against a run with {steps}"
+    if not (chain := monitor.record.chain).has_levers:
+        text = (
+            f"doubtful: error {error:.2g} m, of places or angles times {chain.size:.3g} m, against a run with {steps}"
+        )
     if monitor.run.controlled and error > TOLERABLE * _tolerance(monitor):
         return f"{text}{multiplies(monitor)}; {advice(monitor)} and compare"
     if not monitor.run.controlled and error > _tolerance(monitor):
         grown = multiplies(monitor) if monitor.explicit else ""
-        return f"{text}, {motion_in_words(monitor.record.chain, monitor.extent)}{grown}; {advice(monitor)} and compare"
+        return f"{text}, {motion_in_words(chain, monitor.extent)}{grown}; {advice(monitor)} and compare"
     return ""
 
 

@@ -32,13 +32,6 @@ def apart(path: Array, other: Array) -> Array:
     return np.asarray(lengths if path.ndim == 2 else lengths.max(axis=-1))
 
 
-def error_in_words(chain: Chain, error: float) -> str:
-    """An error of a judged path [m]."""
-    if chain.has_levers:
-        return f"tip error {error:.2g} m"
-    return f"error {error:.2g} m, of places or of angles times {chain.size:.3g} m,"
-
-
 def motion_in_words(chain: Chain, moved: float) -> str:
     """How far a judged path goes [m]."""
     return f"while {'the tip' if chain.has_levers else 'it'} moves {moved:.3g} m"

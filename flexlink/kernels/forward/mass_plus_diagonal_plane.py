@@ -47,11 +47,6 @@ def plane_posture(bodies, hinges, gravity, couplings):
     return PlanePosture(work.links, work.prescribed, work.trig, d, h, first, rows_beside(first, couplings), np.zeros(0))
 
 
-def without_levers(posture, radius):
-    """The posture of a chain in which turning moves no place."""
-    return posture._replace(radius=np.array([radius]))
-
-
 @kernel
 def plane_postures(s, posture):
     """Scratch of `s` postures of the same chain, whose arrays have a leading dimension (s,)."""

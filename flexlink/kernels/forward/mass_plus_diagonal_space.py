@@ -79,12 +79,6 @@ def space_posture(bodies, hinges, gravity, couplings):
     )  # fmt: skip
 
 
-def without_levers(posture, radius):
-    """The posture of a chain in which turning moves no place; it takes the loop of trees."""
-    forks = np.zeros((max(1, len(posture.forks)), posture.forks.shape[1]))
-    return posture._replace(forks=forks, radius=np.array([radius]))
-
-
 @kernel
 def space_postures(s, posture):
     """Scratch of `s` postures of the same chain, whose arrays have a leading dimension (s,)."""
