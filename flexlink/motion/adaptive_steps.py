@@ -291,8 +291,12 @@ class AdaptiveSteps:
                 self._turn()
             elif not self._step_in_parts():
                 break
-            over = self.count[COUNT.knot] == len(self.knots)
-            how = OUTCOME.ended if over else self.take(max(least, last - int(self.count[COUNT.steps])))
+            if self.count[COUNT.knot] == len(self.knots):
+                how = OUTCOME.ended
+            elif is_far(self.record, self.state[0]):  # as after a step that was taken whole
+                how = OUTCOME.turned
+            else:
+                how = self.take(max(least, last - int(self.count[COUNT.steps])))
         if how == OUTCOME.ended and is_far(self.record, self.state[0]):
             self._turn()
         if how == OUTCOME.stuck and self.run.method == AUTO and not self.taken_over and np.isfinite(self.fastest):
