@@ -3,7 +3,8 @@
 A plugin of pytest (`-p tests.machines.noise`). LAPACK's results are those of matrices beside the ones it is given, and
 which ones, the CPU decides. Numbers that go in are moved by half an ulp at most, as if rounded once more, those that
 come out by 2 eps; signs of eigenvectors and singular vectors, and the order of eigenvalues that have none, are drawn.
-The same input gives the same output. Numbers of few bits, 0 and 1 among them, are exact everywhere, and stay.
+The same input gives the same output; NOISE_SEED, another number, draws anew. Numbers of few bits, 0 and 1 among them,
+are exact everywhere, and stay.
 """
 
 from __future__ import annotations
