@@ -12,9 +12,7 @@ from conftest import ROOT
 
 import flexlink as fl
 from flexlink.results.measured import Measured, read_measured
-from flexlink.scene_report import building
 from flexlink.scene_report.fitting import Comparison, numbers_of
-from flexlink.scene_report.report import report
 
 KNOWN = ("t [s]", "tip x [m]", "q upper [rad]", "qd upper [rad/s]")
 NOISE = 1e-4  # m
@@ -112,26 +110,6 @@ def test_every_number_that_is_tried_can_be_varied(scene: fl.Scene) -> None:
     for number in numbers_of(scene):
         assert scene.values_at(number.path) == [number.value]
         assert scene.varied({number.path: 1.01 * number.value}) != scene or number.value == 0
-
-
-@pytest.mark.slow
-def test_the_page_says_which_number_and_by_how_much(
-    scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(building, "CHAPTERS", {"measurements": building.CHAPTERS["measurements"]})
-    measured = measured_of(scene.varied({"material.aluminium.young": 0.95 * 70e9}))
-    lines = [",".join(["t [s]", *measured.columns])]
-    lines += [
-        ",".join(map(repr, line))
-        for line in zip(measured.t.tolist(), *(c.tolist() for c in measured.columns.values()), strict=True)
-    ]
-    (tmp_path / "measured.csv").write_text("\n".join([*lines, "99.0,0,0,0"]), encoding="utf-8")
-    found = report(scene, tmp_path / "out", against=tmp_path / "measured.csv")
-    (verdict,) = found.verdicts
-    assert "Best explanation: stiffness of aluminium −" in verdict.text
-    page = found.page.read_text(encoding="utf-8")
-    assert "1 outside the run are ignored" in page
-    assert (tmp_path / "out" / "difference.csv").is_file()
 
 
 def test_runs_that_are_fitted_go_on_to_the_sample_after_the_last_measurement(scene: fl.Scene) -> None:

@@ -81,18 +81,6 @@ def test_every_chapter_of_a_driven_arm_is_there(written: Report) -> None:
     assert chapters <= Links(written.page.read_text(encoding="utf-8")).ids
 
 
-def test_numbers_beside_the_page_are_those_of_the_library(written: Report, scene: fl.Scene) -> None:
-    run, chain = fl.simulate(scene), fl.lump(scene)
-    samples = lines(written, "run.csv")
-    assert [float(line["tip x [m]"]) for line in samples] == run.tip[:, 0].tolist()
-    assert [float(line["stiffness [N m/rad]"]) for line in lines(written, "springs.csv")] == [
-        k for k in chain.stiffness if k
-    ]
-    rest = fl.solve_static(chain, locked=chain.active.tolist(), q=fl.initial_state(scene, chain)[0])
-    slowest = fl.natural_frequencies(chain, rest.q, locked=chain.active.tolist())[0] / 6.283185307179586
-    assert float(lines(written, "modes.csv")[0]["frequency [Hz]"]) == pytest.approx(slowest, rel=1e-6)
-
-
 def test_the_model_that_was_chosen_stands_first_of_the_choices_and_finer_ones_are_better(written: Report) -> None:
     choices = {line["choice"]: line for line in lines(written, "choices.csv")}
     assert next(iter(choices)) == "this scene"

@@ -42,6 +42,8 @@ def made(study: Study) -> Part | None:
             f"The reference ends at {number(end)} s, the run at {number(float(run.t[-1]))} s. To see the arm settle, "
             "make the run longer (run.duration).",
         ))  # fmt: skip
+    if not study.moves:
+        return Part(("The tip stays where it starts: there is nothing to settle.",))
     way = float(np.linalg.norm(target - run.tip[0]))
     off = float(np.linalg.norm(run.tip[-1] - target))
     left = residual_vibration(run, after=end)

@@ -1,0 +1,214 @@
+"""Verdicts of a report on accuracy, cost, measurements and other programs, from runs and differences that are known."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from test_report_numbers import PARTS, G, bar_of, made, numbers, said, table, three, told
+
+import flexlink as fl
+from flexlink.advice.model_runner import Outcome, Stepping
+from flexlink.diagnosis.trajectories import MEANINGFUL_TOLERANCE, RunDifference
+from flexlink.pages.part import Part
+from flexlink.results.convergence import Limit
+from flexlink.scene_report.refinement import Choice
+from flexlink.scene_report.study import Study
+
+Array = np.ndarray
+MOVE = fl.load_scene(ROOT / "models" / "ptp_move.toml").varied({"run.duration": 0.6, "run.step": 1e-3})
+
+
+def choice(label: str, error: float, seconds: float, why: str = "") -> Choice:
+    outcome = Outcome(np.zeros((3, 3)), seconds, None, Stepping("RK4"), why)
+    return Choice(label, 5, "RK4", outcome, error, seconds)
+
+
+CHOICES = [
+    choice("this scene", 2e-3, 0.1), choice("cheap and good", 3e-3, 0.02), choice("cheap and bad", 9e-3, 0.01),
+    choice("cheap, did not end", 1e-5, 0.01, "fell"), choice("dear and good", 1e-3, 0.5),
+    choice("dear and better", 1e-4, 0.8), choice("dear and alike", 1.9e-3, 0.2),
+]  # fmt: skip
+
+
+@pytest.fixture
+def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Part]:
+    """The chapter of a scene of a second, whose tip travels a metre, its errors as they are given."""
+
+    def of(error: float = 2e-3, steps: float = 1e-4, hinges: int | None = 1, **more: Any) -> Part:
+        scene = SimpleNamespace(run=SimpleNamespace(controlled=more.get("controlled", False), duration=1.0))
+        study = SimpleNamespace(travel=1.0, moves=True, scene=scene)
+        run = SimpleNamespace(tip=np.zeros((3, 3)), t=np.arange(3.0) / 2, warnings=more.get("warnings", ()))
+        about = SimpleNamespace(
+            study=study, scene=scene, run=run, model=(hinges,), says_state=False, of_steps=steps, cuts={},
+            limit=Limit(np.zeros((3, 3)), np.array([0.0, 1e-4, 2.5e-4]), 2.02), is_known=more.get("known", True),
+            error=lambda _: error, known_until=lambda part: 25 * part, choices=lambda: CHOICES,
+        )  # fmt: skip
+        monkeypatch.setattr(f"{PARTS}.accuracy.Refinement", lambda _: about)
+        monkeypatch.setattr(f"{PARTS}.accuracy._in_time", lambda _: None)
+        return made("accuracy", study)
+
+    return of
+
+
+class TestAccuracy:
+    def test_errors_have_their_share_of_the_travel_their_order_and_how_well_they_are_known(self, judged: Any) -> None:
+        part = judged()
+        assert told(part, "Tip error from the number of hinges: ") == [2.0, 0.002, 2.0, 0.25]
+        assert said(part, "Tip error from the time steps: ") == "0.1 mm, measured against a run with half the step"
+        assert said(judged(steps=5e-5), "Tip error from the time steps: ").startswith("50 µm")
+        assert "a tenth of the tolerance" in said(judged(controlled=True), "Tip error from the time steps: ")
+        assert [(v.about, v.state, numbers(v.word)) for v in part.verdicts][1] == ("Cost", "info", [0.1])
+        assert numbers(part.verdicts[1].text) == told(part, "CPU time on this machine: ")[1:] == [10.0]  # 1 s in 0.1 s
+
+    def test_the_best_of_the_cheaper_and_the_cheapest_of_the_better_choices_are_named(self, judged: Any) -> None:
+        part = judged()
+        assert said(part, "Best cheaper choice: ") == "cheap and good (20 ms, tip error 3 mm)"
+        assert said(part, "Cheapest more accurate choice: ") == "dear and good (0.5 s, tip error 1 mm)"
+        lines = table(part, "choices")
+        assert [lines[h][1] for h in ("tip error [m]", "CPU time [s]", "× real time")] == [3e-3, 0.02, 50.0]
+        assert lines["remark"][3] == "fell"
+
+    @pytest.mark.parametrize(
+        ("about", "state"),
+        [
+            ({"error": 3e-3}, "pass"),
+            ({"error": 3e-2}, "doubt"),  # of a metre: a hundredth is allowed
+            ({"error": 3e-3, "warnings": ("unstable step",)}, "doubt"),
+            ({"error": np.nan}, "doubt"),
+            ({"error": 3e-2, "steps": 3e-3, "hinges": None}, "pass"),  # rigid: only steps are off
+            ({"error": 3e-3, "steps": 3e-2, "hinges": None}, "doubt"),
+        ],
+    )
+    def test_a_model_passes_that_is_off_by_a_hundredth_and_was_not_warned(
+        self, judged: Any, about: dict[str, Any], state: str
+    ) -> None:
+        assert judged(**about).verdicts[0].state == state
+
+    def test_an_error_that_is_not_known_is_not_told_but_until_when_it_would_be(self, judged: Any) -> None:
+        part = judged(error=np.nan, known=False)
+        assert told(part, "Up to ") == [0.25, 1]
+        assert told(part, "more hinges still move the tip by ")[0] == 0.25
+        assert "unknown" in said(judged(steps=np.nan), "Tip error from the time steps")
+
+
+# what was measured, and what others compute
+
+
+@pytest.mark.slow
+def test_differences_are_root_mean_squares_and_the_payload_explains_them(tmp_path: Any) -> None:
+    """A bar that falls, filmed with 0.6 kg in place of 0.5 kg, and once after the run."""
+    scene = fl.Scene(
+        name="bar", arm=bar_of(0.01, 0.01, 0.5, {"length": 1.0, "flex": "z", "segments": 3}), gravity=(0.0, -G, 0.0),
+        initial=fl.InitialState(joint_deg=(0.0,)), drive=fl.Drive(kind="constant", torque=(3.0,)),
+        run=fl.RunSettings(duration=0.3, sample=0.01, step=1e-3),
+    )  # fmt: skip
+    true = fl.simulate(scene.varied({"tip.mass": 0.6}))
+    seen = {f"tip {axis} [m]": true.tip[:, k] for k, axis in enumerate("xy")}
+    rows = np.column_stack([true.t, *seen.values()])
+    head = ",".join(["t [s]", *seen])
+    np.savetxt(tmp_path / "film.csv", np.vstack([rows, [1.0, 0.0, 0.0]]), delimiter=",", header=head, comments="")
+    study = Study(scene, tmp_path / "film.csv")
+    part, run = made("measurements", study), study.run
+    assert told(part, "film.csv: ") == [2, 31, 0, 0.3, 1]
+
+    def off(tip: Array) -> dict[str, Array]:
+        return {name: tip[:, k] - y for k, (name, y) in enumerate(seen.items())}
+
+    rms = {name: float(np.sqrt(np.mean(e**2))) for name, e in off(run.tip).items()}
+    worst = max(rms, key=lambda name: rms[name] / seen[name].std())
+    assert told(part, "RMS difference: ") == three(1e3 * rms[worst], 100 * rms[worst] / np.ptp(seen[worst]))
+    assert numbers(part.verdicts[0].word) == three(1e3 * rms[worst])
+    lines, largest = table(part, "measured"), [np.abs(e) for e in off(run.tip).values()]
+    assert lines["RMS difference"] == pytest.approx(list(rms.values()), rel=1e-6)
+    assert lines["largest difference"] == pytest.approx([e.max() for e in largest], rel=1e-6)
+    assert lines["at [s]"] == [run.t[e.argmax()] for e in largest]
+    assert max(lines["RMS after fitting"]) < 1e-4 * max(rms.values())
+    found = table(part, "numbers")
+    assert [found[h][0] for h in ("path", "parameter")] == ["tip.mass", "payload"]
+    assert [found[h][0] for h in ("in the scene", "fitted", "factor")] == pytest.approx([0.5, 0.6, 1.2], rel=1e-5)
+    percent, _, value, _, before, _ = told(part, "Best explanation: payload +")
+    assert [percent, value, before] == three(20.0, 0.6, 0.5)
+    left = []
+    for path, value in zip(found["path"], found["fitted"], strict=True):  # each tried alone
+        again = off(fl.simulate(scene.varied({path: value})).tip)
+        left.append(
+            np.sqrt(sum(float(e @ e) for e in again.values()) / sum(float(e @ e) for e in off(run.tip).values()))
+        )
+    assert found["remaining difference"] == pytest.approx(left, rel=1e-3, abs=1e-4)
+    assert left == sorted(left)
+
+
+def row(q: float, explained: float = 1e-9, diverged: str = "") -> RunDifference:
+    return RunDifference("mujoco", q, 2 * q, 3 * q, 0.25, "upper", explained, diverged)
+
+
+class TestOthers:
+    def part(self, monkeypatch: pytest.MonkeyPatch, terms: float, run: RunDifference) -> Part:
+        rows = [SimpleNamespace(quantity="M", error=terms, passed=terms <= 1)]
+        one = SimpleNamespace(engine="mujoco", rows=rows, passed=terms <= 1)
+        runs = SimpleNamespace(rows=[run], steps="steps of RK4", refused=("drake: free base",))
+        compared = {name: SimpleNamespace(diagnoses=[one] if name == "mujoco" else []) for name in fl.engines.ENGINES}
+        monkeypatch.setattr(f"{PARTS}.agreement.compare", lambda _, engines, samples: compared[engines[0]])
+        monkeypatch.setattr(f"{PARTS}.agreement.compare_trajectories", lambda _, duration: runs)
+        return made("agreement", Study(MOVE))
+
+    @pytest.mark.parametrize(
+        ("terms", "run", "state"),
+        [
+            (0.3, row(1e-10), "pass"),
+            (3.0, row(1e-10), "fail"),
+            (0.3, row(1e-8), "fail"),
+            (0.3, row(0.0, diverged="fell"), "fail"),
+        ],
+    )
+    def test_an_engine_agrees_whose_terms_and_run_do(
+        self, monkeypatch: pytest.MonkeyPatch, terms: float, run: RunDifference, state: str
+    ) -> None:
+        part = self.part(monkeypatch, terms, run)
+        (verdict,) = part.verdicts
+        assert (verdict.state, "MuJoCo" in verdict.text) == (state, True)
+        assert list(table(part, "terms").values())[1:] == [[terms], ["agrees" if terms <= 1 else "DIFFERS"]]
+        differences = [cells[0] for cells in table(part, "runs").values()]
+        assert differences[1:5] == [run.q, run.qd, run.tip, run.explained]
+        assert differences[-1] == ("agrees" if run.passed else "DIFFERS")
+        assert ("MuJoCo: fell." in part.sentences) == bool(run.diverged)
+        assert "Not compared: drake: free base." in part.sentences
+
+    def test_a_motion_that_amplifies_rounding_proves_little(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        for times, little in ((1 / 3, False), (3.0, True)):
+            part = self.part(monkeypatch, 0.1, row(0.0, times * MEANINGFUL_TOLERANCE))
+            assert any("proves little" in sentence for sentence in part.sentences) == little
+
+    def test_as_much_of_a_run_is_compared_as_eight_thousand_evaluations_are(self) -> None:
+        """Four a step of 1 ms: two seconds; less where the run is shorter."""
+        affordable = importlib.import_module(f"{PARTS}.agreement")._affordable
+        assert affordable(Study(MOVE.varied({"run.duration": 8.0}))) == pytest.approx(2.0)
+        assert affordable(Study(MOVE)) == 0.6
+
+    @pytest.mark.parametrize("passed", [True, False])
+    def test_another_file_agrees_or_its_first_mistake_that_counts_is_told(
+        self, monkeypatch: pytest.MonkeyPatch, passed: bool
+    ) -> None:
+        class Finding(str):
+            __slots__ = ("counts",)
+
+        findings = [Finding(text) for text in ("a hint", "gravity has the wrong sign", "mass")]
+        for one in findings:
+            one.counts = one != "a hint"
+        rows = [SimpleNamespace(quantity="T_G", error=7.0, joint="fore", passed=passed)]
+        found = SimpleNamespace(engine="mujoco", rows=rows, findings=findings, passed=passed)
+        monkeypatch.setattr(f"{PARTS}.theirs.compare", lambda *_, **__: SimpleNamespace(diagnoses=[found]))
+        part = made("theirs", Study(MOVE, ROOT / "their.xml"))
+        assert part.verdicts[0].state == ("pass" if passed else "fail")
+        assert (part.verdicts[0].text == "their.xml: gravity has the wrong sign") == (not passed)
+        assert [cells[0] for cells in table(part, "theirs").values()][1:] == [
+            7.0,
+            "fore",
+            "agrees" if passed else "DIFFERS",
+        ]
