@@ -1,4 +1,4 @@
-"""Twenty planted pairs and triples that data cannot tell apart: each is refused and named before the fit."""
+"""Planted pairs and triples that data cannot tell apart: each is refused and named before the fit."""
 
 from __future__ import annotations
 
@@ -16,12 +16,9 @@ THREE = fl.load_scene(ROOT / "models" / "three_links.toml").varied({"run.duratio
 WEIGHTLESS = THREE.varied({"gravity": (0.0, 0.0, 0.0)})
 BARE = WEIGHTLESS.varied({"tip.mass": 0.0})
 DAMPED = THREE.varied({f"link.{name}.damping": {"ratio": 0.01, "at_hz": 3.0} for name in ("upper", "fore")})
-UNSCALED = WEIGHTLESS.varied({  # nothing has a mass or a torque of its own
+PUSHED = WEIGHTLESS.varied({  # nothing has a mass or a torque of its own
     "tip.mass": 0.0, "link.*.joint.armature": 0.0, "material.aluminium.loss_time": 0.0, "initial.passive": "zero",
-    "initial.rate_deg": [0.0, 60.0, -90.0],
-})  # fmt: skip
-PUSHED = UNSCALED.varied({
-    "initial.rate_deg": [0.0, 0.0, 0.0], "drive": fl.Drive(kind="constant", torque=(0.0, 50.0, 0.0))
+    "initial.rate_deg": [0.0, 0.0, 0.0], "drive": fl.Drive(kind="constant", torque=(0.0, 50.0, 0.0)),
 })  # fmt: skip
 RUBBING = THREE.varied({"link.waist.joint.viscous": 1.0})
 STRIP = fl.Scene(
@@ -68,34 +65,12 @@ def filmed(scene: fl.Scene) -> dict[str, Any]:
 
 
 PAIRS = [
-    ("frequencies know E / ρ only", BARE, (E, RHO), partial(tapped, count=1)),
-    ("however many there are", BARE, (E, RHO), partial(tapped, count=3)),
-    ("of all modes", BARE, (E, RHO), partial(tapped, count=5)),
-    ("one frequency, stiffness and payload", WEIGHTLESS, (E, "tip.mass"), partial(tapped, count=1)),
+    ("frequencies know E / ρ only, however many", BARE, (E, RHO), partial(tapped, count=3)),
     ("one frequency, density and payload", WEIGHTLESS, (RHO, "tip.mass"), partial(tapped, count=1)),
-    ("one frequency, stiffness and thickness", THREE, (E, "section.pipe.outer"), partial(tapped, count=1)),
     ("two dampings, one ringing", DAMPED, RATIOS, partial(tapped, count=1, ratios=True)),
-    (
-        "a ratio, and where it holds",
-        DAMPED,
-        (RATIOS[0], "link.upper.damping.at_hz"),
-        partial(tapped, count=3, ratios=True),
-    ),
     ("frequencies know no damping", THREE, (E, η), partial(tapped, count=3)),
-    ("root spring and stiffness, one frequency", STRIP, (ROOT_SPRING, YOUNG), partial(tapped, count=1)),
-    ("root spring and offset, one frequency", STRIP, (ROOT_SPRING, LENGTH), partial(tapped, count=1)),
     ("three numbers, two frequencies", STRIP, (ROOT_SPRING, LENGTH, YOUNG), partial(tapped, count=2)),
-    ("root spring, stiffness, payload", STRIP, (ROOT_SPRING, YOUNG, "tip.mass"), partial(tapped, count=2)),
-    (
-        "two places of damping",
-        STRIP,
-        ("link.l.root_damping.z", "material.steel.loss_time"),
-        partial(tapped, count=1, ratios=True),
-    ),
     ("root spring and stiffness, one sag", STRIP, (ROOT_SPRING, YOUNG), sagged),
-    ("root spring and offset, one sag", STRIP, (ROOT_SPRING, LENGTH), sagged),
-    ("stiffness and thickness, one sag", STRIP, (YOUNG, "section.strip.width"), sagged),
-    ("a free flight knows E / ρ only", UNSCALED, (E, RHO), filmed),
     ("torque, mass and stiffness together", PUSHED, (E, RHO, "drive.torque.upper"), filmed),
     ("friction of a joint that does not move", RUBBING, ("tip.mass", "link.waist.joint.viscous"), filmed),
 ]
@@ -113,7 +88,3 @@ def test_what_cannot_be_told_is_refused_and_named(
     assert set(lost.names) <= set(paths)
     single = {η, "link.waist.joint.viscous"} & set(paths)
     assert set(lost.names) == single if single else len(lost.names) > 1
-
-
-def test_there_are_twenty() -> None:
-    assert len(PAIRS) == 20
