@@ -167,11 +167,6 @@ def test_whatever_acts_on_an_arm_is_judged(what: str) -> None:
     assert true_error(scene, advice) <= advice.error
 
 
-def test_a_rigid_model_is_thought_of_where_every_joint_is_led() -> None:
-    scene = arm(0.3, links=2, motion=led("bar0", "bar1"))
-    assert {link.flex for link in fl.advise(scene, 1e-2).scene.arm.links} == {"rigid"}
-
-
 @pytest.mark.slow
 def test_a_part_of_the_deflection_is_a_stricter_goal() -> None:
     scene = arm(0.06, motion=led("bar0"))

@@ -70,9 +70,10 @@ class RefinementStudy:
                 continue
             if self._beyond_budget(hinges):
                 break
-            if self._take(hinges, self.family).over_budget:
+            taken = self._take(hinges, self.family)
+            if taken.over_budget:
                 break
-            if self.limit is None:
+            if self.limit is None or not taken.completed:
                 continue
             if self.limit.error <= 0.1 * self.tolerance:
                 return

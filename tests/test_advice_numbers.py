@@ -1,0 +1,331 @@
+"""What advice says is met is met, of arms whose tip is known in closed form: truer than any model of the search."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import pytest
+from conftest import make_scene
+from test_advice import along_x, study_of_levels
+
+import flexlink as fl
+from flexlink.advice import advise as advising
+from flexlink.advice import refinement as refining
+from flexlink.advice import rigid
+from flexlink.advice.advise import Advisor
+from flexlink.advice.goal import TipErrorNorm, goal_of
+from flexlink.advice.link_errors import LinkErrors
+from flexlink.advice.model import Bend, Model, uniform
+from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
+from flexlink.advice.refinement import RefinementStudy
+from flexlink.advice.rigid import RigidError
+from flexlink.advice.run_time import RunTime
+from flexlink.advice.search import Search
+from flexlink.advice.straightness import load_and_bend
+from flexlink.advice.verdict import Advice
+from flexlink.results.convergence import Limit
+
+Array = np.ndarray
+T = np.linspace(0.0, 1.0, 21)
+PATH = np.column_stack([np.sin(2 * T), 1 - np.cos(2 * T), 0 * T])  # what finer and finer models tend to [m]
+WAYS = [T[:, None] * [1.0, 0.0, 0.0], (T**2)[:, None] * [0.6, 0.8, 0.0]]  # of the errors of each link
+
+
+class World(NamedTuple):
+    """A tip off by C_k (1/N² − a/N⁴) of each link, an axis left out by `aside`, by a part of the steps' tolerance."""
+
+    constants: tuple[float, ...] = (1e-2, 4e-2)
+    fourth: float = 0.0
+    aside: float = 0.0
+    steps: float = 0.1
+    estimated: float = np.inf  # of rigid links
+    grows: float = 1.0
+    fails: tuple[int, ...] = ()  # hinges of models whose runs do not end
+
+    def tip(self, model: Model, stepping: Stepping) -> Array:
+        off = (stepping.tolerance or 0.0) * self.steps * T[:, None] * [0.0, 0.0, 1.0]
+        for C, way, bend in zip(self.constants, WAYS, model, strict=False):
+            N = bend.hinges if bend else 0.3
+            off = off + C * (N**-2.0 - self.fourth * N**-4.0) * way
+            if bend is None or bend.flex == "z":
+                off = off + self.aside * T[:, None] * [0.0, 0.0, 1.0]
+        return np.asarray(PATH + off)
+
+
+class KnownRunner(ModelRunner):
+    """Runs that cost a microsecond a hinge, and less with looser steps."""
+
+    def __init__(self, scene: fl.Scene, budget: float, world: World) -> None:
+        super().__init__(scene, budget)
+        self.world = world
+
+    def _run(self, model: Model, stepping: Stepping, initial: object = None) -> Outcome:
+        self.count += 1
+        hinges = sum(len(bend.flex) * bend.hinges for bend in model if bend)
+        seconds = 1e-6 * (1 + hinges) * ((stepping.tolerance or 1e-3) / 1e-3) ** -0.25
+        why = "did not end" if any(bend and bend.hinges in self.world.fails for bend in model) else ""
+        over = seconds > self.budget
+        tip = np.full_like(PATH, np.nan) if why or over else self.world.tip(model, stepping)
+        run = SimpleNamespace(t=T, chain=None, steps="known")
+        return Outcome(tip, seconds, cast("Any", run), stepping, why or ("over" if over else ""), over)
+
+    def perturbed_run(self, model: Model, stepping: Stepping, angle: float) -> Outcome:
+        found = self.run(model, stepping)
+        return found._replace(
+            tip=found.tip + angle * self.chain(model).reach * self.world.grows * T[:, None] * [0.0, 1.0, 0.0]
+        )
+
+    def sample_postures(self, run: object) -> None:
+        """None are needed."""
+
+    def evaluation_cost(self, model: Model, *, explicit: bool) -> float:
+        return 1e-9 * (1 + sum(len(bend.flex) * bend.hinges for bend in model if bend))
+
+    def fixed_steps(self, largest: float) -> None:
+        """No fixed steps fit."""
+
+    def stable_step(self, model: Model) -> float:
+        return 1e-4
+
+    def estimated_step(self, link: int, bend: Bend) -> float:
+        return 1e-4
+
+
+SCENE = make_scene(
+    *(fl.Link(name=name, length=1.0, material="aluminium", section="square") for name in ("upper", "fore")),
+    run=fl.RunSettings(duration=1.0, sample=0.05, step=0.05),
+)
+
+
+@pytest.fixture
+def advised(monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.setattr(advising, "deflections", lambda _: np.full(len(T), 0.05))
+    monkeypatch.setattr(refining, "deflections", lambda _: np.full(len(T), 0.05))
+    monkeypatch.setattr(refining, "may_pay", lambda *_: False)
+    monkeypatch.setattr(advising, "run_time", lambda _: RunTime(0.0, 0.0))
+
+    def found(
+        world: World, tip: float | str = 1e-3, budget: float = 1.0, deflection: bool = False
+    ) -> tuple[Advice, float]:
+        """The advice, and the true error of what it hands over."""
+        goal = goal_of(tip, deflection=deflection, band=None, run=SCENE.run)
+        advisor = Advisor(SCENE, goal, budget)
+        advisor.runner = KnownRunner(SCENE, budget, world)
+        monkeypatch.setattr(rigid, "estimate", lambda *_: RigidError(world.estimated, 3.0))
+        advice = advisor.advice()
+        model = tuple(
+            None if link.flex == "rigid" else Bend(link.flex, link.lumping, link.segments - 1)
+            for link in advice.scene.arm.links
+        )
+        run = advice.scene.run
+        tip_of = world.tip(model, Stepping(run.method, tolerance=run.tolerance))
+        return advice, float(np.linalg.norm(tip_of - PATH, axis=1).max())
+
+    return found
+
+
+def worlds() -> list[World]:
+    """Of fourth orders that do not outweigh the second from one hinge on: two levels agree by no chance."""
+    rng = np.random.default_rng(0)
+    return [
+        World(
+            tuple(10 ** rng.uniform(-4, -1, 2)),
+            rng.uniform(-0.5, 0.5),
+            float(10 ** rng.uniform(-7, -2)),
+            float(rng.uniform(0, 0.5)),
+        )
+        for _ in range(30)
+    ]
+
+
+TRAVEL = float(np.linalg.norm(PATH - PATH[0], axis=1).max())
+
+
+def off(tip: Array) -> float:
+    return float(np.linalg.norm(tip - PATH, axis=1).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tip", [1e-2, 1e-3, 1e-4])
+def test_what_is_said_to_be_met_is_met_in_thirty_worlds(advised: Any, tip: float) -> None:
+    """The error is told, no less than it is, and met only where that is within the tolerance."""
+    met = 0
+    for world in worlds():
+        advice, true = advised(world, tip)
+        assert true <= advice.error * (1 + 1e-9), world
+        assert advice.met == (advice.error <= advice.tolerance)
+        assert advice.tolerance == pytest.approx(tip * TRAVEL, rel=0.05)
+        if advice.converged_tip is not None:
+            assert off(advice.converged_tip.tip) <= advice.converged_tip.error * (1 + 1e-9), world
+        met += advice.met
+    assert met >= 25
+
+
+def test_axes_that_are_left_out_count_with_what_is_not_known(advised: Any) -> None:
+    """Each link's axis moves the tip by 0.04 tolerances: two are left out, and the limit is off by both."""
+    tolerance = 1e-3 * TRAVEL
+    advice, true = advised(World(aside=0.04 * tolerance, steps=0.0), 1e-3)
+    assert [link.flex for link in advice.scene.arm.links] == ["z", "z"]
+    assert off(advice.converged_tip.tip) == pytest.approx(0.08 * tolerance, rel=1e-3)
+    assert 0.08 * tolerance <= advice.converged_tip.error * (1 + 1e-9)
+    assert true <= advice.error <= tolerance
+    told = next(line for line in advice.lines if line.startswith("error")).split(", including ")
+    for text, error in zip(told, (advice.error, advice.converged_tip.error), strict=True):
+        value, unit = re.findall(r"([\d.e-]+) (mm|µm)", text)[0]
+        assert float(value) * {"mm": 1e-3, "µm": 1e-6}[unit] == pytest.approx(error, rel=5.01e-3)
+    kept = advised(World(aside=2 * tolerance, steps=0.0), 1e-3)[0].scene.arm.links
+    assert [link.flex for link in kept] == ["yz", "yz"]
+
+
+def test_what_is_not_known_of_the_reference_is_taken_off_what_a_model_may_be_off_by(
+    advised: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    allowed = []
+    init = Search.__init__
+
+    def noted(self: Search, runner: Any, link_errors: Any, may: float) -> None:
+        allowed.append(may)
+        init(self, runner, link_errors, may)
+
+    monkeypatch.setattr(Search, "__init__", noted)
+    advice, _ = advised(World(fourth=0.4), 3e-3)
+    assert advice.met
+    assert advice.converged_tip.error > 0.01 * advice.tolerance
+    assert allowed == [pytest.approx(advice.tolerance - advice.converged_tip.error, rel=1e-9)]
+
+
+@pytest.mark.parametrize(
+    ("estimated", "grows", "rigid_links"), [(0.1, 1.0, True), (0.1, 30.0, True), (0.1, 90.0, False), (0.7, 1.0, False)]
+)
+def test_rigid_links_are_enough_below_half_the_tolerance_growth_of_errors_counted(
+    advised: Any, estimated: float, grows: float, rigid_links: bool
+) -> None:
+    """Growth beyond ten counts: 0.1 grown by 30 is told as 0.3 tolerances, by 90 as 0.9: too much."""
+    tolerance = 0.01 * TRAVEL
+    world = World(estimated=estimated * tolerance, grows=grows, constants=(1e-6, 1e-6), steps=0.5)
+    advice, true = advised(world, 0.01)
+    assert true <= advice.error <= tolerance
+    assert (advice.converged_tip is None) == rigid_links
+    if rigid_links:
+        assert advice.error == pytest.approx(max(1.0, grows / 10) * estimated * tolerance, rel=0.05)
+        assert any(f"estimated error at most {1e3 * estimated * tolerance:.3g} mm" in line for line in advice.lines)
+
+
+@pytest.mark.parametrize(("steps", "times"), [(1e-4, 100.0), (0.05, 10.0)])
+def test_rigid_links_take_the_loosest_steps_that_are_allowed(advised: Any, steps: float, times: float) -> None:
+    """A hundred times the tolerance is tried first, then ten times: they are off by `steps` of that."""
+    tolerance = 0.01 * TRAVEL
+    world = World(estimated=0.1 * tolerance, constants=(1e-6, 1e-6), steps=steps)
+    advice, true = advised(world, 0.01)
+    assert advice.scene.run.tolerance == pytest.approx(times * tolerance, rel=1e-3)
+    assert true <= advice.error <= tolerance
+
+
+def test_rigid_links_that_are_good_enough_are_taken_with_what_is_not_known(advised: Any) -> None:
+    """No estimate holds, but finer models tell: they lack the axes that were left out, as rigid links do."""
+    tolerance = 1e-3 * TRAVEL
+    advice, true = advised(World(constants=(1e-6, 1e-6), aside=0.04 * tolerance, steps=0.0), 1e-3)
+    assert {link.flex for link in advice.scene.arm.links} == {"rigid"}
+    assert 0.08 * tolerance <= true <= advice.error <= tolerance
+
+
+def test_a_part_of_the_deflection_is_that_of_the_springs(advised: Any) -> None:
+    advice, true = advised(World(), 1e-2, deflection=True)
+    assert advice.tolerance == pytest.approx(1e-2 * 0.05)
+    assert true <= advice.error <= advice.tolerance
+
+
+def test_what_cannot_be_met_is_said_with_the_time_up_to_which_it_holds(advised: Any) -> None:
+    """Models beyond four hinges do not end: the fourth order leaves the limit unknown to more than is allowed."""
+    world = World(fourth=0.5, fails=tuple(range(5, 200)), steps=0.0)
+    advice, true = advised(world, 1e-4)
+    assert not advice.met
+    assert advice.tolerance < advice.error
+    assert true <= advice.error
+    assert any(line.startswith("cannot") and "did not end" in line for line in advice.lines)
+    beyond = T[np.linalg.norm(world.tip(uniform(("z", "z"), 4), Stepping("auto")) - PATH, axis=1) > advice.tolerance][0]
+    assert advice.horizon <= beyond
+
+
+# pieces
+
+
+def study_of(world: World) -> tuple[KnownRunner, TipErrorNorm, RefinementStudy]:
+    goal = goal_of("1 mm", deflection=False, band=None, run=SCENE.run)
+    runner, norm = KnownRunner(SCENE, 1.0, world), TipErrorNorm(goal, 0.05)
+    return runner, norm, RefinementStudy(runner, norm, goal, ("z", "rigid"), Stepping("auto", tolerance=1e-6))
+
+
+def test_errors_of_a_link_are_those_of_its_models_also_where_they_change_their_sign(advised: Any) -> None:
+    """1/N² − 8/N⁴ is positive for four hinges, negative for two and one: as it is measured, so it is told."""
+    runner, norm, study = study_of(World(fourth=8.0, steps=0.0))
+    study.refine()
+    study.limit = Limit(
+        runner.world._replace(constants=(0.0, 4e-2)).tip(uniform(("z", "rigid"), 4), study.stepping), np.zeros(len(T))
+    )
+    errors = LinkErrors(runner, norm, study)
+    assert errors.base == 4
+    for hinges in (1, 2, 4):
+        true = abs(1e-2 * (hinges**-2.0 - 8 * hinges**-4.0))
+        assert errors.error(uniform(("z", "rigid"), hinges)) == pytest.approx(true, rel=1e-9)
+    assert errors.error(uniform(("z", "rigid"), 8)) == pytest.approx(1e-2 * (4**-2.0 - 8 * 4**-4.0) / 4, rel=1e-9)
+
+
+def test_a_perturbed_run_starts_as_far_off_as_it_is_asked() -> None:
+    """Two bars of a metre, straight: turning both by an angle moves the tip by 2 + 1 of it."""
+    runner, steps = ModelRunner(SCENE.varied({"run.duration": 0.05}), 60.0), Stepping("RK4", step=0.05)
+    plain, turned = runner.run((None, None), steps), runner.perturbed_run((None, None), steps, 1e-3)
+    assert turned is not None
+    assert np.linalg.norm(turned.tip[0] - plain.tip[0]) == pytest.approx(3e-3, rel=1e-3)
+
+
+def test_postures_are_taken_along_the_whole_run_and_fixed_steps_are_no_longer_than_asked() -> None:
+    runner = ModelRunner(SCENE.varied({"run.duration": 0.2}), 60.0)
+    run = runner.run((None, None), Stepping("RK4", step=0.05)).run
+    assert run is not None
+    runner.sample_postures(run)
+    assert [posture.time for posture in runner.postures] == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.2])
+    assert [list(posture.angles.values()) for posture in runner.postures] == run.q.tolist()
+    for largest, step in ((0.02, 0.05 / 3), (0.05, 0.05), (0.024, 0.05 / 3)):
+        assert runner.fixed_steps(largest) == Stepping("RK4", pytest.approx(step))
+
+
+def test_stable_steps_fall_with_the_square_of_the_hinges() -> None:
+    runner = SimpleNamespace(estimated_step=lambda k, bend: 1e-3 / bend.hinges**2)
+    search = Search(cast("Any", runner), cast("Any", None), 1e-3)
+    for hinges in (2, 4, 12):
+        assert search._stable_step(0, Bend("z", "gauss", hinges)) == pytest.approx(1e-3 / hinges**2)
+
+
+def test_the_load_along_a_hanging_bar_is_its_weight_over_what_makes_it_buckle() -> None:
+    """γ = F L² / EI at the first of two hinges, 0.21 of the length below the joint."""
+    hanging = make_scene(
+        fl.Link(name="bar", length=1.0, material="aluminium", section="square", flex="z", segments=3),
+        tip=fl.RigidBody(mass=5.0), gravity=(9.81, 0.0, 0.0), run=fl.RunSettings(duration=0.01, sample=0.01, step=1e-4),
+    )  # fmt: skip
+    below = 5.0 + 2700 * 0.04**2 * (1 - 0.2113)
+    found = load_and_bend(hanging.arm, fl.simulate(hanging))
+    assert found == pytest.approx(below * 9.81 / (70e9 * 0.04**4 / 12), rel=0.01)
+
+
+def test_two_levels_that_agree_are_believed_no_better_than_a_fast_order_allows() -> None:
+    """Four, six, eight hinges at 0, 1 and 1 cm: the limit of the first two is 0.8 cm beyond; 1.4 of that, (6/8)⁴."""
+    limit = study_of_levels(n4=along_x(0.0, 0.0), n6=along_x(0.0, 0.01), n8=along_x(0.0, 0.01)).limit
+    assert limit is not None
+    assert limit.tip[1, 0] == 0.01
+    assert limit.error == pytest.approx(1.4 * 0.008 * (6 / 8) ** 4)
+
+
+def test_a_run_that_did_not_end_is_no_solution_however_good(advised: Any) -> None:
+    errors = SimpleNamespace(from_limit=lambda tip: 1e-9)
+    search = Search(cast("Any", None), cast("Any", errors), 1e-3)
+    good = Outcome(PATH, 1.0, None, Stepping("Radau5", tolerance=1e-5))
+    assert not search.accept((None,), good._replace(reason="did not end"))
+    assert search.solution is None
+    assert search.accept((None,), good)
+    assert search.accept((None,), good._replace(seconds=2.0))  # good, but dearer
+    assert search.solution is not None
+    assert search.solution.outcome.seconds == 1.0
