@@ -102,8 +102,8 @@ SCENE = make_scene(
 
 @pytest.fixture
 def advised(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.setattr(advising, "deflections", lambda _: np.full(len(T), 0.05))
-    monkeypatch.setattr(refining, "deflections", lambda _: np.full(len(T), 0.05))
+    monkeypatch.setattr(advising, "deflections", lambda _: 0.05 * T)
+    monkeypatch.setattr(refining, "deflections", lambda _: 0.05 * T)
     monkeypatch.setattr(refining, "may_pay", lambda *_: False)
     monkeypatch.setattr(advising, "run_time", lambda _: RunTime(0.0, 0.0))
 
@@ -293,9 +293,13 @@ def test_postures_are_taken_along_the_whole_run_and_fixed_steps_are_no_longer_th
         assert runner.fixed_steps(largest) == Stepping("RK4", pytest.approx(step))
 
 
-def test_stable_steps_fall_with_the_square_of_the_hinges() -> None:
-    runner = SimpleNamespace(estimated_step=lambda k, bend: 1e-3 / bend.hinges**2)
+def test_stable_steps_fall_with_the_square_of_the_hinges_and_a_tenth_is_left_to_them() -> None:
+    runner = SimpleNamespace(
+        estimated_step=lambda k, bend: 1e-3 / bend.hinges**2, stable_step=lambda model: 1e-3, budget=1.0,
+        fixed_steps=lambda largest: Stepping("RK4", step=largest), fixed_steps_cost=lambda model, stepping: 0.1,
+    )  # fmt: skip
     search = Search(cast("Any", runner), cast("Any", None), 1e-3)
+    assert search._fixed(0.5, uniform(("z",), 4)) == Stepping("RK4", step=pytest.approx(0.45e-3))
     for hinges in (2, 4, 12):
         assert search._stable_step(0, Bend("z", "gauss", hinges)) == pytest.approx(1e-3 / hinges**2)
 
