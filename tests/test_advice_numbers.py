@@ -248,6 +248,9 @@ def test_what_cannot_be_met_is_said_with_the_time_up_to_which_it_holds(advised: 
     assert any(line.startswith("cannot") and "did not end" in line for line in advice.lines)
     beyond = T[np.linalg.norm(world.tip(uniform(("z", "z"), 4), Stepping("auto")) - PATH, axis=1) > advice.tolerance][0]
     assert advice.horizon <= beyond
+    nearly, _ = advised(world, advice.error / TRAVEL / 1.5)
+    assert nearly.error > nearly.tolerance > nearly.error / 2
+    assert not nearly.met
 
 
 # pieces

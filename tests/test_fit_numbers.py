@@ -168,6 +168,13 @@ class TestCoverage:
         plain, more = (spread_of([part], np.zeros((0, 2)), k).covariance for k in (0, 5))
         np.testing.assert_allclose(more, plain * (30 + 5) / (30 - 5), rtol=1e-12)
 
+    def test_coefficients_that_whiten_count_with_those_that_are_left(self, fit_of: Any, monkeypatch: Any) -> None:
+        rng, asked = np.random.default_rng(19), []
+        monkeypatch.setattr(fitting, "spread_of", lambda *args: asked.append(args[2]) or spread_of(*args))
+        Φ = rng.standard_normal((200, 2))
+        fit_of(Φ, film(clean(Φ) + 0.1 * noise(rng, 200, (1.0, -1.6, 0.9)), 0.1))
+        assert asked[0] >= 2
+
     def test_single_numbers_have_the_noise_that_is_stated_unless_more_is_left(self) -> None:
         J = np.random.default_rng(4).standard_normal((9, 2))
         for size, factor in ((0.1, 1.0), (3.0, 9 * 9.0 / (9 - 2))):  # Σ e² / (n − 2) if that is more than 1
@@ -328,6 +335,7 @@ class TestKept:
         np.testing.assert_allclose(theirs.after, after, rtol=1e-9)
         assert theirs.off(theirs.after) == pytest.approx(float(np.sqrt(((after - second) ** 2).mean())))
         assert ours.noise == pytest.approx(ours.off(ours.after), rel=0.01)
+        assert ours.whiteness == pytest.approx(whiteness(ours.after - first), rel=1e-6)
         assert (theirs.noise, theirs.stated) == (pytest.approx(ours.noise), False)
         assert theirs.times_noise == pytest.approx(theirs.off(theirs.after) / ours.noise)
         runs = [[film(first, 0.1, gain=True).blocks[0]] for _ in range(2)]
@@ -341,7 +349,7 @@ class TestEstimates:
     def test_the_deviation_is_that_of_the_value_whatever_is_sought(self) -> None:
         sought = [
             Coordinate("young", "", 2e11, True, 1.0, (1e9, 1e13), None, "Pa"),
-            Coordinate("angle", "", 0.0, False, 5.0, (-10.0, 10.0), None, "deg"),
+            Coordinate("angle", "", 0.0, False, 5.0, (-20.0, 10.0), None, "deg"),
         ]
         spread = Spread(np.diag([0.01**2, 0.02**2]), 2.0, [])
         young, angle = estimates(sought, np.array([math.log(1.9e11), 2.0]), spread)
