@@ -102,8 +102,8 @@ SCENE = make_scene(
 
 @pytest.fixture
 def advised(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.setattr(advising, "deflections", lambda _: np.full(len(T), 0.05))
-    monkeypatch.setattr(refining, "deflections", lambda _: np.full(len(T), 0.05))
+    monkeypatch.setattr(advising, "deflections", lambda _: 0.05 * T)
+    monkeypatch.setattr(refining, "deflections", lambda _: 0.05 * T)
     monkeypatch.setattr(refining, "may_pay", lambda *_: False)
     monkeypatch.setattr(advising, "run_time", lambda _: RunTime(0.0, 0.0))
 
@@ -248,6 +248,9 @@ def test_what_cannot_be_met_is_said_with_the_time_up_to_which_it_holds(advised: 
     assert any(line.startswith("cannot") and "did not end" in line for line in advice.lines)
     beyond = T[np.linalg.norm(world.tip(uniform(("z", "z"), 4), Stepping("auto")) - PATH, axis=1) > advice.tolerance][0]
     assert advice.horizon <= beyond
+    nearly, _ = advised(world, advice.error / TRAVEL / 1.5)
+    assert nearly.error > nearly.tolerance > nearly.error / 2
+    assert not nearly.met
 
 
 # pieces
@@ -293,9 +296,13 @@ def test_postures_are_taken_along_the_whole_run_and_fixed_steps_are_no_longer_th
         assert runner.fixed_steps(largest) == Stepping("RK4", pytest.approx(step))
 
 
-def test_stable_steps_fall_with_the_square_of_the_hinges() -> None:
-    runner = SimpleNamespace(estimated_step=lambda k, bend: 1e-3 / bend.hinges**2)
+def test_stable_steps_fall_with_the_square_of_the_hinges_and_a_tenth_is_left_to_them() -> None:
+    runner = SimpleNamespace(
+        estimated_step=lambda k, bend: 1e-3 / bend.hinges**2, stable_step=lambda model: 1e-3, budget=1.0,
+        fixed_steps=lambda largest: Stepping("RK4", step=largest), fixed_steps_cost=lambda model, stepping: 0.1,
+    )  # fmt: skip
     search = Search(cast("Any", runner), cast("Any", None), 1e-3)
+    assert search._fixed(0.5, uniform(("z",), 4)) == Stepping("RK4", step=pytest.approx(0.45e-3))
     for hinges in (2, 4, 12):
         assert search._stable_step(0, Bend("z", "gauss", hinges)) == pytest.approx(1e-3 / hinges**2)
 
@@ -303,12 +310,12 @@ def test_stable_steps_fall_with_the_square_of_the_hinges() -> None:
 def test_the_load_along_a_hanging_bar_is_its_weight_over_what_makes_it_buckle() -> None:
     """γ = F L² / EI at the first of two hinges, 0.21 of the length below the joint."""
     hanging = make_scene(
-        fl.Link(name="bar", length=1.0, material="aluminium", section="square", flex="z", segments=3),
+        fl.Link(name="bar", length=2.0, material="aluminium", section="square", flex="z", segments=3),
         tip=fl.RigidBody(mass=5.0), gravity=(9.81, 0.0, 0.0), run=fl.RunSettings(duration=0.01, sample=0.01, step=1e-4),
     )  # fmt: skip
-    below = 5.0 + 2700 * 0.04**2 * (1 - 0.2113)
+    below = 5.0 + 2700 * 0.04**2 * 2.0 * (1 - 0.2113)
     found = load_and_bend(hanging.arm, fl.simulate(hanging))
-    assert found == pytest.approx(below * 9.81 / (70e9 * 0.04**4 / 12), rel=0.01)
+    assert found == pytest.approx(below * 9.81 * 2.0**2 / (70e9 * 0.04**4 / 12), rel=0.01)
 
 
 def test_two_levels_that_agree_are_believed_no_better_than_a_fast_order_allows() -> None:

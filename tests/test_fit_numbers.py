@@ -22,17 +22,17 @@ from flexlink.identification import fit as fitting
 from flexlink.identification import judge, page, solve
 from flexlink.identification.block import Block
 from flexlink.identification.checked_page import told
-from flexlink.identification.colour import SHARE, colour_of, whiteness
-from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
+from flexlink.identification.colour import SHARE, Colour, colour_of, whiteness
+from flexlink.identification.coordinates import Coordinate, coordinate_of, coordinates_of, prior_rows
 from flexlink.identification.data import Source
 from flexlink.identification.estimates import estimates, linear_estimates
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import checked
 from flexlink.identification.interval import Part, Spread, spread_of
-from flexlink.identification.linear_reference import _modes, _shapes
-from flexlink.identification.recorded import Recorded, _noise_of_sensors, _with_noise, at_times
+from flexlink.identification.linear_reference import _given, _modes, _poles, _shapes
+from flexlink.identification.recorded import Recorded, _noise_of_sensors, _with_noise, at_times, recorded
 from flexlink.identification.residuals import row_of
-from flexlink.identification.signals import DOWN, FOUR, TWO, UP, Stencil
+from flexlink.identification.signals import DOWN, FOUR, TWO, UP, Signals, Stencil
 from flexlink.identification.single import Sagged
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods
 
@@ -168,6 +168,13 @@ class TestCoverage:
         plain, more = (spread_of([part], np.zeros((0, 2)), k).covariance for k in (0, 5))
         np.testing.assert_allclose(more, plain * (30 + 5) / (30 - 5), rtol=1e-12)
 
+    def test_coefficients_that_whiten_count_with_those_that_are_left(self, fit_of: Any, monkeypatch: Any) -> None:
+        rng, asked = np.random.default_rng(19), []
+        monkeypatch.setattr(fitting, "spread_of", lambda *args: asked.append(args[2]) or spread_of(*args))
+        Φ = rng.standard_normal((200, 2))
+        fit_of(Φ, film(clean(Φ) + 0.1 * noise(rng, 200, (1.0, -1.6, 0.9)), 0.1))
+        assert asked[0] >= 2
+
     def test_single_numbers_have_the_noise_that_is_stated_unless_more_is_left(self) -> None:
         J = np.random.default_rng(4).standard_normal((9, 2))
         for size, factor in ((0.1, 1.0), (3.0, 9 * 9.0 / (9 - 2))):  # Σ e² / (n − 2) if that is more than 1
@@ -186,6 +193,16 @@ class TestCoverage:
         e, J = rng.standard_normal(30), rng.standard_normal((30, 1))
         once, twice = (spread_of([Part([e] * k, [J] * k, True)], np.zeros((0, 1))).covariance for k in (1, 2))
         assert twice == pytest.approx(once, rel=0.1)
+
+    def test_noise_of_two_columns_is_correlated_as_its_innovations_are(self) -> None:
+        """Of pulse responses H, earlier innovations counted: what numbers get of both columns is J₁ᵀ H₁ H₂ᵀ J₂."""
+        n, past = 30, 400
+        colours = [Colour(np.array(a), np.zeros(n)) for a in ([1.0, -0.8], [1.0, -1.2, 0.5])]
+        J = np.random.default_rng(18).standard_normal((2, n, 2))
+        G = [one.pulled_back(slopes, past) for one, slopes in zip(colours, J, strict=True)]
+        pulses = [lfilter([1.0], one.a, np.eye(1, n + past).ravel()) for one in colours]
+        H = [np.array([np.pad(h[: past + t + 1][::-1], (0, n - 1 - t)) for t in range(n)]) for h in pulses]
+        np.testing.assert_allclose(G[0].T @ G[1], J[0].T @ H[0] @ H[1].T @ J[1], rtol=1e-9)
 
     def test_white_noise_seldom_gets_a_colour(self) -> None:
         """One coefficient more must gain ln n: by chance in P(χ²₁ > ln 60) = 4.3 % of draws, several more rarely."""
@@ -249,6 +266,14 @@ class TestSearch:
             slope = sum(w * at**power for at, w in zip(stencil.at, stencil.weights, strict=True))
             assert slope == pytest.approx(float(power == 1), abs=1e-15)
 
+    def test_slopes_are_asked_for_inside_the_bounds_only(self) -> None:
+        mass = Coordinate(MASS, "", 1.0, False, 1.0, (0.5, 2.0), None)
+        signals = Signals([film(np.zeros(3), 1.0)], [mass])
+        for at, sides in ((0.5, {0, 1}), (1.0, {-1, 1}), (2.0, {-1, 0})):
+            for stencil in (TWO, FOUR):
+                _, *points = signals.around(np.array([at]), stencil)
+                assert {int(np.sign(point[0] - at)) for point in points} == sides
+
     def test_the_likelihood_of_noise_pays_for_each_coefficient(self) -> None:
         e = noise(np.random.default_rng(10), 300, (1.0, -1.6, 0.9))
         search = solve.Search(cast("Any", Toy([film(e, 1.0)], coordinates_of(PROBLEM))), "linear", coloured=True)
@@ -310,8 +335,12 @@ class TestKept:
         np.testing.assert_allclose(theirs.after, after, rtol=1e-9)
         assert theirs.off(theirs.after) == pytest.approx(float(np.sqrt(((after - second) ** 2).mean())))
         assert ours.noise == pytest.approx(ours.off(ours.after), rel=0.01)
+        assert ours.whiteness == pytest.approx(whiteness(ours.after - first), rel=1e-6)
         assert (theirs.noise, theirs.stated) == (pytest.approx(ours.noise), False)
         assert theirs.times_noise == pytest.approx(theirs.off(theirs.after) / ours.noise)
+        runs = [[film(first, 0.1, gain=True).blocks[0]] for _ in range(2)]
+        gains = [[cast("Any", SimpleNamespace(gain=gain))] for gain in (1.2, 1.4)]
+        assert judge._gains(runs, gains) == {FILM: pytest.approx(1.3)}  # the mean of several runs
         stated = judge._known(film(second, 7.0, stated=True, gain=True).blocks[0], {}, {FILM: 0.02})
         assert (stated.σ[0], stated.gain) == (7.0, True)
 
@@ -320,7 +349,7 @@ class TestEstimates:
     def test_the_deviation_is_that_of_the_value_whatever_is_sought(self) -> None:
         sought = [
             Coordinate("young", "", 2e11, True, 1.0, (1e9, 1e13), None, "Pa"),
-            Coordinate("angle", "", 0.0, False, 5.0, (-10.0, 10.0), None, "deg"),
+            Coordinate("angle", "", 0.0, False, 5.0, (-20.0, 10.0), None, "deg"),
         ]
         spread = Spread(np.diag([0.01**2, 0.02**2]), 2.0, [])
         young, angle = estimates(sought, np.array([math.log(1.9e11), 2.0]), spread)
@@ -355,6 +384,14 @@ class TestEstimates:
         blocks = [Block(name, size * y, 0 * y, name == "z [m]") for name, size in
                   (("x [m]", 1.0), ("y [m]", 3.0), ("q [rad]", 0.2), ("z [m]", 9.0))]  # fmt: skip
         assert [block.σ[0] for block in _with_noise(blocks)] == pytest.approx([0.09, 0.09, 0.002, 0.0])
+
+    def test_positive_numbers_are_sought_by_their_logarithm_and_starts_are_not(self) -> None:
+        mass, angle = (
+            coordinate_of(SCENE, fl.FitParameter(path=path, start=5.0)) for path in (MASS, "initial.joint_deg.bar")
+        )
+        assert (mass.log, angle.log) == (True, False)
+        assert mass.bounds == pytest.approx((math.log(5e-3), math.log(5e3)))
+        assert (angle.x(10.0), angle.value(2.0), angle.bounds) == (2.0, 10.0, (-math.inf, math.inf))
 
 
 class TestIdentifiability:
@@ -401,6 +438,9 @@ class TestTimes:
     def test_the_length_of_a_record_is_that_from_its_first_sample_on(self) -> None:
         said = in_periods(np.linspace(2.0, 5.0, 601), 2.5)
         assert said == "3 s, 7.5 periods of the slowest mode, 2.5 Hz"
+        t = np.linspace(0.2, 1.0, 81)
+        run = fl.FitRun(name="film", columns={"t [s]": tuple(t), FILM: tuple(np.sin(t))})
+        assert recorded(PROBLEM, run).rate == pytest.approx(100.0)
 
     def test_times_that_are_one_percent_off_are_no_samples(self) -> None:
         t = np.linspace(0.0, 1.0, 101)
@@ -441,12 +481,22 @@ class TestLinearReference:
         λ, t = np.array([-1.0 + 8.0j, -0.3 + 21.0j]), np.linspace(0.0, 1.0, 26)
         u = np.sin(5 * t)
         _, forced = _shapes(λ, t, (t, u[:, None]))
+        np.testing.assert_allclose(_poles(np.concatenate([np.log(np.abs(λ)), -λ.real / np.abs(λ)])), λ, rtol=1e-12)
         for k, one in enumerate(λ):
             for row in (5, 25):
                 pieces = [quad(lambda s, e=one, end=t[row]: np.exp(e * (end - s)) * np.interp(s, t, u), *ends,
                                complex_func=True)[0] for ends in itertools.pairwise(t[: row + 1])]  # fmt: skip
                 found = complex(*forced[row, 2 * k : 2 * k + 2])
                 assert found == pytest.approx(sum(pieces), rel=1e-9)
+
+    def test_what_inputs_weigh_is_shared_and_the_rest_is_each_runs_own(self) -> None:
+        λ, rng = np.array([-1.0 + 8.0j]), np.random.default_rng(17)
+        t = 0.01 * np.arange(100)
+        taken = t, np.sin(5 * t)[:, None]
+        own, forced = _shapes(λ, t, taken)
+        weights = rng.standard_normal(2)
+        y = forced @ weights + own @ rng.standard_normal(own.shape[1])
+        np.testing.assert_allclose(_given(FILM, λ, film(y, 1.0), taken, {FILM: weights}), y, atol=1e-9)
 
     def test_modes_are_those_at_rest_below_what_the_rate_of_the_record_shows(self) -> None:
         scene = fl.load_scene(ROOT / "models" / "three_links.toml")

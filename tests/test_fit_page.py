@@ -166,7 +166,8 @@ class TestRemarks:
             loud = column("a", "fit", y, y, y + 0.1, times_noise=times)
             assert any(f"{times:.2g} times the noise" in s for s in self.of(NUMBERS[0], columns=[loud])) == is_told
             kept = column("b", "check", y, y, y + 0.1 * times)
-            said = self.of(NUMBERS[0], columns=[column("a", "fit", y, y, y + 0.1), kept])
+            fitted = [column(name, "fit", y, y, y + off) for name, off in (("a", 0.1), ("c", 0.03))]
+            said = self.of(NUMBERS[0], columns=[*fitted, kept])
             assert any(f"{times:.2g} times that of the fitted runs" in s for s in said) == is_told
 
     def test_starts_that_end_elsewhere_are_counted(self) -> None:

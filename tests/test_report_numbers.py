@@ -335,6 +335,12 @@ class TestRest:
         factors = 1 / eigh(-(S + S.T) / 2, K, eigvals_only=True)
         assert told(part, "Buckling load: ") == three(min(f for f in factors if f > 0))
 
+    def test_rigid_links_are_held_against_weight_and_push_without_a_sag(self, move: Study) -> None:
+        study = Study(fl.rigidified(move.scene).varied({"wrench": move.scene.wrench}))
+        part, tau = made("statics", study), of_loads(study, study.start[0])
+        assert table(part, "holding")["torque [N m]"] == pytest.approx(tau.tolist(), rel=1e-6)
+        assert numbers(part.facts[0].value) == three(*sorted(np.abs(tau))[:0:-1])
+
     def test_modes_are_those_of_dense_matrices(self, move: Study, rest: tuple[Array, ...]) -> None:
         part, (q, K, S), free = made("vibration", move), rest, move.chain.stiffness > 0
         M, D = fl.mass_matrix(move.chain, q)[np.ix_(free, free)], np.diag(move.chain.damping[free])

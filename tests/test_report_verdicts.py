@@ -61,6 +61,7 @@ class TestAccuracy:
         part = judged()
         assert told(part, "Tip error from the number of hinges: ") == [2.0, 0.002, 2.0, 0.25]
         assert said(part, "Tip error from the time steps: ") == "0.1 mm, measured against a run with half the step"
+        assert said(judged(steps=5e-5), "Tip error from the time steps: ").startswith("50 µm")
         assert "a tenth of the tolerance" in said(judged(controlled=True), "Tip error from the time steps: ")
         assert [(v.about, v.state, numbers(v.word)) for v in part.verdicts][1] == ("Cost", "info", [0.1])
         assert numbers(part.verdicts[1].text) == told(part, "CPU time on this machine: ")[1:] == [10.0]  # 1 s in 0.1 s

@@ -28,29 +28,28 @@ def made(study: Study) -> Part | None:
     imbalance, exchanged = np.abs(run.imbalance), float(run.exchanged[-1])
     worst = int(np.argmax(imbalance))
     share = float(imbalance[worst]) / exchanged if exchanged > 0 else 0.0
-    explained = _rounding(run)
-    still = exchanged <= NOTHING * float(explained[-1])
-    text = f"Largest energy error: {number(imbalance[worst])} J at {number(run.t[worst])} s"
-    text += (
-        "; the arm is at rest, and exchanges none."
+    once, steps = _rounding(run), run.steps.taken if run.steps is not None else 0
+    still = exchanged <= NOTHING * float(once[-1])
+    of = (
+        "; the arm is at rest, and exchanges none"
         if still
-        else (f", {number(share)} of the {number(exchanged)} J exchanged.")
+        else f", {number(share)} of the {number(exchanged)} J exchanged"
     )
+    text = f"Largest energy error: {number(imbalance[worst])} J at {number(run.t[worst])} s{of}."
     meant = (
         "Energy error = E − E(0) − W. E: kinetic, gravity and elastic energy. W: work of drives, friction, damping and "
         "tip wrench, integrated with the run’s own method. The error comes from the time steps and from rounding."
     )
     good = 1e-3  # of the energy exchanged; from a tenth on a run ends as an error
-    state: State = "pass" if share <= good or still or bool((imbalance <= explained).all()) else "doubt"
+    state: State = "pass" if share <= good or still or bool((imbalance <= (1 + steps) * once).all()) else "doubt"
     verdict = Verdict("Energy", state, "balanced" if state == "pass" else "poorly balanced", text)
     return Part((text, meant), (verdict,), (_picture(study),))
 
 
 def _rounding(run: Trajectory) -> Array:
-    """What rounding may do to the balance up to each sample [J]."""
+    """What rounding may do to the balance at each sample, once [J]."""
     assert run.work is not None
-    taken = run.steps.taken if run.steps is not None else 0
-    return (1 + taken) * rounding.of_energy_balance(run.chain, run.energy.parts, run.work, run.q)
+    return rounding.of_energy_balance(run.chain, run.energy.parts, run.work, run.q)
 
 
 def _picture(study: Study) -> Picture:
