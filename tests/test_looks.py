@@ -135,3 +135,25 @@ def test_a_base_that_goes_back_forgets_the_attitudes_of_what_was_tried(tumbling:
     assert np.abs(base.attitudes(q) - before).max() > 0.1
     base.restore(saved)
     np.testing.assert_array_equal(base.attitudes(q), before)
+
+
+def test_the_work_of_a_constant_force_is_force_times_way() -> None:
+    force = np.array([1.0, -3.0, 0.5])
+    scene = make_scene(flexible("a", "yz", 3, lumping="midpoint"), wrench=fl.Wrench(force=tuple(force)))
+    run = fl.simulate(scene, tolerance=1e-5, duration=0.2, sample=0.02)
+    assert run.work is not None and np.abs(run.work).max() > 0.01
+    np.testing.assert_allclose(run.work, (run.tip - run.tip[0]) @ force, rtol=0, atol=1e-15)
+
+
+def test_a_drive_that_knows_the_rigid_arm_holds_its_weight_where_it_is_led() -> None:
+    """τ = kp (q_d − q) + kd (q̇_d − q̇) + m g L/2 cos q_d, of a rod that lags behind."""
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    course = fl.Reference(profile="linear", times=(0.0, 1.0), angle_deg=((0.0,), (60.0,)))
+    drive = fl.Drive(kind="pd", kp=(5.0,), kd=(1.0,), gravity="rigid", reference=course)
+    scene = make_scene(rod, gravity=(0.0, -9.81, 0.0), drive=drive)
+    run = fl.simulate(scene, step=1e-3, method="RK4", sample=0.1, duration=0.9)
+    q, qd, weight = run.q[1:, 0], run.qd[1:, 0], 2700.0 * 0.04**2 * 9.81
+    led, rate = np.radians(60.0) * run.t[1:], np.radians(60.0)
+    expected = 5.0 * (led - q) + (rate - qd) + weight / 2 * np.cos(led)
+    np.testing.assert_allclose(run.tau[1:, 0], expected, rtol=1e-9)
+    assert np.abs(np.cos(led) - np.cos(q)).max() > 1e-3
