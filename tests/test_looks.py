@@ -15,6 +15,7 @@ from flexlink.inputs.static_feedforward import holding_torque
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.motion import monitor
 from flexlink.motion.monitor import RunMonitor
+from flexlink.results import resolved_modes
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import Failure
 
@@ -157,3 +158,24 @@ def test_a_drive_that_knows_the_rigid_arm_holds_its_weight_where_it_is_led() -> 
     expected = 5.0 * (led - q) + (rate - qd) + weight / 2 * np.cos(led)
     np.testing.assert_allclose(run.tau[1:, 0], expected, rtol=1e-9)
     assert np.abs(np.cos(led) - np.cos(q)).max() > 1e-3
+
+
+def test_the_torque_that_holds_a_long_move_is_right_all_along_it() -> None:
+    """m g L/2 cos 1.5 t, of many pieces of a polynomial, within 1e-6 of the largest torque."""
+    scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(0, -9.81, 0))
+    move = PiecewisePolynomial(np.array([-1.0, 0.0, 1.0]), np.array([[[0.0], [0.0]], [[0.0], [1.5]], [[1.5], [0.0]]]))
+    knots, c = holding_torque(fl.lump(scene), move)
+    assert len(knots) > 5
+    assert (np.diff(knots) > 0).all()
+    t = np.linspace(0.0, 1.2, 97)
+    piece = np.searchsorted(knots, t, side="right") - 1
+    found = ((t - knots[piece])[:, None] ** np.arange(c.shape[1]) * c[piece, :, 0]).sum(axis=1)
+    weight = 2700.0 * 0.04**2 * 9.81
+    np.testing.assert_allclose(found, weight / 2 * np.cos(1.5 * np.minimum(t, 1.0)), rtol=0, atol=1e-6 * weight / 2)
+
+
+@pytest.mark.parametrize("waves", [1, 2, 3, 7])
+def test_half_waves_of_a_mode_are_counted_by_the_signs_of_its_moments(waves: int) -> None:
+    x = (np.arange(40) + 0.5) / 40
+    for sign in (1.0, -1.0):
+        assert resolved_modes._half_waves(sign * np.sin(waves * np.pi * x)) == waves
