@@ -126,6 +126,26 @@ def test_places_bodies_and_roots_are_told_from_their_limits_on() -> None:
         assert len([text for text in above if text.startswith(key)]) == 1, key
 
 
+@pytest.mark.parametrize(
+    ("angle", "radians"),
+    [
+        (1.5708, True),
+        (1.57, True),
+        (0.524, True),
+        (3.1416, True),
+        (1.6, False),
+        (0.528, False),
+        (0.53, False),
+        (2, False),
+    ],
+)
+def test_an_angle_whose_digits_are_those_of_a_whole_angle_in_radians_is_told(angle: float, radians: bool) -> None:
+    """A multiple of 5°, rounded where its decimals end; with two decimals only, a right angle."""
+    scene = make_scene(flexible("a"), gravity=(0.0, 0.0, 0.0), initial=fl.InitialState(joint_deg=(angle,)))
+    told = [text for text in hints(scene) if "whole angles in radians" in text]
+    assert len(told) == radians
+
+
 def test_a_rope_that_the_weight_stretches_by_half_a_metre_is_told() -> None:
     """F/k = 0.5 m and more, F the weight of all that slides; likely the stiffness is in N/mm."""
     slide = fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0))

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from tests.faults.machine.generator import Mutant
-from tests.faults.machine.recording import Function, Ran, Recorded, calls, clock, functions
+from tests.faults.machine.recording import Function, Ran, Recorded, calls, clock, functions, tests_of
 from tests.faults.machine.swap import CannotSwapError, swap
 from tests.faults.plant import KILLED, ROOT, SURVIVED
 
