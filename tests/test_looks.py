@@ -14,7 +14,7 @@ from flexlink.inputs.problem import problem_of
 from flexlink.inputs.static_feedforward import holding_torque
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.motion import monitor
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import RunMonitor, tolerance_of
 from flexlink.results import resolved_modes
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import Failure
@@ -179,3 +179,11 @@ def test_half_waves_of_a_mode_are_counted_by_the_signs_of_its_moments(waves: int
     x = (np.arange(40) + 0.5) / 40
     for sign in (1.0, -1.0):
         assert resolved_modes._half_waves(sign * np.sin(waves * np.pi * x)) == waves
+
+
+def test_a_relative_tolerance_is_a_part_of_the_reach_or_of_the_deflection() -> None:
+    chain = fl.lump(make_scene(flexible("a", length=2.0)))
+    of_reach = fl.RunSettings(relative_tolerance=1e-3)
+    assert tolerance_of(of_reach, chain, 0.05) == pytest.approx(1e-3 * chain.reach, rel=1e-14)
+    of_deflection = fl.RunSettings(relative_tolerance=1e-3, accuracy="deflection")
+    assert tolerance_of(of_deflection, chain, 0.05) == pytest.approx(1e-3 * 0.05, rel=1e-14)

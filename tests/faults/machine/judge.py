@@ -92,7 +92,7 @@ class Session:
     def judge(self, mutant: Mutant, by_function: dict[Function, list[Ran]]) -> Judged:
         """Whether a test that runs the function of a mistake notices it."""
         every = tests_of(mutant.file, mutant.where, by_function)
-        tests = sorted((ran for ran in every if ran.test in self.items), key=cost)
+        tests = sorted((ran for ran in every if ran.test in self.items and ran.seconds < DEAR), key=cost)
         if not tests:
             return Judged(mutant, SURVIVED, UNREACHED)
         start = clock()
