@@ -187,3 +187,9 @@ def test_a_relative_tolerance_is_a_part_of_the_reach_or_of_the_deflection() -> N
     assert tolerance_of(of_reach, chain, 0.05) == pytest.approx(1e-3 * chain.reach, rel=1e-14)
     of_deflection = fl.RunSettings(relative_tolerance=1e-3, accuracy="deflection")
     assert tolerance_of(of_deflection, chain, 0.05) == pytest.approx(1e-3 * 0.05, rel=1e-14)
+
+
+def test_rounding_beside_large_moments_is_no_half_wave() -> None:
+    moments = -np.sin(np.pi * (np.arange(40) + 0.5) / 40)
+    moments[[0, -1]] = 1e-12
+    assert resolved_modes._half_waves(moments) == resolved_modes._half_waves(-moments) == 1
