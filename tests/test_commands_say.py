@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 from conftest import ROOT, make_scene
 
 import flexlink as fl
-from flexlink.cli import simulate
+from flexlink.cli import advise, simulate
 from flexlink.cli.main import main
 from flexlink.cli.show import has_screen
 from flexlink.common.progress import progress_text
@@ -45,3 +47,10 @@ def test_info_of_an_arm_without_a_fastest_motion_compares_no_method_with_another
     told = capsys.readouterr().out
     assert "as cheap as RK4" not in told
     assert "RK4" in told
+
+
+@pytest.mark.parametrize(("met", "code"), [(True, 0), (False, 1)])
+def test_advice_that_is_not_met_is_exit_code_1(met: bool, code: int, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.setattr(advise, "advise", lambda *_, **__: SimpleNamespace(met=met))
+    assert main(["advise", str(ROOT / "models" / "three_links.toml"), "--tip", "1e-3"]) == code
+    assert f"met={met}" in capsys.readouterr().out

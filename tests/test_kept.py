@@ -93,6 +93,12 @@ def test_the_place_of_rest_keeps_driven_joints_where_they_end() -> None:
     assert np.linalg.norm(sag) == pytest.approx(weight * 1.25**4 / (8 * EI), rel=0.05)
 
 
+def test_a_run_that_was_told_no_wrench_has_none() -> None:
+    run = fl.simulate(SCENE)
+    bare = fl.Trajectory(run.chain, run.t, run.q, run.qd, run.tau, run.tip, run.energy)
+    assert bare.tip_wrench.shape == (0, 6)
+
+
 def test_an_archive_of_a_version_without_branches_has_its_load_on_the_last_body(tmp_path: Path) -> None:
     arm = make_scene(flexible("a", segments=3), flexible("b", segments=3), wrench=fl.Wrench(force=(0.0, 1.0, 0.0)))
     run = fl.simulate(arm, step=1e-5, sample=1e-5, duration=3e-5)

@@ -126,6 +126,39 @@ def test_places_bodies_and_roots_are_told_from_their_limits_on() -> None:
         assert len([text for text in above if text.startswith(key)]) == 1, key
 
 
+@pytest.mark.parametrize(
+    ("angle", "radians"),
+    [
+        (1.5708, True),
+        (1.57, True),
+        (0.524, True),
+        (3.1416, True),
+        (1.6, False),
+        (0.528, False),
+        (0.53, False),
+        (2, False),
+    ],
+)
+def test_an_angle_whose_digits_are_those_of_a_whole_angle_in_radians_is_told(angle: float, radians: bool) -> None:
+    """A multiple of 5°, rounded where its decimals end; with two decimals only, a right angle."""
+    scene = make_scene(flexible("a"), gravity=(0.0, 0.0, 0.0), initial=fl.InitialState(joint_deg=(angle,)))
+    told = [text for text in hints(scene) if "whole angles in radians" in text]
+    assert len(told) == radians
+
+
+def test_a_rope_that_the_weight_stretches_by_half_a_metre_is_told() -> None:
+    """F/k = 0.5 m and more, F the weight of all that slides; likely the stiffness is in N/mm."""
+    slide = fl.Joint(kind="prismatic", axis=(0.0, 1.0, 0.0))
+    beam = fl.Link(name="car", length=2.0, material="aluminium", section="square", joint=slide)
+    scene = make_scene(beam, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_m=(0.0,)))
+    for part, told in ((0.99, 0), (1.01, 1)):
+        stiffness = WEIGHT / (0.5 * part)
+        changes = {"link.car.joint.gear_stiffness": stiffness, "link.car.joint.armature": 1.0}
+        said = [text for text in hints(scene.varied(changes)) if text.startswith("link.car.joint.gear_stiffness")]
+        assert len(said) == told
+        assert all("would stretch it by 0.51 m; likely given in N/mm" in text for text in said), said
+
+
 @pytest.mark.parametrize(("length", "side", "key"), [(30.0, 5e-3, "link.bar.length"), (0.03, 0.04, "section.square.")])
 def test_of_a_link_that_is_no_beam_its_length_is_told_or_its_section(length: float, side: float, key: str) -> None:
     """Too slender, L/h = 6000: likely the length is wrong; wider than long: the section."""

@@ -14,7 +14,8 @@ from flexlink.inputs.problem import problem_of
 from flexlink.inputs.static_feedforward import holding_torque
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.motion import monitor
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import RunMonitor, tolerance_of
+from flexlink.results import resolved_modes
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import Failure
 
@@ -135,3 +136,60 @@ def test_a_base_that_goes_back_forgets_the_attitudes_of_what_was_tried(tumbling:
     assert np.abs(base.attitudes(q) - before).max() > 0.1
     base.restore(saved)
     np.testing.assert_array_equal(base.attitudes(q), before)
+
+
+def test_the_work_of_a_constant_force_is_force_times_way() -> None:
+    force = np.array([1.0, -3.0, 0.5])
+    scene = make_scene(flexible("a", "yz", 3, lumping="midpoint"), wrench=fl.Wrench(force=tuple(force)))
+    run = fl.simulate(scene, tolerance=1e-5, duration=0.2, sample=0.02)
+    assert run.work is not None and np.abs(run.work).max() > 0.01
+    np.testing.assert_allclose(run.work, (run.tip - run.tip[0]) @ force, rtol=0, atol=1e-15)
+
+
+def test_a_drive_that_knows_the_rigid_arm_holds_its_weight_where_it_is_led() -> None:
+    """τ = kp (q_d − q) + kd (q̇_d − q̇) + m g L/2 cos q_d, of a rod that lags behind."""
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    course = fl.Reference(profile="linear", times=(0.0, 1.0), angle_deg=((0.0,), (60.0,)))
+    drive = fl.Drive(kind="pd", kp=(5.0,), kd=(1.0,), gravity="rigid", reference=course)
+    scene = make_scene(rod, gravity=(0.0, -9.81, 0.0), drive=drive)
+    run = fl.simulate(scene, step=1e-3, method="RK4", sample=0.1, duration=0.9)
+    q, qd, weight = run.q[1:, 0], run.qd[1:, 0], 2700.0 * 0.04**2 * 9.81
+    led, rate = np.radians(60.0) * run.t[1:], np.radians(60.0)
+    expected = 5.0 * (led - q) + (rate - qd) + weight / 2 * np.cos(led)
+    np.testing.assert_allclose(run.tau[1:, 0], expected, rtol=1e-9)
+    assert np.abs(np.cos(led) - np.cos(q)).max() > 1e-3
+
+
+def test_the_torque_that_holds_a_long_move_is_right_all_along_it() -> None:
+    """m g L/2 cos 1.5 t, of many pieces of a polynomial, within 1e-6 of the largest torque."""
+    scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(0, -9.81, 0))
+    move = PiecewisePolynomial(np.array([-1.0, 0.0, 1.0]), np.array([[[0.0], [0.0]], [[0.0], [1.5]], [[1.5], [0.0]]]))
+    knots, c = holding_torque(fl.lump(scene), move)
+    assert len(knots) > 5
+    assert (np.diff(knots) > 0).all()
+    t = np.linspace(0.0, 1.2, 97)
+    piece = np.searchsorted(knots, t, side="right") - 1
+    found = ((t - knots[piece])[:, None] ** np.arange(c.shape[1]) * c[piece, :, 0]).sum(axis=1)
+    weight = 2700.0 * 0.04**2 * 9.81
+    np.testing.assert_allclose(found, weight / 2 * np.cos(1.5 * np.minimum(t, 1.0)), rtol=0, atol=1e-6 * weight / 2)
+
+
+@pytest.mark.parametrize("waves", [1, 2, 3, 7])
+def test_half_waves_of_a_mode_are_counted_by_the_signs_of_its_moments(waves: int) -> None:
+    x = (np.arange(40) + 0.5) / 40
+    for sign in (1.0, -1.0):
+        assert resolved_modes._half_waves(sign * np.sin(waves * np.pi * x)) == waves
+
+
+def test_a_relative_tolerance_is_a_part_of_the_reach_or_of_the_deflection() -> None:
+    chain = fl.lump(make_scene(flexible("a", length=2.0)))
+    of_reach = fl.RunSettings(relative_tolerance=1e-3)
+    assert tolerance_of(of_reach, chain, 0.05) == pytest.approx(1e-3 * chain.reach, rel=1e-14)
+    of_deflection = fl.RunSettings(relative_tolerance=1e-3, accuracy="deflection")
+    assert tolerance_of(of_deflection, chain, 0.05) == pytest.approx(1e-3 * 0.05, rel=1e-14)
+
+
+def test_rounding_beside_large_moments_is_no_half_wave() -> None:
+    moments = -np.sin(np.pi * (np.arange(40) + 0.5) / 40)
+    moments[[0, -1]] = 1e-12
+    assert resolved_modes._half_waves(moments) == resolved_modes._half_waves(-moments) == 1

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tests.faults.machine.generator import Mutant
 from tests.faults.machine.judge import MOST, Judged, cost
-from tests.faults.machine.recording import Function, Ran
+from tests.faults.machine.recording import Function, Ran, tests_of
 from tests.faults.plant import KILLED, SURVIVED, Copy, verdict
 
 LONGEST = 300.0  # s by the clock
@@ -17,7 +17,7 @@ LONGEST = 300.0  # s by the clock
 def judge_apart(copy: Copy, mutant: Mutant, by_function: dict[Function, list[Ran]]) -> Judged:
     """Whether tests that run something of the file notice it, quick ones first, as many as take `MOST` seconds."""
     chosen, taken = [], 0.0
-    for ran in sorted(by_function.get((mutant.file, mutant.where), ()), key=cost):
+    for ran in sorted(tests_of(mutant.file, mutant.where, by_function), key=cost):
         chosen.append(ran.test)
         taken += ran.seconds + 0.005
         if taken > MOST:

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from tests.faults.machine.generator import Mutant
-from tests.faults.machine.recording import Function, Ran, Recorded, calls, clock, functions
+from tests.faults.machine.recording import Function, Ran, Recorded, calls, clock, functions, tests_of
 from tests.faults.machine.swap import CannotSwapError, swap
 from tests.faults.plant import KILLED, ROOT, SURVIVED
 
@@ -91,9 +91,8 @@ class Session:
 
     def judge(self, mutant: Mutant, by_function: dict[Function, list[Ran]]) -> Judged:
         """Whether a test that runs the function of a mistake notices it."""
-        tests = sorted(
-            (ran for ran in by_function.get((mutant.file, mutant.where), ()) if ran.test in self.items), key=cost
-        )
+        every = tests_of(mutant.file, mutant.where, by_function)
+        tests = sorted((ran for ran in every if ran.test in self.items and ran.seconds < DEAR), key=cost)
         if not tests:
             return Judged(mutant, SURVIVED, UNREACHED)
         start = clock()

@@ -18,6 +18,7 @@ from tests.faults.machine.generator import TREES
 from tests.faults.plant import ROOT
 
 Function = tuple[str, str]  # file, name of the outermost function
+EVERY: Function = ("", "")
 
 
 class Ran(NamedTuple):
@@ -57,12 +58,17 @@ class Recorded:
                     yield Ran(test, seconds, frozenset(names[k] for k in numbers))
 
     def by_function(self) -> dict[Function, list[Ran]]:
-        """Tests of each function; under the empty name those of any function of the file."""
+        """Tests of each function; under the empty name those of any function of the file, of no file all."""
         found: dict[Function, list[Ran]] = defaultdict(list)
         for ran in self:
-            for function in ran.functions | {(file, "") for file, _ in ran.functions}:
+            for function in ran.functions | {(file, "") for file, _ in ran.functions} | {EVERY}:
                 found[function].append(ran)
         return found
+
+
+def tests_of(file: str, where: str, by_function: dict[Function, list[Ran]]) -> list[Ran]:
+    """Tests that may notice a change there: of values in a file without functions any test."""
+    return by_function.get((file, where), []) or (by_function[EVERY] if not where else [])
 
 
 def _digest(file: str) -> str:
