@@ -14,9 +14,10 @@ from liar.cut import Cut, Lie, load, not_lied_to
 from liar.lies import LIES, told
 
 import flexlink as fl
+from flexlink import engines
 from flexlink.common.errors import EngineError, FlexlinkError
 from flexlink.dynamics import terms
-from validation.kinds import KINDS, random_arms
+from validation.kinds import KINDS
 from validation.store import Row
 
 CUTS = load()
@@ -30,8 +31,9 @@ def limits(row: Row) -> float:
         return math.inf
     if row.bound == "at least":
         return math.inf if not row.passed else 0.0
-    assert row.tolerance is not None
-    return row.value / row.tolerance if row.tolerance else math.inf * bool(row.value)
+    if not row.tolerance:
+        return math.inf if row.value else 0.0
+    return row.value / row.tolerance
 
 
 def honest(cut: Cut) -> dict[str, int]:
@@ -101,7 +103,7 @@ def _has_limit(cut: Cut, lie: Lie) -> bool:
 @pytest.mark.parametrize("case", ["random_arms", "random_trees"])
 def test_an_engine_that_refuses_an_arm_fails_the_study(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
     (cut,) = (cut for cut in CUTS if cut.case == case)
-    honest, calls = random_arms.load, [0]
+    honest, calls = engines.load, [0]
 
     def load(name: str, chain: object) -> object:
         calls[0] += name == "mujoco"
@@ -109,7 +111,7 @@ def test_an_engine_that_refuses_an_arm_fails_the_study(case: str, monkeypatch: p
             raise EngineError("refused")
         return honest(name, chain)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(random_arms, "load", load)
+    monkeypatch.setattr("validation.kinds.random_arms.load", load)
     failed = {row.quantity for row in cut.rows_of() if row.passed is False}
     assert failed == {"arms refused"}
 

@@ -71,15 +71,19 @@ class Cut(Spec, frozen=True):
         """Its judged rows, the last scenes left out."""
         case = self.made
 
-        def scenes(of: Case) -> list[Scene]:
-            found = [load_scene(path).varied(self.change) for path in of.scene_files]
+        def files(of: Case) -> list[Path]:
+            found: list[Path] = every(of)
             return found[: len(found) - left_out]
+
+        def scenes(of: Case) -> list[Scene]:
+            return [load_scene(path).varied(self.change) for path in of.scene_files]
 
         def load(name: str, chain: Chain) -> Engine:
             return honest(self.stand_in.get(name, name), chain)
 
-        honest = engines.load
+        honest, every = engines.load, Case.scene_files.fget  # type: ignore[attr-defined]
         with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Case, "scene_files", property(files))
             patch.setattr(Case, "load_scenes", scenes)
             patch.setattr(engines, "load", load)
             return [row for row in measure(case, "") if isinstance(row, Row)]

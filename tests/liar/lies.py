@@ -47,7 +47,7 @@ def one_sample(run: Trajectory, size: float, row: int | None = None) -> Trajecto
     factor = np.ones((len(run.t), 1))
     factor[len(run.t) // 2 if row is None else row] += size
     energy = Energy(run.energy.kinetic, run.energy.gravity, run.energy.elastic * factor[:, 0])
-    moved = {"q": run.q * factor, "qd": run.qd * factor, "tip": run.tip * factor, "energy": energy}
+    moved: dict[str, Any] = {"q": run.q * factor, "qd": run.qd * factor, "tip": run.tip * factor, "energy": energy}
     return dataclasses.replace(run, **moved)
 
 
@@ -92,7 +92,7 @@ def floating(run: Trajectory, size: float) -> Trajectory:
 def weights(method: Method, size: float) -> Method:
     """A Runge-Kutta method that gives a part of its second weight to the first."""
     moved = Fraction(size)
-    first, second, *rest = map(Fraction, method.b)
+    first, second, *rest = map(Fraction, method.b or ())
     return msgspec.structs.replace(method, b=(str(first + moved), str(second - moved), *map(str, rest)))
 
 
