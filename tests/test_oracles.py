@@ -12,7 +12,7 @@ from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.stability_function import stability_function
 from reports.findings import oracles
 from validation.kinds.energy_drift import modal_loss, released_modes
-from validation.oracles import exact_runge_kutta
+from validation.oracles import exact_runge_kutta, rigid_motions, transfer_beam
 from validation.oracles.common_origin import of_state
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.oracles.spatial_chain import SpatialChain, exactly
@@ -124,3 +124,29 @@ def test_every_oracle_says_what_it_shares_and_imports_no_algorithm_of_the_librar
 def test_imports_are_found_through_other_oracles() -> None:
     assert "flexlink.chain.chain" in oracles.imports_of("common_origin")
     assert "flexlink.describe.schemes.methods" in oracles.imports_of("exact_runge_kutta")
+
+
+# --- beams and bodies ------------------------------------------------------------------------------------------
+
+
+def test_transfer_matrices_give_a_uniform_beam_its_roots() -> None:
+    found = transfer_beam.frequencies(((0.0, 0.5, 0.5, 1.0), (1.0,) * 4, (1.0,) * 4), 2)
+    assert found == pytest.approx([1.8751040687119611**2, 4.694091132974175**2], rel=1e-9)
+
+
+def test_a_servo_settles_where_its_closed_form_does() -> None:
+    servo = rigid_motions.Servo(inertia=0.5, kp=50.0, kd=3.0, target=0.6)
+    t = np.linspace(0.0, 3.0, 300_001)
+    angles = np.array([servo.angle(x) for x in t[::100].tolist()])
+    assert angles.max() == pytest.approx(servo.peak, abs=1e-5)
+    last = t[::100][np.flatnonzero(np.abs(angles - 0.6) > 0.01)[-1]]
+    assert 0.0 <= servo.settled(0.01) - last <= 1e-3
+
+
+def test_two_bodies_as_one_keep_their_momentum_and_energy() -> None:
+    box = rigid_motions.Body(2.0, np.zeros(3), np.diag([1.0, 2.0, 2.5]))
+    both = box.with_another(rigid_motions.Body(1.0, np.array([0.0, 0.3, 0.0]), np.diag([0.1, 0.1, 0.1])))
+    q, ω = both.tumbling(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.1, 2.0, 0.3]), np.linspace(0.0, 2.0, 5))
+    kept = np.array([rigid_motions.rotation(a) @ both.inertia @ b for a, b in zip(q, ω, strict=True)])
+    assert np.abs(kept - kept[0]).max() < 1e-10
+    assert np.ptp([b @ both.inertia @ b for b in ω]) < 1e-10

@@ -598,3 +598,52 @@ def test_the_store_reads_without_engines_and_without_a_terminal_library():
 
 
 # the comparison of integrators
+
+
+# what is left out
+
+
+ROWS = """
+kind  = "order_conditions"
+title = "a title"
+about = "a case for tests"
+settings.methods = ["RK2", "RK4"]
+
+[quantity.residual]
+metric    = "largest residual"
+tolerance = 1e-40
+reason    = "exact"
+"""
+
+
+@pytest.mark.parametrize(("stated", "said"), [
+    ("rows = 2", ""), ('rows = "by machine"', ""),
+    ("", "residual () = 2.0 rows, limit at most 1.0. The case states 1; measured: 2 native."),
+    ("rows = 3", "residual () = 2.0 rows, limit at least 3.0. The case states 3; measured: 2 native."),
+])  # fmt: skip
+def test_a_quantity_that_is_measured_more_or_less_often_than_its_case_says_fails_and_says_so(
+    study, capsys, stated, said
+):
+    study.case_file.write_text(ROWS + stated, encoding="utf-8")
+    assert study()[0] == bool(said)
+    out = capsys.readouterr().out
+    assert ("FAILED small: rows of " + said if said else "2 of 2 checks pass") in out.replace("\n", " ")
+
+
+def test_a_number_that_is_measured_twice_fails_and_says_which(study, capsys):
+    study.case_file.write_text(ROWS.replace('"RK4"', '"RK2"') + "rows = 2", encoding="utf-8")
+    code, store = study()
+    (row,) = (row for row in store.rows() if row.passed is False)
+    assert (code, row.quantity, row.note) == (1, "rows of residual", "Measured twice: , native, method RK2, order 2.")
+
+
+def test_a_case_with_data_is_left_out_where_they_are_missing_and_told(study, capsys, tmp_path):
+    study.case_file.with_name("with_data.toml").write_text('needs = "nowhere/at_all.csv"\n' + CASE, encoding="utf-8")
+    study.case_file.with_name("with_some.toml").write_text(f'needs = "{tmp_path}"\n' + CASE, encoding="utf-8")
+    code, store = study()
+    assert (code, set(store.finished())) == (0, {"small", "with_some"})
+    out = capsys.readouterr().out
+    assert "left out: with_data: needs nowhere/at_all.csv, which is not here" in out
+    assert "left out: with_some" not in out
+    assert study("small")[0] == 0
+    assert "left out" not in capsys.readouterr().out

@@ -6,12 +6,19 @@ from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
+import pytest
 
+from flexlink import engines
+from flexlink.chain.chain import Chain
 from flexlink.describe import data_files
+from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
+from flexlink.engines import Engine
 from validation.case import CASES, Case, load_case
 from validation.runner import measure
 from validation.store import Row
+
+FILE = Path(__file__).parent / "lies.toml"
 
 
 class Lie(Spec, frozen=True):
@@ -24,12 +31,13 @@ class Lie(Spec, frozen=True):
     of: str
     size: float
     fails: str
-    call: Literal["first", "middle", "last", "every"] = "middle"
+    call: int | Literal["first", "middle", "last", "every"] = "middle"
     why: str = ""
 
     def at(self, calls: int) -> int | None:
-        """The number of the wrong call, of so many; None for every one."""
-        return {"first": 0, "middle": calls // 2, "last": calls - 1, "every": None}[self.call]
+        """The number of the wrong call, of so many and from 0, negative ones from the end; None for every one."""
+        named = {"first": 0, "middle": calls // 2, "last": calls - 1, "every": None}
+        return named[self.call] if isinstance(self.call, str) else self.call % max(calls, 1)
 
 
 class Cut(Spec, frozen=True):
@@ -42,6 +50,8 @@ class Cut(Spec, frozen=True):
     scenes: tuple[str, ...] = ()
     rows: dict[str, int] = msgspec.field(default_factory=dict)
     only: tuple[str, ...] = ()  # quantities; default: all
+    change: dict[str, Any] = msgspec.field(default_factory=dict)  # of all scenes
+    stand_in: dict[str, str] = msgspec.field(default_factory=dict)  # engine that may be missing → the one in its place
 
     def __str__(self) -> str:
         return self.case
@@ -57,13 +67,40 @@ class Cut(Spec, frozen=True):
                       for name, each in kept.items()},
         )  # fmt: skip
 
+    def rows_of(self, left_out: int = 0) -> list[Row]:
+        """Its judged rows, the last scenes left out."""
+        case = self.made
+
+        def files(of: Case) -> list[Path]:
+            found: list[Path] = every(of)
+            return found[: len(found) - left_out]
+
+        def scenes(of: Case) -> list[Scene]:
+            return [load_scene(path).varied(self.change) for path in of.scene_files]
+
+        def load(name: str, chain: Chain) -> Engine:
+            return honest(self.stand_in.get(name, name), chain)
+
+        honest, every = engines.load, Case.scene_files.fget  # type: ignore[attr-defined]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Case, "scene_files", property(files))
+            patch.setattr(Case, "load_scenes", scenes)
+            patch.setattr(engines, "load", load)
+            return [row for row in measure(case, "") if isinstance(row, Row)]
+
 
 def load() -> list[Cut]:
     """All of them."""
-    raw = data_files.read_toml(Path(__file__).parent / "lies.toml")
-    return [decode({"kind": kind} | {"case": kind} | each, Cut, kind) for kind, cuts in raw.items() for each in cuts]
+    raw = data_files.read_toml(FILE)
+    return [
+        decode({"kind": kind} | {"case": kind} | each, Cut, kind)
+        for kind, cuts in raw.items()
+        if kind != "not_lied_to"
+        for each in cuts
+    ]
 
 
-def rows_of(case: Case) -> list[Row]:
-    """Judged rows of a case."""
-    return [row for row in measure(case, "") if isinstance(row, Row)]
+def not_lied_to() -> dict[str, str]:
+    """Kinds that nobody lies to yet, and why."""
+    found: dict[str, str] = data_files.read_toml(FILE)["not_lied_to"]
+    return found

@@ -6,14 +6,16 @@ import contextlib
 import dataclasses
 import functools
 import importlib
-import re
 import sys
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 import pytest
 
+from flexlink.describe.schemes.methods import Method
 from flexlink.dynamics.equilibrium import Equilibrium
 from flexlink.dynamics.terms import Energy
 from flexlink.results.trajectory import Trajectory
@@ -45,7 +47,7 @@ def one_sample(run: Trajectory, size: float, row: int | None = None) -> Trajecto
     factor = np.ones((len(run.t), 1))
     factor[len(run.t) // 2 if row is None else row] += size
     energy = Energy(run.energy.kinetic, run.energy.gravity, run.energy.elastic * factor[:, 0])
-    moved = {"q": run.q * factor, "qd": run.qd * factor, "tip": run.tip * factor, "energy": energy}
+    moved: dict[str, Any] = {"q": run.q * factor, "qd": run.qd * factor, "tip": run.tip * factor, "energy": energy}
     return dataclasses.replace(run, **moved)
 
 
@@ -61,14 +63,42 @@ def total_energy(run: Trajectory, size: float) -> Trajectory:
     return dataclasses.replace(run, energy=dataclasses.replace(run.energy, elastic=run.energy.elastic + jump))
 
 
+def decaying(run: Trajectory, size: float) -> Trajectory:
+    """A run that decays by so much more until its end."""
+    return dataclasses.replace(run, tip=run.tip * np.exp(-size * run.t / run.t[-1])[:, None])
+
+
+def sensors(run: Trajectory, size: float) -> Trajectory:
+    """A run whose columns are wrong in the middle, as a dictionary in place of columns."""
+    return WrongColumns(run, size)  # type: ignore[return-value]
+
+
+class WrongColumns:
+    """A run of which every column has a wrong sample."""
+
+    def __init__(self, run: Trajectory, size: float) -> None:
+        self.t, middle = run.t, len(run.t) // 2
+        self.columns = {
+            name: np.where(np.arange(len(run.t)) == middle, c + size * np.abs(c).max(), c)
+            for name, c in run.columns.items()
+        }
+
+
+def floating(run: Trajectory, size: float) -> Trajectory:
+    """A run whose free base is wrong in attitude, spin and momentum."""
+    return dataclasses.replace(run, base=scaled(run.base, size))
+
+
+def weights(method: Method, size: float) -> Method:
+    """A Runge-Kutta method that gives a part of its second weight to the first."""
+    moved = Fraction(size)
+    first, second, *rest = map(Fraction, method.b or ())
+    return msgspec.structs.replace(method, b=(str(first + moved), str(second - moved), *map(str, rest)))
+
+
 def negative(value: Any, size: float) -> Any:
     """A matrix with its sign turned round."""
     return -size * value
-
-
-def first_number(text: str, size: float) -> str:
-    """An exported file of which the first mass is wrong."""
-    return re.sub(r'(mass[^>]*?")([\d.e+-]+)(")', lambda m: f"{m[1]}{float(m[2]) * (1 + size)!r}{m[3]}", text, count=1)
 
 
 class Function(NamedTuple):
@@ -91,6 +121,11 @@ LIES = {
     "q̈": Function("flexlink.dynamics.accelerations:forward_dynamics"),
     "∂q̈": Function("flexlink.dynamics.derivatives:forward_dynamics_derivatives"),
     "drag": Function("flexlink.dynamics.drag:drag_torque"),
+    "loads": Function("flexlink.dynamics.loads:internal_loads"),
+    "strain": Function("flexlink.dynamics.strain:beam_strain"),
+    "momentum": Function("flexlink.dynamics.momentum:momentum"),
+    "overshoot": Function("flexlink.results.settling:overshoot"),
+    "settling": Function("flexlink.results.settling:settling_time"),
     "frames": Function("flexlink.dynamics.placement:frames"),
     "statics": Function("flexlink.dynamics.equilibrium:solve_static"),
     "buckling": Function("flexlink.dynamics.equilibrium:buckling_loads"),
@@ -99,9 +134,13 @@ LIES = {
     "stable step": Function("flexlink.dynamics.vibration.stability:stable_step"),
     "motion": Function(RUN, one_sample),
     "end of motion": Function(RUN, at_the_end),
+    "end of run": Function("flexlink.motion.simulate:SingleRun.finish", at_the_end),
     "energy of motion": Function(RUN, total_energy),
+    "decay of motion": Function(RUN, decaying),
+    "sensors": Function(RUN, sensors),
+    "floating base": Function(RUN, floating),
     "run": Function("flexlink.motion.simulate:SingleRun.finish", one_sample),
-    "exported file": Function("flexlink.formats:to_urdf", first_number),
+    "weights": Function("flexlink.describe.schemes.methods:method", weights),
 }
 """What the study can be told wrong."""
 

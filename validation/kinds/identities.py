@@ -58,7 +58,7 @@ def _asymmetry(chain: Chain, s: State) -> float:
 
 def _smallest_eigenvalue(chain: Chain, s: State) -> float:
     values = np.linalg.eigvalsh(fl.mass_matrix(chain, s.q))
-    return float(values[0] / values[-1])
+    return float(values[0] / np.abs(values).max())
 
 
 def _methods(chain: Chain, s: State) -> float:

@@ -135,7 +135,7 @@ def _postures(chain: fl.Chain, settings: Settings) -> Array:
 
 def _definiteness(chain: fl.Chain, q: Array) -> float:
     eigenvalues = np.linalg.eigvalsh(fl.mass_matrix(chain, q))
-    return float(eigenvalues[0] / eigenvalues[-1])
+    return float(eigenvalues[0] / np.abs(eigenvalues).max())
 
 
 CHECKS: dict[str, Callable[[Case, Settings], Iterator[Measured]]] = {

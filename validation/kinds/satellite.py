@@ -12,7 +12,7 @@ from validation.case import Case, Measured
 from validation.oracles.rigid_motions import Body, rotation
 
 
-def run(case: Case, ways: tuple[dict[str, object], ...]) -> Iterator[Measured]:
+def run(case: Case, ways: tuple[dict[str, str | float], ...]) -> Iterator[Measured]:
     """Errors of attitude, spin and of the momenta, each over its size, for every way to integrate."""
     for scene in case.load_scenes():
         for way in ways:

@@ -10,6 +10,7 @@ import flexlink as fl
 from flexlink.common.types import Array
 from flexlink.describe.spec import Positive
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.oracles.rigid_motions import Motor
 
 
@@ -27,7 +28,7 @@ def run(
         for method in methods:
             for tolerance in tolerances:
                 found = fl.simulate(scene, method=method, tolerance=tolerance)
-                facts = {"method": method, "tolerance": tolerance}
+                facts: Facts = {"method": method, "tolerance": tolerance}
                 told = "; ".join(found.warnings)
                 yield Measured(
                     "tip error / tolerance", _apart(found, exact) / tolerance, scene.name, varied=facts, note=told

@@ -8,16 +8,18 @@ eigenfrequency: the determinant of the transfer matrix' block is 0. Columns are 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-Columns = tuple[Sequence[float], Sequence[float], Sequence[float]]
+Columns = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 """x from the root [m], EI [N m²] and ρA [kg/m]."""
 
 
+@functools.cache
 def frequencies(columns: Columns, count: int) -> list[float]:
     """The first frequencies [rad/s]."""
     x, EI, ρA = (np.asarray(column) for column in columns)
