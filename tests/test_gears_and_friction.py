@@ -61,60 +61,6 @@ def test_a_gear_sags_under_what_its_link_carries() -> None:
     assert K * q[1] == pytest.approx(4.0 * 9.81 * 0.5 * np.cos(q[1]), rel=1e-12, abs=0)
 
 
-def arm_with_gears(**fields: object) -> fl.Scene:
-    """A stiff and a soft gear, about skew axes, with flexible links that rub in their hinges."""
-    first = fl.Joint(gear_stiffness=2e3, gear_damping=0.5, armature=0.3, axis=(0, 1, 0), viscous=0.3)
-    second = fl.Joint(gear_stiffness=200.0, armature=0.1, coulomb=0.2, coulomb_width=0.1)
-    rubbing = fl.Friction(coulomb=0.5, coulomb_width=0.2)
-    return make_scene(
-        flexible("a", "yz", 3, joint=first, friction=rubbing),
-        flexible("b", "xyz", 3, joint=second, friction=fl.Friction(coulomb=0.3), mount=fl.Mount(rpy_deg=(30, 0, 60))),
-        tip=fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1)), **fields,
-    )  # fmt: skip
-
-
-PLANE = make_scene(
-    flexible("a", joint=GEAR, friction=fl.Friction(coulomb=0.5, coulomb_width=0.2)), flexible("b", joint=GEAR),
-    gravity=(0.0, 9.81, 0.0),
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("scene", [arm_with_gears(), PLANE], ids=["space", "plane"])
-def test_every_solver_knows_gears_and_friction_in_hinges(scene, rng) -> None:
-    """M q̈ = τ − T_GC − T_FL − T_FR by all three; T_FR is d q̇ + c tanh(q̇/w) on passive hinges, too."""
-    chain = fl.lump(scene)
-    q, qd, tau = 0.1 * rng.standard_normal(chain.n), rng.standard_normal(chain.n), rng.standard_normal(chain.n)
-    hinges = chain.hinges
-    friction = fl.friction_torque(chain, qd)
-    wanted = hinges["damping"] * qd + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
-    np.testing.assert_allclose(friction, wanted, rtol=4 * EPS)
-    passive = [k for k, c in enumerate(chain.coordinates) if c.link == 1 and c.segment]
-    assert (hinges["coulomb"][passive] == 0.5).all()
-    assert (hinges["coulomb_width"][passive] == 0.2).all()
-    M = fl.mass_matrix(chain, q)
-    rest = tau - fl.bias_torque(chain, q, qd) - fl.elastic_torque(chain, q) - friction
-    for method in ("articulated", "lu", "cholesky"):
-        qdd = fl.forward_dynamics(chain, q, qd, tau, solver=method)
-        residual = np.abs(M @ qdd - rest).max()
-        assert residual <= 100 * EPS * (np.abs(M).max() * np.abs(qdd).sum() + np.abs(rest).max()), method
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", [arm_with_gears(), PLANE], ids=["space", "plane"])
-def test_engines_agree_on_gears_and_friction_in_hinges(scene) -> None:
-    assert fl.compare(scene, samples=20).passed
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", [arm_with_gears(), PLANE], ids=["space", "plane"])
-def test_implicit_and_explicit_steps_see_the_same_gears_and_friction(scene) -> None:
-    """Radau5 and DOP853 to 1e-7 m, and the energy balances: friction in hinges is counted in the work."""
-    runs = [fl.simulate(scene, tolerance=1e-7, method=m, duration=0.1) for m in ("Radau5", "DOP853")]
-    assert np.abs(runs[0].tip - runs[1].tip).max() < 1e-6
-    for run in runs:
-        assert abs(run.imbalance[-1]) < 1e-5 * run.exchanged[-1]
-
-
 def test_hinges_that_rub_lose_energy() -> None:
     """A link that swings on its locked joint, and the same link with friction: the second comes to rest sooner."""
     start = fl.InitialState(joint_deg=(0.0,))
@@ -215,9 +161,3 @@ def test_a_hinge_on_an_elastic_gear_needs_inertia_between(tmp_path) -> None:
 def test_friction_of_a_rigid_link_is_noted() -> None:
     scene = make_scene(fl.Link(name="a", length=0.5, friction=fl.Friction(coulomb=1.0)), gravity=(0.0, 9.81, 0.0))
     assert notes(scene) == ("link.a.friction.coulomb = 1.0: has no effect, 'a' is rigid",)
-
-
-def test_a_bend_and_a_gear_survive_toml(tmp_path) -> None:
-    scene, path = arm_with_gears(), tmp_path / "gears.toml"
-    path.write_text(scene.to_toml(), encoding="utf-8")
-    assert fl.load_scene(path) == scene
