@@ -61,6 +61,44 @@ def test_a_gear_sags_under_what_its_link_carries() -> None:
     assert K * q[1] == pytest.approx(4.0 * 9.81 * 0.5 * np.cos(q[1]), rel=1e-12, abs=0)
 
 
+def arm_with_gears(**fields: object) -> fl.Scene:
+    """A stiff and a soft gear, about skew axes, with flexible links that rub in their hinges."""
+    first = fl.Joint(gear_stiffness=2e3, gear_damping=0.5, armature=0.3, axis=(0, 1, 0), viscous=0.3)
+    second = fl.Joint(gear_stiffness=200.0, armature=0.1, coulomb=0.2, coulomb_width=0.1)
+    rubbing = fl.Friction(coulomb=0.5, coulomb_width=0.2)
+    return make_scene(
+        flexible("a", "yz", 3, joint=first, friction=rubbing),
+        flexible("b", "xyz", 3, joint=second, friction=fl.Friction(coulomb=0.3), mount=fl.Mount(rpy_deg=(30, 0, 60))),
+        tip=fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1)), **fields,
+    )  # fmt: skip
+
+
+PLANE = make_scene(
+    flexible("a", joint=GEAR, friction=fl.Friction(coulomb=0.5, coulomb_width=0.2)), flexible("b", joint=GEAR),
+    gravity=(0.0, 9.81, 0.0),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("scene", [arm_with_gears(), PLANE], ids=["space", "plane"])
+def test_every_solver_knows_gears_and_friction_in_hinges(scene, rng) -> None:
+    """M q̈ = τ − T_GC − T_FL − T_FR by all three; T_FR is d q̇ + c tanh(q̇/w) on passive hinges, too."""
+    chain = fl.lump(scene)
+    q, qd, tau = 0.1 * rng.standard_normal(chain.n), rng.standard_normal(chain.n), rng.standard_normal(chain.n)
+    hinges = chain.hinges
+    friction = fl.friction_torque(chain, qd)
+    wanted = hinges["damping"] * qd + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
+    np.testing.assert_allclose(friction, wanted, rtol=4 * EPS)
+    passive = [k for k, c in enumerate(chain.coordinates) if c.link == 1 and c.segment]
+    assert (hinges["coulomb"][passive] == 0.5).all()
+    assert (hinges["coulomb_width"][passive] == 0.2).all()
+    M = fl.mass_matrix(chain, q)
+    rest = tau - fl.bias_torque(chain, q, qd) - fl.elastic_torque(chain, q) - friction
+    for method in ("articulated", "lu", "cholesky"):
+        qdd = fl.forward_dynamics(chain, q, qd, tau, solver=method)
+        residual = np.abs(M @ qdd - rest).max()
+        assert residual <= 100 * EPS * (np.abs(M).max() * np.abs(qdd).sum() + np.abs(rest).max()), method
+
+
 def test_hinges_that_rub_lose_energy() -> None:
     """A link that swings on its locked joint, and the same link with friction: the second comes to rest sooner."""
     start = fl.InitialState(joint_deg=(0.0,))

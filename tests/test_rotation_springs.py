@@ -150,6 +150,18 @@ def test_torques_are_the_slope_of_the_potential_in_40_digits(rule: str, size: fl
     assert (bound <= 1e-11 * np.abs(chain.stiffness).max() * size).all(), "and no loose one"
 
 
+@pytest.mark.parametrize("rule", RULES)
+def test_torques_are_the_slope_of_the_energy(rule: str, tmp_path: Path) -> None:
+    """By differences of fourth order over 1e-3 rad: truncation 1e-12, roundings 1e3 eps."""
+    chain = fl.lump(arm(rule, tmp_path))
+    q, _, _ = state(chain)
+    torque, h, weights = fl.elastic_torque(chain, q), 1e-3, {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+    for k in range(chain.n):
+        step = np.eye(chain.n)[k] * h
+        wanted = sum(w * fl.energy(chain, q + s * step, 0 * q).elastic for s, w in weights.items()) / h
+        assert abs(torque[k] - wanted) <= 1e-11 * np.abs(torque).max()
+
+
 def test_springs_are_slack_at_their_rest_angles() -> None:
     """Angles count from there, and so does the rotation."""
     chain = cantilever("lobatto2_rotation", 4)
@@ -213,6 +225,25 @@ def test_variants_of_an_arm_have_the_springs_that_they_have_alone() -> None:
 # The algorithms.
 
 
+@pytest.mark.parametrize("rule", RULES)
+def test_the_slope_of_torques_is_symmetric_and_that_of_differences(rule: str, tmp_path: Path) -> None:
+    """Of fourth order, over 1e-3 rad: truncation 1e-12, roundings 1e3 eps."""
+    chain = fl.lump(arm(rule, tmp_path))
+    q, _, _ = state(chain)
+    K = chain.matrix("stiffness")
+    blocks, hinges, values = excess_stiffness(chain.bodies, chain.hinges, chain.couplings, q)
+    for (t, u), block in zip(blocks, values, strict=True):
+        K[np.ix_(hinges[t], hinges[u])] += block
+        if t != u:
+            K[np.ix_(hinges[u], hinges[t])] += block.T
+    assert np.abs(K - K.T).max() <= 20 * EPS * np.abs(K).max()
+    h, weights = 1e-3, {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+    for k in range(chain.n):
+        step = np.eye(chain.n)[k] * h
+        wanted = sum(w * fl.elastic_torque(chain, q + s * step) for s, w in weights.items()) / h
+        assert np.abs(K[:, k] - wanted).max() <= 1e-11 * np.abs(K).max()
+
+
 @pytest.mark.parametrize("size", [1e-6, 0.3, 0.6, 3.0])
 def test_the_slope_is_exact_however_far_a_triple_is_turned(size: float) -> None:
     """At |φ| on both sides of 0.5 rad, up to which series are used, and beyond half a turn."""
@@ -234,6 +265,15 @@ def bent(rule: str, folder: Path | None = None) -> fl.Scene:
     """The arm let go from a posture in which the law is no small part of the torques."""
     scene = arm(rule, folder)
     return scene.varied({"initial.q": tuple(np.array([0.1, -0.15, 0.2])[fl.lump(scene).hinges["axis"]].tolist())})
+
+
+@pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
+def test_runs_side_by_side_are_the_very_runs_alone(rule: str) -> None:
+    scene = bent(rule).varied(RUNS["RK4"])
+    scenes = [scene.varied({"material.aluminium.young": young}) for young in np.linspace(6e10, 8e10, 9).tolist()]
+    scenes[4] = scenes[4].varied({"link.upper.lumping": rule.removesuffix("_rotation")})
+    for many, one in zip(fl.simulate_many(scenes), scenes, strict=True):
+        np.testing.assert_array_equal(many.q, fl.simulate(one).q)
 
 
 @pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.damping.ratio", "link.upper.length"])

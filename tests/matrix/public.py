@@ -135,9 +135,14 @@ TABLE: dict[str, Call] = {
     "to_sdf": lambda c, _: fl.to_sdf(c.chain),
     "to_urdf": lambda c, _: fl.to_urdf(c.chain),
 }
-ONLY = {"public:report": ("cart", "free_tree", "rotation_cells", "sensors", "tree_cells")}
-"""Functions that take seconds, and for which chains they do."""
-SLOW = {"public:report"}
+ONLY = {
+    "public:advise": ("bent_start", "cart", "cells_plane", "drag", "free", "gear", "rotation", "tree"),
+    "public:fit": ("cart", "cells_space", "drag", "free", "motion", "root", "sampled", "tree_slide", "wheel"),
+    "public:report": ("cart", "sensors", "tree_cells"),
+}
+"""Functions that take long, and for which chains they do."""
+SLOW = {"public:fit", "public:report"}
+SLOW_CHAINS = {"engine_runs": "free*", "statics": "free*", "public:solve_static": "free*"}
 MAY_BE_NAN = {"natural_frequencies", "advise.converged_tip", "advise.error"}
 """Of postures that do not last, and of arms for which no rule was fine enough."""
 
