@@ -233,27 +233,6 @@ def test_wheels_without_mass_need_only_moments_that_are_not_negative() -> None:
     assert fl.RigidBody(inertia=(0, 0, 1)).mass == 0
 
 
-def skew_arm(rng: np.random.Generator) -> fl.Scene:
-    """Every key of this file, on two flexible links and a rigid one."""
-    return arm_of(
-        fl.Link(name="a", joint=fl.Joint(axis=(1, 2, 3)), line=((0, 0, 0.1), (0.3, 0, 0.6)), hub=body(rng), **SLENDER),
-        fl.Link(name="b", joint=fl.Joint(axis=(0, -1, 0), locked=True), line=((0, 0, 0), (0, 0, 0.2)), end=body(rng)),
-        fl.Link(name="c", joint=fl.Joint(axis=(-1, 0, 0)), length=0.5, up=(0, 1, 1), end=body(rng), **SLENDER),
-        tip=body(rng), joint_deg=(10.0, 20.0, 30.0),
-    )  # fmt: skip
-
-
-def test_a_skew_arm_survives_toml(tmp_path, rng) -> None:
-    scene, path = skew_arm(rng), tmp_path / "skew.toml"
-    path.write_text(scene.to_toml(), encoding="utf-8")
-    assert fl.load_scene(path) == scene
-
-
-@pytest.mark.slow
-def test_engines_agree_on_a_skew_arm(rng) -> None:
-    assert fl.compare(skew_arm(rng), samples=20).passed
-
-
 def test_paths_reach_the_new_keys() -> None:
     scene = make_scene(fl.Link(name="a", length=0.5), fl.Link(name="b", joint=fl.Joint(locked=True), length=0.4))
     varied = scene.varied({"link.*.joint.axis": (0, 1, 0), "link.a.end.mass": 2.0, "link.a.end.center": (0, 0, 1)})

@@ -18,7 +18,6 @@ from flexlink.chain.variants import lump_many
 from flexlink.describe.data_files import names
 from flexlink.describe.schemes.cells import Cells, cell_of
 from flexlink.describe.schemes.lumping_rules import Element, LumpingRule, lumping_rule
-from flexlink.dynamics import rounding
 from flexlink.errors import SceneError
 from flexlink.kernels.bodies.couplings import cells_of
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, columns
@@ -266,27 +265,6 @@ def test_the_solution_with_full_cells_is_that_of_the_dense_matrix(name: str, z: 
 
 
 @pytest.mark.parametrize("name", CHAINS)
-@pytest.mark.parametrize("solver", ["articulated", "lu", "cholesky"])
-def test_every_solver_satisfies_the_equation_of_motion(name: str, solver: str, tmp_path: Path) -> None:
-    chain = CHAINS[name](tmp_path)
-    q, qd, tau = state(chain)
-    qdd = fl.forward_dynamics(chain, q, qd, tau, solver=solver)
-    forces = fl.inverse_dynamics(chain, q, qd, qdd) + fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd)
-    assert np.abs(forces - tau).max() <= rounding.of_residual(chain, q, qd, qdd, tau)
-
-
-@pytest.mark.parametrize("name", CHAINS)
-def test_springs_pull_along_the_slope_of_their_energy_and_dampers_take_their_power(name: str, tmp_path: Path) -> None:
-    """V_e is quadratic: its symmetric difference is exact but for rounding."""
-    chain = CHAINS[name](tmp_path)
-    q, qd, _ = state(chain)
-    torque, D = fl.elastic_torque(chain, q), chain.matrix("damping")
-    ahead, behind = (fl.energy(chain, q + s * qd, qd).elastic for s in (0.5, -0.5))
-    assert ahead - behind == pytest.approx(torque @ qd, abs=20 * EPS * (ahead + behind))
-    assert fl.friction_torque(chain, qd) @ qd == pytest.approx(qd @ D @ qd, rel=1e-13)
-
-
-@pytest.mark.parametrize("name", CHAINS)
 def test_derivatives_are_those_of_differences(name: str, tmp_path: Path) -> None:
     """Of fourth order, to 1e-8 of the largest and the roundings of q̈; of many states as of each."""
     chain = CHAINS[name](tmp_path)
@@ -313,22 +291,6 @@ RUNS = {
 }
 
 
-@pytest.mark.parametrize("flex", ["z", "xyz"])
-@pytest.mark.parametrize("method", RUNS)
-def test_energy_balances_and_a_continued_run_is_the_same(method: str, flex: str) -> None:
-    """What the coupled springs store and the coupled dampers take, to what the steps leave of 1 J or so."""
-    scene = arm(flex).varied({"run": {"duration": 1.0}}).varied(RUNS[method])
-    run = fl.simulate(scene)
-    moved = np.ptp(run.energy.gravity) + np.ptp(run.energy.kinetic)
-    assert np.abs(run.imbalance).max() <= 1e-5 * moved
-    assert run.energy.elastic[-1] > 1e-4 * moved
-    t, q, qd = run.state(1)
-    if "run.step" in RUNS[method]:
-        rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=float(run.t[-1] - t))
-        np.testing.assert_array_equal(rest.q, run.q[1:])
-        np.testing.assert_array_equal(rest.qd, run.qd[1:])
-
-
 @compiled
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("method", ["Radau5", "Radau9"])
@@ -343,22 +305,7 @@ def test_newton_s_iteration_takes_the_passes_that_it_takes_without_couplings(met
     assert passes[rule] <= 1.05 * passes["gauss"]
 
 
-@pytest.mark.parametrize("flex", ["z", "xyz"])
-def test_runs_side_by_side_are_the_very_runs_alone(flex: str) -> None:
-    scene = arm(flex).varied(RUNS["RK4"])
-    scenes = [scene.varied({"material.aluminium.young": young}) for young in np.linspace(6e10, 8e10, 9).tolist()]
-    for many, one in zip(fl.simulate_many(scenes), scenes, strict=True):
-        np.testing.assert_array_equal(many.q, fl.simulate(one).q)
-
-
 @pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.damping.ratio", "link.upper.length"])
 @pytest.mark.parametrize("flex", ["z", "xyz"])
 def test_sensitivities_are_those_that_runs_tell(flex: str, path: str) -> None:
     check(arm(flex, segments=3).varied(RUNS["RK4"]), path)
-
-
-def test_a_saved_run_keeps_its_couplings(tmp_path: Path) -> None:
-    run = fl.simulate(arm().varied(RUNS["RK4"]))
-    again = fl.load_trajectory(run.save(tmp_path / "run.npz"))
-    np.testing.assert_array_equal(again.chain.couplings, run.chain.couplings)
-    np.testing.assert_array_equal(again.qdd, run.qdd)

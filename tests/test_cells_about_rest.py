@@ -15,17 +15,13 @@ from test_sensitivity import check
 
 import flexlink as fl
 from flexlink.cli import info
-from flexlink.dynamics import equilibrium, rounding, small_motion
+from flexlink.dynamics import equilibrium, small_motion
 from flexlink.dynamics.small_motion import SmallMotion
-from flexlink.dynamics.springs import damping_along, damping_matrix, deflections
+from flexlink.dynamics.springs import damping_matrix, deflections
 from flexlink.dynamics.static_postures import static_postures
-from flexlink.dynamics.tangent import falls, gyroscopic_matrix, load_torque, stiffness_matrix, tangent
+from flexlink.dynamics.tangent import falls, gyroscopic_matrix, stiffness_matrix, tangent
 from flexlink.dynamics.vibration.extremes import CLOSE, fastest_decay, fastest_frequency, slowest_frequency
 from flexlink.dynamics.vibration.stability import (
-    Gains,
-    eigenvalue_bound,
-    eigenvalue_bounds,
-    eigenvalues,
     fastest_eigenvalues,
 )
 from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
@@ -135,39 +131,7 @@ def test_of_a_symmetric_matrix_as_many_pivots_are_negative_as_eigenvalues(name: 
             assert motion.falling(np.array([1.0, 0.0, -between]), np.zeros(n)) == below
 
 
-@pytest.mark.parametrize("name", CHAINS)
-def test_inertias_are_those_of_the_mass_matrix(name: str, tmp_path: Path) -> None:
-    """Its diagonal, and 1 over that of the inverse of what lies beyond."""
-    chain = CHAINS[name](tmp_path)
-    q, none = state(chain)[0], np.zeros(chain.n)
-    whole, own = SmallMotion(chain, q, none, np.zeros(6), False, none > 0).inertias()
-    M = fl.mass_matrix(chain, q)
-    assert whole == pytest.approx(np.diag(M), rel=1e-13)
-    wanted = [1 / np.linalg.inv(M[k:, k:])[0, 0] for k in range(chain.n)]
-    assert own == pytest.approx(wanted, abs=1e-14 * np.linalg.cond(M) * whole.max())
-
-
 # Springs and their slopes.
-
-
-@pytest.mark.parametrize("name", CHAINS)
-def test_the_tangent_is_the_slope_of_the_torques(name: str, tmp_path: Path) -> None:
-    """Of T_GC + T_FL by angles and of T_FR by rates, by differences of fourth order."""
-    chain, rng = CHAINS[name](tmp_path), np.random.default_rng(5)
-    (q, qd, _), wrench = state(chain), rng.normal(size=6) * 10
-    K = stiffness_matrix(chain, q, qd, wrench)
-    h, weights = 1e-3, {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
-
-    def torque(q: np.ndarray) -> np.ndarray:
-        return load_torque(chain, q, qd, wrench) + fl.elastic_torque(chain, q)
-
-    for k in range(chain.n):
-        step = np.eye(chain.n)[k] * h
-        wanted = sum(w * torque(q + s * step) for s, w in weights.items()) / h
-        assert np.abs(K[:, k] - wanted).max() <= 1e-8 * np.abs(K).max()
-    D, slow = damping_matrix(chain), 1e-9 * qd
-    assert D @ slow == pytest.approx(fl.friction_torque(chain, slow), rel=1e-12, abs=0)
-    assert damping_along(chain, slow) == pytest.approx(D @ slow, rel=1e-12, abs=0)
 
 
 @pytest.mark.parametrize("name", SPRUNG)
@@ -183,21 +147,6 @@ def test_springs_give_way_by_the_inverse_of_their_matrix(name: str, tmp_path: Pa
 
 
 # Statics.
-
-
-@pytest.mark.parametrize("name", SPRUNG)
-def test_an_arm_comes_to_rest_where_its_torques_balance(name: str, tmp_path: Path) -> None:
-    """Driven joints held, and one hinge within a cell, bent as it was."""
-    chain = CHAINS[name](tmp_path)
-    q, locked = 0.1 * state(chain)[0], [*chain.active.tolist(), chain.n - 2]
-    rest = fl.solve_static(chain, q, locked=locked)
-    assert rest.stable
-    np.testing.assert_array_equal(rest.q[locked], q[locked])
-    free = np.setdiff1d(np.arange(chain.n), locked)
-    left = fl.elastic_torque(chain, rest.q) + fl.gravity_torque(chain, rest.q)
-    known = rounding.of_elastic_torque(chain, rest.q) + rounding.of_loads(chain, np.zeros(chain.n), np.zeros(6))
-    assert np.abs(left[free]).max() <= known.max()
-    assert rest.residual <= known.max()
 
 
 @pytest.mark.parametrize("name", SPRUNG)
@@ -245,51 +194,6 @@ def test_joints_without_a_spring_are_held_while_a_column_buckles() -> None:
 
 
 # Modes.
-
-
-@pytest.mark.parametrize("moving", [False, True])
-@pytest.mark.parametrize("name", SPRUNG)
-def test_modes_are_those_of_the_dense_problem(name: str, moving: bool, tmp_path: Path) -> None:
-    """Damped and spinning, of the first-order matrix; the bound on all holds, of many states as of each."""
-    chain = CHAINS[name](tmp_path)
-    q, qd = state(chain)[0] * 0.1, moving * np.where(chain.stiffness > 0, 0.0, 2.0)
-    K, C, M = matrices(chain, q, qd, np.zeros(6))
-    inverse = np.linalg.inv(M)
-    A = np.block([[np.zeros_like(M), np.eye(chain.n)], [-inverse @ K, -inverse @ C]])
-    wanted = np.linalg.eigvals(A)
-    found = fl.modes(chain, q, qd).eigenvalues
-    unmatched = np.abs(found[:, None] - wanted).min(axis=1)
-    conditioned = 1e3 * EPS * np.linalg.norm(A, 2)
-    assert (unmatched <= np.sqrt(conditioned * np.abs(found)) + conditioned).all()
-    assert np.abs(eigenvalues(chain, q, qd)).max() == pytest.approx(np.abs(wanted).max(), rel=1e-9)
-    bound = eigenvalue_bound(chain, q, qd)
-    assert np.abs(wanted).max() < bound < 10 * np.abs(wanted).max()
-    none = np.zeros(chain.n)
-    acting = {"tip_wrench": np.zeros(6), "frame": "world", "gains": Gains(none, none)}
-    assert eigenvalue_bounds([(chain, q, qd)], [acting]) == pytest.approx([bound], rel=1e-12)
-
-
-@pytest.mark.parametrize("name", SPRUNG)
-def test_undamped_modes_swing_as_springs_and_inertia_say(name: str, tmp_path: Path) -> None:
-    """K φ = ω² M φ with driven joints locked; shapes obey it."""
-    chain = undamped(CHAINS[name](tmp_path))
-    weightless = dataclasses.replace(chain, gravity=np.zeros(3))
-    found = fl.modes(weightless, locked=chain.active.tolist())
-    block = np.ix_(chain.bending, chain.bending)
-    K, M = chain.matrix("stiffness")[block], fl.mass_matrix(chain, chain.rest)[block]
-    ω = np.sqrt(linalg.eigh(K, M, eigvals_only=True))
-    assert np.abs(found.frequencies - ω).max() <= 100 * EPS * ω[-1] ** 2 / ω[0]
-    φ = found.shapes[:, chain.bending]
-    left = φ @ K - found.frequencies[:, None] ** 2 * (φ @ M)
-    assert np.abs(left).max() <= 1e-9 * np.abs(K).max()
-    assert set(found.kinds) == {"elastic"}
-    assert found.elastic_shares == pytest.approx(1.0, abs=1e-9)
-
-
-def undamped(chain: fl.Chain) -> fl.Chain:
-    hinges, couplings = chain.hinges.copy(), chain.couplings.copy()
-    hinges["damping"] = couplings["damping"] = 0.0
-    return dataclasses.replace(chain, hinges=hinges, couplings=couplings)
 
 
 @pytest.mark.parametrize("name", SPRUNG)

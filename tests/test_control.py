@@ -94,14 +94,6 @@ def test_a_sampled_law_goes_to_the_continuous_one_with_its_rate() -> None:
     assert errors[1] / errors[0] == pytest.approx(0.5, abs=0.05)  # a delay of half a period on average
 
 
-def test_a_run_under_a_law_is_continued_to_the_bit() -> None:
-    whole = fl.simulate(arm("none"), control=pd, rate=500.0)
-    t, q, qd = whole.state(4)
-    rest = fl.simulate(arm("none"), control=pd, rate=500.0, q0=q, qd0=qd, t0=t, duration=0.04)
-    np.testing.assert_array_equal(rest.q, whole.q[4:])
-    np.testing.assert_array_equal(rest.tau, whole.tau[4:])
-
-
 def test_the_work_of_a_law_balances() -> None:
     run = fl.simulate(arm("none"), control=pd, rate=1000.0)
     assert run.warnings == ()

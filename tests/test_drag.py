@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import flexible, make_scene, nasty_scene, random_state
+from conftest import make_scene, nasty_scene, random_state
 from trees import random_tree_scene
 
 import flexlink as fl
-from flexlink.dynamics.drag import drag_slopes
 
 RHO, C, B, OMEGA = 1.2, 2.0, 0.3, 3.0
 BAR = make_scene(
@@ -103,24 +102,6 @@ def test_torques_are_those_of_virtual_work_on_any_arm(seed: int) -> None:
     np.testing.assert_allclose(fl.forward_dynamics(chain, [q, q], qd, tau)[1], expected, rtol=1e-11, atol=1e-9)
 
 
-@pytest.mark.parametrize("frame", ["world", "tip"])
-def test_slopes_are_those_of_differences(frame: Any, rng: np.random.Generator) -> None:
-    scene, h = dragged(nasty_scene()), 1e-6
-    chain, bare = fl.lump(scene), fl.lump(without_drag(scene))
-    q, qd = random_state(chain, rng)
-    torque, K, D = fl.drag_torque(chain, q, qd), *drag_slopes(chain, q, qd)
-    for found, moved in ((K, lambda e: (q + e, qd)), (D, lambda e: (q, qd + e))):
-        ahead, behind = (fl.drag_torque(chain, *moved(s * h * np.eye(chain.n))) for s in (1, -1))
-        np.testing.assert_allclose(found, (ahead - behind).T / (2 * h), atol=1e-8 * abs(found).max())
-    state: dict[str, Any] = {"q": q, "qd": qd, "tip_wrench": np.arange(6.0), "frame": frame}
-    own = fl.forward_dynamics_derivatives(bare, tau=-torque, **state)
-    slopes = fl.forward_dynamics_derivatives(chain, tau=np.zeros(chain.n), **state)
-    for found, expected in ((slopes.dq, own.dq - own.dtau @ K), (slopes.dqd, own.dqd - own.dtau @ D)):
-        np.testing.assert_allclose(found, expected, atol=1e-12 * abs(expected).max())
-    many = fl.forward_dynamics_derivatives(chain, [q, q], qd, np.zeros(chain.n), tip_wrench=np.arange(6.0), frame=frame)
-    np.testing.assert_array_equal(many.dqd[1], slopes.dqd)
-
-
 def test_modes_of_an_arm_that_turns_are_damped_by_it() -> None:
     """Of a rigid bar at the rate ω small changes decay by 2 β ω / I, β |ω| ω its drag."""
     bar = fl.lump(BAR)
@@ -128,18 +109,6 @@ def test_modes_of_an_arm_that_turns_are_damped_by_it() -> None:
     inertia = fl.mass_matrix(bar, [0.0])[0, 0]
     np.testing.assert_allclose(model.A[1, 1], -2 * BRAKE * OMEGA / inertia, rtol=1e-14)
     np.testing.assert_allclose(fl.linearize(bar, [0.0]).A, [[0.0, 1.0], [0.0, 0.0]])
-
-
-def test_power_is_in_balance_and_implicit_steps_agree_with_explicit_ones() -> None:
-    swinging, settings = dragged(nasty_scene()), {"run.duration": 0.3, "run.tolerance": 1e-7}
-    explicit, implicit = (
-        fl.simulate(swinging.varied({**settings, "run.method": method})) for method in ("DOP853", "Radau5")
-    )
-    free = fl.simulate(without_drag(swinging).varied({**settings, "run.method": "DOP853"}))
-    assert abs(explicit.tip - free.tip).max() > 3e-3
-    np.testing.assert_allclose(implicit.tip, explicit.tip, atol=1e-6)
-    for run in (explicit, implicit):
-        assert abs(run.imbalance).max() < 1e-6 * np.ptp(run.energy.total)
 
 
 def test_what_moves_a_joint_as_prescribed_works_against_drag() -> None:
@@ -151,41 +120,6 @@ def test_what_moves_a_joint_as_prescribed_works_against_drag() -> None:
     ω = math.pi / 2
     np.testing.assert_allclose(run.tau[:, 0], BRAKE * ω * ω, rtol=1e-12)
     np.testing.assert_allclose(run.work[-1], 0.0, atol=1e-12)  # all of it is lost
-
-
-def test_internal_loads_count_it(rng: np.random.Generator) -> None:
-    chain = fl.lump(dragged(nasty_scene()))
-    q, qd = random_state(chain, rng)
-    qdd = fl.forward_dynamics(chain, q, qd, np.zeros(chain.n))
-    loads = fl.internal_loads(chain, q, qd, qdd)
-    left = fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd) + chain.hinges["armature"] * qdd
-    np.testing.assert_allclose(loads.hinge_moment, left, atol=1e-11 * abs(loads.moment).max())
-
-
-def test_scenes_and_runs_with_it_are_read_back_equal(tmp_path: Any) -> None:
-    scene = dragged(nasty_scene())
-    (tmp_path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
-    assert fl.load_scene(tmp_path / "scene.toml") == scene
-    run = fl.simulate(BAR.varied({"run.duration": 0.1}))
-    run.save(tmp_path / "run.npz")
-    np.testing.assert_array_equal(fl.load_trajectory(tmp_path / "run.npz").chain.drag, run.chain.drag)
-
-
-def test_many_runs_are_those_of_one_each() -> None:
-    scenes = [BAR.varied({"air_density": density, "run.duration": 0.2}) for density in (0.5, 2.0, 1.2)]
-    for one, scene in zip(fl.simulate_many(scenes), scenes, strict=True):
-        np.testing.assert_array_equal(one.q, fl.simulate(scene).q)
-
-
-@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
-def test_engines_move_as_it_does(engine: str) -> None:
-    pytest.importorskip(engine)
-    strip = make_scene(
-        flexible("strip", "z", 4, drag=fl.Drag(coefficient=2.0, breadth=(0.3, 0.01))),
-        air_density=50.0, run=fl.RunSettings(duration=0.1, method="RK4", step=1e-4),
-    )  # fmt: skip
-    found = fl.compare_trajectories(strip, engines=[engine])
-    assert found.passed, str(found)
 
 
 @pytest.mark.parametrize(
@@ -208,19 +142,3 @@ def test_a_general_section_does_not_say_how_broad_it_is() -> None:
     link = fl.Link(name="a", length=1.0, material="m", section="s", drag=fl.Drag(coefficient=1.0))
     with pytest.raises(fl.errors.SceneError, match=r"link.a.drag.breadth: missing; a general section, 's'"):
         fl.Arm(links=(link,), sections={"s": section}, materials={"m": fl.Material(young=1e9, density=1e3)})
-
-
-def test_what_does_not_count_it_says_so() -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=r"derivatives of runs do not count drag; leave out link.drag"):
-        fl.sensitivities(BAR, ["air_density"])
-    turning = dragged(make_scene(flexible("a")))
-    chain = fl.lump(turning)
-    with pytest.raises(fl.errors.ArgumentError, match=r"equilibria at given rates, .* do not count drag"):
-        fl.equilibrium_in_motion(chain, {"a": 1.0})
-    assert fl.solve_static(chain, locked=chain.active).q.shape == (chain.n,)  # at rest there is none
-
-
-def test_files_are_compared_without_it() -> None:
-    pytest.importorskip("mujoco")
-    scene = dragged(make_scene(flexible("a", "xyz", 3), flexible("b", segments=3)))
-    assert fl.compare(scene, engines=["mujoco"]).passed

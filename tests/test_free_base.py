@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -70,13 +68,6 @@ def test_a_run_is_confirmed_by_another_one_that_starts_where_it_did(run: fl.Traj
     assert run.warnings == ()
     coarse = fl.simulate(scene(**{"run.step": 1e-3, "run.method": "Radau5"}))  # which a second run judges
     assert coarse.warnings == () and np.abs(coarse.tip - run.tip).max() < 1e-6
-
-
-def test_a_problem_starts_every_run_where_its_scene_does(run: fl.Trajectory) -> None:
-    problem = fl.Problem(scene())
-    first, second = problem.simulate(), problem.simulate()
-    assert np.array_equal(first.tip, second.tip) and np.array_equal(first.tip, run.tip)
-    assert np.array_equal(problem.chain.bodies["rotation"], fl.lump(scene()).bodies["rotation"])
 
 
 def test_momentum_energy_and_the_length_of_the_quaternion_stay(run: fl.Trajectory) -> None:
@@ -178,15 +169,6 @@ def test_a_simulator_and_a_law_are_told_coordinates_from_the_start(run: fl.Traje
 
     fl.simulate(scene(), control=law, rate=20.0)
     assert max(np.abs(tip - run.tip[round(t / 0.05)]).max() for t, tip in seen) < 1e-12
-
-
-def test_a_run_with_a_free_base_is_read_back(run: fl.Trajectory, tmp_path: Path) -> None:
-    again = fl.load_trajectory(run.save(tmp_path / "run.npz"))
-    assert again.base is not None and run.base is not None
-    assert np.array_equal(again.base.attitude, run.base.attitude) and again.chain.tips == run.chain.tips
-    assert np.array_equal(again.base.momentum.angular, run.base.momentum.angular)
-    assert again.momentum_error == run.momentum_error
-    assert np.array_equal(run.columns["attitude w [1]"], run.base.attitude[:, 0])
 
 
 def test_a_falling_base_gains_momentum_by_its_weight() -> None:

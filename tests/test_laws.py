@@ -202,14 +202,6 @@ def test_every_engine_runs_every_law(name: str, rate: str, limit: str, engine: s
     assert np.abs(q[1] - q[0]).max() <= 1e-9
 
 
-@every_rate
-@every_law
-def test_the_work_of_a_limited_law_balances(name: str, rate: str) -> None:
-    run = fl.simulate(arm({**LAWS[name], **SAMPLED[rate], "effort": EFFORT}))
-    assert run.warnings == ()
-    assert np.abs(run.imbalance).max() < 1e-6 * run.exchanged[-1]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("run", [{"run.tolerance": 1e-6}, {"run.method": "Radau5"}, {"run.method": "Gauss4"}], ids=str)
 @every_rate
@@ -221,20 +213,6 @@ def test_steps_of_any_length_see_the_same_law(name: str, rate: str, run: dict[st
     assert np.linalg.norm(got.tip - wanted.tip, axis=1).max() < 1e-5
     if rate == "sampled":
         np.testing.assert_allclose(got.tau, wanted.tau, rtol=0, atol=1e-2 * max(EFFORT))
-
-
-@every_law
-def test_a_simulator_without_torques_asks_the_law_of_its_scene(name: str) -> None:
-    """Also of more samples than a run of one sample has room for, and where torques from outside came between."""
-    scene = arm({**LAWS[name], "rate": 500.0})
-    run, simulator = fl.simulate(scene), fl.Simulator(scene)
-    for k in range(1, 11):
-        np.testing.assert_array_equal(simulator.step().q, run.q[k])
-    simulator.reset()
-    simulator.step([1e3, 0.0, 0.0], duration=0.01)
-    t, q, qd = simulator.state
-    rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=0.02)
-    np.testing.assert_array_equal(simulator.step(duration=0.02).q, rest.q[-1])
 
 
 @compiled
@@ -331,14 +309,6 @@ def test_an_arm_without_driven_joints_has_nothing_to_drive() -> None:
         flexible("a", joint=fl.Joint(locked=True)), drive={**PD, "kp": (0,), "kd": (0,), "target_deg": (0,)}
     )
     assert len(drive_arrays(scene, fl.lump(scene)).joints) == 0
-
-
-@every_rate
-@every_law
-def test_a_law_is_written_and_read_back(name: str, rate: str) -> None:
-    scene = arm({**LAWS[name], **SAMPLED[rate], "effort": EFFORT})
-    from_toml = fl.Scene.from_toml if hasattr(fl.Scene, "from_toml") else None
-    assert from_toml is None or from_toml(scene.to_toml()) == scene
 
 
 def test_no_file_says_a_law_and_it_is_told() -> None:

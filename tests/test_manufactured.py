@@ -7,12 +7,10 @@ import pytest
 from mpmath import mp, mpf
 
 import flexlink as fl
-from validation.case import Measured, load_cases, scene_file
+from validation.case import scene_file
 from validation.kinds import manufactured as kind
-from validation.kinds import measurements
 from validation.oracles import manufactured
 from validation.oracles.manufactured import Motion
-from validation.runner import kind_of
 
 SCENE = fl.load_scene(scene_file("every_term"))
 
@@ -65,16 +63,3 @@ def test_a_small_mistake_in_any_term_makes_another_torque(change: dict[str, obje
     right = manufactured.torques(fl.lump(SCENE), [0.4], moved, kind._wrench(SCENE))
     other = manufactured.torques(fl.lump(wrong), [0.4], moved, kind._wrench(wrong))
     assert np.abs(other - right).max() > 1e-6 * np.abs(right).max()
-
-
-@pytest.mark.slow
-def test_it_is_integrated_back_to_twelve_digits_and_with_the_orders_of_the_methods() -> None:
-    (case,) = load_cases("manufactured")
-    made = measurements(kind, case, kind_of(case)[1])
-    found = [each for each in made if isinstance(each, Measured)]
-    finest = {each.varied["method"]: each.value for each in found if each.quantity == "largest |Δq|, finest step"}
-    assert finest["DOP853"] < 1e-13
-    assert finest["Radau9"] < 1e-11
-    orders = {each.varied["method"]: each.value for each in found if each.quantity == "order − observed"}
-    assert orders["RK4"] < 0.25
-    assert len(orders) == 9

@@ -10,8 +10,6 @@ from flexlink.describe.spec import Spec
 from flexlink.describe.writing import without_defaults
 from flexlink.engines import load
 from flexlink.formats.mjcf_reading import read_mjcf
-from validation.case import load_cases
-from validation.kinds import random_arms
 from validation.random_arms import random_arm, random_tree
 
 EPS = np.finfo(float).eps
@@ -40,33 +38,6 @@ def test_a_seed_is_an_arm() -> None:
     assert random_arm(7) == random_arm(7)
     assert random_arm(7) != random_arm(8)
     assert {len(random_arm(seed).arm.links) for seed in range(60)} == {1, 2, 3, 4, 5, 6}
-
-
-@pytest.mark.slow
-def test_solvers_agree_on_random_arms(rng) -> None:
-    """M q̈ = τ − T_GC − T_FL − T_FR within the rounding of its parts, by articulated bodies and by Cholesky's method."""
-    for seed in range(40):
-        chain = fl.lump(random_arm(seed))
-        q, qd, tau = 0.3 * rng.standard_normal(chain.n), rng.standard_normal(chain.n), rng.standard_normal(chain.n)
-        M = fl.mass_matrix(chain, q)
-        parts = tau, fl.bias_torque(chain, q, qd), fl.elastic_torque(chain, q), fl.friction_torque(chain, qd)
-        rest = parts[0] - parts[1] - parts[2] - parts[3]
-        for method in ("articulated", "cholesky"):
-            qdd = fl.forward_dynamics(chain, q, qd, tau, solver=method)
-            size = np.abs(M).max() * np.abs(qdd).sum() + max(np.abs(part).max() for part in parts)
-            assert np.abs(M @ qdd - rest).max() <= 10 * np.sqrt(chain.n) * EPS * size, (seed, method)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("trees", [False, True], ids=["serial", "trees"])
-def test_engines_take_every_random_arm_and_agree(trees: bool) -> None:
-    name = "random_trees" if trees else "random_arms"
-    case = next(case for case in load_cases(name) if case.name == name)
-    engines = ("pinocchio", "mujoco")
-    measured = list(random_arms.run(case, engines=engines, arms=10, samples=8, seed=80, trees=trees))  # 83: a disc
-    assert len(measured) == 2 * 10
-    for row in measured:
-        assert row.value <= case.quantity[row.quantity].tolerance, row
 
 
 def test_a_disc_with_rounding_on_top_is_exported_and_read_back() -> None:

@@ -215,16 +215,6 @@ def test_tables_damp_by_their_loss_time_or_that_of_the_link() -> None:
     assert told.damping_ratios[0] == pytest.approx(0.02, rel=1e-9)
 
 
-def test_engines_read_a_beam_of_a_table_and_it_survives_toml(tmp_path) -> None:
-    table = fl.Rigidity(
-        x=(0.0, 0.4, 0.4, 1.2), ei_z=(9e3, 8e3, 7e3, 6e3), ei_y=(8e3, 8e3, 8e3, 5e3), gj=(3e3, 3e3, 2e3, 2e3),
-        rho_a=(3.0, 3.0, 2.0, 1.5), rho_i_y=(1e-3,) * 4, rho_i_z=(1e-3,) * 4,
-    )  # fmt: skip
-    scene = beam(table, "lobatto2", 4, flex="xyz", joint=fl.Joint(axis=(0.0, 1.0, 0.0)))
-    assert fl.compare(scene, samples=10).passed
-    assert fl.load_scene(scene.save(tmp_path / "spar.toml")) == scene
-
-
 @pytest.mark.parametrize(
     ("fields", "said"),
     [

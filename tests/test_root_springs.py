@@ -117,30 +117,6 @@ def arm_on_soft_roots(**fields: object) -> fl.Scene:
     )  # fmt: skip
 
 
-def test_every_solver_knows_springs_at_the_root(rng) -> None:
-    chain = fl.lump(arm_on_soft_roots())
-    q, qd, tau = 0.1 * rng.standard_normal(chain.n), rng.standard_normal(chain.n), rng.standard_normal(chain.n)
-    torque = tau - fl.bias_torque(chain, q, qd) - fl.elastic_torque(chain, q) - fl.friction_torque(chain, qd)
-    qdd = np.linalg.solve(fl.mass_matrix(chain, q), torque)
-    for solver in ("articulated", "lu", "cholesky"):
-        np.testing.assert_allclose(fl.forward_dynamics(chain, q, qd, tau, solver=solver), qdd, rtol=1e-9, atol=1e-9)
-
-
-def test_files_and_engines_hold_springs_at_the_root() -> None:
-    found = fl.compare(arm_on_soft_roots(), samples=20)
-    assert found.passed, str(found)
-
-
-def test_implicit_and_explicit_steps_see_the_same_roots() -> None:
-    scene = arm_on_soft_roots(initial=fl.InitialState(joint_deg=(10.0, 20.0, 0.0)), gravity=(0.0, 0.0, -9.81))
-    explicit, implicit = (
-        fl.simulate(scene, method=method, step=step, duration=0.05, sample=0.05)
-        for method, step in (("RK4", 1e-4), ("Radau5", 5e-4))
-    )
-    np.testing.assert_allclose(implicit.tip[-1], explicit.tip[-1], atol=1e-9)
-    assert abs(explicit.imbalance[-1]) < 1e-9 * explicit.exchanged[-1]
-
-
 def test_the_slope_along_a_root_stiffness_is_that_of_the_oscillator() -> None:
     """θ = θ₀ cos(ω t), ω² = k/I, under a moment that is gone: ∂θ/∂k = −θ₀ t sin(ω t) ω/(2k)."""
     k, inertia, t, moment = 80.0, 0.2, 0.4, 1.0

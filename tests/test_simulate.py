@@ -45,13 +45,6 @@ def test_an_independent_integrator_finds_the_same_motion(paper: fl.Scene) -> Non
     assert np.abs(run.q[-1] - other.y[:10, -1]).max() < 1e-10  # sum of both tolerances over the run
 
 
-@pytest.mark.parametrize("name", ["t2_spatial", "t3_spatial"])
-def test_solvers_give_the_same_motion(models, name: str) -> None:
-    scene = fl.load_scene(models / f"{name}.toml")
-    lu, cholesky = (fl.simulate(scene, duration=0.1, solver=solver) for solver in ("lu", "cholesky"))
-    assert np.abs(lu.q - cholesky.q).max() < 1e-11
-
-
 def test_a_pd_drive_holds_its_target() -> None:
     drive = fl.Drive(kind="pd", kp=(400.0,), kd=(40.0,), target_deg=(30.0,))
     link = fl.Link(name="a", length=1.0)

@@ -21,7 +21,6 @@ from reports.figures import speed_cost
 from reports.findings import speed_times
 from reports.results import Results
 from validation.case import CASES, Case, load_case
-from validation.kinds import speed_calls, speed_steps
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.oracles.spatial_chain import SpatialChain, exactly
 from validation.runner import judged
@@ -96,17 +95,6 @@ def test_the_compiled_loops_do_the_public_functions_work(chain: fl.Chain) -> Non
     assert compiled_loops.mass_loop(chain.arrays, q, 1).shape == (chain.n, chain.n)
 
 
-def test_mujoco_and_pinocchio_take_part_in_every_job(chain: fl.Chain) -> None:
-    states = timed_states(chain)
-    jobs = set(evaluations.native(chain, states))
-    assert set(evaluations.mujoco_calls(chain, states)) == jobs
-    forms = evaluations.pinocchio(chain, states)
-    assert set(forms[speed_calls.PLAIN]) == jobs
-    for contestant in (evaluations.mujoco_calls(chain, states), *forms.values()):
-        for work in contestant.values():
-            work(3)
-
-
 def test_all_who_take_steps_are_told_when_they_blow_up() -> None:
     scene = family("T1", 5).released(CASE, 5)
     wild = of_steps(scene, 1, 30 * scene.run.step)
@@ -120,33 +108,6 @@ def test_the_loop_over_pinocchio_takes_the_steps_that_simulate_takes() -> None:
     scene = family("T1", 5).released(CASE, 5)
     ours = fl.simulate(of_steps(scene, 200)).q[-1]
     np.testing.assert_allclose(steps.by_pinocchio(scene)(200), ours, rtol=0, atol=1e-13)
-
-
-def test_the_loop_over_pinocchio_is_set_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An adapter that lumps and parses in every turn is timed by that, not by its steps."""
-    work = steps.by_pinocchio(family("T1", 5).released(CASE, 5))
-    for costly in (
-        "flexlink.chain.lumping.hinges_of",  # of lump
-        "flexlink.formats.to_urdf",
-        "flexlink.inputs.initial_state.spread",  # of initial_state
-    ):
-        monkeypatch.setattr(costly, lambda *_: pytest.fail("set up again"))
-    work(2)
-
-
-def test_only_a_fall_is_timed_in_the_loop_over_pinocchio() -> None:
-    driven = family("T1", 5).released(CASE, 5).varied({"wrench.force": [1.0, 0.0, 0.0]})
-    with pytest.raises(FlexlinkError, match="only a fall without drive"):
-        steps.by_pinocchio(driven)
-
-
-def test_a_stable_race_of_steps_has_everyone_in_it() -> None:
-    short = family("T1", 5, pinocchio=5, mujoco=5)
-    settings = speed_steps.Settings(chain={"T1": short}, longest={"T1": 6}, longest_steps=3, turns=1, turn=1e-4)
-    found = {m.quantity: m.value for m in speed_steps.run(CASE, settings) if hasattr(m, "quantity")}
-    assert found["steps of the longest chain"] == pytest.approx(3)
-    assert found["T1, n = 10: mujoco / native"] > 0
-    assert found["T1, n = 10: pinocchio / native"] > 0
 
 
 # stopwatch

@@ -1,30 +1,23 @@
 """The trade between cost and accuracy: its scenes are data, its references belong to them, other solvers agree."""
 
 import dataclasses
-import importlib
-import itertools
 import math
 import sys
-import timeit
 
-import mujoco
 import numpy as np
 import pytest
 
 import flexlink as fl
 from flexlink.common.errors import SceneError
 from flexlink.describe.spec import decode
-from flexlink.inputs.initial_state import initial_state
 from flexlink.results.tip_motion import tip_travel
 from validation.case import CASES, load_case
 from validation.kinds import other_solvers, speed_trade
 from validation.reference_values import reference_array
-from validation.speed import pinocchio_models
 from validation.trade import native_ladder, pinocchio_ladder, witness_ladder
 from validation.trade import references as trade_references
 from validation.trade import scenes as trade
 from validation.trade.first_order import FirstOrder
-from validation.trade.mujoco_ladder import INTEGRATORS, MujocoRuns
 from validation.trade.work_precision import Point, cost, ladder
 
 NAMES = list(trade.scenes())
@@ -76,28 +69,6 @@ def test_what_bends_the_tip_away_is_nothing_of_a_straight_arm_and_all_of_one_who
 # other solvers
 
 
-@pytest.mark.parametrize(("base", "drive"), [
-    ("t2", fl.Drive(kind="pd", kp=(3.0, 2.0, 1.0), kd=(0.3, 0.2, 0.1), target_deg=(5.0, 6.0, 7.0))),
-    ("t2", fl.Drive(kind="table", times=(0.1, 0.2, 0.4), torques=((1.0, 2.0, 3.0), (2.0, 0.0, 1.0), (0.0, 0.0, 5.0)))),
-    ("pulse11", None),
-])  # fmt: skip
-def test_the_first_order_form_has_the_slope_of_a_run(base, drive):
-    scene = trade.trade_scene(base)
-    scene = scene.varied({"drive": drive}) if drive else scene
-    h, f = 1e-7, FirstOrder(scene)
-    run = fl.simulate(scene, method="RK4", step=h, sample=h, duration=2 * h)
-    states = np.hstack([run.q, run.qd])
-    slope = (states[2] - states[0]) / (2 * h)
-    assert slope == pytest.approx(f(h, states[1]), rel=1e-6, abs=1e-4 * np.abs(slope).max())
-
-
-@pytest.mark.slow
-def test_a_led_joint_is_held_by_a_torque_as_the_run_leads_it():
-    scene = trade.trade_scene("p2p5").varied({"run.duration": 0.15, "run.step": 2.5e-5})
-    solved = FirstOrder(scene).by_scipy("Radau", 1e-6)
-    assert solved.tip == pytest.approx(fl.simulate(scene).tip, abs=1e-6)
-
-
 @pytest.fixture(scope="module")
 def beginning():
     """The first outputs of a soft link under a pulse, and how far a tip is from them, over the motion there."""
@@ -107,20 +78,6 @@ def beginning():
         return float(np.abs(tip - exact).max()) / tip_travel(exact)
 
     return FirstOrder(scene.varied({"run.duration": 3 * scene.run.sample})), error
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["Radau", "DOP853"])
-def test_scipy_comes_to_the_reference(beginning, method):
-    form, error = beginning
-    assert error(form.by_scipy(method, 1e-6).tip) < 1e-5
-
-
-@pytest.mark.slow
-def test_cvode_comes_to_the_reference(beginning):
-    pytest.importorskip("sksundae", reason="scikit-sundae, an optional witness, is not installed")
-    form, error = beginning
-    assert error(form.by_cvode(1e-6).tip) < 1e-5
 
 
 def test_without_scikit_sundae_cvode_is_an_error_that_says_how_to_get_it(beginning, monkeypatch):
@@ -155,52 +112,7 @@ def test_a_motion_that_is_wrong_by_more_than_its_tolerance_is_told_and_so_is_a_w
 # MuJoCo
 
 
-@pytest.mark.slow
-def test_mujoco_with_compiled_friction_and_drive_comes_to_the_reference():
-    for name, least in (("pulse11", 1e-8), ("t2", 1e-6)):
-        runs = MujocoRuns(trade.trade_scene(name))
-        assert _errors_of(name, runs, "RK4", 400)[0] < least
-    errors = {each: [_errors_of(name, runs, each, steps)[0] for steps in (250, 500)] for each in INTEGRATORS}
-    assert all(fine < 0.6 * coarse < 2e-3 for coarse, fine in errors.values())
-
-
-def _errors_of(name, runs, integrator, steps):
-    return trade.errors(name, trade.seen(runs.chain, runs.run(integrator, steps)[0]))
-
-
-def test_gains_are_springs_and_dampers_of_mujoco():
-    scene = trade.trade_scene("t3pd")
-    runs = MujocoRuns(scene)
-    q, qd = initial_state(scene, runs.chain)
-    runs.data.qpos, runs.data.qvel = q, qd
-    with runs._ready("RK4", 1e-6):
-        mujoco.mj_forward(runs.model, runs.data)
-    f = FirstOrder(scene)
-    assert runs.data.qacc == pytest.approx(f(0.0, f.start)[runs.chain.n :], abs=1e-8 * np.abs(runs.data.qacc).max())
-
-
 # Pinocchio
-
-
-def test_pinocchio_has_the_slope_of_flexlink_with_friction_springs_drive_wrench_and_led_joints():
-    for name in ("t3s4", "p2p5", "ur5"):
-        scene = trade.trade_scene(name)
-        ours, theirs = FirstOrder(scene), pinocchio_ladder.PinocchioForm(scene)
-        y = ours.start + 0.01 * np.random.default_rng(0).normal(size=len(ours.start))
-        exact = ours(0.1, y)
-        assert theirs(0.1, y) == pytest.approx(exact, abs=1e-8 * np.abs(exact).max())  # cond(M) of either is 1e5
-        assert theirs(0.1, np.vstack([y, y])) == pytest.approx(
-            np.vstack([exact, exact]), abs=1e-8 * np.abs(exact).max()
-        )
-
-
-@pytest.mark.slow
-def test_a_loop_of_rk4_in_pinocchio_is_flexlink_s_run_with_the_same_steps():
-    scene = trade.trade_scene("kick11").varied({"run.duration": 0.2})
-    run = fl.simulate(scene, method="RK4", step=scene.run.sample / 80)
-    solved = pinocchio_ladder.PinocchioForm(scene).by_rk4(80)
-    assert solved.q == pytest.approx(run.q, abs=1e-11)
-    assert solved.evaluations == run.steps.evaluations
 
 
 @pytest.mark.slow
@@ -215,37 +127,7 @@ def test_pinocchio_is_charged_with_its_evaluations_and_stops_at_the_most_it_may_
     assert 0.1 < limit.seconds / limit.evaluations / again < 10  # a slow spell of the machine meets one of them only
 
 
-def test_the_fastest_aba_is_no_slower_than_a_call_from_python():
-    chain = fl.lump(trade.trade_scene("t3s4"))
-    assert pinocchio_ladder.seconds_of_aba(chain) < 3 * _call_of_aba(chain)
-
-
-def _call_of_aba(chain):
-    model, _ = pinocchio_models.build_all(chain)["spherical ZYX joints"]
-    data, q = pinocchio_models.pin.Data(model), np.zeros(model.nv)
-    return min(timeit.repeat(lambda: pinocchio_models.pin.aba(model, data, q, q, q), number=20, repeat=20)) / 20
-
-
 # Drake and Exudyn
-
-
-@pytest.mark.slow
-def test_drake_s_own_control_of_errors_comes_to_the_reference_and_a_run_that_is_too_dear_is_not_waited_for():
-    pytest.importorskip("pydrake", reason="Drake, an optional witness, is not installed")
-    runs = importlib.import_module("validation.trade.drake_ladder").DrakeRuns("paperd")
-    coarse, fine = (runs.run("implicit_euler", accuracy, 60.0) for accuracy in (1e-1, 1e-3))
-    assert fine.error < 0.5 * coarse.error < 0.2
-    assert fine.evaluations > coarse.evaluations > 0
-    assert runs.run("implicit_euler", 1e-3, 0.0) is None
-
-
-@pytest.mark.slow
-def test_exudyn_s_implicit_steps_are_of_the_second_order_and_its_limit_of_stability_is_told():
-    pytest.importorskip("exudyn", reason="Exudyn, an optional witness, is not installed")
-    runs = importlib.import_module("validation.trade.exudyn_ladder").ExudynRuns("paperd")
-    errors = [runs.run("GeneralizedAlpha", steps).error for steps in (2, 4, 8)]
-    assert all(3.5 < coarse / fine < 4.5 for coarse, fine in itertools.pairwise(errors))
-    assert runs.run("RK44", 4).error == math.inf
 
 
 def test_a_witness_that_is_not_installed_says_how_to_get_it(monkeypatch):

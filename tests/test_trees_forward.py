@@ -13,7 +13,6 @@ from flexlink.describe.arm import Base
 from flexlink.dynamics.rounding import of_mass_matrix
 from flexlink.dynamics.terms import MASS_ALGORITHMS
 from flexlink.kernels.bodies.kinematics import forward_kinematics
-from flexlink.kernels.forward import solvers
 from flexlink.kernels.forward.articulated import articulated
 from flexlink.kernels.forward.articulated_rows import articulated_lanes_workspace, articulated_workspace
 from flexlink.kernels.forward.inverse_mass import solve_on_articulated
@@ -21,7 +20,7 @@ from flexlink.kernels.forward.mass_plus_cells import COUPLED, columns, put_coupl
 from flexlink.kernels.forward.mass_plus_diagonal import displacement, factor, place_bodies, solve
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue
-from flexlink.kernels.forward.solvers import accelerations_of_many, dense, dense_workspace
+from flexlink.kernels.forward.solvers import dense, dense_workspace
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.lanes import LANES
@@ -198,16 +197,6 @@ def heavier(chain: fl.Chain, factor: float) -> fl.Chain:
     bodies["rotation"][1] = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ bodies["rotation"][1]
     bodies["turned"][1] = 1
     return dataclasses.replace(chain, bodies=bodies)
-
-
-def test_many_states_of_a_tree_are_its_single_states(rng) -> None:
-    chain = random_tree(3)
-    states, wrenches = np.array([state_of(chain, rng) for _ in range(11)]), rng.normal(size=(11, 6))
-    work = articulated_lanes_workspace(*(np.stack([part] * LANES) for part in chain.arrays))
-    q, qd, tau = (np.ascontiguousarray(states[:, part]) for part in range(3))
-    found = accelerations_of_many(work, wrenches, q, qd, tau)
-    singly = [solvers.ARTICULATED.accelerations(chain.arrays, *one) for one in zip(wrenches, q, qd, tau, strict=True)]
-    assert np.allclose(found, singly, rtol=1e-10, atol=1e-10 * np.abs(singly).max())
 
 
 @pytest.mark.parametrize("number", [1.0, 1.0 + 0.7j])

@@ -22,7 +22,6 @@ from validation.kinds import SETTINGS, exact_beams, measurements, witnesses
 from validation.physics import beam_references
 from validation.physics.beam_references import beam_reference, beam_scene, plane_of
 from validation.physics.formulas import pulse
-from validation.reference_values import reference_array
 
 CASE = load_case(CASES / "trajectory_witnesses.toml")
 BEAMS = load_case(CASES / "exudyn_beams.toml")
@@ -39,15 +38,6 @@ def judged(name: str, methods: list[str]) -> dict[str, float]:
             value = found.value / tolerance if tolerance else np.inf * found.value if found.value else 0.0
             worst[found.quantity] = max(worst.get(found.quantity, 0.0), value)
     return worst
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "package", "methods"), [("exudyn", "exudyn", ["RK4"]), ("drake", "pydrake", ["RK3"])])
-def test_witnesses_confirm_every_term_and_the_motion(name: str, package: str, methods: list[str]) -> None:
-    pytest.importorskip(package)
-    found = judged(name, methods)
-    assert set(found) == {"M", "T_GC", "T_GC with tip wrench", "T_FL", "T_FR", "q̈", "max |Δq|"}
-    assert max(found.values()) <= 1
 
 
 @with_exudyn
@@ -117,23 +107,6 @@ def test_a_chain_apart_from_the_beams_by_more_than_both_state_is_denied(monkeypa
 
     assert ratio(0.0) == 0
     assert ratio(1e-5) > 1
-
-
-def test_exudyn_s_beam_meets_the_rod_that_galerkin_s_method_knows_to_12_digits() -> None:
-    rod = reference_array("single_link_torque_pulse", "values")
-    tip, own = beam_reference("torque_pulse")
-    assert own / 100 < np.linalg.norm(tip[:, :2] - rod, axis=1).max() < own
-
-
-@with_exudyn
-@pytest.mark.slow
-def test_a_coarse_run_of_the_beams_comes_near_the_stored_one() -> None:
-    """Eight elements at 1 ms: the mesh leaves 2e-5 m, the step 1.5e-5 m, the stiffness 4e-5 m, as they were found."""
-    beams: ModuleType = importlib.import_module("validation.physics.exudyn_beams")
-    scene = beam_scene("torque_pulse")
-    coarse = beams.Numerics(elements=8, step=1e-3, stiffness=1e5, residual=1e-12)
-    tip = beams.tip("torque_pulse", plane_of(scene), scene.run, coarse)
-    assert np.linalg.norm(tip - beam_reference("torque_pulse")[0], axis=1).max() < 7.5e-5
 
 
 def test_the_pulse_ends() -> None:

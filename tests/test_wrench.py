@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import flexible, make_scene, nasty_scene
+from conftest import flexible, make_scene
 from scipy.integrate import quad
 
 import flexlink as fl
 from flexlink.dynamics.vibration.stability import eigenvalues
 from flexlink.engines import load
-from flexlink.motion.simulator import Simulator
 
 TIMES = (0.0, 0.013, 0.03, 0.045)
 TABLE: dict[str, Any] = {
@@ -86,16 +85,6 @@ def test_a_smooth_table_goes_through_its_rows_and_between_them_as_a_drive_does()
     np.testing.assert_allclose(run.tip_wrench[:, 0], run.tau[:, 0], rtol=0, atol=1e-13)
 
 
-def test_accelerations_and_loads_of_a_run_are_those_under_the_wrench_of_each_sample() -> None:
-    run = fl.simulate(arm(WRENCHES["linear, tip"]))
-    for k in (0, 3, 7):
-        state = run.q[k], run.qd[k]
-        qdd = fl.forward_dynamics(run.chain, *state, run.tau[k], tip_wrench=run.tip_wrench[k])
-        np.testing.assert_array_equal(run.qdd[k], qdd)
-        one = fl.internal_loads(run.chain, *state, qdd, tip_wrench=run.tip_wrench[k])
-        np.testing.assert_array_equal(run.loads.moment[k], one.moment)
-
-
 def test_one_wrench_a_state_is_asked_for_in_as_many_rows() -> None:
     chain = fl.lump(arm(IN_TIME["constant"]))
     still = np.zeros((3, chain.n))
@@ -158,18 +147,6 @@ def test_a_cantilever_rests_where_the_elastica_under_a_follower_force_does(end: 
 # --- the balance and the order ----------------------------------------------------------------------------------------
 
 
-@each_room
-@each_wrench
-def test_energy_gained_is_the_work_of_every_wrench(wrench: str, room: str) -> None:
-    """To the order of the method: half the step leaves a sixteenth; steps end at a table's times."""
-    scene = arm(WRENCHES[wrench], room, **{"run.step": 5e-4, "run.unstable": "allow"})
-    coarse, fine = (fl.simulate(scene, step=h) for h in (1e-4, 5e-5))
-    bare = fl.simulate(scene.varied({"wrench": None}), step=1e-4)
-    assert np.abs(coarse.work - bare.work).max() > 0.01  # J: the wrench has a say
-    assert np.abs(fine.imbalance).max() <= np.abs(coarse.imbalance).max() / 8 + 1e-12 * coarse.exchanged[-1]
-    assert np.abs(coarse.imbalance).max() <= 1e-5 * coarse.exchanged[-1]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("frame", ["world", "tip"])
 @pytest.mark.parametrize(("method", "order", "steps"), [("RK2", 2, 1), ("RK4", 4, 1), ("Radau5", 5, 10)])
@@ -187,32 +164,6 @@ def test_a_smooth_table_keeps_the_order_of_the_method(method: str, order: int, s
 # --- one wrench, many ways to run -------------------------------------------------------------------------------------
 
 
-@each_wrench
-def test_a_continued_run_is_the_uninterrupted_one_to_the_bit(wrench: str) -> None:
-    scene = arm(WRENCHES[wrench])
-    whole = fl.simulate(scene)
-    t, q, qd = whole.state(4)
-    rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=0.03)
-    for name in ("q", "qd", "tau", "tip", "tip_wrench"):
-        np.testing.assert_array_equal(getattr(rest, name), getattr(whole, name)[4:], err_msg=name)
-
-
-@each_wrench
-def test_a_stepped_arm_and_a_law_and_many_runs_feel_the_same_wrench(wrench: str) -> None:
-    scene = arm(WRENCHES[wrench])
-    run, stepped = fl.simulate(scene), Simulator(scene)
-    for _ in run.t[1:]:
-        stepped.step()
-    np.testing.assert_array_equal(stepped.state.q, run.q[-1])
-    again, other = fl.simulate_many([scene, scene.varied({"initial.joint_deg": (0.0, 0.0, 0.0)})])
-    np.testing.assert_array_equal(again.q, run.q)
-    assert not np.array_equal(other.q, run.q)
-    free = scene.varied({"drive": None})
-    idle = fl.simulate(free, control=lambda t, q, qd: np.zeros(3))
-    np.testing.assert_allclose(idle.q, fl.simulate(free).q, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(idle.work, fl.simulate(free).work, rtol=0, atol=1e-10)
-
-
 @pytest.mark.slow
 @each_wrench
 def test_runs_with_a_tolerance_keep_it_under_every_wrench(wrench: str) -> None:
@@ -223,21 +174,6 @@ def test_runs_with_a_tolerance_keep_it_under_every_wrench(wrench: str) -> None:
         run = fl.simulate(scene, method=method, tolerance=1e-5)
         assert np.abs(run.tip - exact.tip).max() <= 2e-5
         assert np.abs(run.imbalance).max() <= 1e-2 * run.exchanged[-1]
-
-
-@each_room
-@each_wrench
-@pytest.mark.slow
-def test_pinocchio_and_mujoco_feel_the_same_wrench_at_the_same_stages(wrench: str, room: str) -> None:
-    """Engines turn a wrench that follows by their own kinematics; 500 steps leave rounding."""
-    pytest.importorskip("pinocchio")
-    pytest.importorskip("mujoco")
-    scene = arm(WRENCHES[wrench], room)
-    run = fl.simulate(scene)
-    for name in ("pinocchio", "mujoco"):
-        _, q, qd = load(name, run.chain).integrate(scene)
-        assert np.abs(q - run.q).max() <= 1e-11, name
-        assert np.abs(qd - run.qd).max() <= 1e-8, name
 
 
 @pytest.mark.slow
@@ -342,53 +278,3 @@ def test_a_scene_with_a_table_reads_back_and_a_file_that_cannot_hold_it_says_so(
     path = tmp_path / "a.toml"
     path.write_text(scene.to_toml(), encoding="utf-8")
     assert fl.load_scene(path) == scene
-
-
-def test_a_wrench_in_axes_of_the_tip_is_the_turned_one_in_all_of_dynamics(rng) -> None:
-    chain = fl.lump(nasty_scene())
-    q, qd, qdd, tau = (rng.uniform(-0.5, 0.5, (3, chain.n)) for _ in range(4))
-    given = rng.normal(size=(3, 6))
-    R = fl.frames(chain, q).rotations[:, -1]
-    turned = np.concatenate([(R @ given[:, :3, None])[..., 0], (R @ given[:, 3:, None])[..., 0]], axis=1)
-    for function, third in (
-        (fl.bias_torque, ()),
-        (fl.inverse_dynamics, (qdd,)),
-        (fl.forward_dynamics, (tau,)),
-        (fl.internal_loads, (qdd,)),
-    ):
-        world, tip = (
-            function(chain, q, qd, *third, tip_wrench=wrench, frame=frame)
-            for wrench, frame in ((turned, "world"), (given, "tip"))
-        )
-        world, tip = (found.moment if function is fl.internal_loads else found for found in (world, tip))
-        np.testing.assert_allclose(tip, world, rtol=1e-12, atol=1e-12 * np.abs(world).max())
-        one = function(chain, q[1], qd[1], *(part[1] for part in third), tip_wrench=given[1], frame="tip")
-        np.testing.assert_allclose(one.moment if function is fl.internal_loads else one, tip[1], rtol=1e-13)
-        with pytest.raises(fl.errors.ArgumentError, match="frame = 'base': unknown; allowed are world, tip"):
-            function(chain, q, qd, *third, tip_wrench=given, frame="base")
-
-
-@pytest.mark.parametrize(
-    ("slopes", "function"),
-    [
-        (fl.inverse_dynamics_derivatives, fl.inverse_dynamics),
-        (fl.forward_dynamics_derivatives, fl.forward_dynamics),
-    ],
-)
-def test_derivatives_know_that_a_wrench_turns_with_the_tip(slopes, function, rng) -> None:
-    chain = fl.lump(nasty_scene())
-    q, qd, third = (rng.uniform(-0.5, 0.5, chain.n) for _ in range(3))
-    acting = {"tip_wrench": 100 * rng.normal(size=6), "frame": "tip"}
-    found, h = slopes(chain, q, qd, third, **acting), 1e-5
-
-    def along(step: np.ndarray) -> np.ndarray:
-        ahead, behind = (function(chain, q + sign * step, qd, third, **acting) for sign in (1, -1))
-        return (ahead - behind) / (2 * h)
-
-    wanted = np.column_stack([along(h * e) for e in np.eye(chain.n)])
-    np.testing.assert_allclose(found.dq, wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
-    fixed = slopes(chain, q, qd, third, tip_wrench=acting["tip_wrench"])
-    assert np.abs(found.dq - fixed.dq).max() > 1e-5 * np.abs(wanted).max()
-    assert not found.dq.flags.writeable
-    many = slopes(chain, np.tile(q, (2, 1)), qd, third, **acting)
-    np.testing.assert_array_equal(many.dq[1], found.dq)

@@ -1,0 +1,123 @@
+"""An arm of `chains/`, with what many claims need of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import flexlink as fl
+
+Array = NDArray[np.float64]
+FOLDER = Path(__file__).parent / "chains"
+EPS = np.finfo(float).eps
+FOURTH = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+"""Weights of the central difference of fourth order."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Case:
+    """A scene, and what is found of it once for all claims."""
+
+    scene: fl.Scene
+
+    @functools.cached_property
+    def chain(self) -> fl.Chain:
+        return fl.lump(self.scene)
+
+    @functools.cached_property
+    def run(self) -> fl.Trajectory:
+        """The run of the file as it stands: fixed steps of RK4."""
+        return fl.simulate(self.scene)
+
+    @functools.cached_property
+    def half(self) -> fl.Trajectory:
+        """The same in steps of half the size."""
+        return fl.simulate(self.scene, step=self.scene.run.step / 2)
+
+    @functools.cached_property
+    def truth(self) -> fl.Trajectory:
+        """The same in steps of an eighth."""
+        return fl.simulate(self.scene, step=self.scene.run.step / 8)
+
+    @property
+    def mass(self) -> str:
+        """Path of a mass at the end of the last link."""
+        return f"link.{self.scene.arm.links[-1].name}.end.mass"
+
+    @property
+    def tip(self) -> str | None:
+        """The tip at which the wrench acts, by name."""
+        return self.scene.wrench.on or None
+
+    @functools.cached_property
+    def free(self) -> NDArray[np.intp]:
+        """Coordinates whose motion is not prescribed."""
+        return np.flatnonzero(self.chain.hinges["prescribed"] == 0)
+
+    @functools.cached_property
+    def passive(self) -> NDArray[np.intp]:
+        """Those of links, gears and roots, and of a base that floats."""
+        return np.setdiff1d(np.arange(self.chain.n), self.chain.active)
+
+    @property
+    def held(self) -> list[str]:
+        """All joints that can be driven, by name."""
+        return [self.chain.joint_name(k) for k in self.chain.active]
+
+    def start(self) -> tuple[Array, Array]:
+        return fl.initial_state(self.scene, self.chain)
+
+    def state(self, seed: int = 0) -> tuple[Array, Array, Array, Array]:
+        """Angles, rates, torques and a wrench of any motion; hinges of links bend by a tenth of a radian."""
+        rng, n = np.random.default_rng(seed), self.chain.n
+        bend = np.full(n, 0.1)
+        bend[self.chain.active] = 1.0
+        return self.start()[0] + bend * rng.normal(size=n), rng.normal(size=n), rng.normal(size=n), rng.normal(size=6)
+
+    def heavier(self, mass: float) -> fl.Scene:
+        """The scene with that mass more at the end of its last link."""
+        return self.scene.varied({self.mass: self.scene.arm.links[-1].end.mass + mass})
+
+    def damped(self, loss_time: float) -> dict[str, Any]:
+        """Changes by which all dampers of springs are in proportion to those."""
+        arm = self.scene.arm
+        found: dict[str, Any] = {f"material.{name}.loss_time": loss_time for name in arm.materials}
+        found |= {f"rigidity.{name}.loss_time": loss_time for name in arm.rigidities}
+        for link in arm.links:
+            found |= {f"link.{link.name}.{key}": None for key in ("damping", "friction", "root_damping", "drag")}
+            if link.joint.gear_stiffness:
+                found[f"link.{link.name}.joint.gear_damping"] = loss_time * link.joint.gear_stiffness
+            if link.root_stiffness:
+                found[f"link.{link.name}.root_damping"] = {
+                    axis: loss_time * k for axis in "xyz" if (k := getattr(link.root_stiffness, axis))
+                }
+        return found
+
+
+@functools.cache
+def case(name: str) -> Case:
+    return Case(fl.load_scene(FOLDER / f"{name}.toml"))
+
+
+def names() -> list[str]:
+    return sorted(path.stem for path in FOLDER.glob("*.toml"))
+
+
+def difference(f: Callable[[float], Any], h: float = 1e-3) -> Array:
+    """f'(0), to fourth order."""
+    return np.asarray(sum(w * np.asarray(f(s * h)) for s, w in FOURTH.items()) / h, dtype=float)
+
+
+def close(found: Any, wanted: Any, relative: float, absolute: float = 0.0) -> None:
+    """As parts of the largest number of what is wanted."""
+    found, wanted = np.asarray(found), np.asarray(wanted)
+    assert found.shape == wanted.shape
+    limit = relative * np.abs(wanted).max(initial=0.0) + absolute
+    worst = np.abs(found - wanted).max(initial=0.0)
+    assert worst <= limit, f"off by {worst:.3g}, {limit:.3g} is allowed, of {np.abs(wanted).max(initial=0.0):.3g}"

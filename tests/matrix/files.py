@@ -1,0 +1,111 @@
+"""Claims of files, of engines that read them, and of units."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import flexlink as fl
+from flexlink.describe.scene import scene_from
+from flexlink.describe.units import unit_of
+from flexlink.formats import FORMATS
+from matrix.case import Case, close
+
+ENGINES = ("mujoco", "pinocchio")
+LENGTH, MASS, TIME = 4.0, 16.0, 0.25
+"""Units of which numbers are scaled: squares of powers of two, so that roots round alike."""
+SIZES = {
+    "m": LENGTH, "kg": MASS, "s": TIME, "Hz": 1 / TIME, "N": MASS * LENGTH / TIME**2, "Pa": MASS / LENGTH / TIME**2,
+    "rad": 1.0, "deg": 1.0, "1": 1.0,
+}  # fmt: skip
+POWERS = {"²": 2, "³": 3}
+
+
+def toml(case: Case) -> None:
+    """A scene that is written is the scene, and so is one that other files hold."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = case.scene.save(Path(folder) / "again.toml")
+        assert fl.load_scene(path) == case.scene
+        assert fl.load_scene(path).to_toml() == case.scene.to_toml()
+
+
+def formats(case: Case) -> None:
+    """URDF, MJCF and SDF say the whole chain again: equal mass matrices, weights and springs, to the bit."""
+    q, qd, _, _ = case.state()
+    for format in FORMATS.values():
+        read = format.read(format.write(case.chain))
+        assert (read.joint_names, list(read.tips)) == (case.chain.joint_names, list(case.chain.tips))
+        for term in (fl.mass_matrix, fl.gravity_torque, fl.elastic_torque):
+            np.testing.assert_array_equal(term(read, q), term(case.chain, q))
+        np.testing.assert_array_equal(fl.friction_torque(read, qd), fl.friction_torque(case.chain, qd))
+
+
+def engines(case: Case) -> None:
+    """What other engines make of an export: M, bias, accelerations, energy, places, as far as rounding lets them."""
+    found = fl.compare(case.scene, engines=ENGINES, samples=3)
+    assert found.passed, str(found)
+
+
+def engine_runs(case: Case) -> None:
+    """The same steps in other engines."""
+    found = fl.compare_trajectories(case.scene, engines=ENGINES, duration=0.008)
+    assert found.passed, str(found)
+
+
+def units(case: Case) -> None:
+    """A scene in other units of length, mass and time moves as it does."""
+    scene = case.scene.varied({"sensor": None, **({"air_density": 1.225} if len(case.chain.drag) else {})})
+    run, other = fl.simulate(scene), fl.simulate(scene_from(_scaled(scene, scene.document(), [])))
+    lengths = np.where(case.chain.slides, LENGTH, 1.0)
+    torques = SIZES["N"] * np.where(case.chain.slides, 1.0, LENGTH)
+    close(other.t, run.t * TIME, 1e-12)
+    close(other.q, run.q * lengths, 1e-9)
+    close(other.qd, run.qd * lengths / TIME, 1e-9)
+    close(other.tau, run.tau * torques, 1e-9)
+    close(other.tip, run.tip * LENGTH, 1e-9)
+    close(other.energy.parts, run.energy.parts * SIZES["N"] * LENGTH, 1e-9)
+
+
+def _scaled(scene: fl.Scene, node: Any, path: list[str]) -> Any:
+    """A document's numbers in the new units, which the sentences of its fields name."""
+    if isinstance(node, dict):
+        return {key: _scaled(scene, value, [*path, key]) for key, value in node.items()}
+    if isinstance(node, list | tuple) and node and isinstance(node[0], dict):
+        return [_scaled(scene, each, [*path, each.get("name", each.get("link", ""))]) for each in node]
+    if isinstance(node, bool | str) or node is None or path[-1] == "segments":
+        return node
+    return (np.array(node) * _size(scene, path)).tolist()
+
+
+def _size(scene: fl.Scene, path: list[str]) -> Any:
+    slides = np.array(scene.arm.slides)
+    turning = np.where(slides, 1.0, LENGTH) * SIZES["N"]  # N of a joint that slides, N m of one that turns
+    rows = {"torque": turning, "torques": turning, "effort": turning, "kp": turning * np.where(slides, 1 / LENGTH, 1.0)}
+    rows["kd"] = rows["kp"] * TIME
+    if path[0] == "drive" and path[-1] in rows:
+        computed = {"kp": TIME**-2, "kd": 1 / TIME}
+        return computed.get(path[-1], rows[path[-1]]) if scene.drive.kind == "computed_torque" else rows[path[-1]]
+    if path[:2] in (["initial", "q"], ["initial", "qd"]):
+        return TIME ** -(path[1] == "qd")  # of chains that do not slide
+    return size(unit_of(scene, ".".join(path)))
+
+
+def size(unit: str) -> float:
+    """What one of a unit is in the new ones.
+
+    >>> print(size("N m s/rad"), size("kg/m³"), size(""))
+    16384.0 0.25 1.0
+    """
+    over, _, under = unit.partition("/")
+    return _product(over) / _product(under)
+
+
+def _product(units: str) -> float:
+    found = 1.0
+    for name, power in re.findall(r"([A-Za-z1]+)([²³]?)", units):
+        found *= SIZES[name] ** POWERS.get(power, 1)
+    return found

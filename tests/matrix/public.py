@@ -1,0 +1,175 @@
+"""Every public function does what it is for, or refuses by name: no NaN comes out, and no traceback."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import re
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+import flexlink as fl
+from matrix.case import Case
+
+Call = Callable[[Case, Path], Any]
+
+
+def _turning(function: Callable[..., Any]) -> Call:
+    """With the first joint at a steady rate, all others held, and no weight."""
+
+    def call(case: Case, _: Path) -> Any:
+        chain = fl.lump(case.scene.varied({"gravity": (0.0, 0.0, 0.0)}))
+        return function(chain, dict.fromkeys(case.held[:1], 0.5), case.start()[0], locked=case.held[1:])
+
+    return call
+
+
+def _report(case: Case, folder: Path) -> None:
+    """No chapter has ended in an error that nobody has worded."""
+    chapters = fl.report(case.scene, folder / "report").chapters
+    assert not [chapter.failure for chapter in chapters if re.match(r"[A-Z]\w*: ", chapter.failure or "")]
+
+
+def _sweep(case: Case, folder: Path) -> Any:
+    rows = {"x": {"of": "tip x [m]"}, "kinetic": {"of": "kinetic [J]"}}
+    return fl.sweep(fl.Sweep(scene=case.scene, grid={case.mass: [0.1, 0.2]}, quantity=rows)).column("x")
+
+
+def _problem(case: Case) -> fl.FitProblem:
+    """A mass that is sought in the run of one with 0.2 kg more."""
+    scene = case.heavier(0.1)
+    run = fl.simulate(case.heavier(0.2))
+    columns = {name: tuple(column) for name, column in run.columns.items() if name[:2] in ("t ", "q ", "qd")}
+    sought = fl.FitParameter(path=case.mass, between=(0.01, 2.0))
+    return fl.FitProblem(scene=scene, parameter=(sought,), run=(fl.FitRun(name="run", columns=columns),))
+
+
+def _stored_fit(case: Case, folder: Path) -> Any:
+    case.scene.save(folder / "arm.toml")
+    case.run.save(folder / "run.csv")
+    (folder / "fit.toml").write_text(
+        f'scene = "arm.toml"\n[[parameter]]\npath = "{case.mass}"\n[[run]]\nname = "one"\nfile = "run.csv"\n', "utf-8"
+    )
+    return fl.load_fit(folder / "fit.toml")
+
+
+def _stored_sweep(case: Case, folder: Path) -> Any:
+    case.scene.save(folder / "arm.toml")
+    (folder / "sweep.toml").write_text(
+        f'scene = "arm.toml"\n[grid]\n"{case.mass}" = [0.1, 0.2]\n[quantity.x]\nof = "tip x [m]"\n', "utf-8"
+    )
+    return fl.load_sweep(folder / "sweep.toml")
+
+
+def _imported(case: Case, folder: Path) -> Any:
+    """The arm as a robot of others: without the part in which flexlink says the rest."""
+    root = ElementTree.fromstring(fl.to_urdf(case.chain))
+    for parent in list(root.iter()):
+        for own in parent.findall("flexlink"):
+            parent.remove(own)
+    (folder / "arm.urdf").write_bytes(ElementTree.tostring(root))
+    return fl.import_urdf(folder / "arm.urdf").scene
+
+
+def _of_state(function: Callable[..., Any], count: int, **options: Any) -> Call:
+    """A function of a chain and the first parts of a state."""
+    return lambda case, _: function(case.chain, *case.state()[:count], **options)
+
+
+PUSHED = {"tip_wrench": (0.1, 0.2, 0.3, 0.01, 0.02, 0.03)}
+TABLE: dict[str, Call] = {
+    "advise": lambda c, _: fl.advise(c.scene, 0.01, budget=0.01),
+    "beam_strain": lambda c, _: fl.beam_strain(c.scene, c.state()[0], link=c.scene.arm.links[-1].name, fibre=(5e-3, 0)),
+    "bias_torque": _of_state(fl.bias_torque, 2, **PUSHED),
+    "buckling_loads": lambda c, _: fl.buckling_loads(c.chain, c.start()[0], locked=c.held, **PUSHED),
+    "check_fit": lambda c, _: fl.check_fit(_problem(c)),
+    "compare": lambda c, _: fl.compare(c.scene, engines=["native"], samples=2),
+    "compare_trajectories": lambda c, _: fl.compare_trajectories(c.scene, engines=["native"], duration=0.008),
+    "drag_torque": _of_state(fl.drag_torque, 2),
+    "elastic_torque": _of_state(fl.elastic_torque, 1),
+    "energy": _of_state(fl.energy, 2),
+    "equilibrium_in_motion": _turning(fl.equilibrium_in_motion),
+    "fit": lambda c, _: fl.fit(_problem(c)),
+    "forward_dynamics": _of_state(fl.forward_dynamics, 3, **PUSHED),
+    "forward_dynamics_derivatives": _of_state(fl.forward_dynamics_derivatives, 3, **PUSHED),
+    "frames": _of_state(fl.frames, 1),
+    "friction_torque": lambda c, _: fl.friction_torque(c.chain, c.state()[1]),
+    "gravity_torque": _of_state(fl.gravity_torque, 1),
+    "import_urdf": _imported,
+    "initial_state": lambda c, _: fl.initial_state(c.scene, c.chain),
+    "internal_loads": _of_state(fl.internal_loads, 3, **PUSHED),
+    "inverse_dynamics": _of_state(fl.inverse_dynamics, 3, **PUSHED),
+    "inverse_dynamics_derivatives": _of_state(fl.inverse_dynamics_derivatives, 3, **PUSHED),
+    "jacobian": _of_state(fl.jacobian, 1),
+    "linearize": _of_state(fl.linearize, 3),
+    "load_fit": _stored_fit,
+    "load_scene": lambda c, folder: fl.load_scene(c.scene.save(folder / "arm.toml")),
+    "load_sweep": _stored_sweep,
+    "load_trajectory": lambda c, folder: fl.load_trajectory(c.run.save(folder / "run.npz")),
+    "lump": lambda c, _: fl.lump(c.scene),
+    "mass_matrix": _of_state(fl.mass_matrix, 1),
+    "modes": _of_state(fl.modes, 2, **PUSHED),
+    "modes_in_motion": _turning(fl.modes_in_motion),
+    "momentum": _of_state(fl.momentum, 2),
+    "natural_frequencies": _of_state(fl.natural_frequencies, 1),
+    "overshoot": lambda c, _: fl.overshoot(c.run, target=c.run.tip[-1] + 0.1),
+    "pd_poles": lambda c, _: fl.pd_poles(c.chain, c.start()[0], kp=[50.0] * len(c.held), kd=[2.0] * len(c.held)),
+    "point_motion": _of_state(fl.point_motion, 3),
+    "report": _report,
+    "residual_vibration": lambda c, _: fl.residual_vibration(c.run, after=0.5 * (c.run.t[0] + c.run.t[-1])),
+    "rigidified": lambda c, _: fl.lump(fl.rigidified(c.scene)),
+    "sensitivities": lambda c, _: fl.sensitivities(c.heavier(0.1), [c.mass]),
+    "settling_time": lambda c, _: fl.settling_time(c.run, target=c.run.tip[-1], tolerance=1.0),
+    "simulate": lambda c, _: fl.simulate(c.scene, method="auto", tolerance=1e-4, step=None),
+    "simulate_many": lambda c, _: fl.simulate_many([c.scene, c.heavier(0.1)]),
+    "solve_static": lambda c, _: fl.solve_static(c.chain, c.start()[0]),
+    "stable_step": _of_state(fl.stable_step, 2, **PUSHED),
+    "sweep": _sweep,
+    "tip_position": _of_state(fl.tip_position, 1),
+    "to_mjcf": lambda c, _: fl.to_mjcf(c.chain),
+    "to_sdf": lambda c, _: fl.to_sdf(c.chain),
+    "to_urdf": lambda c, _: fl.to_urdf(c.chain),
+}
+ONLY = {
+    "public:advise": ("bent_start", "cart", "cells_plane", "drag", "free", "gear", "rotation", "tree"),
+    "public:fit": ("cart", "cells_space", "drag", "free", "motion", "root", "sampled", "tree_slide", "wheel"),
+    "public:report": ("cart", "sensors", "tree_cells"),
+}
+"""Functions that take long, and for which chains they do."""
+SLOW = {"public:fit", "public:report"}
+SLOW_CHAINS = {"engine_runs": "free*", "statics": "free*", "public:solve_static": "free*"}
+MAY_BE_NAN = {"natural_frequencies", "advise.converged_tip", "advise.error"}
+"""Of postures that do not last, and of arms for which no rule was fine enough."""
+
+
+def supports(name: str, case: Case) -> None:
+    """The function returns, without NaN."""
+    with tempfile.TemporaryDirectory() as folder:
+        _finite(name, TABLE[name](case, Path(folder)))
+
+
+def _finite(name: str, found: Any) -> None:
+    if name in MAY_BE_NAN:
+        return
+    if isinstance(found, np.ndarray | float | complex):
+        assert np.asarray(found).dtype.kind not in "fc" or not np.isnan(found).any(), f"{name} gives NaN"
+    elif isinstance(found, tuple | list):
+        for part in found:
+            _finite(name, part)
+    elif hasattr(found, "__dict__"):
+        for field, part in vars(found).items():
+            _finite(f"{name}.{field}", part)
+
+
+CLAIMS = {f"public:{name}": functools.partial(supports, name) for name in TABLE}
+
+
+def uncalled() -> set[str]:
+    """Public functions that no row calls."""
+    public = {name for name in fl.__all__ if inspect.isfunction(getattr(fl, name))}
+    return public - set(TABLE)

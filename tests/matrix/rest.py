@@ -1,0 +1,73 @@
+"""Claims of arms at rest, and of small motion about it."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+
+import flexlink as fl
+from matrix.case import Case, close, difference
+
+
+def statics(case: Case) -> None:
+    """Springs, weight and wrench balance where a posture of rest is; a held joint takes its torque."""
+    wrench, (q, _) = 0.1 * case.state()[3], case.start()
+    found = fl.solve_static(case.chain, q, tip_wrench=wrench, locked=case.held)
+    J = fl.jacobian(case.chain, found.q, tip=case.tip)
+    left = fl.gravity_torque(case.chain, found.q) + fl.elastic_torque(case.chain, found.q)
+    left -= np.concatenate([J.linear, J.angular]).T @ wrench
+    close(left[case.passive], np.zeros(len(case.passive)), 0.0, 1e-8)
+    close(found.tau[case.chain.active], left[case.chain.active], 1e-8, 1e-10)
+    close(found.q[case.chain.active], q[case.chain.active], 0.0)
+
+
+def slow_run(case: Case) -> None:
+    """Where a run ends whose joints are locked, and whose springs are well damped."""
+    changes = {"drive": None, "motion": None, "sensor": None, "initial.q": None, "initial.qd": None}
+    changes |= {"initial.rate_deg": None, "initial.rate_m": None}
+    changes |= {f"link.{link.name}.joint.locked": True for link in case.scene.arm.links} | case.damped(0.1)
+    settings = fl.RunSettings(duration=20.0, sample=0.5, tolerance=1e-7, method="Radau5")
+    run = fl.simulate(case.scene.varied(changes | {"run": settings}))
+    found = fl.solve_static(run.chain, run.q[0], tip_wrench=run.tip_wrench[-1])
+    assert np.linalg.norm(fl.tip_position(run.chain, found.q) - run.tip[-1]) <= 1e-6
+
+
+def modes(case: Case) -> None:
+    """Eigenvalues λ of M λ² + (D + G) λ + K, of differences of torques, about a posture and in motion."""
+    q, qd, _, _ = case.state()
+    rows, n = np.ix_(case.free, case.free), len(case.free)
+    for rates in (0.0 * qd, 0.3 * qd):
+        M, K, D = (part[rows] for part in _matrices(case.chain, q, rates))
+        A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
+        _paired(fl.modes(case.chain, q, rates).eigenvalues, np.linalg.eigvals(A))
+
+
+def _matrices(chain: fl.Chain, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """M, slopes of torques along angles, and along rates; those of friction are about rest."""
+
+    def torques(q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        return fl.bias_torque(chain, q, qd) + fl.elastic_torque(chain, q) + fl.drag_torque(chain, q, qd)
+
+    I = np.eye(chain.n)
+    K = [difference(lambda h, e=e: torques(q + h * e, qd)) for e in I]
+    G = [difference(lambda h, e=e: torques(q, qd + h * e)) for e in I]
+    D = [difference(lambda h, e=e: fl.friction_torque(chain, h * e), 1e-5) for e in I]
+    return fl.mass_matrix(chain, q), np.array(K).T, np.array(G).T + np.array(D).T
+
+
+def _paired(found: np.ndarray, dense: np.ndarray) -> None:
+    """Every eigenvalue has one of the others beside it, a double one to the root of what slopes are off by."""
+    size = np.abs(dense).max()
+    for value in found:
+        assert np.abs(dense - value).min() <= 1e-6 * abs(value) + 1e-4 * size**0.5, (value, dense)
+
+
+def frequencies(case: Case) -> None:
+    """K φ = ω² M φ of an arm whose joints are held and whose springs have no dampers, about a posture."""
+    chain = fl.lump(case.scene.varied(case.damped(0.0)))
+    q, _, _, _ = case.state()
+    M, K, _ = (part[np.ix_(case.passive, case.passive)] for part in _matrices(chain, q, np.zeros(chain.n)))
+    squares = scipy.linalg.eigh(K, M, eigvals_only=True)
+    found = fl.natural_frequencies(chain, q, locked=case.held)
+    close(np.sort(found[~np.isnan(found)]) ** 2, np.sort(squares[squares > 0]), 1e-7)
+    assert np.isnan(found).sum() == (squares <= 0).sum(), "a posture that does not last"

@@ -1,0 +1,190 @@
+"""Claims of runs: how they end, go on, and are the same in every way that there is to ask for them."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import flexlink as fl
+from matrix.case import EPS, Case, close, difference
+
+IMPLICIT: dict[str, Any] = {"run.method": "Gauss4", "run.step": 1e-3}
+NEAR = 1e-5
+"""Tolerance of runs that have one [m], where the arm moves by 0.03 m and more."""
+WITHIN = {"run.step": None, "run.method": None, "run.tolerance": NEAR}
+BARE = fl.RunSettings(duration=0.08)
+"""What a scene has that says nothing of its run, but for the 5 s."""
+
+
+def same(one: fl.Trajectory, other: fl.Trajectory, first: int = 0) -> None:
+    """Two runs agree to the bit, from a sample on."""
+    for name in ("t", "q", "qd", "tau", "tip", "tip_wrench"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name)[first:], err_msg=name)
+    if first == 0:
+        np.testing.assert_array_equal(one.energy.parts, other.energy.parts)
+        assert (one.warnings, one.steps, one.scene) == (other.warnings, other.steps, other.scene)
+
+
+def whole(run: fl.Trajectory) -> fl.Trajectory:
+    """A run that ends at its end, whose samples are all there."""
+    settings, begun = run.scene.run, run.scene.initial.time
+    np.testing.assert_allclose(run.t, begun + np.linspace(0.0, settings.duration, len(run.t)), rtol=0, atol=1e-12)
+    assert len(run.t) == round(settings.duration / settings.spacing) + 1
+    assert all(np.isfinite(part).all() for part in (run.q, run.qd, run.tau, run.tip, run.energy.parts))
+    return run
+
+
+def balanced(run: fl.Trajectory) -> fl.Trajectory:
+    """A run whose drives, friction, drag and wrench have the power that its energies tell, to what Newton leaves."""
+    moved, largest = np.ptp(run.energy.parts, axis=-1).sum(), np.abs(run.energy.parts).max()
+    assert np.abs(run.imbalance).max() <= 1e-3 * moved + 1e-7 * largest
+    return run
+
+
+def rounded(run: fl.Trajectory) -> float:
+    """What energies are off by after so many steps [J]."""
+    return 10 * run.steps.taken * EPS * float(np.abs(run.energy.parts).max())
+
+
+def near(found: fl.Trajectory, case: Case, tolerance: float) -> None:
+    """At every sample as near to the truth as was asked for; where nothing has a length in its coordinates."""
+    runs = (found, case.half, case.truth)
+    asked, half, truth = (run.tip if case.chain.reach else run.q for run in runs)
+    assert np.abs(asked - truth).max() <= tolerance + 2 * np.abs(half - truth).max()
+
+
+def ends(case: Case) -> None:
+    """Fixed steps of RK4; what they leave of the balance of energy is of their order."""
+    run, half = balanced(whole(case.run)), whole(case.half)
+    assert np.abs(half.imbalance).max() <= np.abs(run.imbalance).max() / 5 + rounded(half)
+
+
+def ends_implicit(case: Case) -> None:
+    """Gauss4, in steps that are ten times as long."""
+    near(balanced(whole(fl.simulate(case.scene.varied(IMPLICIT)))), case, NEAR)
+
+
+def ends_by_default(case: Case) -> None:
+    """A scene that says nothing of its run keeps a thousandth of its reach, or what stands for it."""
+    run = whole(fl.simulate(case.scene.varied({"run": BARE, "run.sample": 0.008})))
+    near(run, case, 1e-3 * max(case.chain.reach, 1e-3))
+
+
+def ends_within_a_tolerance(case: Case) -> None:
+    for method in ("auto", "DOP853", "Radau5"):
+        near(whole(fl.simulate(case.scene.varied(WITHIN), method=method)), case, 3 * NEAR)
+
+
+def continued(case: Case) -> None:
+    """A run goes on from any of its samples as if it had never stopped."""
+    _goes_on(case.scene)
+
+
+def continued_implicit(case: Case) -> None:
+    _goes_on(case.scene.varied(IMPLICIT))
+
+
+def _goes_on(scene: fl.Scene) -> None:
+    run = fl.simulate(scene)
+    for k in (3, 5):
+        t, q, qd = run.state(k)
+        same(fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=float(round(run.t[-1] - t, 9))), run, k)
+
+
+def lanes(case: Case) -> None:
+    """Runs side by side are those alone, whoever runs beside."""
+    _side_by_side(case, case.scene)
+
+
+def lanes_by_default(case: Case) -> None:
+    _side_by_side(case, case.scene.varied({"run": BARE, "run.sample": 0.008}))
+
+
+def _side_by_side(case: Case, scene: fl.Scene) -> None:
+    heavier = scene.varied({case.mass: case.scene.arm.links[-1].end.mass + 0.05})
+    for scenes in ([scene, scene, scene], [scene, heavier, scene, heavier]):
+        for found, one in zip(fl.simulate_many(scenes), scenes, strict=True):
+            same(found, fl.simulate(one))
+
+
+def simulator(case: Case) -> None:
+    """Stepped from outside, with its own drive and with torques that are held."""
+    torque = 0.5 * np.arange(1, len(case.chain.active) + 1)
+    held = case.scene.varied({"drive": None})
+    per_link = np.zeros(len(held.arm.links))
+    free = [k for k, link in enumerate(held.arm.links) if not link.joint.locked]
+    per_link[free] = torque[: len(free)]
+    pushed = held.varied({"drive": fl.Drive(kind="constant", torque=tuple(per_link.tolist()))}) if free else held
+    for scene, given in ((case.scene, None), (pushed, torque)):
+        run, stepped = fl.simulate(scene), fl.Simulator(scene if given is None else held)
+        states = [stepped.state, *(stepped.step(given) for _ in run.t[1:])]
+        np.testing.assert_array_equal([state.q for state in states], run.q)
+        np.testing.assert_array_equal([state.qd for state in states], run.qd)
+
+
+def problem(case: Case) -> None:
+    """Prepared once, from any start, whatever ran before."""
+    for scene in (case.scene, case.scene.varied(WITHIN)):
+        again, run = fl.Problem(scene), fl.simulate(scene.varied({"name": "test"}))
+        same(again.simulate(), fl.simulate(scene))
+        t, q, qd = run.state(3)
+        rest = float(round(run.t[-1] - t, 9))
+        same(again.simulate(q0=q, qd0=qd, t0=t, duration=rest), fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=rest))
+        same(again.simulate(), fl.simulate(scene))
+
+
+def archive(case: Case) -> None:
+    """A run that is saved reads back equal to the bit, and so does all that follows from it."""
+    with tempfile.TemporaryDirectory() as folder:
+        again = fl.load_trajectory(case.run.save(Path(folder) / "run.npz"))
+    same(again, case.run)
+    for name in ("qdd", "imbalance", "work"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(case.run, name), err_msg=name)
+    np.testing.assert_array_equal(again.loads.hinge_moment, case.run.loads.hinge_moment)
+    assert list(again.columns) == list(case.run.columns)
+    for name, column in case.run.columns.items():
+        np.testing.assert_array_equal(again.columns[name], column, err_msg=name)
+
+
+def accelerations(case: Case) -> None:
+    """q̈ of a run satisfies the equation of motion with the torques and wrenches that it tells."""
+    run, k = case.run, len(case.run.t) // 2
+    q, qd, qdd = run.q[k], run.qd[k], run.qdd[k]
+    left = fl.inverse_dynamics(run.chain, q, qd, qdd, tip_wrench=run.tip_wrench[k]) + fl.elastic_torque(run.chain, q)
+    left += fl.friction_torque(run.chain, qd) + fl.drag_torque(run.chain, q, qd) - run.tau[k]
+    close(left, np.zeros(run.chain.n), 0.0, 1e-10 * (1 + np.abs(run.tau[k]).max() + np.abs(qdd).max()))
+    loads = fl.internal_loads(run.chain, q, qd, qdd, tip_wrench=run.tip_wrench[k])
+    close(run.loads.hinge_moment[k], loads.hinge_moment, 1e-9, 1e-12)
+
+
+def sensitivity(case: Case) -> None:
+    """Slopes of a run's end along a mass, against runs with others: fourth order, two sizes of steps."""
+    mass = case.scene.arm.links[-1].end.mass + 0.2
+    scene = case.scene.varied({case.mass: mass})
+    found = fl.sensitivities(scene, [case.mass])
+
+    def end(h: float) -> np.ndarray:
+        run = fl.simulate(scene.varied({case.mass: mass + h}))
+        return np.concatenate([run.q[-1], run.qd[-1]])
+
+    told, coarse = difference(end, 4e-3), difference(end, 8e-3)
+    close(np.concatenate([found.q[-1, :, 0], found.qd[-1, :, 0]]), told, 1e-7, 2 * np.abs(told - coarse).max())
+
+
+def sensors(case: Case) -> None:
+    """An accelerometer and a gyroscope of the last link feel what the motion of its end says."""
+    link = case.scene.arm.links[-1].name
+    tip = link if len(case.chain.tips) > 1 else None
+    kinds = {"accelerometer": "m/s²", "gyroscope": "rad/s"}
+    felt = [
+        fl.Sensor(name=f"{kind} {axis}", kind=kind, link=link, axis=tuple(np.eye(3)[k].tolist()))
+        for kind in kinds for k, axis in enumerate("xyz")
+    ]  # fmt: skip
+    run = fl.simulate(case.scene.varied({"sensor": tuple(felt)}))
+    end = [fl.point_motion(run.chain, *state, tip=tip) for state in zip(run.q, run.qd, run.qdd, strict=True)]
+    for kind, unit in kinds.items():
+        told = np.array([run.readings[f"{kind} {axis} [{unit}]"] for axis in "xyz"]).T
+        close(told, np.array([getattr(point, kind) for point in end]), 1e-9, 1e-9)

@@ -1,0 +1,174 @@
+"""Claims of an arm at one state."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+import flexlink as fl
+from flexlink.dynamics import rounding
+from matrix.case import EPS, Array, Case, close, difference
+
+STEP = 1e-3
+"""Of differences."""
+SOLVERS, MATRICES = ("articulated", "lu", "cholesky"), ("columns", "lower", "upper", "composite")
+
+
+def forces(chain: fl.Chain, q: Array, qd: Array) -> Array:
+    """T_FL + T_FR + T_DRAG."""
+    return fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd) + fl.drag_torque(chain, q, qd)
+
+
+def inverse_of_forward(case: Case) -> None:
+    """The equation of motion, by every solver, to what rounding leaves."""
+    q, qd, tau, wrench = case.state()
+    for frame in ("world", "tip"):
+        for solver in SOLVERS:
+            qdd = fl.forward_dynamics(case.chain, q, qd, tau, tip_wrench=wrench, frame=frame, solver=solver)
+            left = fl.inverse_dynamics(case.chain, q, qd, qdd, tip_wrench=wrench, frame=frame)
+            left += forces(case.chain, q, qd) - tau
+            assert not np.delete(qdd, case.free).any(), "prescribed joints do not accelerate"
+            own = np.abs(tau) + np.abs(fl.drag_torque(case.chain, q, qd))
+            allowed = rounding.of_residual(case.chain, q, qd, qdd, own, tip_wrench=wrench)
+            assert np.abs(left[case.free]).max() <= allowed, (frame, solver)
+
+
+def mass_matrices(case: Case) -> None:
+    """Every algorithm's M is symmetric, has positive eigenvalues, and is the slope of inverse dynamics along q̈."""
+    q, qd, _, _ = case.state()
+    bias, I = fl.bias_torque(case.chain, q, qd), np.eye(case.chain.n)
+    columns = np.array([fl.inverse_dynamics(case.chain, q, qd, row) - bias for row in I])
+    error = rounding.of_mass_matrix(case.chain, q)
+    for algorithm in MATRICES:
+        M = fl.mass_matrix(case.chain, q, algorithm=algorithm)
+        assert np.abs(M - M.T).max() <= error and np.linalg.eigvalsh(M).min() > 0, algorithm
+        close(M, columns, 0.0, error + 2 * rounding.of_bias_torque(case.chain, q, qd))
+
+
+def batches(case: Case) -> None:
+    """Many states, and many chains side by side, are each alone, to rounding."""
+    states = [case.state(seed)[:3] for seed in range(9)]
+    many = [np.array(part) for part in zip(*states, strict=True)]
+    chains = [case.chain, *(fl.lump(case.heavier(0.01 * k)) for k in range(1, 9))]
+    for alike, q̈ in (
+        ([case.chain] * 9, fl.forward_dynamics(case.chain, *many)),
+        (chains, fl.forward_dynamics(chains, *many)),
+    ):
+        for chain, found, state in zip(alike, q̈, states, strict=True):
+            alone = fl.forward_dynamics(chain, *state)
+            assert rounding.acceleration_error(chain, *state, solutions=(found, alone)).max() <= 1.0
+
+
+def slopes_forward(case: Case) -> None:
+    """Of q̈ along q, q̇ and T_EX, against differences of fourth order in steps of a thousandth."""
+    q, qd, tau, wrench = case.state()
+    for frame in ("world", "tip"):
+        found = fl.forward_dynamics_derivatives(case.chain, q, qd, tau, tip_wrench=wrench, frame=frame)
+
+        def f(*state: Array, frame: Any = frame) -> Array:
+            return fl.forward_dynamics(case.chain, *state, tip_wrench=wrench, frame=frame)
+
+        rounded = 100 * EPS * np.abs(f(q, qd, tau)).max() / STEP
+        for slopes, told in zip((found.dq, found.dqd), along(f, q, qd, tau), strict=False):
+            close(slopes, told, 1e-7, rounded)
+        M = fl.mass_matrix(case.chain, q)[np.ix_(case.free, case.free)]
+        close(found.dtau[np.ix_(case.free, case.free)] @ M, np.eye(len(M)), 1e-9)
+
+
+def slopes_inverse(case: Case) -> None:
+    """Of the torques that a motion takes along q, q̇ and q̈."""
+    q, qd, qdd, wrench = case.state()
+    for frame in ("world", "tip"):
+        found = fl.inverse_dynamics_derivatives(case.chain, q, qd, qdd, tip_wrench=wrench, frame=frame)
+
+        def f(*state: Array, frame: Any = frame) -> Array:
+            return fl.inverse_dynamics(case.chain, *state, tip_wrench=wrench, frame=frame)
+
+        rounded = 100 * EPS * np.abs(f(q, qd, qdd)).max() / STEP
+        for slopes, told in zip((found.dq, found.dqd, found.dqdd), along(f, q, qd, qdd), strict=True):
+            close(slopes, told, 1e-8, rounded)
+
+
+def along(f: Callable[..., Array], *state: Array) -> Iterator[Array]:
+    """Slopes of f along each part of a state, one matrix a part."""
+    for k, part in enumerate(state):
+
+        def moved(h: float, e: Array, k: int = k, part: Array = part) -> Array:
+            return f(*state[:k], part + h * e, *state[k + 1 :])
+
+        yield np.array([difference(functools.partial(moved, e=e), STEP) for e in np.eye(len(part))]).T
+
+
+def linear_model(case: Case) -> None:
+    """A and B are the slopes of forward dynamics, C those of the tip."""
+    q, qd, tau, _ = case.state()
+    found, n = fl.linearize(case.chain, q, qd, tau), case.chain.n
+    slopes = fl.forward_dynamics_derivatives(case.chain, q, qd, tau)
+    close(found.A, np.block([[np.zeros((n, n)), np.eye(n)], [slopes.dq, slopes.dqd]]), 1e-12)
+    close(found.B[n:], slopes.dtau[:, case.chain.active], 1e-12)
+    tips = [difference(lambda h, e=e: fl.tip_position(case.chain, q + h * e)) for e in np.eye(n)]
+    close(found.C[:3, :n], np.array(tips).T, 1e-8, 1e-12)
+
+
+def potential(case: Case) -> None:
+    """T_G + T_FL is the slope of the energy of weight and springs."""
+    q, _, _, _ = case.state()
+
+    def energy(q: Array) -> float:
+        found = fl.energy(case.chain, q, np.zeros(case.chain.n))
+        return found.gravity + found.elastic
+
+    told = [difference(lambda h, e=e: energy(q + h * e)) for e in np.eye(case.chain.n)]
+    close(fl.gravity_torque(case.chain, q) + fl.elastic_torque(case.chain, q), np.array(told), 1e-9,
+          100 * EPS * abs(energy(q)) / STEP)  # fmt: skip
+
+
+def power(case: Case) -> None:
+    """Energy changes by the power of drives, wrench, friction and drag, whatever the motion."""
+    q, qd, qdd, wrench = case.state()
+    own = fl.friction_torque(case.chain, qd) + fl.drag_torque(case.chain, q, qd)
+    tau = fl.inverse_dynamics(case.chain, q, qd, qdd, tip_wrench=wrench) + fl.elastic_torque(case.chain, q) + own
+    J = fl.jacobian(case.chain, q, tip=case.tip)
+    pushed = np.concatenate([J.linear, J.angular]).T @ wrench
+
+    def energy(h: float) -> float:
+        return fl.energy(case.chain, q + h * qd, qd + h * qdd).total
+
+    close(difference(energy), np.array((tau + pushed - own) @ qd), 1e-8, 100 * EPS * abs(energy(0.0)) / STEP)
+    assert fl.friction_torque(case.chain, qd) @ qd >= 0 and fl.drag_torque(case.chain, q, qd) @ qd >= 0
+
+
+def loads(case: Case) -> None:
+    """Moments about hinges balance springs, friction, rotors and drives; at the tip there is the wrench."""
+    q, qd, tau, wrench = case.state()
+    qdd = fl.forward_dynamics(case.chain, q, qd, tau, tip_wrench=wrench)
+    found = fl.internal_loads(case.chain, q, qd, qdd, tip_wrench=wrench)
+    spring = fl.elastic_torque(case.chain, q) + fl.friction_torque(case.chain, qd)
+    wanted = spring + case.chain.hinges["armature"] * qdd - tau
+    allowed = 10 * rounding.of_residual(case.chain, q, qd, qdd, tau, tip_wrench=wrench)
+    close(found.hinge_moment[case.free], wanted[case.free], 0.0, allowed)
+
+
+def points(case: Case) -> None:
+    """Velocity and acceleration of the tip are slopes of its place along the motion."""
+    q, qd, qdd, _ = case.state()
+    found = fl.point_motion(case.chain, q, qd, qdd)
+    place = lambda h: fl.tip_position(case.chain, q + h * qd + h * h / 2 * qdd)  # noqa: E731
+    close(fl.jacobian(case.chain, q).linear @ qd, difference(place), 1e-8, 1e-12)
+    close(found.velocity, difference(place), 1e-8, 1e-12)
+    close(found.acceleration, difference(lambda h: difference(lambda k: place(h + k))), 1e-6, 1e-8)
+
+
+def momenta(case: Case) -> None:
+    """Linear momentum is mass times velocity of the centre of mass; rotors are not counted."""
+    q, qd, _, _ = case.state()
+    masses = case.chain.bodies["mass"]
+
+    def centre(h: float) -> Array:
+        frames = fl.frames(case.chain, q + h * qd)
+        return masses @ (frames.points + np.einsum("bij,bj->bi", frames.rotations, case.chain.bodies["center"]))
+
+    close(fl.momentum(case.chain, q, qd).linear, difference(centre), 1e-8, 1e-12)

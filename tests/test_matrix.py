@@ -1,0 +1,82 @@
+"""Every feature × every claim that holds of any arm: `matrix/`."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import tomllib
+from collections.abc import Callable, Iterator
+from fnmatch import fnmatchcase
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+pytest.register_assert_rewrite("matrix")
+
+from matrix import case, files, public, rest, runs, states  # noqa: E402
+
+import flexlink as fl  # noqa: E402
+
+EXPECTED: dict[str, list[dict[str, Any]]] = tomllib.loads(
+    (Path(__file__).parent / "matrix" / "expected.toml").read_text(encoding="utf-8")
+)
+
+
+def claims(module: ModuleType) -> Iterator[tuple[str, Callable[[case.Case], None]]]:
+    """Functions of a module that take a case alone."""
+    for name, function in vars(module).items():
+        own = getattr(function, "__module__", "") == module.__name__ and not name.startswith("_")
+        if own and list(inspect.signature(function).parameters) == ["case"]:
+            yield name, function
+
+
+CLAIMS = {name: claim for module in (states, runs, rest, files) for name, claim in claims(module)}
+CLAIMS |= public.CLAIMS
+
+
+def row_of(kind: str, claim: str, chain: str) -> dict[str, Any] | None:
+    """The row of `expected.toml` that names a cell."""
+    rows = [row for row in EXPECTED.get(kind, []) if claim in row["claims"] and _named(row["chains"], chain)]
+    assert len(rows) <= 1, f"{kind}: {claim}-{chain} stands in {len(rows)} rows"
+    return rows[0] if rows else None
+
+
+def _named(patterns: list[str], chain: str) -> bool:
+    return any(fnmatchcase(chain, pattern) for pattern in patterns)
+
+
+def cells() -> Iterator[Any]:
+    for claim in CLAIMS:
+        for chain in public.ONLY.get(claim, case.names()):
+            if row_of("left_out", claim, chain):
+                continue
+            fault = row_of("fault", claim, chain)
+            marks = [pytest.mark.xfail(strict=True, reason=fault["reason"])] if fault else []
+            slow = claim in public.SLOW or fnmatchcase(chain, public.SLOW_CHAINS.get(claim, ""))
+            marks += [pytest.mark.slow] if slow else []
+            yield pytest.param(claim, chain, id=f"{claim}-{chain}", marks=marks)
+
+
+@pytest.mark.parametrize(("claim", "chain"), list(cells()))
+def test_matrix(claim: str, chain: str) -> None:
+    """The claim holds of the arm, or is refused in the words of `expected.toml`."""
+    refused = row_of("refused", claim, chain)
+    if refused is None:
+        CLAIMS[claim](case.case(chain))
+        return
+    with pytest.raises(fl.FlexlinkError) as told:
+        CLAIMS[claim](case.case(chain))
+    assert re.search(refused["says"], str(told.value)), f"refused in other words: {told.value}"
+
+
+def test_every_row_of_what_is_expected_names_a_cell() -> None:
+    for row in (row for rows in EXPECTED.values() for row in rows):
+        assert set(row["claims"]) <= set(CLAIMS), row
+        names = {name for claim in row["claims"] for name in public.ONLY.get(claim, case.names())}
+        assert all(any(fnmatchcase(name, pattern) for name in names) for pattern in row["chains"]), row
+
+
+def test_the_matrix_calls_every_public_function_of_a_scene_a_chain_or_a_run() -> None:
+    assert public.uncalled() == set()
