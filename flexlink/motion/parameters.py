@@ -83,6 +83,12 @@ def _check_known(scene: Scene) -> None:
                 raise ArgumentError(
                     f"{name}.{field} = {truncated(value)}: not supported by sensitivities; leave it out"
                 )
+    if scene.wrench.on not in {"", scene.arm.links[-1].name}:
+        raise ArgumentError(
+            f"wrench.on = {scene.wrench.on!r}: not supported by sensitivities, which know the last link's tip alone"
+        )
+    if scene.motion:
+        raise ArgumentError(f"motion.{scene.motion[0].link}: prescribed motions are not supported by sensitivities")
     if scene.drive.kind not in {"none", "constant", "table", "pd"}:
         raise ArgumentError(f"drive.kind = {scene.drive.kind!r}: not supported by sensitivities")
 
