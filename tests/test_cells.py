@@ -291,6 +291,22 @@ RUNS = {
 }
 
 
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+@pytest.mark.parametrize("method", RUNS)
+def test_energy_balances_and_a_continued_run_is_the_same(method: str, flex: str) -> None:
+    """What the coupled springs store and the coupled dampers take, to what the steps leave of 1 J or so."""
+    scene = arm(flex).varied({"run": {"duration": 1.0}}).varied(RUNS[method])
+    run = fl.simulate(scene)
+    moved = np.ptp(run.energy.gravity) + np.ptp(run.energy.kinetic)
+    assert np.abs(run.imbalance).max() <= 1e-5 * moved
+    assert run.energy.elastic[-1] > 1e-4 * moved
+    t, q, qd = run.state(1)
+    if "run.step" in RUNS[method]:
+        rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=float(run.t[-1] - t))
+        np.testing.assert_array_equal(rest.q, run.q[1:])
+        np.testing.assert_array_equal(rest.qd, run.qd[1:])
+
+
 @compiled
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("method", ["Radau5", "Radau9"])

@@ -267,6 +267,20 @@ def bent(rule: str, folder: Path | None = None) -> fl.Scene:
     return scene.varied({"initial.q": tuple(np.array([0.1, -0.15, 0.2])[fl.lump(scene).hinges["axis"]].tolist())})
 
 
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("method", RUNS)
+def test_energy_balances_and_a_continued_run_is_the_same(method: str, rule: str, tmp_path: Path) -> None:
+    scene = bent(rule, tmp_path).varied({"run": {"duration": 1.0}}).varied(RUNS[method])
+    run = fl.simulate(scene)
+    moved = np.ptp(run.energy.gravity) + np.ptp(run.energy.kinetic)
+    assert np.abs(run.imbalance).max() <= 1e-5 * moved
+    assert run.energy.elastic[-1] > 1e-4 * moved
+    if "run.step" in RUNS[method]:
+        t, q, qd = run.state(1)
+        rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=float(run.t[-1] - t))
+        np.testing.assert_array_equal(rest.q, run.q[1:])
+
+
 @pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
 def test_runs_side_by_side_are_the_very_runs_alone(rule: str) -> None:
     scene = bent(rule).varied(RUNS["RK4"])
