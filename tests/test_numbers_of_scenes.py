@@ -66,6 +66,16 @@ def test_dampers_of_one_ratio_are_those_of_the_posture_that_angles_of_all_joints
         np.testing.assert_allclose(fl.modes(chain, q, locked=chain.active).damping_ratios, 0.02, rtol=1e-8)
 
 
+def test_dampers_between_hinges_stand_in_their_order_beside_coupled_cells() -> None:
+    """Cells of the first link are coupled, all hinges of the second damped: kernels go through both in one pass."""
+    alike = fl.Damping(ratio=0.02, law="constant")
+    links = flexible("a", "z", 5, lumping="lobatto2"), flexible("b", "z", 5, damping=alike)
+    chain = fl.lump(make_scene(*links))
+    pairs = [(int(row[0]), int(row[1])) for row in chain.couplings.tolist()]
+    assert pairs == sorted(pairs)
+    assert {chain.coordinates[i].link for i, _ in pairs} == {1, 2}
+
+
 def test_a_link_that_is_fixed_in_frame_0_feels_no_drag(rng: np.random.Generator) -> None:
     rod = {"length": 1.0, "material": "aluminium", "section": "square"}
     drag = fl.Drag(coefficient=1.2, breadth=(0.1, 0.1))

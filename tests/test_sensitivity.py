@@ -22,13 +22,6 @@ STATIC = {"initial": InitialState(joint_deg=(-60.0, 25.0), passive="static")}
 PD = {"drive": Drive(kind="pd", kp=(40.0, 20.0), kd=(1.0, 0.5), target_deg=(-80.0, -10.0))}
 TABLE = {"drive": Drive(kind="table", times=(0.0, 0.01), torques=((1.0, 0.0), (-3.0, 1.0)))}
 CONSTANT = {"drive": Drive(kind="constant", torque=(2.0, -1.0))}
-MOTION = {
-    "motion": (
-        fl.PrescribedMotion(
-            link="fore", times=(0.0, 0.02), angle_deg=(25.0, 40.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
-        ),
-    ),
-}
 
 
 def arm(flex: str = "z", **changes: Any) -> fl.Scene:
@@ -165,7 +158,7 @@ def test_it_is_what_varied_runs_say(path: str) -> None:
     ("path", "changes"),
     [
         ("drive.kp.upper", PD), ("drive.kd.fore", PD), ("drive.target_deg.upper", PD), ("tip.mass", PD),
-        ("drive.torque.fore", CONSTANT), ("tip.mass", TABLE), ("tip.mass", MOTION),
+        ("drive.torque.fore", CONSTANT), ("tip.mass", TABLE),
         ("material.aluminium.young", STATIC), ("tip.mass", STATIC), ("initial.joint_deg.upper", STATIC),
         ("link.fore.length", STATIC), ("link.fore.damping.ratio", {"link.fore.damping": Damping(ratio=0.0, at_hz=3.0)}),
     ],

@@ -42,7 +42,7 @@ def main(file: str) -> None:
     unknown = [name for name in files if not recorded.knows(name)]
     mutated = {mutant.file for mutant in mutants}
     asked = {ran.test.partition("::")[0] for ran in recorded if any(file in mutated for file, _ in ran.functions)}
-    with_tests(sorted({*unknown, *(asked & set(files))}), work)
+    with_tests([*sorted({*unknown, *(asked & set(files))}), "-m", "not slow"], work)
 
 
 if __name__ == "__main__":
