@@ -55,6 +55,7 @@ def test_a_free_base_in_implicit_steps_ends_at_its_end_or_says_why_not(method: s
     assert run.steps is not None and run.steps.taken >= round(0.4 / step)
 
 
+@pytest.mark.slow
 def test_steps_in_parts_of_a_body_that_turns_far_are_those_of_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whole steps are not solved, half ones are, and the base turns far within them, too."""
     exact = fl.simulate(satellite(10.0), method="DOP853", tolerance=1e-10)
@@ -171,6 +172,7 @@ def test_a_run_looks_at_no_sample_that_was_not_written(monkeypatch: pytest.Monke
     assert np.array_equal(again.tip, before.tip)
 
 
+@pytest.mark.slow
 def test_all_that_a_free_body_has_of_spin_stays_in_implicit_steps() -> None:
     """Within the rounding of so many steps; what Newton's iteration leaves would add up to fifty times as much."""
     for method in ("Gauss6", "Radau9"):
