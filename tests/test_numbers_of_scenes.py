@@ -56,13 +56,13 @@ def test_a_table_neither_jumps_at_its_tip_nor_is_without_rigidity(tmp_path: Path
 
 @pytest.mark.parametrize("first", [0.3, 1.2])
 def test_dampers_of_one_ratio_are_those_of_the_posture_that_angles_of_all_joints_say(first: float) -> None:
-    """`initial.q` in place of `joint_deg`, and not those of a scene that was lumped before."""
+    """Not those of a scene that was lumped before."""
     damping = fl.Damping(ratio=0.02, law="constant")
     scene = make_scene(*(flexible(name, "z", 3, damping=damping) for name in "ab"), gravity=(0.0, 0.0, 0.0))
     for elbow in (first, 0.1, first):
         q = np.zeros(fl.lump(scene).n)
         q[fl.lump(scene).active] = 0.0, elbow
-        chain = fl.lump(scene.varied({"initial": fl.InitialState(q=tuple(q.tolist()))}))
+        chain = fl.lump(scene.varied({"initial": fl.InitialState(joint_deg=(0.0, float(np.degrees(elbow))))}))
         np.testing.assert_allclose(fl.modes(chain, q, locked=chain.active).damping_ratios, 0.02, rtol=1e-8)
 
 

@@ -104,7 +104,7 @@ class TestHeld:
         assert [size, y, *numbers(part.facts[0].value)] == three(sag, -sag, sag)
         assert max(abs(x), abs(z)) < 2e-3 * sag
         assert said(part, "The posture is ") == "stable"
-        largest = 0.08 * held.reach / (1e-3 * sag)  # what is drawn is a twelfth of the reach at most
+        largest = 0.08 * held.size / (1e-3 * sag)  # what is drawn is a twelfth of the reach at most
         scale = max(times for times in (1, 2, 5, 10, 20, 50, 100, 200, 500) if times <= largest)
         assert part.pictures[0].caption == f"Grey: undeformed. Blue: deformed, deflection × {scale}."
         assert table(part, "holding")["torque [N m]"] == pytest.approx([-MOMENT], rel=1e-4)

@@ -306,7 +306,8 @@ class RunMonitor:
     @property
     def tip_error(self) -> float:
         """Sum of the steps' own errors [m], extrapolated from the measured ones."""
-        return float(np.concatenate(self._step_errors).sum()) * apart(self.run) * self.run.steps_per_sample
+        measured = float(np.concatenate(self._step_errors).sum())
+        return measured * apart(self.run) * self.run.steps_per_sample if measured else 0.0
 
     def _doubts(self) -> Iterator[str]:
         """Warnings of a run that passed all checks but may be inaccurate."""

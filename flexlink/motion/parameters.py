@@ -56,7 +56,7 @@ def parametric(scene: Scene, chain: Chain, paths: list[str]) -> tuple[Parametric
         There is no such number, it cannot be varied, or the run does not depend on it smoothly; or the scene has a
         drive or wrench that is not differentiated.
     """
-    _check_known(scene)
+    _check_known(scene, chain)
     bodies, hinges = _complex(chain.bodies, BODY, len(paths)), _complex(chain.hinges, HINGE, len(paths))
     couplings = _complex(chain.couplings, COUPLING, len(paths))
     bodies["turned"] = 1  # a mount that turns nothing has a slope, too
@@ -75,7 +75,7 @@ def parametric(scene: Scene, chain: Chain, paths: list[str]) -> tuple[Parametric
     return found, starts
 
 
-def _check_known(scene: Scene) -> None:
+def _check_known(scene: Scene, chain: Chain) -> None:
     of_drives = {"kind", "torque", "times", "torques", "kp", "kd", "target_deg", "target_m", "smooth", "hold"}
     for name, part, known in (("drive", scene.drive, of_drives), ("wrench", scene.wrench, {"force", "moment", "on"})):
         for field, value in _said(part):
@@ -83,9 +83,10 @@ def _check_known(scene: Scene) -> None:
                 raise ArgumentError(
                     f"{name}.{field} = {truncated(value)}: not supported by sensitivities; leave it out"
                 )
-    if scene.wrench.on not in {"", scene.arm.links[-1].name}:
+    if len(chain.couplings) and scene.wrench.on not in {"", scene.arm.links[-1].name}:
         raise ArgumentError(
-            f"wrench.on = {scene.wrench.on!r}: not supported by sensitivities, which know the last link's tip alone"
+            f"wrench.on = {scene.wrench.on!r}: not supported by sensitivities of coupled springs but on the last link; "
+            "take lumping = 'gauss'"
         )
     if scene.motion:
         raise ArgumentError(f"motion.{scene.motion[0].link}: prescribed motions are not supported by sensitivities")
