@@ -143,8 +143,8 @@ def test_many_runs_with_a_tolerance_are_those_of_single_runs() -> None:
 def test_a_fixed_step_whose_stages_are_not_found_is_an_error_that_says_what_to_try() -> None:
     scene = swinging(**{"initial.rate_deg": (3e4, 0.0)})
     wanted = (
-        "Newton's iteration does not converge .joint '.+'.; try a tolerance, which steps follow, or a smaller step than "
-        "0.1 s; 1 samples kept"
+        "Newton's iteration does not converge .joint '.+'.; try a tolerance, which steps follow, or a smaller "
+        "step than 0.1 s; 1 samples kept"
     )
     with pytest.raises(fl.errors.DivergenceError, match=wanted):
         fl.simulate(scene, method="Radau5", step=0.1, sample=0.1)
