@@ -76,7 +76,9 @@ class AdaptiveSteps:
         self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
         self.budget = Budget(run.max_evaluations, run.duration)
         start, self.ends = pieces(record, monitor.control)
-        self.slowest = slowest_frequency(record.chain, record.q[0] if run.controlled else np.zeros(record.chain.n))
+        about = record.q[0].tobytes(), record.qd[0].tobytes()
+        posture = record.q[0] if run.controlled else np.zeros(record.chain.n)
+        self.slowest = record.kept("slowest", about, lambda: slowest_frequency(record.chain, posture))
         n, self.memory = record.chain.n, np.zeros(3 * record.chain.n + 2)
         self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
         self.slow = 0, ""  # row of the next sample when it was found, and what is to be told while the run goes on
@@ -88,7 +90,6 @@ class AdaptiveSteps:
         self.methods: tuple[tuple[int, str, str], ...] = ()  # with the row of its first sample and why it was picked
         self.count[COUNT.row] = 1
         self.samples, self.forward = (record.t, record.q, record.qd, record.works, record.so_far), record.scratch
-        about = record.q[0].tobytes(), record.qd[0].tobytes()
         self._take(record.kept("choice", about, lambda: choose(run, record, self.slowest)), start)
         self.aim(start, start)
         if run.controlled:
@@ -172,7 +173,8 @@ class AdaptiveSteps:
 
     def _choose_branches(self) -> None:
         """Where motors saturate, steps with a tolerance follow one branch of their torques each."""
-        if self.run.controlled and np.isfinite(self.inputs.drive.effort).any() and not self.inputs.drive.rate:
+        drive = self.inputs.drive
+        if self.run.controlled and not drive.rate and min(drive.effort.tolist(), default=np.inf) < np.inf:
             choose_branches(self.time, self.inputs, self.state, self.work)
 
     def aim(self, start: float, end: float) -> None:
