@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import flexlink as fl
+from flexlink.describe.rigidified import rigidified
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.references import reference_arrays
 from validation.random_arms import Dice
@@ -109,7 +110,7 @@ def law_of(scene: fl.Scene, chain: fl.Chain) -> Callable[[float, float, Array, A
         return lambda t, middle, q, qd: np.array([np.interp(t, times, column) for column in rows.T])
     kp, kd = np.array(drive.kp), np.array(drive.kd)
     reference = reference_arrays(scene, chain)
-    rigid = fl.lump(rigid_twin(scene))
+    rigid = fl.lump(rigidified(scene))
 
     def wanted(t: float, middle: float) -> tuple[Array, Array, Array]:
         piece = max(0, int(np.searchsorted(reference.knots, middle, side="right")) - 1)
@@ -130,13 +131,6 @@ def law_of(scene: fl.Scene, chain: fl.Chain) -> Callable[[float, float, Array, A
         return np.asarray(kp * e + kd * ed + held)
 
     return law
-
-
-def rigid_twin(scene: fl.Scene) -> fl.Scene:
-    """The arm without bending and without elastic gears, as a rigid model has it."""
-    from flexlink.describe.rigidified import rigidified  # noqa: PLC0415
-
-    return rigidified(scene)
 
 
 def judged(scene: fl.Scene, times: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -68,12 +68,10 @@ def slopes_forward(case: Case) -> None:
     for frame in ("world", "tip"):
         found = fl.forward_dynamics_derivatives(case.chain, q, qd, tau, tip_wrench=wrench, frame=frame)
 
-        def f(*state: Array, frame: Any = frame) -> Array:
-            return fl.forward_dynamics(case.chain, *state, tip_wrench=wrench, frame=frame)
+        def f(q: Array, qd: Array, frame: Any = frame) -> Array:
+            return fl.forward_dynamics(case.chain, q, qd, tau, tip_wrench=wrench, frame=frame)
 
-        rounded = 100 * EPS * np.abs(f(q, qd, tau)).max() / STEP
-        for slopes, told in zip((found.dq, found.dqd), along(f, q, qd, tau), strict=False):
-            close(slopes, told, 1e-7, rounded)
+        as_differences((found.dq, found.dqd), f, (q, qd), 1e-7)
         M = fl.mass_matrix(case.chain, q)[np.ix_(case.free, case.free)]
         close(found.dtau[np.ix_(case.free, case.free)] @ M, np.eye(len(M)), 1e-9)
 
@@ -87,9 +85,14 @@ def slopes_inverse(case: Case) -> None:
         def f(*state: Array, frame: Any = frame) -> Array:
             return fl.inverse_dynamics(case.chain, *state, tip_wrench=wrench, frame=frame)
 
-        rounded = 100 * EPS * np.abs(f(q, qd, qdd)).max() / STEP
-        for slopes, told in zip((found.dq, found.dqd, found.dqdd), along(f, q, qd, qdd), strict=True):
-            close(slopes, told, 1e-8, rounded)
+        as_differences((found.dq, found.dqd, found.dqdd), f, (q, qd, qdd), 1e-8)
+
+
+def as_differences(found: Sequence[Array], f: Callable[..., Array], state: tuple[Array, ...], relative: float) -> None:
+    """Slopes of f along all parts of a state, to what differences leave of rounding."""
+    rounded = 100 * EPS * np.abs(f(*state)).max() / STEP
+    for slopes, told in zip(found, along(f, *state), strict=True):
+        close(slopes, told, relative, rounded)
 
 
 def along(f: Callable[..., Array], *state: Array) -> Iterator[Array]:
