@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import weakref
 from pathlib import Path
 
 import pytest
@@ -125,6 +126,7 @@ def test_code_of_a_running_process_is_exchanged(tmp_path: Path, monkeypatch: pyt
     import shapes  # type: ignore[import-not-found]  # noqa: PLC0415
 
     area, held = shapes.area, shapes.made(1)
+    gone = weakref.proxy(area.__class__(area.__code__, {}))  # of a function that is no more: other code leaves such
 
     def plant(was: str, becomes: str, where: str) -> None:
         start = source.index(was.encode())
@@ -139,6 +141,8 @@ def test_code_of_a_running_process_is_exchanged(tmp_path: Path, monkeypatch: pyt
     assert held(5) == shapes.made(1)(5) == 4
     plant("2.5", "25.0", "")
     assert (shapes.SIZE, area(5.0)) == (25.0, 125.0)  # the function as it was
+    with pytest.raises(ReferenceError):
+        isinstance(gone, dict)
 
 
 def test_what_is_the_same_has_a_reason_and_stands_there() -> None:

@@ -8,6 +8,7 @@ import gc
 import sys
 from collections import Counter, defaultdict
 from types import CodeType, FunctionType
+from typing import Any
 
 from tests.faults.machine.generator import Mutant
 from tests.faults.plant import ROOT
@@ -41,7 +42,7 @@ def _swap_code(path: str, source: bytes, planted: bytes) -> None:
     for name, code in old.items():
         by_place[code.co_qualname, code.co_firstlineno].append(new.get(name))
     swapped = 0
-    for function in [each for each in gc.get_objects() if isinstance(each, FunctionType)]:
+    for function in living(FunctionType):
         code = function.__code__
         found = by_place[code.co_qualname, code.co_firstlineno] if code.co_filename == path else []
         if len(found) == 1 and found[0] is not None and found[0] != code:
@@ -99,6 +100,10 @@ def _assigned(tree: ast.Module, line: int) -> str | None:
 
 def _forget() -> None:
     """Results that were kept while modules were imported."""
-    for each in gc.get_objects():
-        if isinstance(each, functools._lru_cache_wrapper):
-            each.cache_clear()
+    for each in living(functools._lru_cache_wrapper):
+        each.cache_clear()
+
+
+def living(kind: type) -> list[Any]:
+    """All objects of a type; `isinstance` would ask a weak proxy for its object, which may be gone."""
+    return [each for each in gc.get_objects() if type(each) is kind]
