@@ -23,11 +23,11 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import integer, number_of, require_type, vector
 from flexlink.chain.coordinates import LAST_AXIS, Coordinate, joint_names
 from flexlink.chain.couplings import add_products
-from flexlink.chain.size import has_levers, size_without_reach
+from flexlink.chain.size import size_without_reach, turning_radii, without_lever
 from flexlink.chain.spans import spans_of, sums_outward
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
 from flexlink.describe.links import link_number
 from flexlink.describe.spec import short_list, truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
@@ -334,7 +334,24 @@ class Chain:
     @functools.cached_property
     def has_levers(self) -> bool:
         """Whether turning any joint moves a place, as of most arms; where it moves none angles times `size` count."""
-        return has_levers(self.arrays, self.reach)
+        return not len(self._without_lever) or len(self._without_lever) < self.n - int(self.slides.sum())
+
+    @functools.cached_property
+    def turning_radii(self) -> Array:
+        """By which the turning of joints that move no place counts as a displacement [m], 0 of others, (n,); (0,): all.
+
+        The `size` where no joint has a lever, else a radius of gyration.
+        """
+        joints = self._without_lever
+        if not len(joints):
+            return np.empty(0)
+        if self.has_levers:
+            return turning_radii(self.arrays, joints, self.size)
+        return np.where(self.slides, 0.0, self.size)
+
+    @functools.cached_property
+    def _without_lever(self) -> Indices:
+        return without_lever(self.arrays, self.reach)
 
     @property
     def lengths(self) -> Array:
