@@ -185,9 +185,9 @@ class RunMonitor:
 
     @property
     def extent(self) -> float:
-        """Extent of the tip, or of what is judged in its place, in the valid samples (`extent_of_motion`) [m]."""
+        """Extent of the tip, or of what is compared in its place, in the valid samples (`extent_of_motion`) [m]."""
         if self._extent[0] != self.n_valid:
-            self._extent = self.n_valid, extent_of_motion(self.record.path[: self.n_valid])
+            self._extent = self.n_valid, extent_of_motion(self.record.compared(self.n_valid))
         return self._extent[1]
 
     def diverged(self, failure: Failure | None = None) -> DivergenceError:

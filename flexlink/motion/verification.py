@@ -78,8 +78,8 @@ def second_runs(monitor: RunMonitor, name: str) -> Iterator[Second]:
 
 
 def doubt(monitor: RunMonitor, second: Second, path: Array) -> str:
-    """The warning that follows from the judged path of a verification run; empty if both runs agree."""
-    own = monitor.record.path[: monitor.n_valid : second.every][: len(path)]
+    """The warning that follows from what a verification run has to compare; empty if both runs agree."""
+    own = monitor.record.compared(monitor.n_valid)[:: second.every][: len(path)]
     error = float(apart(own, path).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(monitor)
     steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"steps of {second.run.fixed_step:g} s"
