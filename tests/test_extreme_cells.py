@@ -13,9 +13,9 @@ from flexlink.describe.spec import decode
 from reports.figures import extreme_runs
 from reports.results import Results
 from validation import cell
-from validation.case import CASES, Measured, load_case
+from validation.case import CASES, load_case
 from validation.extremes.cells import Map
-from validation.kinds import digits, extremes, long_runs, stable_steps
+from validation.kinds import digits, extremes
 from validation.runner import kind_of
 from validation.store import Store
 
@@ -122,24 +122,3 @@ def test_every_way_to_run_a_cell_names_a_step_or_a_tolerance() -> None:
     part = extremes.HowTo("native", "RK4", "of_limit", 0.5, 40).scene(scene)
     assert part.run.step == pytest.approx(0.5 * limit)
     assert (part.run.duration, part.run.samples) == (pytest.approx(40 * part.run.step), 21)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["RK2", "RK4", "DOP853"])
-def test_the_stable_step_of_an_arm_with_friction_is_seen_where_it_is_predicted(models, method: str) -> None:
-    rest = stable_steps.at_rest(fl.load_scene(models / "t3_spatial.toml"))
-    predicted = fl.stable_step(fl.lump(rest.scene), rest.q, tip_wrench=rest.scene.tip_wrench, method=method)
-    assert stable_steps.observed(rest, method, predicted) == pytest.approx(1.0, abs=0.01)
-    assert stable_steps.observed(rest, method, 1.5 * predicted) == stable_steps.SEARCHED[0]
-
-
-@pytest.mark.slow
-def test_long_runs_are_told_against_their_first_hundredth() -> None:
-    case = load_case(CASES / "long_runs.toml")
-    steps = {"RK4": 1e-4, "Gauss4": 1e-4}
-    rows = [m for m in long_runs.run(case, number=20_000, steps=steps) if isinstance(m, Measured)]
-    found = {(m.quantity, m.varied["method"]): m.value for m in rows}
-    for method in steps:
-        assert found["time", method] <= 1e-6
-        assert 0 < found["momentum drift / expected", method] <= 1.5
-        assert found["momentum drift", method] < 1e-6

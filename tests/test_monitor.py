@@ -371,9 +371,8 @@ def test_no_mass_gets_farther_than_the_reach() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seeds", [range(0, 20), range(20, 40)])
-def test_no_random_scene_ends_finite_unflagged_and_wrong(seeds: range) -> None:
+def test_no_random_scene_ends_finite_unflagged_and_wrong() -> None:
     """A few of `python -m tests.random_scenes 2000`."""
-    outcomes = {seed: verdict(seed) for seed in seeds}
+    outcomes = {seed: verdict(seed) for seed in range(20)}
     assert {seed: found for seed, found in outcomes.items() if found[0] == "WRONG"} == {}
     assert sum(found[0] == "right" for found in outcomes.values()) >= 3  # the judge is asked, and agrees
