@@ -74,6 +74,14 @@ def chain() -> fl.Chain:
 
 
 @EVERY_FORMAT
+def test_files_read_back_to_the_same_tree(format, chain: fl.Chain) -> None:
+    for one in (chain, *(fl.lump(random_tree(seed)) for seed in range(4))):
+        read = format.read(format.write(one))
+        assert_same(read, one)
+        assert read.tips == one.tips
+
+
+@EVERY_FORMAT
 def test_small_masses_go_between_joints_of_a_tree_but_not_into_its_base(format, chain: fl.Chain) -> None:
     filled = with_small_mass(chain, mass=1e-6)
     read = format.read(format.write(filled))
