@@ -10,6 +10,7 @@ import pytest
 from beams import cantilever
 from conftest import ALUMINIUM, SQUARE, compiled, flexible, make_scene
 from scipy import integrate
+from test_sensitivity import check
 from test_shifted import posture_of, solved
 
 import flexlink as fl
@@ -290,6 +291,16 @@ RUNS = {
 }
 
 
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+@pytest.mark.parametrize("method", ["Radau5", "Gauss4"])
+def test_energy_balances_in_implicit_steps(method: str, flex: str) -> None:
+    """What the coupled springs store and the coupled dampers take, to what the steps leave of 1 J or so."""
+    run = fl.simulate(arm(flex).varied({"run": {"duration": 1.0}}).varied(RUNS[method]))
+    moved = np.ptp(run.energy.gravity) + np.ptp(run.energy.kinetic)
+    assert np.abs(run.imbalance).max() <= 1e-5 * moved
+    assert run.energy.elastic[-1] > 1e-4 * moved
+
+
 @compiled
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("method", ["Radau5", "Radau9"])
@@ -302,3 +313,9 @@ def test_newton_s_iteration_takes_the_passes_that_it_takes_without_couplings(met
         steps = fl.simulate(scene, method=method, tolerance=1e-5).steps
         passes[name] = steps.evaluations / (steps.taken + steps.rejected)
     assert passes[rule] <= 1.05 * passes["gauss"]
+
+
+@pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.damping.ratio", "link.upper.length"])
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+def test_sensitivities_are_those_that_runs_tell(flex: str, path: str) -> None:
+    check(arm(flex, segments=3).varied(RUNS["RK4"]), path)

@@ -14,6 +14,7 @@ from conftest import ALUMINIUM, ROOT, SQUARE, chain_of, flexible, make_scene
 from mpmath import mp
 from numpy.lib import recfunctions
 from scipy import integrate, linalg, optimize
+from test_sensitivity import check
 
 import flexlink as fl
 from flexlink.chain.variants import lump_many
@@ -33,6 +34,11 @@ from validation.physics.hinge_sweep import order
 EPS = np.finfo(float).eps
 DAMPED = fl.Damping(ratio=0.02, at_hz=10.0)
 RULES = ["gauss_rotation", "lobatto2_rotation", "cells of 3"]
+RUNS = {
+    "RK4": {"run.method": "RK4", "run.step": 1e-6, "run.duration": 1e-3, "run.sample": 2e-4},
+    "Radau5": {"run.method": "Radau5", "run.relative_tolerance": 1e-6, "run.duration": 0.04, "run.sample": 0.01},
+    "Gauss4": {"run.method": "Gauss4", "run.step": 1e-4, "run.duration": 0.01, "run.sample": 5e-3},
+}
 
 
 def arm(rule: str, folder: Path | None = None, **fields: object) -> fl.Scene:
@@ -251,6 +257,35 @@ def test_the_slope_is_exact_however_far_a_triple_is_turned(size: float) -> None:
         torques = [fl.elastic_torque(chain, q + s * step) for s in (-2, -1, 1, 2)]
         wanted = (torques[0] - 8 * torques[1] + 8 * torques[2] - torques[3]) / (12 * h)
         assert np.abs(K[:, k] - wanted).max() <= 1e-10 * np.abs(K).max()
+
+
+def bent(rule: str, folder: Path | None = None) -> fl.Scene:
+    """The arm let go from a posture in which the law is no small part of the torques."""
+    scene = arm(rule, folder)
+    return scene.varied({"initial.q": tuple(np.array([0.1, -0.15, 0.2])[fl.lump(scene).hinges["axis"]].tolist())})
+
+
+@pytest.mark.parametrize("method", ["Radau5", "Gauss4"])
+def test_energy_balances_in_implicit_steps(method: str) -> None:
+    run = fl.simulate(bent("lobatto2_rotation").varied({"run": {"duration": 1.0}}).varied(RUNS[method]))
+    moved = np.ptp(run.energy.gravity) + np.ptp(run.energy.kinetic)
+    assert np.abs(run.imbalance).max() <= 1e-5 * moved
+    assert run.energy.elastic[-1] > 1e-4 * moved
+
+
+@pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
+def test_runs_side_by_side_are_the_very_runs_alone(rule: str) -> None:
+    scene = bent(rule).varied(RUNS["RK4"])
+    scenes = [scene.varied({"material.aluminium.young": young}) for young in np.linspace(6e10, 8e10, 9).tolist()]
+    scenes[4] = scenes[4].varied({"link.upper.lumping": rule.removesuffix("_rotation")})
+    for many, one in zip(fl.simulate_many(scenes), scenes, strict=True):
+        np.testing.assert_array_equal(many.q, fl.simulate(one).q)
+
+
+@pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.damping.ratio", "link.upper.length"])
+@pytest.mark.parametrize("rule", ["gauss_rotation", "lobatto2_rotation"])
+def test_sensitivities_are_those_that_runs_tell(rule: str, path: str) -> None:
+    check(bent(rule).varied(RUNS["RK4"]), path)
 
 
 def test_a_run_saved_before_there_were_such_springs_has_springs_of_angles(tmp_path: Path) -> None:
