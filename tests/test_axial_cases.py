@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from mpmath import mp
 
-from validation.oracles import bent_rods, tensioned_beam
+import flexlink as fl
+from flexlink.engines import load
+from validation.case import load_cases
+from validation.kinds import frequencies
+from validation.oracles import bent_rods, coupled_cells, tensioned_beam
 from validation.oracles.tensioned_beam import Beam
-from validation.physics import axial_references
+from validation.physics import axial_references, parity
+from validation.physics.variant import Rule
 from validation.reference_values import look_up, reference_array
+
+CASES = {case.name: case for case in load_cases("physics_*")}
 
 # --- exact values ----------------------------------------------------------------------------------------------------
 
@@ -28,3 +36,27 @@ def test_the_stored_tips_are_those_of_the_integrations():
     tip = bent_rods.in_space(axial_references.FORCE, axial_references.RIGIDITY)
     assert tip == pytest.approx(reference_array("bent_rods", "space", "tip"), abs=1e-13)
     assert float(look_up("bent_rods", "space", "two_methods_apart")) < 1e-10  # the tolerance of the coarser one
+
+
+def test_a_follower_force_is_small_bending_when_it_is_small():
+    x, y, angle = map(float, bent_rods.follower(1e-4))
+    assert (y, angle, 1 - x) == pytest.approx((1e-4 / 3, 1e-4 / 2, 1e-8 / 15), rel=1e-6)
+
+
+def test_the_oracle_of_cells_tends_to_the_beam():
+    exact = tensioned_beam.frequencies(Beam(), 1)[0]
+    errors = [abs(coupled_cells.frequencies(2, n, 4.0)[0] / float(exact) - 1) for n in (8, 16)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
+
+
+def test_slopes_at_steady_rates_are_the_centrifugal_stiffness():
+    case = CASES["physics_spinning"]
+    scene = frequencies.Variant(change={"initial.rate_deg": [120.0, 0.0]}).build(case, Rule(rule="gauss", hinges=4))
+    chain = fl.lump(scene)
+    qd = np.where(np.arange(chain.n) == 0, np.radians(120.0), 0.0)
+    engine = load("mujoco", chain)
+    K = parity.springs(engine) + parity.load_stiffness(engine, np.zeros(chain.n), qd=qd)
+    theirs = parity.symmetric_squares(engine, np.zeros(chain.n), K, np.arange(1, chain.n))
+    assert np.sqrt(theirs) == pytest.approx(fl.natural_frequencies(chain, qd=qd, locked=[0]), rel=1e-9)
+    still = parity.symmetric_squares(engine, np.zeros(chain.n), parity.springs(engine), np.arange(1, chain.n))
+    assert theirs[0] > still[0] + 0.1

@@ -16,7 +16,6 @@ from validation import cell
 from validation.case import CASES, load_case
 from validation.extremes.cells import Map
 from validation.kinds import digits, extremes
-from validation.runner import kind_of
 from validation.store import Store
 
 MAP = {
@@ -85,12 +84,6 @@ def test_of_a_cell_each_engine_tells_its_digits(monkeypatch, capsys) -> None:
     assert errors["native", "q̈"] < errors["pinocchio", "q̈"] < errors["mujoco", "q̈"] < 1e-9
 
 
-def test_a_case_without_cells_says_so(monkeypatch, capsys) -> None:
-    monkeypatch.setattr(sys, "argv", ["cell", "pointwise", "3"])
-    assert cell.main() == 2
-    assert capsys.readouterr().err.startswith("validation: case = 'pointwise'")
-
-
 def test_the_picture_of_runs_tells_who_is_wrong_without_a_word_where_and_how_to_see_it_once_more(tmp_path) -> None:
     step, both = ("RK4", "step", 0.1, 0), {"young": 1.0, "mass": 2.0}
     found = [
@@ -110,15 +103,3 @@ def test_the_picture_of_runs_tells_who_is_wrong_without_a_word_where_and_how_to_
     ]  # fmt: skip
     assert told[2][5] == "python -m validation.cell extremes_beside 3"
     assert [line.split(",")[4] for line in pairs.csv.splitlines()[1:]] == ["0", "1"]
-
-
-def test_every_way_to_run_a_cell_names_a_step_or_a_tolerance() -> None:
-    case = load_case(CASES / "extremes_short.toml")
-    _, settings = kind_of(case)
-    runs = list(settings.runs())
-    assert {how.key for _, how in runs} == {"relative_tolerance", "step"}
-    scene, _ = settings.situation(runs[0][0])
-    limit = fl.stable_step(fl.lump(scene), *fl.initial_state(scene, fl.lump(scene)))
-    part = extremes.HowTo("native", "RK4", "of_limit", 0.5, 40).scene(scene)
-    assert part.run.step == pytest.approx(0.5 * limit)
-    assert (part.run.duration, part.run.samples) == (pytest.approx(40 * part.run.step), 21)

@@ -84,7 +84,9 @@ def test_what_two_readings_give_has_the_spread_that_random_readings_have():
     random = np.random.default_rng(1)
     a, b = (random.normal(r.value, r.u, 200_000) for r in readings.values())
     for how, values in (("ratio", a / b), ("difference", a - b)):
-        found = Derived("", "", how, "a", "b").reading(readings)
+        derived = Derived("", "", how, "a", "b")
+        found = derived.reading(readings)
+        assert derived.of({"a": 3.0, "b": 2.0}) == found.value
         assert found.value == pytest.approx(values.mean(), rel=2e-3)
         assert found.u == pytest.approx(values.std(), rel=2e-2)
 
@@ -190,13 +192,6 @@ def test_the_linear_model_finds_the_modes_and_the_weights_of_its_own_strains():
     found = two_link.linear_model(u, list(seen.T), h, t > 1.0, (1.8, 5.4))
     assert np.allclose(found.poles, true.poles, atol=1e-6)
     assert np.allclose(found.strains(u, h), seen, atol=1e-6 * np.abs(seen).max())
-
-
-def test_a_fit_is_100_where_nothing_is_left_and_0_where_nothing_is_said():
-    y = np.array([1.0, -2.0, 3.0])
-    assert two_link.fit_percent(y, y) == 100.0
-    for nothing in (0 * y, 2 * y):
-        assert two_link.fit_percent(y, nothing) == pytest.approx(0.0, abs=1e-12)  # a quotient within some eps of 1
 
 
 def test_a_case_whose_data_are_not_here_is_left_out_and_named_where_it_is_asked_for(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ import mpmath
 import msgspec
 import numpy as np
 import pytest
-from beams import cantilever, torsion_bar
+from beams import cantilever
 from conftest import chain_of, flexible, make_scene, nasty_scene
 from scipy import linalg
 
@@ -33,7 +33,6 @@ from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_
 from flexlink.dynamics.vibration.modal import first_order_matrix, scaled
 from flexlink.errors import ArgumentError
 from validation.oracles import bending_chain
-from validation.physics.hinge_sweep import order
 from validation.reference_values import look_up
 
 
@@ -42,21 +41,6 @@ from validation.reference_values import look_up
 def test_the_sign_of_a_shape_that_is_symmetric_is_not_decided_by_rounding(noise: float, sign: float) -> None:
     found = scaled(sign * np.array([[0.2, 0.3], [0.5, -0.5 - noise], [0.1, 0.0], [-0.5 - noise, 0.5]]))
     np.testing.assert_allclose(found, [[0.4, -0.6], [1, 1], [0.2, 0], [-1, -1]], rtol=0, atol=1e-11)
-
-
-# --- bars: the continuous beam ---------------------------------------------------------------------------------------
-
-
-def test_matched_rotors_lift_the_order_of_twist_from_two_to_four():
-    exact = np.pi / 2
-    measured = {}
-    for rule in ("midpoint", "gauss", "legendre", "gauss_matched"):
-        errors = {}
-        for n in (4, 8, 16):
-            chain, bending = torsion_bar(rule, n)
-            errors[n] = natural_frequencies(chain, locked=bending)[0] / exact - 1
-        measured[rule] = order(errors)
-    assert measured == pytest.approx({"midpoint": 2, "gauss": 2, "legendre": 2, "gauss_matched": 4}, abs=0.25)
 
 
 # --- exact finite chains: theory and code describe the same thing ----------------------------------------------------
@@ -69,26 +53,6 @@ def test_all_modes_of_a_bending_chain_against_forty_digits(rule):
 
 
 # --- arms ------------------------------------------------------------------------------------------------------------
-
-
-def de_luca_siciliano(rule, hinges, *, elbow_deg=90.0, **root):
-    """The two-link arm of De Luca & Siciliano (1991): EI = 1 N m², ρA = 0.2 kg/m, L = 0.5 m, elbow hub 1 kg."""
-    hub = Section(shape="general", area=1e9, i_y=1e-20, i_z=1e8, torsion=1e-20)  # 1 kg, 0.1 kg m² on 1 nm
-    flexible_link = {"length": 0.5, "flex": "z", "material": "link", "section": "thin", "segments": hinges + 1}
-    return chain_of(
-        Arm(
-            links=(
-                Link(name="upper", lumping=rule, joint=Joint(**root), **flexible_link),
-                Link(name="hub", length=1e-9, material="hub", section="hub", joint=Joint(locked=True)),
-                Link(name="fore", lumping=rule, joint=Joint(locked=True), **flexible_link),
-            ),
-            materials={"link": Material(young=1e16, density=0.2), "hub": Material(young=1.0, density=1.0)},
-            sections={"thin": Section(shape="general", area=1.0, i_y=1e-16, i_z=1e-16, torsion=1e-16), "hub": hub},
-            tip=RigidBody(mass=0.1, inertia=(5e-4, 5e-4, 5e-4)),
-        ),
-        (0.0, 0.0, 0.0),
-        joint_deg=(0.0, elbow_deg, 0.0),
-    )
 
 
 def test_de_luca_and_sicilianos_clamped_links():
@@ -111,18 +75,6 @@ def test_de_luca_and_sicilianos_clamped_links():
     published = [0.4797, 1.7966, 2.1783, 15.9145]
     assert measured[:3] == pytest.approx(published[:3], rel=1e-3)  # measured 1e-6
     assert measured == pytest.approx(published, rel=2e-4)  # the published digits
-
-
-@pytest.mark.parametrize("angle", [0, 45, 90])
-def test_de_luca_and_sicilianos_assembled_arm(angle):
-    values = look_up("de_luca_siciliano_two_link")["exact system frequencies Hz (inextensible EB)"]
-    clamped = modes(de_luca_siciliano("legendre", 8, elbow_deg=angle, locked=True)).hertz
-    assert clamped[:3] == pytest.approx(
-        np.array(values[f"clamped base, elbow locked at {angle} deg"][:3], float), rel=1e-5
-    )
-    hub = modes(de_luca_siciliano("legendre", 8, elbow_deg=angle, armature=0.1)).hertz
-    exact = values[f"base torque-free hub Jh1=0.1, elbow locked at {angle} deg (elastic)"]
-    assert hub[1:4] == pytest.approx(np.array(exact[:3], float), rel=1e-5)
 
 
 # --- posture, gravity, spin, damping ---------------------------------------------------------------------------------

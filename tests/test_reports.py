@@ -13,11 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from studies import REASON, first_screen, page_from, page_of, row, stored, words_from, words_of
+from studies import REASON, first_screen, page_from, page_of, row, stored, words_of
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.pages.numbers import JOIN, number
-from flexlink.pages.page import sentence_case
 from flexlink.pages.picture import Picture
 from flexlink.pages.tables import Table
 from reports.__main__ import main
@@ -26,12 +25,11 @@ from reports.chapters import Number, Wanted
 from reports.curves import curves, panels_of
 from reports.findings.paper_conclusion import conclusion as judge
 from reports.findings.paper_conclusion import evaluations
-from reports.panels import PANELS, draw_tall, motions
 from reports.results import Results, used
 from reports.tables import checks, limit, meanings
 from reports.verdict import Fact, numbers_that_matter
 from validation.judgement import judged_rows
-from validation.store import Planned, Series, Store
+from validation.store import Series, Store
 
 ROOT = Path(__file__).parent.parent
 
@@ -109,28 +107,10 @@ def test_passing_tables_are_folded_and_failing_ones_are_open(tmp_path: Path) -> 
     assert opened == {"fine": False, "broken": True}
 
 
-def test_a_failing_row_is_also_a_known_limitation(tmp_path: Path) -> None:
-    page = words_of(tmp_path, row("broken", value=3e-9, quantity="T_GC"))
-    assert "T_GC" in page[page.index('id="limitations"') :]
-
-
 def test_a_value_that_could_not_be_had_fails_and_is_said(tmp_path: Path) -> None:
     page = words_of(tmp_path, row(value=None))
     assert "1 of 1 check FAIL" in page
     assert "No value" in page[page.index('id="limitations"') :]
-
-
-def test_every_tolerance_shows_its_reason(tmp_path: Path) -> None:
-    reasons = [f"reason number {k}" for k in range(4)]
-    rows = [row(case, reason=reasons[2 * i + j], quantity=f"q{j}") for i, case in enumerate("ab") for j in range(2)]
-    page = words_of(tmp_path, *rows)
-    for reason in reasons:
-        assert reason in page
-
-
-def test_known_limitations_are_never_empty(tmp_path: Path) -> None:
-    part = words_of(tmp_path, row()).split('id="limitations"')[1].split("</section>")[0]
-    assert part.count("<li>") >= 3
 
 
 @pytest.mark.slow
@@ -253,15 +233,6 @@ def test_what_is_the_same_in_all_rows_has_no_column_and_what_differs_has(tmp_pat
         ]
 
 
-def test_a_case_says_what_it_measures_in_its_own_words(tmp_path: Path) -> None:
-    results = stored(tmp_path / "results", row())
-    plan = Store(results).plan()
-    about = Planned(plan["terms"].key, plan["terms"].kind, plan["terms"].title, "Runs of 0.05 s & more.")
-    Store(results).note_plan({"terms": about})
-    page = words_from(results, tmp_path)
-    assert "<p>Runs of 0.05 s &amp; more.</p>" in page[page.index('id="case-terms"') :]
-
-
 def test_a_limit_that_was_given_up_is_a_known_limitation(tmp_path: Path) -> None:
     page = words_of(
         tmp_path, row(tolerance=None, given_up="A limit first set was 1e-8; it cannot be met."), row("fine")
@@ -299,29 +270,6 @@ def test_a_method_that_misses_an_accuracy_is_not_said_to_reach_it() -> None:
     assert evaluations(work, np.array([1e-2, np.nan, 1e-4]), 1e-4) == pytest.approx(1e3)
 
 
-@pytest.mark.slow
-def test_figure_5_shows_five_panels_and_the_engines_points(tmp_path: Path) -> None:
-    results = stored(tmp_path / "results", row("fall", kind="trajectory"))
-    time = np.linspace(0.0, 5.0, 51)
-    for panel in PANELS:
-        for engine in ("", "mujoco", "pinocchio"):
-            columns = {"time [s]": time, "one": np.sin(time), "two": np.cos(time)}
-            labels = "time [s]", "time [s]", "q [deg]"
-            where = {"scene": "paper_fig5", "part": panel, "engine": engine}
-            series = Series("panel", f"Title of {panel}", columns, *labels, **where)
-            Store(results).add_series("fall", series)
-    (motion,) = motions(Results.read(results))
-    figure = draw_tall(motion)
-    assert [axes.get_title(loc="left")[:2] for axes in figure.axes] == ["a)", "b)", "c)", "d)", "e)"]
-    for axes in figure.axes:
-        lines = [line for line in axes.lines if line.get_linestyle() == "-"]
-        points = [line for line in axes.lines if line.get_linestyle() != "-"]
-        assert (len(lines), len(points)) == (2, 4)
-    page = page_from(results, tmp_path)
-    assert 'id="figure-figure5.paper_fig5"' in page
-    assert page.count("<figure ") == 2, "with the overview; a series that a figure takes is not drawn again"
-
-
 @pytest.mark.parametrize(
     ("value", "text"),
     [(0.0, "0"), (1e-12, "10⁻¹²"), (1.234e-15, "1.23 × 10⁻¹⁵"), (4.0, "4"), (123.456, "123"), (1234.5, "1234"),
@@ -329,20 +277,6 @@ def test_figure_5_shows_five_panels_and_the_engines_points(tmp_path: Path) -> No
 )  # fmt: skip
 def test_numbers_are_short_and_true(value: float | None, text: str) -> None:
     assert number(value).replace(JOIN, " ") == text
-
-
-@pytest.mark.parametrize(
-    ("head", "shown"),
-    [
-        ("observed order", "Observed order"),
-        ("u_D", "u_D"),
-        ("t [s]", "t [s]"),
-        ("q̈", "q̈"),
-        ("CPU time [s]", "CPU time [s]"),
-    ],
-)
-def test_heads_begin_with_a_capital_unless_they_are_symbols(head: str, shown: str) -> None:
-    assert sentence_case(head) == shown
 
 
 def test_a_second_value_may_stand_beside_the_first_ones_settings(tmp_path: Path) -> None:
@@ -366,13 +300,6 @@ def test_missing_results_are_one_line_and_exit_code_2(tmp_path: Path, capsys: py
     assert error.count("\n") == 1
     assert "python -m validation" in error
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("content", ['{"case": "a"}\n', "no json\n", "\xff\n"])
-def test_results_that_are_not_rows_are_an_error_of_the_project(tmp_path: Path, content: str) -> None:
-    (stored(tmp_path, row()) / "rows.jsonl").write_text(content, encoding="utf-8")
-    with pytest.raises(FlexlinkError, match=r"rows\.jsonl, line 1"):
-        build(tmp_path, tmp_path / "out")
 
 
 @pytest.mark.parametrize("name", ["finished.json", "plan.json", "environment.json", "series/terms.curve.npz"])

@@ -42,21 +42,11 @@ def chain(request: pytest.FixtureRequest) -> fl.Chain:
 # families
 
 
-@pytest.mark.parametrize(("kind", "segments", "n"), [("T1", 5, 10), ("T1", 200, 400), ("T2", 5, 18), ("T3", 50, 296)])
-def test_a_family_has_the_degrees_of_freedom_of_the_paper_s_equation_1(kind: str, segments: int, n: int) -> None:
-    assert fl.lump(family(kind, segments).scene(CASE, segments)).n == n
-
-
 @pytest.mark.parametrize("kind", FLEX)
 def test_the_step_carried_over_to_longer_chains_is_stable_there(kind: str) -> None:
     some = family(kind, 5, 30)
     scene = some.released(CASE, 30)
     assert scene.run.step <= fl.stable_step(fl.lump(scene), np.linspace(0.1, 0.4, fl.lump(scene).n), method="RK4")
-
-
-def test_a_run_of_so_many_steps_keeps_two_states() -> None:
-    scene = of_steps(family("T1", 5).released(CASE, 5), 37)
-    assert (scene.run.steps_per_sample, scene.run.samples) == (37, 2)
 
 
 # contestants
@@ -98,12 +88,6 @@ def test_all_who_take_steps_are_told_when_they_blow_up() -> None:
     for contestant in contestants:
         with np.errstate(all="ignore"), pytest.raises(FlexlinkError, match="unstable at step"):
             contestant(5000)
-
-
-def test_the_loop_over_pinocchio_takes_the_steps_that_simulate_takes() -> None:
-    scene = family("T1", 5).released(CASE, 5)
-    ours = fl.simulate(of_steps(scene, 200)).q[-1]
-    np.testing.assert_allclose(steps.by_pinocchio(scene)(200), ours, rtol=0, atol=1e-13)
 
 
 # stopwatch

@@ -90,10 +90,6 @@ def tolerances(monkeypatch, point):
     return [each / found[0] for each in found]
 
 
-def test_a_ladder_of_tolerances_that_always_fails_ends(monkeypatch):
-    assert min(tolerances(monkeypatch, lambda setting: Point(setting, math.inf, 0.0))) == pytest.approx(10**-11.75)
-
-
 def test_a_ladder_of_tolerances_ends_at_both_errors_at_the_budget_and_before_what_is_too_dear(monkeypatch):
     first = native_ladder.COARSEST * tip_travel(trade.reference("kick11").tip)
     both = tolerances(monkeypatch, lambda tol: Point(tol, 1e-9, 0.1, 3e-8 * tol / first, int(1e6 / tol)))
