@@ -23,11 +23,11 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import integer, number_of, require_type, vector
 from flexlink.chain.coordinates import LAST_AXIS, Coordinate, joint_names
 from flexlink.chain.couplings import add_products
-from flexlink.chain.size import has_levers, size_without_reach
+from flexlink.chain.size import on_elastic_gears, size_without_reach, turning_radii, without_lever
 from flexlink.chain.spans import spans_of, sums_outward
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
-from flexlink.common.types import Array
+from flexlink.common.types import Array, Indices
 from flexlink.describe.links import link_number
 from flexlink.describe.spec import short_list, truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
@@ -334,7 +334,22 @@ class Chain:
     @functools.cached_property
     def has_levers(self) -> bool:
         """Whether turning any joint moves a place, as of most arms; where it moves none angles times `size` count."""
-        return has_levers(self.arrays, self.reach)
+        return not len(self._without_lever) or len(self._without_lever) < self.n - int(self.slides.sum())
+
+    @functools.cached_property
+    def turning_radii(self) -> Array:
+        """By which angles of joints count as displacements where they move no place [m], 0 of others, (n,); (0,): all.
+
+        The `size` where no joint has a lever; else a radius of gyration, of motors on elastic gears a part of one.
+        """
+        if not self.has_levers:
+            return np.where(self.slides, 0.0, self.size)
+        free, motors = self._without_lever, on_elastic_gears(self.arrays)
+        return turning_radii(self.arrays, free, motors, self.size) if len(free) or len(motors) else np.empty(0)
+
+    @functools.cached_property
+    def _without_lever(self) -> Indices:
+        return without_lever(self.arrays, self.reach)
 
     @property
     def lengths(self) -> Array:

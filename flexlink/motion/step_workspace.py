@@ -74,12 +74,9 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
 
 
 def posture_of(chain: Chain) -> PlanePosture | SpacePosture:
-    """Scratch of the chain's postures; where turning moves no place it counts by `size`, in the loop of trees."""
-    own = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
-    posture: PlanePosture | SpacePosture = own if chain.has_levers else own._replace(radius=np.array([chain.size]))
-    if not chain.has_levers and isinstance(posture, SpacePosture) and not len(posture.forks):
-        return posture._replace(forks=np.zeros((1, posture.forks.shape[1])))
-    return posture
+    """Scratch of the chain's postures, and what turning counts by where it moves no place."""
+    posture: PlanePosture | SpacePosture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    return posture._replace(radius=chain.turning_radii)
 
 
 def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:

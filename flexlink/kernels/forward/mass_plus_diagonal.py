@@ -22,8 +22,9 @@ from flexlink.kernels.forward.mass_plus_diagonal_space import (
     solve_in_space,
     space_posture_of,
 )
-from flexlink.kernels.tools.compiler import by_type, recursion
+from flexlink.kernels.tools.compiler import by_type, inlined, recursion
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.rare import rarely
 
 FACTORS = numbered("A inverse others:6")  # of a hinge: A, 1 / D, and what else each of the two keeps
 
@@ -85,5 +86,15 @@ def solve(factors, r, x, posture):
 
 
 @by_type({PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space})
-def displacement(δ, posture):
+def displacement_of_places(δ, posture):
     """Largest displacement [m] that small changes δ (n,) of the angles give to the far end of any segment."""
+
+
+@inlined
+def displacement(δ, posture):
+    """The same, or the largest by a joint that moves no place and counts by a radius."""
+    largest = displacement_of_places(δ, posture)
+    if rarely(len(posture.radius) > 0):
+        for k in range(len(δ)):
+            largest = max(largest, posture.radius[k] * abs(δ[k]))  # nan stays
+    return largest

@@ -17,10 +17,9 @@ import numpy as np
 from flexlink.kernels.bodies.couplings import cells_of
 from flexlink.kernels.bodies.plane import LINK, cos_sin_less_turns, planar_workspace
 from flexlink.kernels.forward.mass_plus_cells import rows_beside
-from flexlink.kernels.tools.compiler import kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.lanes import at, put_at
 from flexlink.kernels.tools.numbered import numbered
-from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sincos import cos_sin_all
 
 FACTORS = numbered("A inverse hx hy β γ unused:2")  # of a hinge: A, 1 / D, H, β = A / D and 1 − β
@@ -36,7 +35,7 @@ class PlanePosture(NamedTuple):
     h: Any  # (n, 2) m c turned by 90°
     first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings
     beside: Any  # (n, w, 2) K and D of those before it in its cell
-    radius: Any  # (1,) by which turning counts as a displacement where it moves no place [m]; (0,) elsewhere
+    radius: Any  # (n,) by which turning counts as a displacement where it moves no place [m]; (0,) elsewhere
 
 
 @kernel
@@ -156,16 +155,4 @@ def displacement_in_plane(δ, posture):
         φ += links[k, LINK.sign] * δ[k]
         x, y = x + φ * d[k, 0], y + φ * d[k, 1]
         largest = max(largest, x * x + y * y)
-    if rarely(len(posture.radius) > 0):
-        largest = max(largest, (posture.radius[0] * turned_in_plane(δ, links)) ** 2)
     return math.sqrt(largest + (φ - φ))  # nan, which `max` passes by, if a δ is not finite
-
-
-@subroutine
-def turned_in_plane(δ, links):
-    """Largest angle [rad] by which small changes δ (n,) turn any segment."""
-    φ = largest = 0.0
-    for k in range(len(δ)):
-        φ += links[k, LINK.sign] * δ[k]
-        largest = max(largest, abs(φ))
-    return largest

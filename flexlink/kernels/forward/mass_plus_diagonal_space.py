@@ -63,7 +63,7 @@ class SpacePosture(NamedTuple):
     first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings
     beside: Any  # (n, w, 2) K and D of those before it in its cell
     forks: Any  # rows of what branches go on from, and of what they demand, scratch; of a tree, or where joints slide
-    radius: Any  # (1,) by which turning counts as a displacement where it moves no place [m]; (0,) elsewhere
+    radius: Any  # (n,) by which turning counts as a displacement where it moves no place [m]; (0,) elsewhere
 
 
 @kernel
@@ -243,11 +243,8 @@ def displacement_in_space(δ, posture):
 
 @subroutine
 def displacement_in_tree(δ, posture):
-    """The same where branches begin, joints slide, or turning moves no place but counts by a radius: apart, as implicit
-    steps call the loop above most of all.
-    """
+    """The same where branches begin or joints slide: apart, as implicit steps call the loop above most of all."""
     layout, es, rs, forks = posture.layout, posture.e, posture.r, posture.forks
-    counts = posture.radius[0] ** 2 if len(posture.radius) > 0 else 0.0
     φ, p, largest = ZERO, ZERO, 0.0
     keep_motion(forks, 0, φ, p)
     for i in range(len(layout)):
@@ -262,7 +259,6 @@ def displacement_in_tree(δ, posture):
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
                 φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
-            largest = max(largest, counts * dot(φ, φ))
         if layout[i, LAYOUT.fork] > 0:
             keep_motion(forks, layout[i, LAYOUT.fork], φ, p)
     return math.sqrt(largest + (φ[0] - φ[0]))

@@ -26,10 +26,9 @@ from flexlink.kernels.stepping.runge_kutta import base_angle
 from flexlink.kernels.stepping.saturation import (
     NEVER,
     choose_branches,
+    ends_at_switch,
     first_switch,
-    follow_limits,
     saturates,
-    thrown_by,
 )
 from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, SO_FAR, STEPPER
 from flexlink.kernels.tools.compiler import by_type, entry, inlined, recursion, shared
@@ -78,17 +77,10 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
                 return OUTCOME.stuck
             continue
         left_branch = first_switch(t, h, inputs, state, work) if switches else NEVER
-        if left_branch < 1.0:
-            allowed = OF_A_SWITCH * (absolute + part * stepper[STEPPER.deflection])
-            off = thrown_by(left_branch, t, h, duration, inputs, state, work)
-            if off > allowed:  # which goes by the square of the time after the switch
-                again = (left_branch + 0.5 * math.sqrt(allowed / off) * (1.0 - left_branch)) * h
-                stepper[STEPPER.switch] = t + again
-                count[COUNT.rejected] += 1
-                if again <= smallest:
-                    stepper[STEPPER.switch] = 0.0
-                    follow_limits(inputs, work)
-                continue
+        allowed = OF_A_SWITCH * (absolute + part * stepper[STEPPER.deflection])
+        if left_branch < 1.0 and ends_at_switch(left_branch, t, h, smallest, duration, allowed, inputs, state, work):
+            count[COUNT.rejected] += 1
+            continue
         sample(t, h, inputs, state, work, count, samples, tau)
         wanted = following(h, error / tolerance, p, iterations, stepper)
         if h < stepper[STEPPER.step]:

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from flexlink.kernels.inputs.laws import unlimited_torque
 from flexlink.kernels.stepping.dense_output import between
 from flexlink.kernels.stepping.error_norm import CLOSER, thrown
+from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import entry, inlined, recursion, subroutine
 
 LOOKS = 4  # places within a step; what leaves its branch and returns between two of them is off by little, for a moment
@@ -141,3 +142,17 @@ def thrown_by(x, t, h, longest, inputs, state, work):
         τ *= CLOSER
     put_slopes(inputs.drive, work)
     return largest
+
+
+@recursion
+def ends_at_switch(x, t, h, shortest, longest, allowed, inputs, state, work):
+    """Whether the step is to be taken again, up to just beyond x: the rest throws a body farther than allowed [m]."""
+    off = thrown_by(x, t, h, longest, inputs, state, work)
+    if off <= allowed:
+        return False
+    again = (x + 0.5 * math.sqrt(allowed / off) * (1.0 - x)) * h  # it goes by the square of the time after the switch
+    work.stepper[STEPPER.switch] = t + again
+    if again <= shortest:
+        work.stepper[STEPPER.switch] = 0.0
+        follow_limits(inputs, work)
+    return True
