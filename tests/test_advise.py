@@ -164,7 +164,7 @@ def test_whatever_acts_on_an_arm_is_judged(what: str) -> None:
     scene = arm(0.01, **ACTS[what])
     advice = fl.advise(scene, 1e-2)
     assert advice.met
-    assert true_error(scene, advice) <= advice.error
+    assert true_error(scene, advice, (8, 12)) <= advice.error
 
 
 @pytest.mark.slow

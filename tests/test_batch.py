@@ -81,29 +81,6 @@ def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: in
             np.testing.assert_array_equal(getattr(many, name), getattr(one, name), err_msg=name)
 
 
-SLIDE = fl.Link(
-    name="s", hub=fl.RigidBody(mass=2.0), joint=fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0), limits_m=(-3.0, 3.0))
-)
-TREE = flexible("a", segments=3), flexible("b", segments=3), flexible("c", segments=3, on="a")
-
-
-@compiled
-@pytest.mark.parametrize(
-    "run", [{"tolerance": 1e-4}, {"method": "Gauss6", "step": 1e-3}, {"method": "RK4", "step": 5e-5}],
-    ids=["tolerance", "Gauss6", "RK4"],
-)  # fmt: skip
-@pytest.mark.parametrize("links", [(SLIDE, flexible("a", segments=3)), TREE], ids=["slide", "tree"])
-def test_three_of_one_scene_are_the_run_alone(links: tuple[fl.Link, ...], run: dict[str, object]) -> None:
-    """To the bit, their lengths, on which tolerances and Newton's iteration count, included."""
-    scene = make_scene(*links, gravity=(3.0, -9.81, 0.0), run=fl.RunSettings(duration=0.02, sample=0.01, **run))
-    alone = fl.simulate(scene)
-    for many in fl.simulate_many([scene] * 3):
-        assert many.steps == alone.steps
-        assert many.chain.reach == alone.chain.reach
-        for name in ("q", "qd", "tau", "tip", "work"):
-            np.testing.assert_array_equal(getattr(many, name), getattr(alone, name), err_msg=name)
-
-
 @compiled
 def test_unlike_scenes_run_one_by_one() -> None:
     settings = fl.RunSettings(step=1e-5, sample=1e-4, duration=1e-3)
@@ -178,15 +155,6 @@ def test_neighbours_that_start_at_other_times_are_driven_by_their_own_clocks() -
         one = fl.simulate(scene)
         np.testing.assert_allclose(many.q, one.q, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(many.work, one.work, rtol=1e-9)
-
-
-def test_neighbours_with_one_reference_follow_it_each_from_its_own_start() -> None:
-    """A reference leads from where the joints are."""
-    reference = fl.Reference(profile="quintic", to_deg=(60.0, 30.0), duration=0.01)
-    drive = fl.Drive(kind="pd", kp=(1e4, 0.0), kd=(10.0, 0.0), reference=reference)
-    scenes = [driven(drive=drive, initial=fl.InitialState(joint_deg=(angle, 30.0))) for angle in (0.0, 40.0)]
-    for many, scene in zip(fl.simulate_many(scenes), scenes, strict=True):
-        np.testing.assert_allclose(many.q, fl.simulate(scene).q, rtol=1e-12, atol=1e-12)
 
 
 def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:

@@ -8,7 +8,7 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.errors import ArgumentError, SceneError
+from flexlink.errors import SceneError
 
 ALIKE = fl.Damping(ratio=0.02, law="constant")
 LOAD = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
@@ -61,63 +61,6 @@ def test_links_may_have_different_ratios_and_others_none() -> None:
     D = fl.lump(make_scene(links[0], flexible("b", joint=HELD))).matrix("damping")
     assert (np.linalg.eigvalsh(D)[-4:] > 0).all()
     assert not D[4:, 4:].any()
-
-
-def two_links(**fields: object) -> fl.Scene:
-    """Two links that turn about skew axes, of different rules."""
-    return make_scene(
-        flexible("a", "yz", 3, lumping="gauss", damping=ALIKE, joint=fl.Joint(axis=(0.0, 1.0, 0.0))),
-        flexible("b", "xyz", 3, lumping="lobatto2", damping=ALIKE, joint=fl.Joint(armature=0.1, gear_stiffness=500.0)),
-        **{"tip": LOAD, "gravity": (0.0, 0.0, -9.81), "initial": fl.InitialState(joint_deg=(0.0, 40.0)), **fields},
-    )  # fmt: skip
-
-
-PLANE = make_scene(
-    flexible("a", "z", 3, damping=ALIKE, lumping="gauss"), flexible("b", "z", 3, damping=ALIKE, lumping="lobatto2"),
-    tip=LOAD, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(0.0, 40.0)),
-)  # fmt: skip
-MOVED = fl.PrescribedMotion(
-    link="b", times=(0.0, 0.1), angle_deg=(40.0, 60.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
-)
-SERVO = fl.Drive(kind="pd", kp=(200.0, 200.0), kd=(5.0, 5.0), target_deg=(10.0, 20.0))
-
-
-@pytest.mark.parametrize(
-    "scene", [two_links(), PLANE, two_links(motion=(MOVED,)), two_links(drive=SERVO)],
-    ids=["space", "plane", "motion", "servo"],
-)  # fmt: skip
-def test_joints_between_damped_hinges_move_in_all_methods_alike(scene: fl.Scene) -> None:
-    runs = [
-        fl.simulate(scene, method=method, step=step, duration=0.05, sample=0.05)
-        for method, step in (("RK4", 2e-5), ("Radau5", 1e-4))
-    ]
-    np.testing.assert_allclose(runs[1].tip[-1], runs[0].tip[-1], atol=1e-10)
-    assert abs(runs[0].imbalance[-1]) < 1e-9 * runs[0].exchanged[-1]
-
-
-def test_friction_and_derivatives_are_those_of_the_whole_matrix(rng: np.random.Generator) -> None:
-    chain = fl.lump(two_links())
-    q, qd, tau = 0.1 * rng.standard_normal((3, chain.n))
-    np.testing.assert_allclose(fl.friction_torque(chain, qd), chain.matrix("damping") @ qd, atol=1e-12)
-    slopes = fl.forward_dynamics_derivatives(chain, q, qd, tau).dqd
-    up, down = (fl.forward_dynamics(chain, q, qd + h * np.eye(chain.n)[5], tau) for h in (1e-4, -1e-4))
-    np.testing.assert_allclose(slopes[:, 5], (up - down) / 2e-4, rtol=1e-5, atol=1e-5 * np.abs(slopes).max())
-
-
-def test_pinocchio_reads_the_dampers_and_mujoco_is_told_why_not() -> None:
-    assert fl.compare(two_links(), engines=["pinocchio"], samples=10).passed
-    with pytest.raises(ArgumentError, match=r"tendons cannot hold that; use damping of law = 'proportional', or URDF"):
-        fl.to_mjcf(fl.lump(make_scene(flexible("a", "z", 9, lumping="gauss", damping=ALIKE, joint=HELD))))
-
-
-def test_variants_have_dampers_of_their_own_payload() -> None:
-    scene = make_scene(flexible("a", damping=ALIKE, joint=HELD), tip=LOAD, gravity=(0.0, 0.0, 0.0))
-    heavy = scene.varied({"tip.mass": 30.0})
-    np.testing.assert_allclose(fl.modes(fl.lump(heavy)).damping_ratios, 0.02, rtol=1e-9)
-    short = {"run": fl.RunSettings(duration=0.01, step=1e-4), "wrench.force": (0.0, 5.0, 0.0)}
-    both = fl.simulate_many([scene.varied(short), heavy.varied(short)])
-    alone = fl.simulate(heavy.varied(short))
-    np.testing.assert_allclose(both[1].q[-1], alone.q[-1], rtol=1e-12, atol=1e-15)
 
 
 def test_the_command_says_what_was_asked_for(tmp_path, capsys) -> None:

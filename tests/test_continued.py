@@ -13,7 +13,6 @@ from conftest import flexible, make_scene
 import flexlink as fl
 from flexlink.describe.data_files import names
 from flexlink.describe.schemes.methods import method as load_method
-from flexlink.engines import load
 
 TABLE = {"kind": "table", "times": [0.0, 0.02, 0.06], "torques": [[1.0, 0.0], [-3.0, 1.0], [2.0, 0.5]]}
 PD = {"kind": "pd", "kp": [40.0, 20.0], "kd": [1.0, 0.5], "target_deg": [-80.0, -10.0]}
@@ -168,19 +167,6 @@ def test_a_state_that_does_not_fit_is_refused(changes: dict[str, object], messag
 def test_a_sample_that_is_not_there_has_no_state() -> None:
     with pytest.raises(fl.errors.ArgumentError, match=r"k = 9: must be -9 … 8"):
         fl.simulate(arm("none")).state(9)
-
-
-@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
-def test_engines_hold_torques_and_start_later_too(engine: str) -> None:
-    """800 steps of one tableau, each rounded once or so: 1e-11 rad."""
-    pytest.importorskip({"pinocchio": "pinocchio", "mujoco": "mujoco"}[engine])
-    scene = arm("hold")
-    t, q, qd = fl.simulate(scene).state(2)
-    later = scene.varied({"initial.q": q, "initial.qd": qd, "initial.time": t, "run.duration": 0.06})
-    for each in (scene, later):
-        ours, (times, angles, _) = fl.simulate(each), load(engine, fl.lump(each)).integrate(each)
-        np.testing.assert_array_equal(times, ours.t)
-        np.testing.assert_allclose(angles, ours.q, rtol=0, atol=1e-11)
 
 
 def test_a_whole_state_needs_no_angles_of_the_joints(tmp_path: Path) -> None:

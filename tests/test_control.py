@@ -88,18 +88,6 @@ def test_a_continuous_law_is_the_same_as_a_drive_of_the_scene() -> None:
     np.testing.assert_allclose(law.work, drive.work, rtol=0, atol=1e-10)
 
 
-def test_a_sampled_law_goes_to_the_continuous_one_with_its_rate() -> None:
-    wanted = fl.simulate(arm("none"), control=pd)
-    errors = [np.abs(fl.simulate(arm("none"), control=pd, rate=rate).q - wanted.q).max() for rate in (500.0, 1000.0)]
-    assert errors[1] / errors[0] == pytest.approx(0.5, abs=0.05)  # a delay of half a period on average
-
-
-def test_the_work_of_a_law_balances() -> None:
-    run = fl.simulate(arm("none"), control=pd, rate=1000.0)
-    assert run.warnings == ()
-    assert np.abs(run.imbalance).max() < 1e-6 * run.exchanged[-1]
-
-
 BROKEN = {
     "raises": (lambda t, q, qd: [1 / 0, 0.0] if t > 0.025 else [0.0, 0.0], "ZeroDivisionError"),
     "shape": (lambda t, q, qd: [1.0] if t > 0.025 else [0.0, 0.0], r"returned \[1.0\]; expected .* shape \(2,\)"),
@@ -142,16 +130,6 @@ def test_a_law_that_cannot_be_asked_is_refused(given: dict[str, object], message
 def test_a_law_beside_a_drive_is_refused() -> None:
     with pytest.raises(fl.errors.ArgumentError, match="the scene has a drive, 'pd', too"):
         fl.simulate(arm("pd"), control=pd)
-
-
-def test_a_simulator_without_torques_is_driven_by_its_scene() -> None:
-    scene = arm("smooth")
-    simulator, run = fl.Simulator(scene), fl.simulate(scene)
-    for k in range(1, 9):
-        np.testing.assert_array_equal(simulator.step().q, run.q[k])
-    t, q, qd = run.state(5)
-    assert simulator.reset(q, qd, time=t).t == pytest.approx(0.05)
-    np.testing.assert_array_equal(simulator.step().q, run.q[6])
 
 
 def test_a_simulator_whose_energy_does_not_balance_stays_where_it_was() -> None:

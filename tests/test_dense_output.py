@@ -101,7 +101,7 @@ def test_samples_between_steps_have_the_order_of_the_error_estimate() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [*range(4, 12), 295, 383])
+@pytest.mark.parametrize("seed", [4, 5, 295, 383])
 def test_random_jumps_leave_every_sample_right(seed: int) -> None:
     """Of seeds 295 and 383 fixed steps start from rest: the work was that of stages before the last pass."""
     found = outcome(seed)

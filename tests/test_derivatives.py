@@ -182,21 +182,6 @@ def test_the_mass_matrix_and_the_jacobian_come_along(chain: Chain, rng: np.rando
     assert np.abs(J.linear.T @ wrench[:3] + J.angular.T @ wrench[3:] - load).max() <= 1e-13 * size
 
 
-def test_a_jacobian_gives_the_velocity_of_any_point(chain: Chain, rng: np.random.Generator) -> None:
-    q, qd = bent_state(chain, rng)
-    h = 1e-5  # s
-    for body in (0, len(chain.bodies) // 2, -1):
-        point = rng.normal(size=3)
-        J = fl.jacobian(chain, q, body=body, point=point)
-        ahead, behind = (fl.frames(chain, q + sign * h * qd) for sign in (1, -1))
-        place = [frames.points[body] + frames.rotations[body] @ point for frames in (ahead, behind)]
-        speed = np.abs(qd).sum()
-        assert np.abs((place[0] - place[1]) / (2 * h) - J.linear @ qd).max() <= 10 * speed**3 * h**2
-        turn = (ahead.rotations[body] - behind.rotations[body]) / (2 * h) @ fl.frames(chain, q).rotations[body].T
-        ω = np.array([turn[2, 1], turn[0, 2], turn[1, 0]])
-        assert np.abs(ω - J.angular @ qd).max() <= 10 * speed**3 * h**2
-
-
 def test_hinges_beyond_a_body_do_not_move_it() -> None:
     chain = fl.lump(nasty_scene())
     J = fl.jacobian(chain, np.full(chain.n, 0.1), body=0)
@@ -235,20 +220,6 @@ def test_one_joint_has_the_derivatives_of_a_pendulum() -> None:
     assert found.dq == pytest.approx(np.array([[-9.81 * np.sin(0.4)]]), rel=1e-14)
     assert found.dqd == pytest.approx(np.array([[-0.15]]), rel=1e-14)
     assert found.dtau == pytest.approx(np.array([[0.5]]), rel=1e-14)
-
-
-def test_many_states_have_the_derivatives_of_each(rng: np.random.Generator) -> None:
-    chain = fl.lump(nasty_scene())
-    q, qd = rng.uniform(-1, 1, (2, 3, chain.n))
-    tau = rng.normal(size=chain.n)
-    many = fl.forward_dynamics_derivatives(chain, q, qd, tau)
-    assert repr(many) == "<ForwardDerivatives: 3 × 19 × 19>"
-    for k in range(3):
-        one = fl.forward_dynamics_derivatives(chain, q[k], qd[k], tau)
-        for name in ("dq", "dqd", "dtau"):
-            assert np.array_equal(getattr(many, name)[k], getattr(one, name))
-    assert fl.inverse_dynamics_derivatives(chain, q, qd, tau).dq.shape == (3, chain.n, chain.n)
-    assert fl.jacobian(chain, q).linear.shape == (3, 3, chain.n)
 
 
 @pytest.mark.slow

@@ -110,29 +110,6 @@ def test_power_balance(chain: fl.Chain, rng) -> None:
     assert abs(rate - power) <= 1e-6 * flows
 
 
-def test_coriolis_torques_do_half_the_work_of_the_changing_mass(chain: fl.Chain, rng) -> None:
-    """Ṁ − 2C is skew: q̇ᵀ Ṁ q̇ = 2 q̇ᵀ (T_GC − T_G)."""
-    q, qd = random_state(chain, rng)
-    h = 1e-4
-    coarse, fine = (
-        (fl.mass_matrix(chain, q + s * qd) - fl.mass_matrix(chain, q - s * qd)) / (2 * s) for s in (h, h / 2)
-    )
-    m_dot = (4 * fine - coarse) / 3
-    work = qd @ (fl.bias_torque(chain, q, qd) - fl.gravity_torque(chain, q))
-    of_m, of_m_dot = (np.abs(qd) @ np.abs(m) @ np.abs(qd) for m in (fl.mass_matrix(chain, q), m_dot))
-    assert abs(qd @ m_dot @ qd - 2 * work) <= 1e-7 * of_m_dot + 4 * np.finfo(float).eps / h * of_m  # M's own rounding
-
-
-def test_gravity_torque_is_the_slope_of_gravity_energy(chain: fl.Chain, rng) -> None:
-    q, _ = random_state(chain, rng)
-    h, rest = 1e-3, np.zeros(chain.n)
-    for k in range(chain.n):
-        e = np.eye(chain.n)[k] * h
-        f = [float(fl.energy(chain, q + s * e, rest).gravity) for s in (-2, -1, 1, 2)]
-        slope = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)  # error h⁴/30 of the fifth derivative
-        assert abs(slope - fl.gravity_torque(chain, q)[k]) <= 1e-10 * max(1.0, np.abs(f).max())
-
-
 def test_elastic_torque_is_the_slope_of_elastic_energy_about_any_rest_angles(chain: fl.Chain, rng) -> None:
     hinges = chain.hinges.copy()
     hinges["rest"] = rng.normal(size=chain.n)
@@ -146,32 +123,6 @@ def test_elastic_torque_is_the_slope_of_elastic_energy_about_any_rest_angles(cha
         # of a quadratic the central difference is exact; each energy is a sum of n terms
         rounding = chain.n * EPS * max(plus, minus, elastic)
         assert (plus - minus) / 2 == pytest.approx(fl.elastic_torque(bent, q)[k], abs=rounding)
-
-
-def test_moment_on_the_tip_does_the_work_of_the_turning_tip(chain: fl.Chain, rng) -> None:
-    """Angular velocity of the tip per rate of joint k is its axis: from R(q + h e_k) R(q)ᵀ, to order h⁴."""
-    q, _ = random_state(chain, rng)
-    moment, h = rng.normal(size=3), 1e-3
-    torque = fl.gravity_torque(chain, q) - fl.bias_torque(chain, q, np.zeros(chain.n), tip_wrench=[0, 0, 0, *moment])
-    R = fl.frames(chain, q).rotations[-1]
-    for k in range(chain.n):
-        e = np.eye(chain.n)[k] * h
-        Q = [fl.frames(chain, q + s * e).rotations[-1] @ R.T for s in (-2, -1, 1, 2)]
-        spin = (Q[0] - 8 * Q[1] + 8 * Q[2] - Q[3]) / (12 * h)
-        axis = [spin[2, 1], spin[0, 2], spin[1, 0]]
-        assert torque[k] == pytest.approx(moment @ axis, abs=1e-9)
-
-
-def test_tip_wrench_does_the_work_of_the_moving_tip(chain: fl.Chain, rng) -> None:
-    """T_GC contains −JᵀF, so the wrench's torque times a small motion is force times displacement of the tip."""
-    q, _ = random_state(chain, rng)
-    force, h = rng.normal(size=3), 1e-3
-    torque = fl.gravity_torque(chain, q) - fl.bias_torque(chain, q, np.zeros(chain.n), tip_wrench=[*force, 0, 0, 0])
-    for k in range(chain.n):
-        e = np.eye(chain.n)[k] * h
-        p = [fl.tip_position(chain, q + s * e) for s in (-2, -1, 1, 2)]
-        slope = (p[0] - 8 * p[1] + 8 * p[2] - p[3]) / (12 * h)
-        assert torque[k] == pytest.approx(force @ slope, abs=1e-9)
 
 
 def test_frames_are_rotations_and_the_last_is_the_tip(chain: fl.Chain, rng) -> None:

@@ -96,15 +96,6 @@ def test_every_term_agrees_as_far_as_rounding_lets_it(name: str, quantity: str, 
 
 
 @every
-def test_accelerations_agree_without_a_wrench_too(name: str, chain: Chain, rng: np.random.Generator) -> None:
-    native, other = load("native", chain), load(name, chain)
-    q, qd = random_state(chain, rng)
-    tau = rng.uniform(-10, 10, chain.n)
-    both_ways = other.forward_dynamics(q, qd, tau), native.forward_dynamics(q, qd, tau)
-    assert rounding.acceleration_error(chain, q, qd, tau, solutions=both_ways).max() <= 1
-
-
-@every
 def test_massless_bodies_with_offsets_and_turns_between_them_move_alike(name: str, rng: np.random.Generator) -> None:
     massless = [
         Link(name=f"gimbal {k}", length=0.1 * k, mount=Mount(xyz=(0.1, -0.2, 0.3), rpy_deg=(30.0 * k, 40.0, -50.0)))
@@ -119,24 +110,10 @@ def test_massless_bodies_with_offsets_and_turns_between_them_move_alike(name: st
         assert np.abs(other.bias_torque(q, qd) - native.bias_torque(q, qd)).max() <= allowed
 
 
-@every
-def test_armature_is_in_mass_matrix_and_accelerations(name: str, rng: np.random.Generator) -> None:
-    chains = [lump(make_scene(flexible("arm", joint=Joint(armature=armature)))) for armature in (0.0, 2.0)]
-    without, heavy = (load(name, chain) for chain in chains)
-    q = rng.uniform(-np.pi, np.pi, heavy.n)
-    added = heavy.mass_matrix(q) - without.mass_matrix(q)
-    assert_allclose(added, np.diag([2.0, 0, 0, 0, 0]), rtol=0, atol=rounding.of_mass_matrix(chains[1], q))
-    tau, rest = np.ones(5), np.zeros(5)
-    load_torque = tau - heavy.bias_torque(q, rest) - heavy.elastic_torque(q)
-    qdd = heavy.forward_dynamics(q, rest, tau)
-    solved = np.linalg.solve(heavy.mass_matrix(q), load_torque)
-    assert rounding.acceleration_error(chains[1], q, rest, tau, solutions=(qdd, solved)).max() <= 1
-
-
 NOT_FOLLOWED = {("drake", "computed_torque"), ("exudyn", "computed_torque")}
 """Drives that an engine's own integrator cannot follow, here a sampled one: refused by name."""
 SHORT = {
-    **{path.stem: shortened(load_scene(path), 0.1, **of_a_tolerance(path)) for path in MODELS},
+    **{path.stem: shortened(load_scene(path), 0.03, **of_a_tolerance(path)) for path in MODELS},
     "nasty": shortened(nasty_scene(), 0.02, step=2e-5, sample=1e-3),
     "wrench": shortened(make_scene(flexible("arm", "xyz"), wrench=Wrench((5, -3, 2), (1, 2, -3))), 0.02, step=2e-5),
     "table": shortened(
@@ -259,8 +236,7 @@ ELBOW = Mount(rpy_deg=(40.0, 0.0, 0.0))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("flex", ["z", "xyz"])
-@pytest.mark.parametrize("method", ["RK4", "RK10"])
+@pytest.mark.parametrize(("flex", "method"), [("z", "RK4"), ("xyz", "RK10")])
 def test_pinocchio_leads_a_prescribed_joint_as_we_do(flex: str, method: str) -> None:
     scene = moved(flexible("upper", flex, 3, mount=ELBOW), flexible("fore", "z", 3, joint=Joint(viscous=0.5)))
     scene = shortened(scene, 0.15, method=method, step=1e-4)

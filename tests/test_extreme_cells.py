@@ -13,10 +13,9 @@ from flexlink.describe.spec import decode
 from reports.figures import extreme_runs
 from reports.results import Results
 from validation import cell
-from validation.case import CASES, Measured, load_case
+from validation.case import CASES, load_case
 from validation.extremes.cells import Map
-from validation.kinds import digits, extremes, long_runs, stable_steps
-from validation.runner import kind_of
+from validation.kinds import digits, extremes
 from validation.store import Store
 
 MAP = {
@@ -85,12 +84,6 @@ def test_of_a_cell_each_engine_tells_its_digits(monkeypatch, capsys) -> None:
     assert errors["native", "q̈"] < errors["pinocchio", "q̈"] < errors["mujoco", "q̈"] < 1e-9
 
 
-def test_a_case_without_cells_says_so(monkeypatch, capsys) -> None:
-    monkeypatch.setattr(sys, "argv", ["cell", "pointwise", "3"])
-    assert cell.main() == 2
-    assert capsys.readouterr().err.startswith("validation: case = 'pointwise'")
-
-
 def test_the_picture_of_runs_tells_who_is_wrong_without_a_word_where_and_how_to_see_it_once_more(tmp_path) -> None:
     step, both = ("RK4", "step", 0.1, 0), {"young": 1.0, "mass": 2.0}
     found = [
@@ -110,36 +103,3 @@ def test_the_picture_of_runs_tells_who_is_wrong_without_a_word_where_and_how_to_
     ]  # fmt: skip
     assert told[2][5] == "python -m validation.cell extremes_beside 3"
     assert [line.split(",")[4] for line in pairs.csv.splitlines()[1:]] == ["0", "1"]
-
-
-def test_every_way_to_run_a_cell_names_a_step_or_a_tolerance() -> None:
-    case = load_case(CASES / "extremes_short.toml")
-    _, settings = kind_of(case)
-    runs = list(settings.runs())
-    assert {how.key for _, how in runs} == {"relative_tolerance", "step"}
-    scene, _ = settings.situation(runs[0][0])
-    limit = fl.stable_step(fl.lump(scene), *fl.initial_state(scene, fl.lump(scene)))
-    part = extremes.HowTo("native", "RK4", "of_limit", 0.5, 40).scene(scene)
-    assert part.run.step == pytest.approx(0.5 * limit)
-    assert (part.run.duration, part.run.samples) == (pytest.approx(40 * part.run.step), 21)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["RK2", "RK4", "DOP853"])
-def test_the_stable_step_of_an_arm_with_friction_is_seen_where_it_is_predicted(models, method: str) -> None:
-    rest = stable_steps.at_rest(fl.load_scene(models / "t3_spatial.toml"))
-    predicted = fl.stable_step(fl.lump(rest.scene), rest.q, tip_wrench=rest.scene.tip_wrench, method=method)
-    assert stable_steps.observed(rest, method, predicted) == pytest.approx(1.0, abs=0.01)
-    assert stable_steps.observed(rest, method, 1.5 * predicted) == stable_steps.SEARCHED[0]
-
-
-@pytest.mark.slow
-def test_long_runs_are_told_against_their_first_hundredth() -> None:
-    case = load_case(CASES / "long_runs.toml")
-    steps = {"RK4": 1e-4, "Gauss4": 1e-4}
-    rows = [m for m in long_runs.run(case, number=20_000, steps=steps) if isinstance(m, Measured)]
-    found = {(m.quantity, m.varied["method"]): m.value for m in rows}
-    for method in steps:
-        assert found["time", method] <= 1e-6
-        assert 0 < found["momentum drift / expected", method] <= 1.5
-        assert found["momentum drift", method] < 1e-6

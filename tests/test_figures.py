@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 from pathlib import Path
 
@@ -14,9 +13,8 @@ from studies import row, stored
 
 from flexlink.pages.colours import CYCLE, ENGINES, engine_name, look_of
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import stacked_axes, tidy_linear, tidy_logs
+from flexlink.pages.style import stacked_axes
 from reports import figures, full
-from reports.cells import with_range
 from reports.drawing import modules, pictures
 from reports.placing import Word, place_words
 from reports.results import Results
@@ -107,44 +105,6 @@ def test_a_word_is_not_written_over_the_line_that_it_names() -> None:
     box = text.get_window_extent()
     on_line = axes.transData.transform(np.column_stack([x, x]))
     assert sum(box.contains(*at) for at in on_line) <= 3
-
-
-@pytest.mark.parametrize(("low", "high"), [(1.9e-5, 7e-4), (2e-3, 5e-2), (1e-12, 1.0), (3.0, 7.0)])
-def test_a_log_axis_has_at_least_two_ticks(low: float, high: float) -> None:
-    figure, (axes,) = stacked_axes(1, 3.0)
-    axes.set(xscale="log", xlim=(low, high))
-    tidy_logs(axes)
-    figure.draw_without_rendering()
-    assert sum(low <= tick <= high for tick in axes.get_xticks()) >= 2
-
-
-def test_a_small_number_has_its_power_of_ten_beside_it_not_in_a_corner() -> None:
-    figure, (axes,) = stacked_axes(1, 3.0)
-    axes.plot([0, 1], [0.0, 4e-7])
-    tidy_linear(axes)
-    figure.draw_without_rendering()
-    assert axes.yaxis.get_offset_text().get_text() == ""
-    assert any("10⁻⁷" in label.get_text() for label in axes.get_yticklabels())
-
-
-@pytest.mark.parametrize(("name", "varied", "said"), [
-    ("density, times", ["density, times 1e-15", "density, times 1000000.0"], "density × 10⁻¹⁵ … 10⁶"),
-    ("load [N]", ["load [N] 300.0", "load [N] 6000.0"], "load: 300 … 6000 [N]"),
-    ("links", ["links 2.0"], "links: 2"),
-])  # fmt: skip
-def test_a_row_of_a_map_says_which_values_its_cells_are(name: str, varied: list[str], said: str) -> None:
-    assert with_range(name, varied) == said
-
-
-def test_a_panel_of_terms_names_them_once_and_the_axis_what_is_divided_by(tmp_path: Path) -> None:
-    rows = [row(engine="mujoco", quantity=name, tolerance=1.0, value=0.1) for name in ("M", "T_GC with tip wrench")]
-    results = Results.read(stored(tmp_path, *rows))
-    (picture,) = importlib.import_module("reports.figures.agreement").draw(results)
-    (axes,) = picture.figure.axes
-    assert axes.get_xlabel() == "error / rounding bound [1]"
-    picture.figure.draw_without_rendering()
-    boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
-    assert not boxes[0].overlaps(boxes[1])
 
 
 def test_a_picture_that_is_checked_in_keeps_the_colour_of_every_engine(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ from conftest import flexible, make_scene
 from scipy.linalg import expm
 
 import flexlink as fl
-from flexlink.engines import load
 from flexlink.inputs.references import reference_arrays
 from flexlink.inputs.static_feedforward import holding_torque
 
@@ -84,33 +83,6 @@ def arm(reference: fl.Reference, **drive: object) -> fl.Scene:
         tip=fl.RigidBody(mass=1.0), drive=fl.Drive(**law), initial=fl.InitialState(joint_deg=(30.0, -20.0)),
         gravity=(0.0, -9.81, 0.0), run=fl.RunSettings(step=1e-4, sample=0.01, duration=0.2),
     )  # fmt: skip
-
-
-TWO = {
-    "moved": fl.Reference(profile="s_curve", to_deg=(50.0, 10.0), start=0.02, duration=0.1, shaper=ZVD),
-    "held": fl.Reference(profile="hold", times=(0.0, 0.05, 0.11), angle_deg=((30, -20), (33, -20), (33, -24))),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("what", TWO)
-@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
-def test_other_engines_follow_at_the_same_stages(engine: str, what: str) -> None:
-    pytest.importorskip({"pinocchio": "pinocchio", "mujoco": "mujoco"}[engine])
-    scene = arm(TWO[what], gravity="rigid")
-    _, angles, _ = load(engine, fl.lump(scene)).integrate(scene)
-    np.testing.assert_allclose(angles, fl.simulate(scene).q, atol=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("what", TWO)
-def test_a_run_that_is_continued_goes_on_along_its_reference(what: str) -> None:
-    scene = arm(TWO[what])
-    whole = fl.simulate(scene)
-    first = fl.simulate(scene, duration=0.08)
-    t, q, qd = first.state(-1)
-    then = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=0.12)
-    np.testing.assert_array_equal(then.q, whole.q[8:])
 
 
 @pytest.mark.slow

@@ -64,12 +64,6 @@ def test_three_angles_are_a_rotation_and_their_rates_an_angular_velocity() -> No
     assert np.abs((spin(h) - spin(-h)) / (2 * h) - changing).max() < 1e-9
 
 
-def test_a_run_is_confirmed_by_another_one_that_starts_where_it_did(run: fl.Trajectory) -> None:
-    assert run.warnings == ()
-    coarse = fl.simulate(scene(**{"run.step": 1e-3, "run.method": "Radau5"}))  # which a second run judges
-    assert coarse.warnings == () and np.abs(coarse.tip - run.tip).max() < 1e-6
-
-
 def test_momentum_energy_and_the_length_of_the_quaternion_stay(run: fl.Trajectory) -> None:
     assert run.base is not None and run.momentum_error is not None
     assert np.abs(np.linalg.norm(run.base.attitude, axis=1) - 1).max() < 1e-15
@@ -138,22 +132,6 @@ def test_a_mirror_shows_a_motion_that_there_can_be(run: fl.Trajectory) -> None:
     start = fl.InitialState(joint_deg=(-20.0, 0.0), joint_m=(0.0, 0.1), rate_deg=(-50.0, 0.0), base=state)
     other = fl.simulate(fl.Scene(name="mirror", arm=mirrored, initial=start, gravity=(0, 0, 0), run=scene().run))
     assert np.abs(other.tip - run.tip * [1.0, -1.0, 1.0]).max() < 1e-11
-
-
-def test_every_kind_of_step_goes_on_in_other_coordinates(run: fl.Trajectory) -> None:
-    for method in ("Radau5", "DOP853"):
-        other = fl.simulate(scene(**{"run.method": method, "run.tolerance": 1e-7}))
-        assert np.abs(other.tip - run.tip).max() < 1e-6
-        assert other.momentum_error is not None and max(other.momentum_error) < 1e-6
-    fixed = fl.simulate(scene(**{"run.method": "Gauss6", "run.step": 2e-3}))
-    assert np.abs(fixed.tip - run.tip).max() < 1e-6
-    dense = fl.simulate(scene(**{"run.solver": "cholesky"}))
-    assert np.abs(dense.tip - run.tip).max() < 1e-12
-
-
-def test_a_continued_run_is_the_whole_one(run: fl.Trajectory) -> None:
-    later = fl.simulate(scene(), q0=run.q[10], qd0=run.qd[10], t0=run.t[10], duration=0.5)
-    assert np.abs(later.tip - run.tip[10:]).max() < 1e-10
 
 
 def test_a_simulator_and_a_law_are_told_coordinates_from_the_start(run: fl.Trajectory) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import gzip
 import re
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from studies import BUSY, REASON, VERSIONS, row, stored, timed
 from flexlink.common.errors import FlexlinkError
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import stacked_axes
-from reports import __main__, full
+from reports import full
 
 
 @pytest.fixture(autouse=True)
@@ -87,20 +86,6 @@ def test_figures_are_pngs_beside_their_data_and_stand_in_the_readme(tmp_path: Pa
         assert drawn.mode == "P", "few colours, as a palette"
 
 
-def test_large_tables_are_compressed_to_the_same_bytes_each_time_and_the_readme_leads_to_them(
-    tmp_path: Path, monkeypatch
-):
-    results = stored(tmp_path / "results", row())
-    plain = (save(results) / "all_checks.csv").read_bytes()
-    monkeypatch.setattr(full, "LARGE", len(plain) - 1)
-    folder = save(results)
-    assert not (folder / "all_checks.csv").exists()
-    kept = (folder / "all_checks.csv.gz").read_bytes()
-    assert gzip.decompress(kept) == plain
-    assert "(all_checks.csv.gz)" in (folder / "README.md").read_text(encoding="utf-8")
-    assert (save(results) / "all_checks.csv.gz").read_bytes() == kept
-
-
 def test_an_older_study_stays_where_there_are_no_results(tmp_path: Path):
     folder = save(stored(tmp_path / "results", row()))
     with pytest.raises(FlexlinkError, match="no stored results"):
@@ -114,13 +99,6 @@ def test_more_than_may_be_checked_in_is_an_error_that_names_the_largest(tmp_path
         FlexlinkError, match=r"0\.00 MB, more than the 0\.001 MB that are checked in; the largest: README"
     ):
         save(stored(tmp_path / "results", row()))
-
-
-def test_the_command_makes_it_from_stored_results(tmp_path: Path, monkeypatch, capsys):
-    results = stored(tmp_path / "results", row())
-    monkeypatch.setattr(full, "save", lambda path, out: f"{path.name} and {out.name}")
-    assert __main__.main(["--full", "--results", str(results), "--out", str(tmp_path / "latest")]) == 0
-    assert capsys.readouterr().out.strip() == "results and latest"
 
 
 @pytest.mark.skipif(not full.FOLDER.is_dir(), reason="this checkout holds no full study")

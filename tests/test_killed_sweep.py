@@ -65,24 +65,6 @@ def test_a_signal_keeps_the_rows_and_says_how_to_go_on(sweep: Path, tmp_path: Pa
     assert 0 < kept < MEMBERS
 
 
-def test_a_worker_that_is_killed_is_replaced(sweep: Path, tmp_path: Path) -> None:
-    out = tmp_path / "sweep.db"
-    with started(sweep, out, "--workers", "2") as process:
-        assert until(lambda: counted(out) > 0, process)
-        os.kill(workers_of(process.pid)[0], signal.SIGKILL)
-        finish(process)
-    assert [(row[0], row[1]) for row in rows(out)] == [(k, "done") for k in range(MEMBERS)]
-
-
-def workers_of(process: int) -> list[int]:
-    """Its children that run tasks."""
-    found = []
-    for child in Path(f"/proc/{process}/task/{process}/children").read_text(encoding="utf-8").split():
-        if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
-            found.append(int(child))
-    return found
-
-
 def test_rows_of_a_cluster_that_lost_a_worker_are_those_of_one_process(
     sweep: Path, tmp_path: Path, undisturbed: list[tuple]
 ) -> None:

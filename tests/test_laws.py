@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -157,15 +156,6 @@ def test_a_sampled_law_is_the_same_law_in_python_asked_at_that_rate(name: str, l
     assert run.warnings == ()
 
 
-@every_law
-def test_a_continuous_law_is_the_same_law_in_python(name: str) -> None:
-    scene = arm({**LAWS[name], "effort": EFFORT}, **{"run.duration": 0.02})
-    law = fl.simulate(scene.varied({"drive": {"kind": "none"}}), control=in_python(scene))
-    run = fl.simulate(scene)
-    np.testing.assert_allclose(run.q, law.q, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(run.tau, law.tau, rtol=0, atol=1e-8)
-
-
 @every_rate
 @every_law
 def test_no_stage_sees_more_than_the_effort(name: str, rate: str) -> None:
@@ -195,24 +185,11 @@ def test_no_stage_sees_more_than_the_effort(name: str, rate: str) -> None:
 @every_rate
 @every_law
 def test_every_engine_runs_every_law(name: str, rate: str, limit: str, engine: str) -> None:
-    """One second with RK4; the largest torque of any stage is the same, too."""
+    """A tenth of a second with RK4."""
     pytest.importorskip(engine)
-    scene = arm({**LAWS[name], **SAMPLED[rate], **LIMITED[limit]}, **{"run.duration": 1.0, "run.step": 2e-4})
+    scene = arm({**LAWS[name], **SAMPLED[rate], **LIMITED[limit]}, **{"run.duration": 0.1, "run.step": 2e-4})
     q = [load(each, fl.lump(scene)).integrate(scene)[1] for each in ("native", engine)]
     assert np.abs(q[1] - q[0]).max() <= 1e-9
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("run", [{"run.tolerance": 1e-6}, {"run.method": "Radau5"}, {"run.method": "Gauss4"}], ids=str)
-@every_rate
-@every_law
-def test_steps_of_any_length_see_the_same_law(name: str, rate: str, run: dict[str, Any]) -> None:
-    """Limited and not smooth, within ten tolerances; of fixed steps what the reference of a tenth of the step tells."""
-    scene = arm({**LAWS[name], **SAMPLED[rate], "effort": EFFORT}, **{"run.duration": 0.05})
-    wanted, got = fl.simulate(scene, step=2e-5), fl.simulate(scene.varied(run))
-    assert np.linalg.norm(got.tip - wanted.tip, axis=1).max() < 1e-5
-    if rate == "sampled":
-        np.testing.assert_allclose(got.tau, wanted.tau, rtol=0, atol=1e-2 * max(EFFORT))
 
 
 @compiled
@@ -242,16 +219,6 @@ def test_the_effort_limits_laws_and_torques_from_outside_too() -> None:
     run = fl.simulate(scene, control=lambda t, q, qd: [1e4, -1e4, 1e4], rate=100.0)
     np.testing.assert_array_equal(run.tau[:, run.chain.active], np.tile(limited, (11, 1)))
     assert fl.Simulator(scene).step([1e4, -1e4, 1e4]).q.tolist() == fl.Simulator(scene).step(limited).q.tolist()
-
-
-@pytest.mark.slow
-def test_members_of_a_batch_have_laws_of_their_own() -> None:
-    """Feed-forwards differ with the payload, and what is sampled is kept by each."""
-    for law, rate in itertools.product(LAWS.values(), SAMPLED.values()):
-        scene = arm({**law, **rate, "effort": EFFORT}, **{"run.duration": 0.02})
-        scenes = [scene.varied({"tip.mass": mass}) for mass in (0.5, 0.5, 2.0)]
-        for run, one in zip(fl.simulate_many(scenes), scenes, strict=True):
-            np.testing.assert_array_equal(run.q, fl.simulate(one).q)
 
 
 @every_law

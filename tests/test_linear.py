@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import MODELS, flexible, make_scene, nasty_scene
+from conftest import MODELS, flexible, make_scene
 from scipy import linalg
 from scipy.linalg import solve_continuous_are
 
 import flexlink as fl
 from flexlink import Chain, Damping, Joint, PrescribedMotion
 from flexlink.dynamics.equilibrium import Equilibrium
-from flexlink.dynamics.vibration.linear import LinearModel, graded
+from flexlink.dynamics.vibration.linear import graded
 from flexlink.errors import ArgumentError
 
 EPS = np.finfo(float).eps
@@ -61,32 +61,6 @@ def test_slow_modes_of_stiff_arms_are_told_as_well(name: str, stiffer: float) ->
         assert (off <= 2 * chain.n * EPS * np.linalg.norm(rows, 2) * condition + 1e-10 * np.abs(modes)).all()
         assert off[np.abs(modes).argmin()] <= 2 * chain.n * EPS * np.abs(rows[-2:]).sum(axis=1).max()
         assert len(told) == 2 * chain.n and (np.diff(np.abs(told)) >= 0).all()
-
-
-def test_next_to_a_moving_state_it_predicts_rates_and_outputs(rng: np.random.Generator) -> None:
-    chain = fl.lump(nasty_scene())
-    n, wrench = chain.n, rng.normal(size=6)
-    q, qd, tau = rng.uniform(-0.3, 0.3, n), rng.normal(size=n), np.zeros(n)
-    tau[chain.active] = 1.0
-    outputs = ("tip", "tip_rate", "joints", "joint_rates", "state")
-    model = fl.linearize(chain, q, qd, tau, tip_wrench=wrench, outputs=outputs)
-    δx, δu = rng.normal(size=2 * n), rng.normal(size=len(chain.active))
-
-    def at(h: float) -> LinearModel:
-        moved = tau.copy()
-        moved[chain.active] += h * δu
-        state = q + h * δx[:n], qd + h * δx[n:]
-        return fl.linearize(chain, *state, moved, tip_wrench=wrench, outputs=outputs)
-
-    h = 1e-5
-    ahead, behind = at(h), at(-h)
-    slope, told = (ahead.rate - behind.rate) / (2 * h), model.A @ δx + model.B @ δu
-    assert np.abs(slope - told).max() <= 1e-6 * np.abs(told).max()
-    slope, told = (ahead.y - behind.y) / (2 * h), model.C @ δx + model.D @ δu
-    assert np.abs(slope - told).max() <= 1e-8 * np.abs(told).max()
-    assert np.array_equal(model.rate, np.concatenate([qd, fl.forward_dynamics(chain, q, qd, tau, tip_wrench=wrench)]))
-    assert len(model.outputs) == len(model.y) == len(model.C) and len(model.states) == 2 * n
-    assert repr(model) == f"<LinearModel: {2 * n} states, 4 inputs, {14 + 2 * n} outputs>"
 
 
 def test_scipy_finds_a_regulator_for_it_that_settles_the_arm() -> None:

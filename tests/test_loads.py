@@ -11,11 +11,8 @@ from conftest import ALUMINIUM, SQUARE, flexible, make_scene, nasty_scene, rando
 import flexlink as fl
 from flexlink.chain.builder import record_branches
 from flexlink.chain.coordinates import Coordinate
-from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.kernels.layout import BODY, HINGE
-from validation.kinds.identities import IDENTITIES
-from validation.random_arms import random_arm
 
 NASTY = fl.lump(nasty_scene())
 WRENCH = np.array([10.0, -20.0, 30.0, 5.0, -4.0, 3.0])
@@ -87,14 +84,6 @@ def test_every_segment_is_in_equilibrium_with_the_loads_at_its_two_cuts(chain: f
         assert np.abs(moment).max() <= 1e-11 * (scale[0] + scale[1])  # no arm of a force is longer than 1.25 m
 
 
-def test_random_arms_with_every_key_of_a_link_are_in_equilibrium_too() -> None:
-    limits = {"equilibrium of cut segments": 1e-11, "moments about hinges": 1e-13}
-    for seed in range(12):
-        chain = fl.lump(random_arm(seed))
-        for name, limit in limits.items():
-            assert IDENTITIES[name][0](chain, random_states(chain, 1, seed=seed)[0]) <= limit, (seed, name)
-
-
 def test_in_a_motion_a_hinge_carries_its_spring_and_friction_and_a_joint_its_drive(chain: fl.Chain, rng) -> None:
     q, qd = random_state(chain, rng)
     q[chain.stiffness > 0] *= 0.01
@@ -149,31 +138,6 @@ def test_a_fibre_on_the_outside_of_a_bend_is_stretched() -> None:
     q = fl.solve_static(chain, np.zeros(chain.n), tip_wrench=[0, 0, 0, 6.0, 0, 0]).q
     GJ = ALUMINIUM.shear * SQUARE.properties.torsion
     assert fl.beam_strain(scene, q, link="boom", fibre=(0, 0)).curvature[:, 0] == pytest.approx(6.0 / GJ, rel=1e-9)
-
-
-def test_a_point_moves_as_its_path_says(chain: fl.Chain, rng) -> None:
-    """Central differences of order 4 along q + q̇ t + q̈ t²/2; p changes by itself, some metres, in a time 1/s."""
-    q, qd, qdd = rng.uniform(-1, 1, (3, chain.n))
-    body, point = len(chain.bodies) // 2, np.array([0.3, -0.2, 0.1])
-
-    def place(t: float) -> np.ndarray:
-        placed = fl.frames(chain, q + qd * t + qdd * t**2 / 2)
-        return placed.points[body] + placed.rotations[body] @ point
-
-    s = np.abs(qd).sum() + np.sqrt(np.abs(qdd).sum())
-    h = 1e-3 / s  # rounding: 4 m · eps/h, 4 m · eps/h², each times a few; truncation, (s h)⁴, is less
-    p = {k: place(k * h) for k in range(-2, 3)}
-    found = fl.point_motion(chain, q, qd, qdd, body=body, point=point)
-    assert np.abs(found.position - p[0]).max() <= 4e-16 * (1 + np.abs(p[0]).max())
-    J = fl.jacobian(chain, q, body=body, point=point)
-    assert np.abs(found.velocity - J.linear @ qd).max() <= 1e-14 * s
-    slope = (8 * (p[1] - p[-1]) - p[2] + p[-2]) / (12 * h)
-    bend = (16 * (p[1] + p[-1]) - p[2] - p[-2] - 30 * p[0]) / (12 * h**2)
-    assert np.abs(found.velocity - slope).max() <= 1e-11 * s
-    assert np.abs(found.acceleration - bend).max() <= 1e-8 * s**2
-    R = fl.frames(chain, q).rotations[body]
-    assert np.abs(R @ found.accelerometer - found.acceleration + chain.gravity).max() <= 1e-14 * (10 + s**2)
-    assert np.abs(R @ found.gyroscope - J.angular @ qd).max() <= 1e-14 * s
 
 
 def test_an_accelerometer_reads_the_support_at_rest_and_nothing_in_free_fall() -> None:

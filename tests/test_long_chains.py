@@ -55,12 +55,14 @@ STATES = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("damped", [False, True])
 @pytest.mark.parametrize("state", STATES)
-@pytest.mark.parametrize("flex, hinges", [("z", 54), ("yz", 26), ("xyz", 18)])
-def test_the_slowest_modes_are_those_of_all(flex: str, hinges: int, state: str, damped: bool) -> None:
+@pytest.mark.parametrize("flex, hinges", [("z", 18), ("yz", 8), ("xyz", 6)])
+def test_the_slowest_modes_are_those_of_all(
+    flex: str, hinges: int, state: str, damped: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """λ as far as all modes have it, eps times the fastest of the chain (its square where loads have no potential)."""
+    monkeypatch.setattr(modal, "DENSE", 30)  # all modes of longer chains take a second each
     chain = fl.lump(long_arm(hinges, flex))
     chain = uneven(chain) if damped else chain
     given = STATES[state](chain)

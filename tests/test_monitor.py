@@ -74,17 +74,6 @@ def test_the_work_of_a_drive_on_a_wheel_is_its_kinetic_energy() -> None:
     np.testing.assert_allclose(run.energy.kinetic, run.t**2 / 2, rtol=1e-12)
 
 
-@pytest.mark.slow
-def test_many_runs_carry_the_balance_of_single_ones() -> None:
-    scenes = [
-        everything("xyz").varied({"initial": fl.InitialState(joint_deg=(10.0, float(angle)))}) for angle in range(9)
-    ]
-    for scene, many in zip(scenes, fl.simulate_many(scenes), strict=True):
-        one = fl.simulate(scene)
-        np.testing.assert_allclose(many.work, one.work, rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(many.tau, one.tau, rtol=1e-12, atol=1e-12)
-
-
 def test_a_run_of_another_engine_says_that_its_work_is_not_known(paper: fl.Scene) -> None:
     run = fl.simulate(paper, duration=0.01)
     other = trajectory_from_states(problem_of(paper), run.t, run.q, run.qd)
@@ -371,9 +360,8 @@ def test_no_mass_gets_farther_than_the_reach() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seeds", [range(0, 20), range(20, 40)])
-def test_no_random_scene_ends_finite_unflagged_and_wrong(seeds: range) -> None:
+def test_no_random_scene_ends_finite_unflagged_and_wrong() -> None:
     """A few of `python -m tests.random_scenes 2000`."""
-    outcomes = {seed: verdict(seed) for seed in seeds}
+    outcomes = {seed: verdict(seed) for seed in range(20)}
     assert {seed: found for seed, found in outcomes.items() if found[0] == "WRONG"} == {}
     assert sum(found[0] == "right" for found in outcomes.values()) >= 3  # the judge is asked, and agrees

@@ -100,21 +100,6 @@ def test_the_torque_that_a_motion_takes_gives_its_acceleration_back(solver: str,
     assert np.abs(run.q).max() > 0.01
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_solvers_agree_at_prescribed_accelerations(models, solver: str) -> None:
-    scene = fl.load_scene(models / "t3_spatial.toml")
-    moving = fl.PrescribedMotion(
-        link="upper", times=(0.0, 1.0), angle_deg=(-60.0, 0.0), rate_deg=(0.0, 9.0), acceleration_deg=(0.0, 0.0)
-    )
-    both = [
-        fl.simulate(fl.Scene(name="s", arm=scene.arm, initial=scene.initial, motion=(moving,)), step=5e-5, duration=0.1,
-                    solver=name)
-        for name in ("lu", solver)
-    ]  # fmt: skip
-    assert np.abs(both[0].q - both[1].q).max() < 1e-11
-    assert np.abs(both[0].tau - both[1].tau).max() < 1e-7 * np.abs(both[0].tau).max()
-
-
 @pytest.mark.parametrize("samples", [1, 5])
 def test_in_a_plane_a_prescribed_joint_may_turn_the_other_way_and_have_a_rotor(samples: int) -> None:
     """Upside down and inside the chain, where its sign and its rotor matter to the links before it."""

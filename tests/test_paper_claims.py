@@ -12,13 +12,11 @@ from validation.kinds import (
     KINDS,
     SETTINGS,
     measurements,
-    paper_lu,
     paper_mass,
     paper_methods,
     paper_rounding,
     paper_segments,
 )
-from validation.kinds.paper_equations import _of_springs
 from validation.kinds.paper_types import _verdict
 from validation.runner import judged
 from validation.speed.races import Race
@@ -32,44 +30,6 @@ def measured(name, **changes):
     for each in measurements(KINDS[case.kind], case, settings):
         found.setdefault(getattr(each, "quantity", "series"), []).append(each)
     return found
-
-
-def test_equation_1_counts_the_joints_of_every_arm():
-    (claim,) = measured("paper_freedoms", links=3, segments=[2, 4])["claim"]
-    assert (claim.value, claim.note, claim.varied["arms"]) == (0, "holds", 27)
-
-
-def test_the_order_of_equation_4_is_that_of_the_chain_there_and_back():
-    (claim,) = measured("paper_indices", links=3, segments=[2, 4])["claim"]
-    assert (claim.value, claim.note, claim.varied["arms"]) == (0, "holds", 27)
-
-
-def test_what_is_left_without_gravity_and_motion_are_the_springs_if_inverse_dynamics_carries_them():
-    found = measured("paper_springs", samples=2)
-    assert found["claim"][0].note.startswith("holds if the inverse dynamics carries the elastic forces")
-    assert [row.value for row in found["T_GC / T_FL"]] == [0, 0]
-    assert _of_springs(1.0, 0.0) == "holds"
-    assert _of_springs(0.0, 1.0) == "does not hold"
-
-
-def test_lu_solves_the_equation_of_motion_within_rounding():
-    found = measured("paper_lu", samples=3)
-    assert max(row.value for row in found["residual"]) < 1.0
-    assert found["claim"][0].note.startswith("holds: LU leaves ")
-    assert paper_lu._verdict(2.0, 1.0) == "does not hold: LU leaves 2 times the rounding bound"
-
-
-def test_tables_of_denavit_and_hartenberg_are_the_books_matrices():
-    found = measured("paper_frames", links=3, arms=3)
-    assert {row.varied["form"] for row in found["apart"]} == {"standard", "modified"}
-    assert 0.0 < found["claim"][0].value <= 1.0
-    assert found["claim"][0].note == "holds"
-
-
-def test_two_axes_of_a_group_that_coincide_make_the_mass_matrix_singular():
-    found = measured("paper_definite", samples=3)
-    assert found["claim"][0].note.startswith("holds for T1 and T2; not for T3")
-    assert 0.0 < found["claim"][0].value < 1e-15 < min(each.value for each in found["least eigenvalue"])
 
 
 def test_a_type_that_gains_nothing_somewhere_is_named():
@@ -145,17 +105,6 @@ def test_segments_that_make_the_error_larger_are_named():
     prices = [paper_segments.Price("arm", *each) for each in ((2, 4.0, 1.0), (3, 5.0, 2.0), (4, 1.0, 8.0))]
     said = paper_segments._verdict(prices, {"arm": paper_segments._gain(prices)})
     assert said == "holds but for 3 segments on arm, less precise than 2; arm, 2 to 4 segments: error ÷ 4, cost × 8"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["paper_mass", "paper_redundant"])
-def test_kernels_that_are_timed_against_each_other_give_the_same_numbers(name):
-    (case,) = load_cases(name)
-    kind = KINDS[case.kind]
-    rows = list(kind.run(case, kind.rehearsal(decode(case.settings, kind.Settings))))
-    apart = [each.value for each in rows if getattr(each, "quantity", "") == "apart"]
-    assert apart
-    assert max(apart) <= case.quantity["apart"].tolerance
 
 
 def test_the_title_of_a_case_is_not_the_claim_that_it_judges():

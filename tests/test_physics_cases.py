@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 
 import numpy as np
 import pytest
-from conftest import ROOT, nasty_scene
+from conftest import ROOT
 
 import flexlink as fl
 from flexlink.common.errors import DataFileError, SceneError
-from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.spec import decode
-from flexlink.dynamics.tangent import stiffness_matrix
-from flexlink.engines import load
-from flexlink.inputs.actuation import motion_arrays
 from flexlink.inputs.drives import drive_arrays
-from flexlink.kernels.inputs.drive_torque import drive_torque, follow
+from flexlink.kernels.inputs.drive_torque import drive_torque
 from reports.findings import physics_choice, physics_price
 from reports.results import Results
 from validation import reference_values
 from validation.case import STUDY_SCENES, load_cases
 from validation.facts import in_words
 from validation.kinds import KINDS
-from validation.oracles import bending_chain, hencky
-from validation.physics import formulas, parity
-from validation.physics.hinge_sweep import Named, Need, Point, Sweep, order, report
-from validation.physics.tip_loads import TIP_LOADS
+from validation.physics import formulas
+from validation.physics.hinge_sweep import Need, Point, Sweep, order, report
 from validation.physics.variant import Rule, Variant, existing
 from validation.store import Environment, Row, Series, Store
 
@@ -59,13 +52,6 @@ def test_hinges_needed_are_those_from_which_on_the_error_stays_within():
     assert found["fewest hinges: need", ""] == 5
 
 
-def test_an_order_that_theory_does_not_expect_is_seen():
-    errors = {"gauss": {n: n**-2.0 for n in (4, 8, 16)}}
-    found = rows(Sweep(rules={}, orders={"tip": {"gauss": 4.0}}), errors)
-    assert found["fitted order", "gauss, tip"] == pytest.approx(2)
-    assert found["|order − theory|", "gauss, tip"] == pytest.approx(2)
-
-
 def test_an_order_is_judged_by_its_lower_bound_without_errors_of_rounding_and_lucky_ones():
     lucky = {4: 4**-4.0, 8: 1e-9, 16: 16**-4.0, 32: 32**-4.0, 64: 1e-13, 128: 3e-13}  # 8: a change of sign
     sweep = Sweep(rules={}, least={"tip": {"lobatto4": 3.8}}, rounding={"tip": 1e-12}, fitted=4)
@@ -76,19 +62,6 @@ def test_an_order_is_judged_by_its_lower_bound_without_errors_of_rounding_and_lu
     assert abs(with_all["fitted order", "lobatto4, tip"] - 4) > 1
     with pytest.raises(DataFileError, match=r"settings\.least\.tip\.lobatto4: fewer than two errors"):
         rows(sweep, {"lobatto4": {64: 1e-13, 128: 3e-13}})
-
-
-def test_an_error_of_one_chain_can_be_a_quantity_by_itself():
-    sweep = Sweep(rules={}, named=(Named(quantity="gauss, 8", measure="tip", rule="gauss", hinges=8),))
-    assert rows(sweep, {"gauss": {4: 0.1, 8: -0.02}})["gauss, 8", "gauss, 8 hinges, tip"] == 0.02
-    part = Named(quantity="part", measure="tip", rule="gauss", hinges=8, over="paper")
-    found = rows(Sweep(rules={}, named=(part,)), {"gauss": {8: -0.02}, "paper": {8: 0.1}})
-    assert found["part", "gauss, 8 hinges, tip"] == pytest.approx(0.2)
-
-
-def test_modes_that_a_short_chain_does_not_have_are_left_out_of_the_order():
-    found = rows(Sweep(rules={}), {"paper": {1: np.inf, 4: 4**-2.0, 8: 8**-2.0}})
-    assert found["fitted order", "paper, tip"] == pytest.approx(2)
 
 
 # --- scenes, references, cases ---------------------------------------------------------------------------------------
@@ -150,13 +123,6 @@ def test_a_reference_that_does_not_exist_is_named_with_those_that_do(keys):
         reference_values.look_up(*keys)
 
 
-def test_the_princeton_beam_has_its_21_cases_with_the_force_in_the_plane_across():
-    loads = list(TIP_LOADS["princeton"]())
-    assert len(loads) == 21
-    assert {round(float(np.linalg.norm(load.wrench[:3])), 6) for load in loads} == {4.448, 8.896, 13.345}
-    assert all(load.wrench[0] == 0 and load.displacement @ load.wrench[:3] > 0 for load in loads)
-
-
 # --- inputs by formula -----------------------------------------------------------------------------------------------
 
 
@@ -168,59 +134,6 @@ def test_the_torque_pulse_is_its_formula_within_a_micronewtonmetre():
         drive_torque(drive, t, t, q, q, tau)
         exact = 4 * np.sin(2 * np.pi * t / 1.2) ** 3 if t < 1.2 else 0.0
         assert tau[0] == pytest.approx(exact, abs=2e-6)
-
-
-def test_the_spin_up_is_its_formula_to_the_limit_of_its_pieces():
-    scene = formulas.spin_up(fl.load_scene(STUDY_SCENES / "spin_up.toml"))
-    motion, (q, qd, qdd) = motion_arrays(scene, fl.lump(scene)), np.zeros((3, fl.lump(scene).n))
-    for t in np.linspace(0, 20, 777):
-        follow(motion, t, q, qd, qdd)
-        ramp = 6 / 15 * (t**2 / 2 + (15 / (2 * np.pi)) ** 2 * (np.cos(2 * np.pi * t / 15) - 1))
-        assert q[0] == pytest.approx(ramp if t < 15 else 6 * t - 45, abs=1e-12 * max(1.0, q[0]))
-
-
-# --- MuJoCo's side ---------------------------------------------------------------------------------------------------
-
-
-def test_slopes_by_riesz_of_mujocos_torques_are_the_tangent_of_ours():
-    chain, rng = fl.lump(nasty_scene()), np.random.default_rng(5)
-    q, wrench = rng.uniform(-1, 1, chain.n), rng.uniform(-5, 5, 6)
-    engine, rest = load("mujoco", chain), np.zeros(chain.n)
-    K = stiffness_matrix(chain, q, rest, wrench)
-    found = parity.load_stiffness(engine, q, wrench) + parity.springs(engine)
-    assert found == pytest.approx(K, abs=1e-12 * np.abs(K).max())
-    force = wrench[:3]
-    K = stiffness_matrix(chain, q, rest, np.concatenate([force, np.zeros(3)]), follower=True)
-    found = parity.follower_stiffness(engine, q, force) + parity.springs(engine)
-    assert found == pytest.approx(K, abs=1e-12 * np.abs(K).max())
-
-
-# --- exact finite chains ---------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("n", [3, 5, 10])
-def test_closed_forms_are_those_of_the_reference(n):
-    values = reference_values.look_up("hencky_closed_forms", "closed_form_values")
-    for rule, twist, columns in (
-        ("midpoint", "torsion_CF_root2k", "buckling_CF_root2k"),
-        ("paper", "torsion_CF_paper", "buckling_CF_paper"),
-    ):
-        for start, found in ((twist, hencky.twist(rule, n)), (columns, hencky.buckling(rule, n))):
-            exact = next(np.array(v[f"n={n}"], float) for key, v in values.items() if key.startswith(start))
-            assert found[: len(exact)] == pytest.approx(exact, rel=1e-14, abs=0)
-
-
-@pytest.mark.parametrize("field", ["stiffness", "mass"])
-def test_a_chain_that_is_wrong_by_a_part_in_a_hundred_million_breaks_the_limit_of_finite_chains(field):
-    case = CASES["physics_finite_chains"]
-    chain = fl.lump(Variant().build(case, Rule(rule="midpoint", hinges=6)))
-    exact = bending_chain.frequencies(*lumping_rule("midpoint").hinges(6))
-    limit = case.quantity["all bending modes, 40 digits"].tolerance
-    assert np.abs(fl.natural_frequencies(chain) / exact - 1).max() < limit
-    bodies, hinges = chain.bodies.copy(), chain.hinges.copy()
-    (hinges if field == "stiffness" else bodies)[field][2] *= 1 + 1e-8
-    wrong = dataclasses.replace(chain, bodies=bodies, hinges=hinges)
-    assert np.abs(fl.natural_frequencies(wrong) / exact - 1).max() > limit
 
 
 # --- the report ------------------------------------------------------------------------------------------------------
@@ -250,10 +163,6 @@ def test_the_choice_of_rules_is_computed_from_the_rows(tmp_path):
     assert "misses 1 of 2 needs" in text
     assert "6 times smaller" in text
     assert finding.lines[0][1] == "> 100"
-
-
-def test_without_physics_in_the_study_the_report_says_nothing_of_rules(tmp_path):
-    assert not list(physics_choice.find(Results((), Environment(), Store(tmp_path))))
 
 
 def test_steps_of_other_cases_are_not_prices_of_rules(tmp_path):

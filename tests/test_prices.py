@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from studies import row, stored
 
-from reports.figures import trade_fronts, trade_ratios
+from reports.figures import trade_fronts
 from reports.findings import trade_prices
-from reports.prices import OURS, Price, Run, front, prices, runs, works
+from reports.prices import OURS, Price, Run, front, prices, works
 from reports.results import Results
 from validation.store import Row, Series, Store, table
 
@@ -63,14 +63,6 @@ def test_a_front_holds_the_runs_that_no_other_beats_in_both() -> None:
     assert front([*beaten, *best], "error") == best
 
 
-def test_runs_know_their_contestant_and_those_without_one_are_ours(tmp_path: Path) -> None:
-    ((_, series),) = works(study(tmp_path))
-    assert [(r.who, r.method) for r in runs(series)] == [
-        (OURS, "Radau5"), (OURS, "Radau5"), (OURS, "RK4"), ("MuJoCo", "Euler"), ("Pinocchio", "Radau"),
-    ]  # fmt: skip
-    assert runs(series)[0].errors == {"error": 5e-3, "deflection error": 5e-2}
-
-
 def test_ours_is_the_cheapest_run_that_met_the_error_and_others_have_what_the_study_grants_them(tmp_path: Path) -> None:
     results = study(tmp_path)
     ((case, series),) = works(results)
@@ -79,13 +71,6 @@ def test_ours_is_the_cheapest_run_that_met_the_error_and_others_have_what_the_st
     }  # fmt: skip
     assert prices(results, case, series, "error", 1e-2)["MuJoCo"] == Price(1.5, "Euler")
     assert OURS not in prices(results, case, series, "error", 1e-6)
-
-
-def test_of_two_cases_with_a_scene_the_one_with_more_runs_counts(tmp_path: Path) -> None:
-    results = study(tmp_path, time("native", "Radau5", 1e-2, 9.0, case="short"))
-    short = Series("work", "arm", table(COLUMNS, RUNS[:2]), "error", "error", "CPU time [s]", scene="arm")
-    results.store.add_series("short", short)
-    assert [case for case, _ in works(Results.read(results.store.path))] == ["trade"]
 
 
 def test_the_list_has_wins_losses_and_where_flexlink_does_not_get_to(tmp_path: Path) -> None:
@@ -100,11 +85,6 @@ def test_the_list_has_wins_losses_and_where_flexlink_does_not_get_to(tmp_path: P
     assert lines[0]["Pinocchio [ms]"] is None
 
 
-def test_a_study_without_prices_has_no_list_and_no_figure(tmp_path: Path) -> None:
-    results = Results.read(stored(tmp_path, row()))
-    assert not [*trade_prices.find(results), *trade_fronts.draw(results), *trade_ratios.draw(results)]
-
-
 def test_every_scene_has_its_fronts_of_tip_and_deflection_and_all_runs_in_the_csv(tmp_path: Path) -> None:
     (picture,) = trade_fronts.draw(study(tmp_path))
     assert picture.title == "arm: it moves"
@@ -115,16 +95,3 @@ def test_every_scene_has_its_fronts_of_tip_and_deflection_and_all_runs_in_the_cs
     table = list(csv.DictReader(io.StringIO(picture.csv)))
     assert len(table) == len(RUNS)
     assert [line["on its front, tip"] for line in table] == ["yes", "", "yes", "yes", "yes"]
-
-
-def test_ratios_below_one_are_shown_like_those_above_and_what_no_run_shows_is_hollow(tmp_path: Path) -> None:
-    pictures = {picture.name: picture for picture in trade_ratios.draw(study(tmp_path))}
-    assert set(pictures) == {"trade_ratios.0.01", "trade_ratios.0.0001"}
-    (axes,) = pictures["trade_ratios.0.0001"].figure.axes
-    names = {line.get_color(): line.get_label() for line in axes.lines if not len(line.get_xdata())}  # of the legend
-    drawn = [line for line in axes.lines if line.get_linestyle() == "None" and len(line.get_xdata())]
-    marks = {names[line.get_color()]: line for line in drawn}
-    assert marks["Pinocchio"].get_xdata()[0] == pytest.approx(2 / 3)
-    assert marks["MuJoCo"].get_xdata()[0] == pytest.approx(30)
-    assert marks["MuJoCo"].get_markerfacecolor() == "none"
-    assert marks["Pinocchio"].get_markerfacecolor() != "none"

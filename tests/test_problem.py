@@ -41,7 +41,7 @@ def alone(scene: fl.Scene, **arguments: Any) -> fl.Trajectory:
 
 
 @pytest.mark.parametrize("steps", STEPS)
-@pytest.mark.parametrize("given", [*DRIVES, "motion", "wrench"])
+@pytest.mark.parametrize("given", ["smooth", "computed, sampled", "motion", "wrench"])
 def test_runs_of_a_problem_are_those_of_simulate_to_the_bit_whatever_ran_before(given: str, steps: str) -> None:
     scene = arm(given if given in DRIVES else "linear", **{"run.unstable": "allow"}).varied(STEPS[steps])
     scene = scene.varied(

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from conftest import flexible, make_scene
+from conftest import make_scene
 from scipy.optimize import brentq
 
 import flexlink as fl
@@ -104,19 +104,6 @@ def test_a_rigid_link_turns_on_its_root_about_each_axis_by_itself() -> None:
     np.testing.assert_allclose(found.damping_ratios, (np.array(d) * ω / (2 * np.array(k)))[order], atol=1e-12)
 
 
-def arm_on_soft_roots(**fields: object) -> fl.Scene:
-    """Two links that bend, one skew in its frame, both on soft roots, and a rigid one."""
-    return make_scene(
-        flexible("a", "yz", 3, lumping="gauss", root_stiffness=fl.RootStiffness(x=4e3, y=2e3, z=3e3),
-                 root_damping=fl.RootDamping(y=0.5), joint=fl.Joint(armature=0.3, axis=(0.0, 1.0, 0.0))),
-        flexible("b", "xyz", 3, lumping="lobatto2", length=0.0, line=((0.1, 0.0, 0.0), (0.9, 0.5, 0.2)),
-                 root_stiffness=fl.RootStiffness(z=1e3), hub=fl.RigidBody(mass=0.5, inertia=(0.1, 0.1, 0.1)),
-                 joint=fl.Joint(gear_stiffness=500.0, armature=0.1), mount=fl.Mount(rpy_deg=(30, 0, 60))),
-        fl.Link(name="c", length=0.3, root_stiffness=fl.RootStiffness(y=200.0), joint=HELD),
-        tip=fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1)), **fields,
-    )  # fmt: skip
-
-
 def test_the_slope_along_a_root_stiffness_is_that_of_the_oscillator() -> None:
     """θ = θ₀ cos(ω t), ω² = k/I, under a moment that is gone: ∂θ/∂k = −θ₀ t sin(ω t) ω/(2k)."""
     k, inertia, t, moment = 80.0, 0.2, 0.4, 1.0
@@ -129,17 +116,6 @@ def test_the_slope_along_a_root_stiffness_is_that_of_the_oscillator() -> None:
     ω = np.sqrt(k / inertia)
     wanted = -moment / k * t * np.sin(ω * t) * ω / (2 * k)
     assert found.q[-1, 0, 0] == pytest.approx(wanted, rel=1e-6)
-
-
-def test_a_root_is_rigid_in_the_eyes_of_a_controller_and_survives_toml(tmp_path) -> None:
-    scene, path = arm_on_soft_roots(), tmp_path / "roots.toml"
-    path.write_text(scene.to_toml(), encoding="utf-8")
-    assert fl.load_scene(path) == scene
-    assert fl.lump(fl.rigidified(scene)).joint_names == ("a", "b")
-    assert scene.varied({"link.a.root_stiffness.y": 1e4}).arm.links[0].root_stiffness == fl.RootStiffness(
-        x=4e3, y=1e4, z=3e3
-    )
-    assert scene.varied({"link.*.root_stiffness": None, "link.*.root_damping": None}).arm.links[2].elastic is False
 
 
 def test_advice_keeps_the_root_and_counts_hinges_beside_it() -> None:

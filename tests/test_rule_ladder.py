@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -12,7 +11,7 @@ from flexlink.describe.spec import decode
 from validation.case import CASES, STUDY_SCENES, load_case
 from validation.kinds import advice_families, speed_rules
 from validation.physics.variant import Rule
-from validation.trade.rule_ladder import Reference, Tried, cut, exact, ladder
+from validation.trade.rule_ladder import Reference, Tried, cut
 from validation.trade.work_precision import Point
 
 REFERENCE = Reference(rule="lobatto4", hinges=8, checked=4, method="Radau5", tolerance=1e-6)
@@ -30,35 +29,6 @@ def falling() -> fl.Scene:
 
 def tried(rule: str, hinges: int, error: float, seconds: float) -> Tried:
     return Tried(Rule(rule=rule, hinges=hinges), "Radau5", Point(1e-3, error, seconds), 2 * seconds)
-
-
-def test_only_links_that_bend_are_cut():
-    arm = cut(fl.load_scene(STUDY_SCENES / "spinning_beam.toml"), Rule(rule="lobatto2", hinges=6)).arm
-    assert [(link.flex, link.lumping, link.segments) for link in arm.links][1] == ("z", "lobatto2", 7)
-    assert arm.links[0].flex == "rigid"
-
-
-def test_a_reference_tells_its_own_error(falling):
-    found = exact(falling, REFERENCE)
-    coarser = fl.simulate(cut(falling, Rule(rule="lobatto4", hinges=4)).varied({"run.tolerance": 1e-6}))
-    assert found.own == pytest.approx(np.linalg.norm(coarser.tip - found.tip, axis=1).max(), rel=1e-12)
-    assert 0 < found.own < 1e-3
-
-
-def test_a_ladder_has_all_numbers_that_a_rule_takes_and_ends_where_the_chain_s_own_error_is_left(falling):
-    true = exact(falling, REFERENCE).tip
-    tolerances = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8]
-    runs = list(ladder(falling, {"lobatto2": (2, 3, 4)}, ("Radau5",), tolerances, true, 10.0))
-    assert {run.at.hinges for run in runs} == {2, 4}
-    of_two = [run.point.error for run in runs if run.at.hinges == 2]
-    assert 3 <= len(of_two) < len(tolerances)
-    assert max(of_two[-3:]) < 1.1 * min(of_two[-3:])
-    assert all(run.listed > 0 and run.point.seconds > 0 for run in runs)
-
-
-def test_runs_that_are_too_dear_are_left_out(falling):
-    true = exact(falling, REFERENCE).tip
-    assert list(ladder(falling, {"gauss": (4,)}, ("Radau5",), [1e-3], true, 0.0)) == []
 
 
 def test_the_gain_is_that_of_the_cheapest_runs_that_meet_the_error():

@@ -20,7 +20,7 @@ from flexlink.formats.principal import principal_axes
 
 EPS = np.finfo(float).eps
 OTHERS = [machine for machine in FILE.machine if machine.env and not machine.plugin and machine.name != "no_home"]
-ROBOTS = sorted((ROOT / "models" / "robots").glob("*.toml"))
+ROBOTS = sorted((ROOT / "models" / "robots").glob("*.toml"))[::6]
 
 EXPORT = """
 import sys

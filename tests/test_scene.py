@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ALUMINIUM, MODELS, ROOT, SQUARE, flexible, make_scene, nasty_scene
+from conftest import ALUMINIUM, ROOT, SQUARE, flexible, make_scene
 
 from flexlink import Arm, Joint, Link, RunSettings, Section, load_scene, lump, simulate
 from flexlink.describe import data_files
@@ -174,15 +173,6 @@ def test_the_chain_of_a_scene_follows_its_rule_when_the_file_changes(tmp_path: P
     assert placed == [0.25 * 1.25, 0.125 * 1.25]
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
-def test_a_scene_written_as_toml_reads_back_equal(path: Path, tmp_path: Path) -> None:
-    scene = load_scene(path)
-    copy = tmp_path / "copy.toml"
-    copy.write_text(scene.to_toml(), encoding="utf-8")
-    assert load_scene(copy) == scene
-    assert tomllib.loads(scene.to_toml())["name"] == path.stem
-
-
 def test_python_objects_are_checked_like_files() -> None:
     with pytest.raises(SceneError, match=r"length = -1.0: expected float >= 0.0"):
         Link(name="a", length=-1.0)
@@ -213,13 +203,6 @@ def test_a_description_is_built_without_reading_a_file(monkeypatch: pytest.Monke
         lump(scene)
     with pytest.raises(SceneError, match=r"^run.method = 'RK5': unknown; allowed are "):
         simulate(make_scene(flexible("a"), run=RunSettings(method="RK5")))
-
-
-def test_python_scenes_survive_toml(tmp_path: Path) -> None:
-    scene = nasty_scene()
-    path = tmp_path / "nasty.toml"
-    path.write_text(scene.to_toml(), encoding="utf-8")
-    assert load_scene(path) == scene
 
 
 @pytest.mark.parametrize(("value", "unit"), [(0.005, 1e-4), (5.0, 0.005), (0.3, 0.1), (0.0, 1.0), (1e9, 1e-6)])

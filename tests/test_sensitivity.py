@@ -167,12 +167,6 @@ def test_it_is_what_varied_runs_say_of_drives_and_starts(path: str, changes: dic
     check(arm(**changes), path)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("path", ["material.aluminium.young", "tip.mass", "link.fore.length", "drive.kp.upper"])
-def test_it_is_what_varied_runs_say_in_space(path: str) -> None:
-    check(arm("xyz", **PD, **STATIC), path)
-
-
 def test_what_cannot_be_differentiated_is_refused_by_name() -> None:
     scene = arm()
     for path, reason in (

@@ -20,12 +20,6 @@ def scene_with(*sensors: dict, **link: object) -> fl.Scene:
     return make_scene(fl.Link(name="boom", **BENDS | link), sensor=tuple(fl.Sensor(**sensor) for sensor in sensors))
 
 
-def test_a_scene_with_sensors_reads_back_equal() -> None:
-    imu = {"name": "imu", "kind": "accelerometer", "link": 1, "axis": (0, 1, 0), "rate": 500.0, "noise": 0.1, "seed": 3}
-    scene = scene_with(GAUGE | {"gain": 1e6, "unit": "µm/m", "low_pass": 50.0, "order": 2}, imu)
-    assert scene_from(tomllib.loads(scene.to_toml())) == scene
-
-
 def test_a_sensor_is_varied_by_its_name_or_number() -> None:
     scene = scene_with(GAUGE, PLACE).varied({"sensor.root.gain": 2.0, "sensor.2.noise": 1e-3})
     assert [(each.gain, each.noise) for each in scene.sensor] == [(2.0, 0.0), (1.0, 1e-3)]

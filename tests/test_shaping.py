@@ -49,7 +49,7 @@ def test_every_shaper_that_comes_along_is_tested() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["ZV", "ZVD", "ZVDD"])
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(
     frequency=st.floats(0.5, 20), damping=st.floats(0, 0.5),
     profile=st.sampled_from(["quintic", "trapezoidal", "s_curve"]), duration=st.floats(0.1, 2),

@@ -32,85 +32,7 @@ from validation.oracles import hencky
 from validation.physics.hinge_sweep import order
 from validation.reference_values import look_up
 
-# --- the elastica ----------------------------------------------------------------------------------------------------
-
-DISCRETE = {"paper": "paper", "midpoint": "midpoint", "nodal2k": "hencky"}
-
-
-@pytest.mark.parametrize("alpha", ["1.0", "10"])
-@pytest.mark.parametrize("name", DISCRETE)
-@pytest.mark.parametrize("n", [5, 10, 20, 40])
-def test_discrete_elastica_to_rounding(alpha, name, n):
-    """Dead transverse tip force α EI/L²: deflection, shortening, slope and all joint angles of the finite chain."""
-    exact = look_up("discrete_elastica")[f"alpha={alpha},rule={name}"][str(n)]
-    chain = cantilever(DISCRETE[name], n - 1 if name == "paper" else n)
-    q = solve_static(chain, tip_wrench=[0, float(alpha), 0, 0, 0, 0]).q
-    x, y, _ = tip_position(chain, q)
-    assert [y, 1 - x, q.sum()] == pytest.approx([float(exact[key]) for key in ("w/L", "u/L", "theta_tip")], abs=1e-10)
-    if "joint_angles_rad" in exact:
-        assert q == pytest.approx(np.array(exact["joint_angles_rad"], float), abs=1e-10)
-
-
-def elastica_error(rule, hinges, alpha):
-    exact = look_up("elastica_tip_load")[alpha]
-    chain = cantilever(rule, hinges)
-    x, y, _ = tip_position(chain, solve_static(chain, tip_wrench=[0, float(alpha), 0, 0, 0, 0]).q)
-    w, u = float(exact["w/L (transverse tip deflection)"]), float(exact["u/L (tip shortening)"])
-    return float(np.hypot(y - w, 1 - x - u))
-
-
-@pytest.mark.parametrize("alpha", ["0.2", "1.0", "2.0", "5", "10"])
-def test_ten_hinges_follow_the_elastica_within_two_thousandths_of_its_length(alpha):
-    assert elastica_error("legendre", 10, alpha) < 2e-3  # measured 1.5e-3 at α = 10; paper 6.7e-2
-
-
-@pytest.mark.parametrize("rule, expected", [("paper", 1), ("midpoint", 2), ("gauss", 2), ("legendre", 2)])
-def test_order_of_large_deflection_is_two_at_best(rule, expected):
-    """A rigid segment keeps its direction over its length: a midpoint rule for the arc, whatever the springs."""
-    assert order({n: elastica_error(rule, n, "10") for n in (8, 16, 32)}) == pytest.approx(expected, abs=0.25)
-
-
-@pytest.mark.parametrize("n", [4, 5, 8, 10, 16, 20])
-@pytest.mark.parametrize("turns", [0.5, 1])
-def test_an_end_moment_rolls_the_chain_into_a_polygon(n, turns):
-    for rule, exact in look_up("rollup_end_moment")["discrete_closed_form"][f"n={n},ML/2piEI={turns}"].items():
-        chain = cantilever(rule, n - 1 if rule == "paper" else n)
-        q = solve_static(chain, tip_wrench=[0, 0, 0, 0, 0, 2 * np.pi * turns]).q
-        x, y, _ = tip_position(chain, q)
-        found, expected = [x, y, q.sum()], [float(exact[name]) for name in ("x/L", "y/L", "theta_tip")]
-        assert found == pytest.approx(expected, abs=1e-12)
-
-
-def test_two_turns_of_end_moment_close_twice():
-    chain = cantilever("midpoint", 12)
-    q = solve_static(chain, tip_wrench=[0, 0, 0, 0, 0, 4 * np.pi]).q
-    assert q.sum() == pytest.approx(4 * np.pi, abs=1e-12)
-    assert tip_position(chain, q) == pytest.approx([0, 0, 0], abs=1e-12)
-
-
 # --- three dimensions ------------------------------------------------------------------------------------------------
-
-
-def princeton_errors(rule, hinges):
-    chain, errors = princeton_beam(rule, hinges), []
-    for case in look_up("princeton_beam")["kirchhoff"].values():
-        force, angle = case["force_N"], np.radians(case["beta_deg"])
-        wrench = [0, -force * np.cos(angle), force * np.sin(angle), 0, 0, 0]
-        u = tip_position(chain, solve_static(chain, tip_wrench=wrench).q) - [0.508, 0, 0]
-        exact = np.array([case["ux"], case["uy(height dir)"], case["uz(flap dir)"]])
-        errors.append(np.linalg.norm(u - exact) / np.linalg.norm(exact))
-    assert len(errors) == 21
-    return max(errors)
-
-
-def test_princeton_beam_within_a_percent_in_all_21_cases():
-    assert princeton_errors("gauss", 12) < 1e-2  # measured 6.1e-3; midpoint without alternating axes 1.9e-2
-    assert princeton_errors("legendre", 6) < 1e-2  # measured 2.1e-3
-
-
-@pytest.mark.slow
-def test_a_fixed_order_of_axes_bends_and_twists_to_first_order_only():
-    assert order({n: princeton_errors("midpoint", n) for n in (6, 12, 24)}) == pytest.approx(1, abs=0.2)
 
 
 def test_tip_moment_in_space_is_reached_and_balanced():
@@ -223,20 +145,6 @@ def test_finite_columns_buckle_at_henckys_loads(n):
         column = cantilever(rule, n - 1 if rule == "paper" else n)
         found = buckling_loads(column, tip_wrench=[-1.0, 0, 0, 0, 0, 0])
         assert found == pytest.approx(hencky.buckling(rule, n), rel=1e-10)
-
-
-@pytest.mark.parametrize("rule", ["midpoint", "gauss", "legendre"])
-def test_euler_and_greenhill_with_order_two(rule):
-    values = look_up("critical_loads")
-    euler, greenhill = float(values["euler_PL2/EI"]), float(values["greenhill_qL3/EI (q=weight per length)"])
-    by_tip, by_weight = {}, {}
-    for n in (8, 16, 32):
-        by_tip[n] = buckling_loads(cantilever(rule, n), tip_wrench=[-1, 0, 0, 0, 0, 0])[0] / euler - 1
-        by_weight[n] = buckling_loads(cantilever(rule, n, gravity=(-1.0, 0.0, 0.0)))[0] / greenhill - 1
-    assert order(by_tip) == pytest.approx(2, abs=0.15)
-    assert order(by_weight) == pytest.approx(2, abs=0.15)
-    assert abs(by_tip[32]) < 1e-3
-    assert abs(by_weight[32]) < 2e-3
 
 
 def test_a_deep_beam_tips_over_sideways_at_the_published_load():

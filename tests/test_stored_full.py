@@ -12,7 +12,6 @@ from studies import row, stored
 from flexlink.common.errors import FlexlinkError
 from reports import full, stored_full
 from reports.build import build
-from reports.chapters import sections
 from validation import sources
 from validation.store import Store
 
@@ -68,20 +67,6 @@ def test_a_chapter_says_what_ran_and_what_only_the_full_study_has(tmp_path: Path
     assert "Ran for this page: 2 cases. The full study has no others." in chapter(whole, "claims")
 
 
-def test_a_figure_of_the_full_study_is_part_of_the_page_and_its_files_stand_beside(
-    tmp_path: Path, folder: Path
-) -> None:
-    figure = stored_full.StoredFigure("speed_trade-t3.x", "Work <and> errors", "A caption.")
-    (folder / f"{figure.name}.png").write_bytes(b"picture")
-    (folder / f"{figure.name}.csv").write_text("a\n1\n", encoding="utf-8")
-    study = stored_full.FullStudy("", "", "PASS", (stored_full.StoredChapter("trade", figures=(figure,)),))
-    (section,) = (section for section in sections() if section.id == "trade")
-    (shown,) = stored_full.Stored(folder, study).figures(section, tmp_path)
-    assert 'src="data:image/png;base64,cGljdHVyZQ=="' in shown.svg
-    assert 'alt="Work &lt;and&gt; errors"' in shown.svg
-    assert [(tmp_path / name).is_file() for name in shown.files] == [True, True]
-
-
 @pytest.mark.parametrize("held", [True, False])
 def test_the_page_names_the_command_of_the_full_study(tmp_path: Path, folder: Path, held: bool) -> None:
     text = page(tmp_path, folder if held else None, row())
@@ -108,10 +93,6 @@ def test_a_study_says_which_files_have_changed_since_without_git(tmp_path: Path,
     assert found.files == ("flexlink/gone.py", "flexlink/kernels/bodies/rne.py", "validation/runner.py")
     assert "3 files that may affect the results changed since" in found.text
     assert "unknown" in stored_full.since("", {}).text
-
-
-def test_digests_are_those_that_git_gives_a_file(tmp_path: Path) -> None:
-    assert sources._digest(b"hello\n") == "ce013625030ba8dba906f756967f9e9ca394464a"[:16]
 
 
 def test_what_was_measured_with_is_stored_and_the_readme_says_what_changed(tmp_path: Path) -> None:

@@ -597,7 +597,7 @@ def make_deadly() -> None:
 
 
 def deadly_pool() -> Executor:
-    return ProcessPoolExecutor(2, mp_context=get_context("spawn"), initializer=make_deadly)
+    return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=make_deadly)
 
 
 @pytest.mark.slow

@@ -87,19 +87,6 @@ def test_every_method_ends_within_its_tolerance_of_another_solver(drive: str) ->
             assert np.abs(run.imbalance).max() <= 1e-2 * run.exchanged[-1]
 
 
-def test_prescribed_joints_are_where_they_are_to_be_and_tell_their_torque() -> None:
-    motion = fl.PrescribedMotion(
-        link="a", times=(0.0, 0.2), angle_deg=(40.0, 60.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
-    )
-    scene = swinging(motion=(motion,))
-    fine = fl.simulate(scene, method="RK10", step=1e-4)
-    run = fl.simulate(scene, method="Radau5", tolerance=1e-7)
-    np.testing.assert_allclose(run.q[:, 0], fine.q[:, 0], atol=1e-14)
-    np.testing.assert_allclose(run.tip, fine.tip, atol=1e-7)
-    np.testing.assert_allclose(run.tau[:, 0], fine.tau[:, 0], atol=1e-3 * np.abs(fine.tau).max())
-    np.testing.assert_allclose(run.work, fine.work, atol=1e-5 * fine.exchanged[-1])
-
-
 @pytest.mark.parametrize(("name", "steps"), [("Radau5", (8, 12)), ("Gauss4", (12, 18)), ("Gauss6", (6, 9))])
 def test_fixed_steps_have_the_order_of_their_method(name: str, steps: tuple[int, int]) -> None:
     """Of a smooth motion: a compliant arm without loss, at rest where its springs are slack."""
@@ -120,24 +107,6 @@ def test_samples_may_lie_anywhere_between_the_steps() -> None:
     np.testing.assert_array_equal(coarse.q[::1], fine.q[::30])
     exact = fl.simulate(scene, method="RK10", step=1e-4, sample=0.002)
     assert np.abs(fine.tip - exact.tip).max() <= 1e-4
-
-
-def test_gauss_keeps_the_energy_of_an_undamped_arm() -> None:
-    scene = swinging(**{"material.aluminium.loss_time": 0.0, "run.duration": 2.0})
-    run = fl.simulate(scene, method="Gauss6", step=2e-3)
-    assert np.abs(run.imbalance).max() <= 1e-6 * run.exchanged[-1]
-
-
-def test_many_runs_with_a_tolerance_are_those_of_single_runs() -> None:
-    scenes = [
-        swinging(**{"initial.joint_deg.a": angle, "run.tolerance": 1e-4, "run.method": "Radau5"})
-        for angle in (10.0, 35.0)
-    ]
-    many = fl.simulate_many(scenes)
-    for scene, run in zip(scenes, many, strict=True):
-        np.testing.assert_array_equal(run.q, fl.simulate(scene).q)
-    assert many[0].steps is not None
-    assert many[0].steps != many[1].steps  # each at its own pace
 
 
 def test_a_fixed_step_whose_stages_are_not_found_is_an_error_that_says_what_to_try() -> None:
@@ -346,13 +315,3 @@ def test_an_arm_at_rest_almost_upright_is_not_doubted(name: str, passive: str) -
     """Next to nothing is exchanged, of which an error as large as the tolerance is a large part."""
     scene = swinging(**{"initial.joint_deg": (179.999, 0.0), "initial.passive": passive})
     assert fl.simulate(scene, method=name, relative_tolerance=1e-3).warnings == ()
-
-
-@pytest.mark.parametrize("method", ["Gauss4", "Gauss6", "Radau5"])
-def test_runs_with_dry_friction_repeat_to_the_bit(method: str) -> None:
-    """Gauss4's A has no real eigenvalue, by whose factors friction's inertia was read, out of bounds."""
-    scene = swinging(**{"link.a.joint.coulomb": 0.5, "run.duration": 0.2})
-    runs = [fl.simulate(scene, method=method, step=5e-4, sample=0.02) for _ in range(6)]
-    for run in runs[1:]:
-        np.testing.assert_array_equal(run.q, runs[0].q)
-        assert run.steps == runs[0].steps

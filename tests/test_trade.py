@@ -1,23 +1,18 @@
 """The trade between cost and accuracy: its scenes are data, its references belong to them, other solvers agree."""
 
-import dataclasses
 import math
-import sys
 
 import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.common.errors import SceneError
 from flexlink.describe.spec import decode
 from flexlink.results.tip_motion import tip_travel
-from validation.case import CASES, load_case
-from validation.kinds import other_solvers, speed_trade
+from validation.kinds import speed_trade
 from validation.reference_values import reference_array
-from validation.trade import native_ladder, pinocchio_ladder, witness_ladder
+from validation.trade import native_ladder, witness_ladder
 from validation.trade import references as trade_references
 from validation.trade import scenes as trade
-from validation.trade.first_order import FirstOrder
 from validation.trade.work_precision import Point, cost, ladder
 
 NAMES = list(trade.scenes())
@@ -41,13 +36,6 @@ def test_a_scene_with_another_stiffness_is_not_that_of_the_reference():
     assert not trade.is_of(scene.varied({"material.thin.young": young * (1 + 1e-6)}), "pulse11")
 
 
-def test_changes_stack_and_what_is_replaced_is_gone():
-    led, driven, kicked = (trade.trade_scene(name) for name in ("p2p", "p2pt", "kick11"))
-    assert [motion.link for motion in led.motion] == ["upper", "fore"]
-    assert (driven.motion, driven.drive.kind, driven.arm) == ((), "table", led.arm)
-    assert (kicked.drive.kind, kicked.drive.times) == ("constant", None)
-
-
 def test_an_error_is_a_part_of_the_motion_and_never_finite_without_a_run():
     exact = trade.reference("paper")
     assert trade.errors("paper", exact) == (0.0, 0.0)
@@ -66,74 +54,7 @@ def test_what_bends_the_tip_away_is_nothing_of_a_straight_arm_and_all_of_one_who
     assert found.bend[1] == pytest.approx(found.tip[1] - fl.tip_position(chain, np.zeros(chain.n)))
 
 
-# other solvers
-
-
-@pytest.fixture(scope="module")
-def beginning():
-    """The first outputs of a soft link under a pulse, and how far a tip is from them, over the motion there."""
-    scene, exact = trade.trade_scene("pulse11"), trade.reference("pulse11").tip[:4]
-
-    def error(tip):
-        return float(np.abs(tip - exact).max()) / tip_travel(exact)
-
-    return FirstOrder(scene.varied({"run.duration": 3 * scene.run.sample})), error
-
-
-def test_without_scikit_sundae_cvode_is_an_error_that_says_how_to_get_it(beginning, monkeypatch):
-    monkeypatch.setitem(sys.modules, "sksundae.cvode", None)
-    with pytest.raises(fl.errors.MissingDependencyError, match="python -m pip install scikit-sundae"):
-        beginning[0].by_cvode(1e-6)
-
-
-def test_a_knot_that_is_an_output_up_to_rounding_is_that_output():
-    f = FirstOrder(trade.trade_scene("pulse11"))
-    assert f._knots() == [1.2000000000000002]  # the end of the pulse is an output, up to rounding
-
-
-@pytest.mark.slow
-def test_a_motion_that_is_wrong_by_more_than_its_tolerance_is_told_and_so_is_a_witness_that_is_missing(monkeypatch):
-    monkeypatch.setitem(sys.modules, "sksundae.cvode", None)
-    witnesses = [
-        {"solver": "DOP853", "relative": [1e-6, 1e-8]}, {"solver": "CVODE", "relative": [1e-6, 1e-8], "needed": False},
-    ]  # fmt: skip
-    case, methods = load_case(CASES / "other_solvers.toml"), {"Radau5": 1e-5}
-    scene = {"kick11": [decode(each, other_solvers.Witness) for each in witnesses]}
-    found = {row.quantity: row for row in other_solvers.run(case, scene, methods)}
-    assert found["tip apart / allowed"].value < 1
-    assert "scikit-sundae" in found["witnesses left out"].note
-
-    run = fl.simulate(trade.trade_scene("kick11"), method="Radau5", tolerance=1e-5)
-    monkeypatch.setattr(other_solvers, "simulate", lambda *_, **__: dataclasses.replace(run, tip=run.tip + 2e-4))
-    found = {row.quantity: row for row in other_solvers.run(case, scene, methods)}
-    assert found["tip apart / allowed"].value > 1
-
-
-# MuJoCo
-
-
-# Pinocchio
-
-
-@pytest.mark.slow
-def test_pinocchio_is_charged_with_its_evaluations_and_stops_at_the_most_it_may_take():
-    form = pinocchio_ladder.PinocchioForm(trade.trade_scene("kick11"), most=500)
-    assert pinocchio_ladder._by_tolerance("kick11", form, "Radau", 1e-6, [1e-2, 1e-3]) == [Point(1e-2, math.inf, 0.0)]
-    found = pinocchio_ladder.points("pulse41", [1e-2], most=500, smallest=1e-8)
-    (limit,) = found["RK4"]
-    assert limit.time_only
-    assert limit.evaluations > 500
-    again = pinocchio_ladder.seconds_of_aba(fl.lump(trade.trade_scene("pulse41")))
-    assert 0.1 < limit.seconds / limit.evaluations / again < 10  # a slow spell of the machine meets one of them only
-
-
 # Drake and Exudyn
-
-
-def test_a_witness_that_is_not_installed_says_how_to_get_it(monkeypatch):
-    monkeypatch.setitem(sys.modules, "validation.trade.exudyn_ladder", None)
-    with pytest.raises(fl.errors.MissingDependencyError, match=r"Exudyn cannot be imported .*'flexlink\[witness\]'"):
-        witness_ladder._points("exudyn", "paper", 1.0, 1e-8)
 
 
 def test_what_is_not_installed_is_left_out_and_the_others_run_where_they_are_asked_for(monkeypatch):
@@ -167,10 +88,6 @@ def tolerances(monkeypatch, point):
     monkeypatch.setattr(native_ladder, "_point", lambda _name, _scene, setting, *_: point(setting))
     found = [each.setting for each in native_ladder.by_tolerance("kick11", "Radau5", 1.0, 1e-8)]
     return [each / found[0] for each in found]
-
-
-def test_a_ladder_of_tolerances_that_always_fails_ends(monkeypatch):
-    assert min(tolerances(monkeypatch, lambda setting: Point(setting, math.inf, 0.0))) == pytest.approx(10**-11.75)
 
 
 def test_a_ladder_of_tolerances_ends_at_both_errors_at_the_budget_and_before_what_is_too_dear(monkeypatch):
@@ -216,9 +133,3 @@ def test_flexlink_has_only_runs_that_met_the_error_and_others_their_order_and_th
     assert rows["RK4 / flexlink, error 0.0001, damped or spatial"].value == 50
     rows = {row.quantity: row for row in speed_trade._rows("t3", speed_trade.Aim("error", 1e-6), ours, others)}
     assert rows["RK4 / flexlink, error 1e-06"].value == 0  # flexlink does not get there: no limit is met
-
-
-def test_a_base_that_does_not_exist_is_one_line(monkeypatch):
-    monkeypatch.setitem(trade.scenes(), "odd", trade.Varied(about="", base="nowhere"))
-    with pytest.raises(SceneError, match=r"nowhere.toml: cannot be read"):
-        trade.trade_scene("odd")

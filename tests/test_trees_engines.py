@@ -13,7 +13,6 @@ from conftest import ROOT
 from test_reading import assert_same
 
 import flexlink as fl
-from flexlink.chain.free_base import rates_matrices, rates_matrices_changing, rotations_of
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import mixed_states
 from flexlink.dynamics.placement import frames
@@ -74,20 +73,9 @@ def chain() -> fl.Chain:
     return fl.lump(satellite())
 
 
-def test_angular_velocity_and_its_drift_are_those_of_the_turn(rng: np.random.Generator) -> None:
-    """Of an attitude along φ(t) = φ₀ + φ̇ t: Rᵀ Ṙ = [S φ̇]×, and d/dt S φ̇ = Ṡ φ̇, by differences."""
-    φ, rates, h = rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3), 1e-5
-    before, after = (rotations_of(φ + t * rates) for t in (-h, h))
-    turn = rotations_of(φ).T @ (after - before) / (2 * h)
-    spin = rates_matrices(φ) @ rates
-    assert np.array([turn[2, 1], turn[0, 2], turn[1, 0]]) == pytest.approx(spin, abs=1e-9)
-    change = (rates_matrices(φ + h * rates) - rates_matrices(φ - h * rates)) @ rates / (2 * h)
-    assert change == pytest.approx(rates_matrices_changing(φ, rates) @ rates, abs=1e-9)
-
-
 @EVERY_FORMAT
 def test_files_read_back_to_the_same_tree(format, chain: fl.Chain) -> None:
-    for one in (chain, *(fl.lump(random_tree(seed)) for seed in range(12))):
+    for one in (chain, *(fl.lump(random_tree(seed)) for seed in range(4))):
         read = format.read(format.write(one))
         assert_same(read, one)
         assert read.tips == one.tips

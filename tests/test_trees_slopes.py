@@ -14,12 +14,12 @@ from trees import random_tree, slopes
 import flexlink as fl
 from flexlink.common.types import Array
 from flexlink.describe.arm import Base
-from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
+from flexlink.dynamics.small_motion import SmallMotion
 from flexlink.dynamics.springs import damping_slope
 from flexlink.dynamics.static_postures import static_postures
-from flexlink.dynamics.tangent import displacements, gyroscopic_matrix, stiffness_matrix
+from flexlink.dynamics.tangent import gyroscopic_matrix, stiffness_matrix
 
-SEEDS = range(8)
+SEEDS = range(4)
 
 
 def state(chain: fl.Chain, rng: np.random.Generator) -> tuple[Array, ...]:
@@ -93,21 +93,6 @@ def test_forward_dynamics_has_them_too(tree) -> None:
         assert off(found.dtau, by_input) < rounding
 
 
-def test_many_states_have_the_slopes_of_each() -> None:
-    rng = np.random.default_rng(3)
-    chain = random_tree(rng, 3, free=True)
-    q, qd, given = rng.normal(size=(3, 3, chain.n))
-    wrench = rng.normal(size=(3, 6))
-    for function, names in (
-        (fl.inverse_dynamics_derivatives, ("dq", "dqd", "dqdd")),
-        (fl.forward_dynamics_derivatives, ("dq", "dqd", "dtau")),
-    ):
-        many = function(chain, q, qd, given, tip_wrench=wrench)
-        for k in range(3):
-            one = function(chain, q[k], qd[k], given[k], tip_wrench=wrench[k])
-            assert all(np.array_equal(getattr(many, name)[k], getattr(one, name)) for name in names)
-
-
 @pytest.mark.parametrize("follower", [False, True])
 def test_small_motion_has_the_products_and_solutions_of_the_matrices(tree, follower: bool) -> None:
     chain, rng = tree
@@ -130,25 +115,6 @@ def test_small_motion_has_the_products_and_solutions_of_the_matrices(tree, follo
         motion.eliminate(weights, np.ones(chain.n), np.abs(A).max(axis=1), 0.0)
         assert np.abs(motion.solve(right)[0] - x).max() <= 1e-14 * np.linalg.cond(A[np.ix_(free, free)])
         assert off(motion.times_mass(x), np.where(locked, 0.0, x @ M)) < 1e-14
-
-
-def test_displacements_are_those_of_the_points(tree) -> None:
-    chain, rng = tree
-    q, φ, *_ = state(chain, rng)
-    ε = 1e-6
-    ahead, behind = (fl.frames(chain, q + sign * ε * φ).points for sign in (1, -1))
-    assert np.abs(displacements(chain, q, φ[None])[0] - (ahead - behind) / (2 * ε)).max() < 1e-7
-
-
-def test_a_posture_of_rest_balances_and_the_pivots_tell_whether_it_stays() -> None:
-    chain = random_tree(np.random.default_rng(4), 4)
-    rest = fl.solve_static(chain, locked=chain.active)
-    left = fl.inverse_dynamics(chain, rest.q, 0 * rest.q, 0 * rest.q) + chain.times("stiffness", rest.q) - rest.tau
-    assert np.abs(left).max() < 1e-9
-    held = np.isin(np.arange(chain.n), chain.active)
-    motion = SmallMotion(chain, rest.q, 0 * rest.q, np.zeros(6), False, held)
-    K = stiffness_matrix(chain, rest.q, 0 * rest.q, np.zeros(6))[np.ix_(~held, ~held)]
-    assert (motion.falling(K_ALONE, np.zeros(chain.n)) > 0) == (np.linalg.eigvalsh(K).min() < 0) == (not rest.stable)
 
 
 ROOTS = {

@@ -2,13 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import importlib
-import importlib.util
-from collections.abc import Callable
-from pathlib import Path
-from types import ModuleType
-
 import numpy as np
 import pytest
 from conftest import ROOT
@@ -21,46 +14,9 @@ from validation.case import CASES, Measured, load_case
 from validation.kinds import SETTINGS, exact_beams, measurements, witnesses
 from validation.physics import beam_references
 from validation.physics.beam_references import beam_reference, beam_scene, plane_of
-from validation.physics.formulas import pulse
 
 CASE = load_case(CASES / "trajectory_witnesses.toml")
 BEAMS = load_case(CASES / "exudyn_beams.toml")
-SHORT = {"motions": ["t3_spatial"], "duration": 0.02, "samples": 5}
-with_exudyn = pytest.mark.skipif(importlib.util.find_spec("exudyn") is None, reason="not run: exudyn is not installed")
-
-
-def judged(name: str, methods: list[str]) -> dict[str, float]:
-    """Worst value over tolerance of every quantity that has one, in a short run of the case."""
-    worst: dict[str, float] = {}
-    for found in witnesses.run(CASE, {name: methods}, **SHORT):
-        tolerance = CASE.quantity[found.quantity].tolerance
-        if tolerance is not None:
-            value = found.value / tolerance if tolerance else np.inf * found.value if found.value else 0.0
-            worst[found.quantity] = max(worst.get(found.quantity, 0.0), value)
-    return worst
-
-
-@with_exudyn
-@pytest.mark.slow
-def test_a_spring_or_damper_wrong_by_a_millionth_is_denied(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = importlib.import_module("flexlink.engines.exudyn")
-    read = module.read_urdf
-
-    def with_wrong(field: str) -> Callable[[str], Chain]:
-        def wrong(text: str) -> Chain:
-            chain = read(text)
-            hinges = chain.hinges.copy()
-            hinges[field] *= 1 + 1e-6
-            return dataclasses.replace(chain, hinges=hinges)
-
-        return wrong
-
-    monkeypatch.setattr(module, "read_urdf", with_wrong("stiffness"))
-    found = judged("exudyn", ["RK4"])
-    assert {name for name, value in found.items() if value > 1} == {"T_FL", "q̈", "max |Δq|"}
-    monkeypatch.setattr(module, "read_urdf", with_wrong("damping"))
-    found = judged("exudyn", ["RK4"])
-    assert {name for name, value in found.items() if value > 1} >= {"T_FR", "max |Δq|"}
 
 
 def test_witnesses_that_are_not_installed_are_left_out_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,21 +63,3 @@ def test_a_chain_apart_from_the_beams_by_more_than_both_state_is_denied(monkeypa
 
     assert ratio(0.0) == 0
     assert ratio(1e-5) > 1
-
-
-def test_the_pulse_ends() -> None:
-    np.testing.assert_array_equal(pulse([0.0, 1.2, 1.3]), 0.0)
-    assert pulse(0.3) == 4.0 == -pulse(0.9)
-
-
-@with_exudyn
-@pytest.mark.slow
-def test_the_program_of_the_beams_stores_what_it_computes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    beams: ModuleType = importlib.import_module("validation.physics.exudyn_beams")
-    monkeypatch.setattr("validation.reference_values.REFERENCE_FOLDER", tmp_path)
-    monkeypatch.setattr(beams, "FINEST", beams.Numerics(elements=4, step=1e-3, stiffness=1e4, residual=1e-12))
-    coarser = {"elements": (2, 15), "step": (2e-3, 1), "stiffness": (1e3, 9), "residual": (1e-11, 9)}
-    monkeypatch.setattr(beams, "COARSER", coarser)
-    assert beams.main(["paper_fig5"]) == 0
-    text = (tmp_path / "exudyn_beams" / "paper_fig5.json").read_text()
-    assert '"own_error_m"' in text and '"shear_and_stretch_m"' in text

@@ -10,7 +10,6 @@ from conftest import flexible, make_scene
 from scipy.integrate import quad
 
 import flexlink as fl
-from flexlink.dynamics.vibration.stability import eigenvalues
 from flexlink.engines import load
 
 TIMES = (0.0, 0.013, 0.03, 0.045)
@@ -165,18 +164,6 @@ def test_a_smooth_table_keeps_the_order_of_the_method(method: str, order: int, s
 
 
 @pytest.mark.slow
-@each_wrench
-def test_runs_with_a_tolerance_keep_it_under_every_wrench(wrench: str) -> None:
-    """Twice the tolerance at any sample, as under other loads; the truth is RK10 at a tenth of its stable step."""
-    scene = arm(WRENCHES[wrench], "plane")
-    exact = fl.simulate(scene, method="RK10", step=2.5e-5)
-    for method in ("Radau5", "DOP853"):
-        run = fl.simulate(scene, method=method, tolerance=1e-5)
-        assert np.abs(run.tip - exact.tip).max() <= 2e-5
-        assert np.abs(run.imbalance).max() <= 1e-2 * run.exchanged[-1]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "module", "method"), [("drake", "pydrake", "RK3"), ("exudyn", "exudyn", "RK4")])
 @each_wrench
 def test_drake_and_exudyn_feel_it_too_or_say_that_they_cannot(name: str, module: str, method: str, wrench: str) -> None:
@@ -193,19 +180,6 @@ def test_drake_and_exudyn_feel_it_too_or_say_that_they_cannot(name: str, module:
 
 
 # --- stability --------------------------------------------------------------------------------------------------------
-
-
-def test_a_follower_force_counts_in_the_eigenvalues_as_in_the_modes() -> None:
-    """Beck's column: 18 EI/L² is below, 21 above the load from which it flutters, 20.05 EI/L²."""
-    column = flexible("a", segments=12, lumping="midpoint", joint=fl.Joint(locked=True))
-    scene = make_scene(column, gravity=(0, 0, 0))
-    chain, EI = fl.lump(scene), 70e9 * 0.04**4 / 12
-    still = np.zeros(chain.n)
-    for part, flutters in ((18.0, False), (21.0, True)):
-        wrench = [-part * EI / 1.25**2, 0, 0, 0, 0, 0]
-        λ = eigenvalues(chain, still, tip_wrench=wrench, frame="tip")
-        assert (λ.real.max() > 1e-6 * np.abs(λ).max()) == flutters
-        assert fl.modes(chain, tip_wrench=wrench, frame="tip").stable != flutters
 
 
 @each_room
@@ -271,10 +245,3 @@ def test_what_a_scene_cannot_do_with_a_wrench_is_refused_by_its_key() -> None:
         arm(IN_TIME["hold"], **{"run.step": 2e-3, "run.sample": 4e-3, "run.duration": 0.04})
     with pytest.raises(fl.errors.SceneError, match=r"wrench\.frame = 'tip': is not constant in frame 0"):
         _ = arm(WRENCHES["constant, tip"]).tip_wrench
-
-
-def test_a_scene_with_a_table_reads_back_and_a_file_that_cannot_hold_it_says_so(tmp_path) -> None:
-    scene = arm(WRENCHES["smooth, tip"])
-    path = tmp_path / "a.toml"
-    path.write_text(scene.to_toml(), encoding="utf-8")
-    assert fl.load_scene(path) == scene
