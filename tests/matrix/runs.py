@@ -161,17 +161,21 @@ def accelerations(case: Case) -> None:
 
 
 def sensitivity(case: Case) -> None:
-    """Slopes of a run's end along a mass, against runs with others: fourth order, two sizes of steps."""
-    mass = case.scene.arm.links[-1].end.mass + 0.2
-    scene = case.scene.varied({case.mass: mass})
-    found = fl.sensitivities(scene, [case.mass])
+    """Slopes of a run's end along a mass and all stiffnesses at once, against runs with others: fourth order, twice."""
+    young = {f"material.{name}.young": material.young for name, material in case.scene.arm.materials.items()}
+    start = {case.mass: case.scene.arm.links[-1].end.mass + 0.2, **young}
+    units = np.array([1.0, *young.values()])
+    scene = case.scene.varied({case.mass: start[case.mass]})
+    found = fl.sensitivities(scene, list(start))
 
     def end(h: float) -> np.ndarray:
-        run = fl.simulate(scene.varied({case.mass: mass + h}))
+        changed = {path: value + h * unit for (path, value), unit in zip(start.items(), units, strict=True)}
+        run = fl.simulate(scene.varied(changed))
         return np.concatenate([run.q[-1], run.qd[-1]])
 
-    told, coarse = difference(end, 4e-3), difference(end, 8e-3)
-    close(np.concatenate([found.q[-1, :, 0], found.qd[-1, :, 0]]), told, 1e-7, 2 * np.abs(told - coarse).max())
+    wanted, coarse = difference(end, 4e-3), difference(end, 8e-3)
+    slopes = np.concatenate([found.q[-1], found.qd[-1]]) @ units
+    close(slopes, wanted, 1e-7, 2 * np.abs(wanted - coarse).max())
 
 
 def sensors(case: Case) -> None:
