@@ -29,7 +29,7 @@ def path(off: float) -> np.ndarray:
 def monitor(run: fl.RunSettings, off: float) -> RunMonitor:
     """Of a run by an implicit method, so far as a second run looks at it."""
     record = SimpleNamespace(tip=path(off), chain=CHAIN, t=T, q=np.zeros((41, CHAIN.n)), qd=np.zeros((41, CHAIN.n)))
-    record.path, record.run, record.least_tolerance = record.tip, run, 1e-12
+    record.run, record.least_tolerance, record.compared = run, 1e-12, lambda stop: record.tip[:stop]
     of_a_run = SimpleNamespace(run=run, record=record, control=None, explicit=False, extent=1.0, tip_error=0.0)
     of_a_run.n_valid = len(T)
     of_a_run.tolerance, of_a_run.suspicious, of_a_run.travelled = run.tolerance, False, 20.0

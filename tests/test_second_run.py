@@ -267,3 +267,19 @@ def test_a_sampled_loop_that_is_unstable_multiplies_errors_and_is_doubted(rate: 
     assert [f"the control loop, unstable at drive.rate = {rate:g} Hz, amplifies errors" in w for w in run.warnings] == (
         [True] if grows else []
     )
+
+
+@pytest.mark.parametrize(
+    "run", [{"method": "Radau5", "tolerance": 1e-3}, {"method": "RK4", "step": 0.025}], ids=["tolerance", "step"]
+)
+def test_errors_of_a_branch_that_does_not_end_the_arm_are_told(run: dict[str, object]) -> None:
+    """A double pendulum beside a last link that stands still: its tip shows nothing of an error of metres."""
+    bar = fl.RigidBody(mass=1.0, center=(0.5, 0.0, 0.0), inertia=(0.0, 1 / 12, 1 / 12))
+    still = fl.Link(name="c", on="base", length=1.0, hub=bar, joint=fl.Joint(locked=True))
+    scene = make_scene(
+        *(fl.Link(name=name, length=1.0, hub=bar) for name in "ab"), still,
+        gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(90.0, 30.0, 0.0)),
+    ).varied({"run": fl.RunSettings(duration=10.0, sample=0.1, **run)})  # fmt: skip
+    found, exact = fl.simulate(scene), fl.simulate(scene, method="DOP853", tolerance=1e-10, step=None)
+    assert np.abs(found.q - exact.q).max() > 1.0 and np.ptp(found.tip) == np.ptp(found.tip[0])
+    assert any("doubtful: tip error" in told for told in found.warnings)

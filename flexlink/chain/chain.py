@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import integer, number_of, require_type, vector
 from flexlink.chain.coordinates import LAST_AXIS, Coordinate, joint_names
 from flexlink.chain.couplings import add_products
-from flexlink.chain.size import size_without_reach, turning_radii, without_lever
+from flexlink.chain.size import on_elastic_gears, size_without_reach, turning_radii, without_lever
 from flexlink.chain.spans import spans_of, sums_outward
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
@@ -338,16 +338,14 @@ class Chain:
 
     @functools.cached_property
     def turning_radii(self) -> Array:
-        """By which the turning of joints that move no place counts as a displacement [m], 0 of others, (n,); (0,): all.
+        """By which angles of joints count as displacements where they move no place [m], 0 of others, (n,); (0,): all.
 
-        The `size` where no joint has a lever, else a radius of gyration.
+        The `size` where no joint has a lever; else a radius of gyration, of motors on elastic gears a part of one.
         """
-        joints = self._without_lever
-        if not len(joints):
-            return np.empty(0)
-        if self.has_levers:
-            return turning_radii(self.arrays, joints, self.size)
-        return np.where(self.slides, 0.0, self.size)
+        if not self.has_levers:
+            return np.where(self.slides, 0.0, self.size)
+        free, motors = self._without_lever, on_elastic_gears(self.arrays)
+        return turning_radii(self.arrays, free, motors, self.size) if len(free) or len(motors) else np.empty(0)
 
     @functools.cached_property
     def _without_lever(self) -> Indices:

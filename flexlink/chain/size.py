@@ -8,6 +8,9 @@ A joint that turns and moves no place has no lever: a wheel, the last wrist of m
 its angle. It counts by the angle times a length: L where no joint has a lever, else a radius of gyration,
 
     ρ = √(J / m)                   J the inertia about the joint's axis and m the mass of all beyond it; L where 0
+
+A motor on an elastic gear turns against its spring, and no place moves at once either. An error of its rotor J_r moves
+what is beyond soon after, by its share of the momentum. It counts by ρ J_r / (J_r + J).
 """
 
 from __future__ import annotations
@@ -51,18 +54,39 @@ def without_lever(arrays: ChainArrays, reach: float) -> Indices:
     return np.flatnonzero(~passes)
 
 
-def turning_radii(arrays: ChainArrays, joints: Indices, size: float) -> Array:
-    """ρ of these joints [m], 0 of all others, (n,)."""
-    bodies, placed, radii = arrays.bodies, _at_any_posture(arrays, size), np.zeros(len(arrays.hinges))
-    for k in joints:
-        body, beyond = _beyond(bodies, k)
-        mass, R, e = bodies["mass"][beyond], placed.rotations[beyond], placed.axes[k]
-        centers = placed.points[beyond] + np.einsum("bij,bj->bi", R, bodies["center"][beyond]) - placed.points[body]
-        own = np.einsum("bij,j->bi", R.transpose(0, 2, 1), e)
-        J = np.einsum("bi,bij,bj->", own, bodies["inertia"][beyond], own)
-        J += mass @ (np.cross(e, centers) ** 2).sum(axis=1)
-        radii[k] = math.sqrt(J / mass.sum()) if mass.sum() > 0 and J > 0 else size
+def on_elastic_gears(arrays: ChainArrays) -> Indices:
+    """Joints with a rotor whose turning a spring about the same axis at the same point can take back."""
+    bodies, hinges = arrays.bodies, arrays.hinges
+    inner, outer = hinges[:-1], hinges[1:]
+    sprung = (inner["stiffness"] == 0) & (outer["stiffness"] > 0) & (inner["armature"] > 0)
+    found = np.flatnonzero(sprung & (inner["axis"] == outer["axis"]) & (inner["axis"] < SLIDES))
+    bodies_of = np.repeat(np.arange(len(bodies)), bodies["stop"] - bodies["first"])
+    apart = bodies["translation"].any(axis=1) | (bodies["turned"] != 0) | (bodies["begins"] != 0)
+    here, there = bodies_of[found], bodies_of[found + 1]
+    return np.asarray(found[(here == there) | ~apart[there]])
+
+
+def turning_radii(arrays: ChainArrays, free: Indices, motors: Indices, size: float) -> Array:
+    """ρ of joints without a lever and of motors on elastic gears [m], 0 of all others, (n,)."""
+    placed, radii = _at_any_posture(arrays, size), np.zeros(len(arrays.hinges))
+    for k in motors:
+        J, m = _inertia_beyond(arrays, placed, k)
+        rotor = float(arrays.hinges["armature"][k])
+        radii[k] = math.sqrt(J / m) * rotor / (rotor + J) if m > 0 else 0.0
+    for k in free:
+        J, m = _inertia_beyond(arrays, placed, k)
+        radii[k] = math.sqrt(J / m) if J > 0 and m > 0 else size
     return radii
+
+
+def _inertia_beyond(arrays: ChainArrays, placed: KinematicsWork, k: int) -> tuple[float, float]:
+    """Inertia about the axis of joint `k` [kg m²] and mass [kg] of all that moves with it."""
+    bodies, (body, beyond) = arrays.bodies, _beyond(arrays.bodies, k)
+    mass, R, e = bodies["mass"][beyond], placed.rotations[beyond], placed.axes[k]
+    centers = placed.points[beyond] + np.einsum("bij,bj->bi", R, bodies["center"][beyond]) - placed.points[body]
+    own = np.einsum("bij,j->bi", R.transpose(0, 2, 1), e)
+    J = np.einsum("bi,bij,bj->", own, bodies["inertia"][beyond], own) + mass @ (np.cross(e, centers) ** 2).sum(axis=1)
+    return float(J), float(mass.sum())
 
 
 def _at_any_posture(arrays: ChainArrays, length: float) -> KinematicsWork:

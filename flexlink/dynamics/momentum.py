@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_type, vector
 from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import is_batch, rows
 from flexlink.kernels.bodies.momentum import momenta
@@ -51,7 +52,7 @@ def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:
     Raises
     ------
     ArgumentError
-        `q` or `qd` has the wrong shape, is not real or not finite.
+        `q` or `qd` has the wrong shape, is not real or not finite; no body has mass.
 
     Examples
     --------
@@ -60,6 +61,8 @@ def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:
     [-0.95  7.91  0.  ]
     """
     n = require_type("chain", chain, Chain).n
+    if not chain.mass:
+        raise ArgumentError(f"chain {chain.name!r}: no body has mass, so there is no centre of mass; give one a mass")
     if is_batch(q, qd):
         return momentum_of_states(chain, *rows(n, {"q": q, "qd": qd}))
     found = momentum_of_states(chain, vector("q", q, n, many=True)[None], vector("qd", qd, n, many=True)[None])

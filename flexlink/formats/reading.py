@@ -127,7 +127,8 @@ class Hinge(NamedTuple):
 
     def follows(self, before: Hinge) -> bool:
         """Whether it moves the same body as the hinge before it."""
-        return before.body is None and before.coordinate[:2] == self.coordinate[:2]
+        here, there = self.coordinate, before.coordinate  # springs at a root move a body of their own
+        return before.body is None and here[:2] == there[:2] and here.of_root == there.of_root
 
 
 class End(NamedTuple):

@@ -173,8 +173,7 @@ class AdaptiveSteps:
 
     def _choose_branches(self) -> None:
         """Where motors saturate, steps with a tolerance follow one branch of their torques each."""
-        drive = self.inputs.drive
-        if self.run.controlled and not drive.rate and min(drive.effort.tolist(), default=np.inf) < np.inf:
+        if self.run.controlled and may_saturate(self.inputs):
             choose_branches(self.time, self.inputs, self.state, self.work)
 
     def aim(self, start: float, end: float) -> None:
@@ -451,8 +450,15 @@ class AdaptiveSteps:
         return Failure(text, "" if self.run.controlled else fixed)
 
 
+def may_saturate(inputs: Inputs) -> bool:
+    """Whether a motor has a largest torque that it may reach within a step, as `saturation.saturates` of kernels."""
+    return not inputs.drive.rate and min(inputs.drive.effort.tolist(), default=np.inf) < np.inf
+
+
 def with_own_limits(inputs: Inputs) -> Inputs:
-    """The inputs with limits of the torques that steps may write to."""
+    """The inputs with limits of the torques that steps may write to, where they do."""
+    if not may_saturate(inputs):
+        return inputs
     return inputs._replace(drive=inputs.drive._replace(limits=inputs.drive.limits.copy()))
 
 

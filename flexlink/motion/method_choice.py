@@ -53,8 +53,10 @@ def tumbles(record: Record) -> bool:
     An implicit method of lower order is cheaper there only because samples make the steps of an explicit one much more
     accurate than asked for, and bodies that turn over multiply the difference.
     """
+    if record.base is None:
+        return False
     frequency, decay = fastest_motion(record, record.q[0])
-    return record.base is not None and frequency == 0.0 and decay * record.run.duration <= STIFF
+    return frequency == 0.0 and decay * record.run.duration <= STIFF
 
 
 def fastest_motion(record: Record, q: Array) -> tuple[float, float]:

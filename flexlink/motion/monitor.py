@@ -185,9 +185,9 @@ class RunMonitor:
 
     @property
     def extent(self) -> float:
-        """Extent of the tip, or of what is judged in its place, in the valid samples (`extent_of_motion`) [m]."""
+        """Extent of the tip, or of what is compared in its place, in the valid samples (`extent_of_motion`) [m]."""
         if self._extent[0] != self.n_valid:
-            self._extent = self.n_valid, extent_of_motion(self.record.path[: self.n_valid])
+            self._extent = self.n_valid, extent_of_motion(self.record.compared(self.n_valid))
         return self._extent[1]
 
     def diverged(self, failure: Failure | None = None) -> DivergenceError:
@@ -305,9 +305,10 @@ class RunMonitor:
 
     @property
     def tip_error(self) -> float:
-        """Sum of the steps' own errors [m], extrapolated from the measured ones."""
-        measured = float(np.concatenate(self._step_errors).sum())
-        return measured * apart(self.run) * self.run.steps_per_sample if measured else 0.0
+        """Sum of the errors of an explicit method's fixed steps [m], extrapolated from measured ones; 0 of others."""
+        if not self.explicit:
+            return 0.0
+        return float(np.concatenate(self._step_errors).sum()) * apart(self.run) * self.run.steps_per_sample
 
     def _doubts(self) -> Iterator[str]:
         """Warnings of a run that passed all checks but may be inaccurate."""

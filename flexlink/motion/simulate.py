@@ -395,7 +395,7 @@ def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
         # a step of 2 h in two parts is two steps of the run itself, which would agree with themselves
         in_parts = not second.run.controlled and other.steps.steps.failed > 0
         if not (wrong or failure or in_parts):
-            text = doubt(monitor, second, other.monitor.record.path[: other.monitor.n_valid])
+            text = doubt(monitor, second, other.monitor.record.compared(other.monitor.n_valid))
             monitor.confirmed = not text
             if not text or second.strict or evaluations > own:
                 break

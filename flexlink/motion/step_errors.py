@@ -13,7 +13,7 @@ from flexlink.describe.schemes.methods import method
 from flexlink.kernels.stepping.runge_kutta import NEVER, probe
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.record import Record
-from flexlink.results.tip_motion import apart, judged_path
+from flexlink.results.tip_motion import apart, compared_path
 
 
 def step_errors(record: Record, probed: NDArray[np.intp]) -> Array:
@@ -49,5 +49,5 @@ def _tips(one: Array, two: Array, records: Sequence[Record]) -> Array:
     found = np.empty((len(records), len(one)))
     for arm, record in enumerate(records):
         paths = (np.ascontiguousarray(part[..., arm] if part.ndim > 2 else part) for part in (one, two))
-        found[arm] = apart(*(judged_path(record.chain, path) for path in paths))
+        found[arm] = apart(*(compared_path(record.chain, path) for path in paths))
     return found

@@ -19,7 +19,7 @@ from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.samples import BaseMotion, Steps
-from flexlink.results.tip_motion import judged_path
+from flexlink.results.tip_motion import compared_path, judged_path
 from flexlink.results.trajectory import Trajectory
 
 
@@ -84,6 +84,12 @@ class Record:
     def path(self) -> Array:
         """The `judged_path` of the samples: that of the tip, or of all bodies where turning moves no place."""
         return self.tip if self._placed is None else self._placed
+
+    def compared(self, stop: int) -> Array:
+        """The `compared_path` of the samples before `stop`."""
+        if self._placed is not None or len(self.chain.tips) == 1:
+            return self.path[:stop]
+        return np.concatenate([compared_path(self.chain, self.q[part]) for part in self.parts(0, stop)])
 
     @functools.cached_property
     def least_tolerance(self) -> float:

@@ -26,15 +26,24 @@ def judged_path(chain: Chain, q: Array) -> Array:
     return path
 
 
+def compared_path(chain: Chain, q: Array) -> Array:
+    """The judged path; of a tree those of all its tips, (samples, tips, 3) [m]."""
+    if len(chain.tips) == 1 or not chain.has_levers:
+        return judged_path(chain, q)
+    tips = list(chain.tips.values())
+    return np.array([forward_kinematics(chain.arrays, angles).points[tips] for angles in np.ascontiguousarray(q)])
+
+
 def apart(path: Array, other: Array) -> Array:
-    """Distance of two judged paths at every sample (samples,) [m], of all bodies the largest."""
+    """Distance of two compared paths at every sample (samples,) [m], of all bodies or tips the largest."""
     lengths = np.linalg.norm(path - other, axis=-1)
     return np.asarray(lengths if path.ndim == 2 else lengths.max(axis=-1))
 
 
 def motion_in_words(chain: Chain, moved: float) -> str:
-    """How far a judged path goes [m]."""
-    return f"while {'the tip' if chain.has_levers else 'it'} moves {moved:.3g} m"
+    """How far a compared path goes [m]."""
+    what = "it" if not chain.has_levers else "the tip" if len(chain.tips) == 1 else "a tip"
+    return f"while {what} moves {moved:.3g} m"
 
 
 def distances(path: Array, other: Array) -> Array:

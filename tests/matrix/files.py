@@ -39,6 +39,7 @@ def formats(case: Case) -> None:
     for format in FORMATS.values():
         read = format.read(format.write(case.chain))
         assert (read.joint_names, list(read.tips)) == (case.chain.joint_names, list(case.chain.tips))
+        np.testing.assert_array_equal(read.bodies["stop"], case.chain.bodies["stop"])
         for term in (fl.mass_matrix, fl.gravity_torque, fl.elastic_torque):
             np.testing.assert_array_equal(term(read, q), term(case.chain, q))
         np.testing.assert_array_equal(fl.friction_torque(read, qd), fl.friction_torque(case.chain, qd))

@@ -1,0 +1,70 @@
+"""Looking at a run after every step, now and then, or only at its end; and all that the run says."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import random
+import warnings
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexlink as fl
+from flexlink.motion.chunk_size import ChunkSize
+
+
+def in_every_way(what: Callable[[], Any], seed: str | int) -> list[list[object]]:
+    """What runs tell that are looked at after every step, at random, and only at their end."""
+    dice, found = random.Random(seed), []
+    ways = (
+        (itertools.repeat(1), lambda: True),
+        (iter(lambda: dice.randint(1, 40), 0), lambda: dice.random() < 0.3),
+        (itertools.repeat(2**40), lambda: False),
+    )
+    for sizes, due in ways:
+        with pytest.MonkeyPatch.context() as patch:
+            look(patch, sizes, due)
+            found.append(told(what))
+    return found
+
+
+def digest(run: fl.Trajectory) -> tuple[object, ...]:
+    """All that a run says, its arrays to the bit."""
+    arrays = run.t, run.q, run.qd, run.tau, run.tip, run.energy.parts, run.imbalance
+    sha = hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays))
+    return len(run.t), sha.hexdigest(), run.warnings, repr(run.steps)
+
+
+def told(what: Callable[[], Any]) -> list[object]:
+    """The digests of its runs, how they ended, and what was told on the way."""
+    with warnings.catch_warnings(record=True) as words:
+        warnings.simplefilter("always")
+        try:
+            ended = what()
+        except fl.errors.DivergenceError as error:
+            ended = error
+        except fl.FlexlinkError as error:
+            return [type(error).__name__, str(error)]
+    found: list[object] = [str(word.message) for word in words]
+    for each in ended if isinstance(ended, list) else [ended]:
+        found += [str(each), digest(each.trajectory)] if isinstance(each, Exception) else [digest(each)]
+    return found
+
+
+def look(patch: pytest.MonkeyPatch, sizes: Iterator[int], due: Callable[[], bool]) -> None:
+    """Let all runs go on by so many steps, and look when it is due."""
+
+    def start(pace: ChunkSize) -> int:
+        pace.size = next(sizes)
+        return pace.size
+
+    def end(pace: ChunkSize) -> bool:
+        start(pace)
+        return due()
+
+    patch.setattr(ChunkSize, "start", start)
+    patch.setattr(ChunkSize, "end", end)
+    patch.setattr(ChunkSize, "over", property(lambda _pace: due()))
