@@ -37,12 +37,7 @@ from flexlink.dynamics.wrench import turns_with_tip
 
 FIRST_ARC, LARGEST_ARC, SMALLEST_ARC = 0.5, 1.0, 1e-6  # rad over all joints; of those that slide, of the arm's length
 CORRECTIONS, WANTED = 12, 6  # Newton steps after which a corrector has failed; below which the arc may grow
-FAR = 0.2
-"""Part of a step by which its corrector may leave the tangent: beyond, it may have ended on another branch, such as
-that of a hinge which has turned by another 360 degrees."""
-FINER = 1.0, 0.1
-"""Parts of all arcs by which the path is followed, one after the other, until it arrives at what is stable."""
-STEPS, REVERSED = 500, -1.0  # after so many steps, or with all of the load reversed, the path is lost
+STEPS = 500
 TINY = float(np.finfo(np.float64).tiny)
 
 
@@ -147,9 +142,7 @@ def solve_static(
     free = unlocked(chain, locked)
     equations = _Equations(chain, _Load(rates, wrench, follower, drive), free, start)
     try:
-        path = _follow(
-            equations, tolerance, lambda posture: not falls(chain, posture, rates, wrench, free, follower)
-        )
+        path = _follow(equations, tolerance, lambda posture: not falls(chain, posture, rates, wrench, free, follower))
     except _LostError as lost:
         loose = np.intersect1d(chain.active, free)
         hint = "; hold free joints with locked=chain.active, if they are meant to stay" if len(loose) else ""
@@ -376,10 +369,10 @@ def _shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
 def _follow(equations: _Equations, tolerance: float, stable: Callable[[Array], bool]) -> list[Array]:
     """Points x = (s, q) from s = 0 to s = 1.
 
-    By shorter arcs where the path is lost, or ends unstable: it may have crossed to the other branch of a buckled arm.
+    By shorter arcs where the path is lost, or ends unstable: it may have crossed to a buckled arm that stands straight.
     """
     path, lost = list[Array](), list[_LostError]()
-    for part in FINER:
+    for part in (1.0, 0.1):
         try:
             path = _arcs(equations, tolerance, part)
         except _LostError as error:
@@ -408,7 +401,7 @@ def _arcs(equations: _Equations, tolerance: float, part: float) -> list[Array]:
                 raise _LostError(path)
         point = new
         path.append(point)
-        if len(path) > STEPS or point[0] < REVERSED:
+        if len(path) > STEPS or point[0] < -1:  # all of the load reversed
             raise _LostError(path)
         if corrections < WANTED:
             arc = min(2 * arc, part * LARGEST_ARC)
@@ -425,7 +418,7 @@ def _corrected(
         target = point + (new - point) * ((1 - point[0]) / (new[0] - point[0]))
         target[0] = 1.0
         new, _ = _correct(equations, target, np.append(1.0, np.zeros(len(point) - 1)), tolerance)
-    if new is None or np.linalg.norm((new - target) / scales) > FAR * step:
+    if new is None or np.linalg.norm((new - target) / scales) > step / 5:  # so far off, it may be on another path
         return None, corrections
     return new, corrections
 
