@@ -130,6 +130,10 @@ def test_what_cannot_be_is_refused() -> None:
     free = "turns about the axis .* of the free joint, with no inertia between the two"
     with pytest.raises(fl.errors.SceneError, match=rf"^link\.strip\.root_stiffness: {free}"):
         fl.lump(clamped(joint=fl.Joint()))
+    geared = fl.Joint(armature=0.1, gear_stiffness=100.0)
+    with pytest.raises(fl.errors.SceneError, match=r"of the elastic gear, .*; give the link a hub"):
+        fl.lump(clamped(joint=geared))
+    fl.lump(clamped(joint=geared, hub=fl.RigidBody(inertia=(0.0, 0.0, 0.1))))
     for fine in ({"joint": fl.Joint(armature=0.1)}, {"hub": fl.RigidBody(inertia=(0.0, 0.0, 0.1))}):
         chain = fl.lump(clamped(**{"joint": fl.Joint(), **fine}))
         assert np.linalg.eigvalsh(fl.mass_matrix(chain, np.zeros(chain.n))).min() > 0

@@ -85,6 +85,28 @@ def test_a_step_that_would_jump_to_another_branch_is_taken_smaller():
     assert np.linalg.norm(np.diff(found.path, axis=0), axis=1).max() <= 2 * LARGEST_ARC
 
 
+@pytest.mark.parametrize("hinges", [2, 4, 8])
+def test_a_limp_cantilever_hangs_along_its_load_however_large_that_is(hinges):
+    """The path was lost from 40 EI/L² on: a step ended where a hinge had turned round, and the load ran to −∞."""
+    chain, slope = cantilever("gauss", hinges), 0.0
+    for force in (20.0, 40.0, 80.0, 160.0, 500.0):
+        hanging = solve_static(chain, tip_wrench=[0, force, 0, 0, 0, 0])
+        assert hanging.stable
+        assert hanging.residual < 1e-9 * force
+        assert (hanging.q > 0).all()
+        assert slope < hanging.q.sum() < np.pi / 2 + 1e-12
+        slope = hanging.q.sum()
+
+
+@pytest.mark.parametrize(("push", "aside"), [(8.0, 0.02), (8.0, 0.2), (12.0, 0.3), (30.0, 0.3)])
+def test_a_column_far_beyond_its_buckling_load_bends_to_the_side_it_is_pushed_to(push, aside):
+    """It was found straight, leaning against the push, on the unstable branch."""
+    found = solve_static(cantilever("midpoint", 7), tip_wrench=[-push, aside, 0, 0, 0, 0])
+    assert found.stable
+    assert found.residual < 1e-9
+    assert np.pi / 2 < found.q.sum() < np.pi
+
+
 def test_load_beyond_a_limit_point_without_another_side_is_refused():
     """A rigid bar that a motor torque larger than its weight can hold nowhere."""
     arm = Arm(

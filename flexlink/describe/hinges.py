@@ -59,10 +59,7 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
             "two; take a rule that puts none at the root, such as 'gauss' or 'gregory'"
         )
     if nodes[0] == 0 and not _stands_alone(link):
-        raise SceneError(
-            f"lumping = {link.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two; "
-            "lock the joint, with a rigid gear, or give it an armature or a hub"
-        )
+        raise SceneError(f"lumping = {link.lumping!r}: puts a hinge on {_bare(link)}")
     if nodes[-1] == 1:
         raise SceneError(f"lumping = {link.lumping!r}: puts a hinge at the link's end, where it carries no inertia")
     return nodes, weights
@@ -74,10 +71,18 @@ def _check_root(link: Link) -> None:
     sprung = np.array([name in link.root_springs for name in ROOT_AXES])
     if axis[~sprung].any() or np.cross(axis, lever).any() or _stands_alone(link):
         return
-    raise SceneError(
-        f"root_stiffness: turns about the axis {truncated(link.joint.axis)} of the free joint, with no inertia between "
-        "the two; lock the joint, with a rigid gear, or give it an armature or a hub"
-    )
+    raise SceneError(f"root_stiffness: turns about the axis {truncated(link.joint.axis)} of {_bare(link)}")
+
+
+def _bare(link: Link) -> str:
+    """What stands before the beam without inertia behind it, and how to give it some: the end of a message."""
+    between = "with no inertia between the two"
+    if link.joint.gear_stiffness is not None:
+        return (
+            f"the elastic gear, {between}: the armature is on the motor's side of it; give the link a hub with inertia "
+            "about the joint's axis, or leave gear_stiffness out"
+        )
+    return f"the free joint, {between}; lock the joint, or give it an armature or a hub"
 
 
 def _stands_alone(link: Link) -> bool:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -141,7 +142,7 @@ def solve_static(
     free = unlocked(chain, locked)
     equations = _Equations(chain, _Load(rates, wrench, follower, drive), free, start)
     try:
-        path = _follow(equations, tolerance)
+        path = _follow(equations, tolerance, lambda posture: not falls(chain, posture, rates, wrench, free, follower))
     except _LostError as lost:
         loose = np.intersect1d(chain.active, free)
         hint = "; hold free joints with locked=chain.active, if they are meant to stay" if len(loose) else ""
@@ -365,33 +366,61 @@ def _shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
     return np.asarray(found if consistent else np.full(len(b), np.nan))
 
 
-def _follow(equations: _Equations, tolerance: float) -> list[Array]:
-    """Points x = (s, q) from s = 0 to s = 1: predictor along the tangent, corrector orthogonal to it."""
-    point, arc = equations.start, FIRST_ARC
-    direction = along_s = np.append(1.0, np.zeros(len(point) - 1))
-    path = [point]
+def _follow(equations: _Equations, tolerance: float, stable: Callable[[Array], bool]) -> list[Array]:
+    """Points x = (s, q) from s = 0 to s = 1.
+
+    By shorter arcs where the path is lost, or ends unstable: it may have crossed to a buckled arm that stands straight.
+    """
+    path, lost = list[Array](), list[_LostError]()
+    for part in (1.0, 0.1):
+        try:
+            path = _arcs(equations, tolerance, part)
+        except _LostError as error:
+            lost.append(error)
+            continue
+        if stable(path[-1][1:]):
+            break
+    if not path:
+        raise max(lost, key=lambda error: error.part)
+    return path
+
+
+def _arcs(equations: _Equations, tolerance: float, part: float) -> list[Array]:
+    """The same by arcs, this part of their usual length: predictor along the tangent, corrector orthogonal to it."""
+    point, arc = equations.start, part * FIRST_ARC
+    path, direction = [point], np.append(1.0, np.zeros(len(point) - 1))
     while point[0] < 1:
         direction = _direction(equations.with_slopes(point)[1], direction, equations.scales)
         while True:
             step = min(arc, (1 - point[0]) / direction[0]) if direction[0] > 0 else arc
-            row = direction / equations.scales**2
-            new, corrections = _correct(equations, point + step * direction, row, tolerance)
-            if new is not None and new[0] + 1e-12 >= 1:  # arrived: land on s = 1
-                landing = point + (new - point) * ((1 - point[0]) / (new[0] - point[0]))
-                landing[0] = 1.0
-                new, _ = _correct(equations, landing, along_s, tolerance)
-            if new is not None and np.linalg.norm((new - point) / equations.scales) <= 2 * step:
+            new, corrections = _corrected(equations, point, step, direction, tolerance)
+            if new is not None:
                 break
             arc = step / 4
             if arc < SMALLEST_ARC:
                 raise _LostError(path)
         point = new
         path.append(point)
-        if len(path) > STEPS:
+        if len(path) > STEPS or point[0] < -1:  # all of the load reversed
             raise _LostError(path)
         if corrections < WANTED:
-            arc = min(2 * arc, LARGEST_ARC)
+            arc = min(2 * arc, part * LARGEST_ARC)
     return path
+
+
+def _corrected(
+    equations: _Equations, point: Array, step: float, direction: Array, tolerance: float
+) -> tuple[Array | None, int]:
+    """The point of the path that lies a step ahead, or at s = 1; None if there is none near."""
+    scales, target = equations.scales, point + step * direction
+    new, corrections = _correct(equations, target, direction / scales**2, tolerance)
+    if new is not None and new[0] + 1e-12 >= 1:  # arrived: land on s = 1
+        target = point + (new - point) * ((1 - point[0]) / (new[0] - point[0]))
+        target[0] = 1.0
+        new, _ = _correct(equations, target, np.append(1.0, np.zeros(len(point) - 1)), tolerance)
+    if new is None or np.linalg.norm((new - target) / scales) > step / 5:  # so far off, it may be on another path
+        return None, corrections
+    return new, corrections
 
 
 def _direction(slopes: _Slopes, before: Array, scales: Array) -> Array:

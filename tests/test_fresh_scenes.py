@@ -1,0 +1,29 @@
+"""Scenes made from every key (`tests.fresh_scenes`, run in full by hand): a few of them, and what judges them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tests import fresh_scene_checks, fresh_scenes
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch) -> None:
+    for module in (fresh_scene_checks, fresh_scenes):
+        monkeypatch.setattr(module, "FOLDER", tmp_path)
+
+
+@pytest.mark.parametrize("seed", [3, 11, 24])
+def test_a_random_scene_of_any_keys_is_right(seed) -> None:
+    found = fresh_scenes.judged(seed)["found"]
+    assert not [text for kind, text in found if kind in {"silent", "error", "doubt", "traceback"}]
+
+
+def test_an_end_that_is_off_is_noticed() -> None:
+    one = fresh_scene_checks.Judged(3)
+    one.judge()
+    one.result = dataclasses.replace(one.result, q=one.result.q + 0.05 * np.ones(one.chain.n))
+    one.found.clear()
+    one.against_truth()
+    assert [kind for kind, _ in one.found] == ["silent"]
