@@ -16,6 +16,7 @@ from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.verification import Second, doubt, second_runs
 from flexlink.results.balance import Balance
+from flexlink.results.samples import Steps
 
 CHAIN = fl.lump(make_scene(flexible("a")))
 T = np.linspace(0.0, 4.0, 41)
@@ -33,6 +34,7 @@ def monitor(run: fl.RunSettings, off: float) -> RunMonitor:
     of_a_run = SimpleNamespace(run=run, record=record, control=None, explicit=False, extent=1.0, tip_error=0.0)
     of_a_run.n_valid = len(T)
     of_a_run.tolerance, of_a_run.suspicious, of_a_run.travelled = run.tolerance, False, 20.0
+    of_a_run.steps = Steps("Radau5", 100, 500)
     return cast("RunMonitor", of_a_run)
 
 
@@ -53,6 +55,21 @@ def test_a_run_is_doubted_before_it_is_off_by_ten_tolerances_and_not_where_two_s
     run = fl.RunSettings(tolerance=1e-3, sample=0.1, duration=4.0)
     second = Second(run.__class__(tolerance=1e-4, sample=0.1, duration=4.0), 1, 1.0)
     assert ("amplifies errors" in doubt(monitor(run, tolerances * 1e-3), second, path(0.0))) == doubted
+
+
+@pytest.mark.parametrize(("rejected", "taken", "compared"), [(90, 100, True), (70, 100, False), (30, 10, False)])
+def test_a_run_that_rejects_most_of_many_steps_is_compared(rejected: int, taken: int, compared: bool) -> None:
+    """A motor switches between its limits without end: 12 tolerances off in 22,000 steps, none of them wrong."""
+    run = fl.RunSettings(tolerance=1e-3, sample=0.1, duration=4.0)
+    of_a_run = monitor(run, 0.02)
+    of_a_run.angle_travelled, cast("Any", of_a_run).travelled = 0.0, 0.0
+    cast("Any", of_a_run.record).problem = SimpleNamespace(scene=SimpleNamespace(drive=fl.Drive()))
+    cast("Any", of_a_run).steps = Steps("Radau5", taken, 500, rejected)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("flexlink.motion.verification.sampled_growth", lambda _record: (0.0, 0.0))
+        found = list(second_runs(of_a_run, "Radau5"))
+        assert len(found) == compared
+        assert not compared or "switches of the drive" in doubt(of_a_run, found[0], path(0.0))
 
 
 def test_the_joints_count_together_and_led_ones_and_hinges_that_vibrate_do_not() -> None:

@@ -38,6 +38,9 @@ from flexlink.dynamics.wrench import turns_with_tip
 FIRST_ARC, LARGEST_ARC, SMALLEST_ARC = 0.5, 1.0, 1e-6  # rad over all joints; of those that slide, of the arm's length
 CORRECTIONS, WANTED = 12, 6  # Newton steps after which a corrector has failed; below which the arc may grow
 STEPS = 500
+TRIES = (1.0, 0.2), (0.1, 0.2), (1.0, 3.0)
+"""Lengths of arcs, over the usual one, and how far a corrector may leave the end of an arc, over its length: the last
+where the others are lost, for free joints that no spring holds and whose path begins with a jump."""
 TINY = float(np.finfo(np.float64).tiny)
 
 
@@ -372,9 +375,11 @@ def _follow(equations: _Equations, tolerance: float, stable: Callable[[Array], b
     By shorter arcs where the path is lost, or ends unstable: it may have crossed to a buckled arm that stands straight.
     """
     path, lost = list[Array](), list[_LostError]()
-    for part in (1.0, 0.1):
+    for part, off in TRIES:
+        if path and off > 1:
+            break
         try:
-            path = _arcs(equations, tolerance, part)
+            path = _arcs(equations, tolerance, part, off)
         except _LostError as error:
             lost.append(error)
             continue
@@ -385,7 +390,7 @@ def _follow(equations: _Equations, tolerance: float, stable: Callable[[Array], b
     return path
 
 
-def _arcs(equations: _Equations, tolerance: float, part: float) -> list[Array]:
+def _arcs(equations: _Equations, tolerance: float, part: float, off: float) -> list[Array]:
     """The same by arcs, this part of their usual length: predictor along the tangent, corrector orthogonal to it."""
     point, arc = equations.start, part * FIRST_ARC
     path, direction = [point], np.append(1.0, np.zeros(len(point) - 1))
@@ -393,7 +398,7 @@ def _arcs(equations: _Equations, tolerance: float, part: float) -> list[Array]:
         direction = _direction(equations.with_slopes(point)[1], direction, equations.scales)
         while True:
             step = min(arc, (1 - point[0]) / direction[0]) if direction[0] > 0 else arc
-            new, corrections = _corrected(equations, point, step, direction, tolerance)
+            new, corrections = _corrected(equations, point, step, direction, tolerance, off)
             if new is not None:
                 break
             arc = step / 4
@@ -409,7 +414,7 @@ def _arcs(equations: _Equations, tolerance: float, part: float) -> list[Array]:
 
 
 def _corrected(
-    equations: _Equations, point: Array, step: float, direction: Array, tolerance: float
+    equations: _Equations, point: Array, step: float, direction: Array, tolerance: float, off: float
 ) -> tuple[Array | None, int]:
     """The point of the path that lies a step ahead, or at s = 1; None if there is none near."""
     scales, target = equations.scales, point + step * direction
@@ -418,7 +423,7 @@ def _corrected(
         target = point + (new - point) * ((1 - point[0]) / (new[0] - point[0]))
         target[0] = 1.0
         new, _ = _correct(equations, target, np.append(1.0, np.zeros(len(point) - 1)), tolerance)
-    if new is None or np.linalg.norm((new - target) / scales) > step / 5:  # so far off, it may be on another path
+    if new is None or np.linalg.norm((new - target) / scales) > off * step:  # it may be on another path
         return None, corrections
     return new, corrections
 
