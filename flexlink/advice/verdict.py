@@ -71,7 +71,7 @@ def line(word: str, text: str) -> str:
 
 def time(seconds: float) -> str:
     """A time with its unit."""
-    return f"{seconds * 1e3:.3g} ms" if seconds < 1 else f"{seconds:.3g} s"
+    return f"{seconds * 1e3:.3g} ms" if seconds < 0.9995 else f"{seconds:.3g} s"
 
 
 def length(metres: float) -> str:

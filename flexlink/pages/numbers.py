@@ -23,7 +23,8 @@ def _digits(value: float, digits: int) -> str:
         superscripts = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
         power = "10" + str(int(exponent)).translate(superscripts)
         return power if mantissa == "1" else f"{mantissa}{JOIN}×{JOIN}{power}"
-    return f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
+    short = f"{value:.{digits}g}"
+    return f"{value:.0f}" if "e" in short else short  # also of 999.7, which is rounded up to 1000
 
 
 def plural(count: int, noun: str) -> str:
