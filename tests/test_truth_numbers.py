@@ -1,0 +1,178 @@
+"""What advice is judged by: scenes that are drawn again, and truth and cheapest model of runs in closed form."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexlink as fl
+from flexlink.advice.model_runner import Outcome, Stepping
+from flexlink.describe.vary import to_document
+from validation.advice import truth
+from validation.advice.scenes import random_scene, released_scene, robot_scene, tumbling_scene
+from validation.random_arms import random_arm, random_tree
+
+
+def numbers_in(document: Any) -> Iterator[float]:
+    match document:
+        case dict():
+            yield from itertools.chain.from_iterable(map(numbers_in, document.values()))
+        case list() | tuple():
+            yield from itertools.chain.from_iterable(map(numbers_in, document))
+        case int() | float():
+            yield float(document)
+
+
+@pytest.mark.parametrize(("make", "args", "known"), [
+    (random_scene, range(80), 23428.023671808),
+    (tumbling_scene, range(20), 5695.951841243),
+    (released_scene, range(20), 6152.623319259),
+    (robot_scene, (0.5, 1.0), 979.344067388),
+    (random_arm, range(40), 26367.584820140),
+    (random_tree, range(30), 21548.044577918),
+])  # fmt: skip
+def test_the_same_seed_gives_the_scene_of_the_stored_study(make: Any, args: Any, known: float) -> None:
+    """By a weighted sum of all its numbers: what the study says of a seed is of no use if it means another scene."""
+    found = (numbers_in(to_document(make(one))) for one in args)
+    total = sum((1 + k % 7) * math.asinh(x) for numbers in found for k, x in enumerate(numbers))
+    assert total == pytest.approx(known, rel=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_no_link_of_a_random_arm_sags_by_more_than_a_fifth_of_its_length(seed: int) -> None:
+    """As a cantilever under what it carries, weighed here from the tip inwards."""
+    arm = random_scene(seed).arm
+    carried = arm.tip.mass
+    for link in reversed(arm.links):
+        material, root = arm.materials[link.material or ""], arm.sections[link.section or ""].properties
+        thin = arm.sections[link.section_tip or link.section or ""].properties
+        carried += link.end.mass + material.density * root.area * link.length
+        sag = 9.81 * carried * link.length**3 / (3 * material.young * min(thin.i_y, thin.i_z))
+        assert sag <= 0.2 * link.length * (1 + 1e-9)
+
+
+THREE = {"run.duration": 1.0, "run.sample": 0.5, "run.step": 0.5}
+SCENE = next(scene for scene in map(random_scene, range(99)) if len(scene.arm.links) == 2).varied(THREE)
+PATH = np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0], [0.0, -0.8, 0.6]])
+
+
+class Runs:
+    """In place of a runner: a tip whose error is h⁻² + 8 h⁻⁴ of its path, and `slip` tolerances or steps aside."""
+
+    slip, refused, allowed = 0.0, frozenset[int](), True
+
+    def __init__(self, scene: fl.Scene, budget: float) -> None:
+        self.budget = float(budget)
+        assert scene == SCENE
+
+    def run(self, model: Any, stepping: Stepping) -> Outcome:
+        h = sum(bend.hinges for bend in model if bend) / len(model) or 1
+        aside = self.slip * (stepping.tolerance or 1e-3 * (stepping.step or 0.0)) * np.arange(3)[:, None] / 2
+        reason = "too dear" if h in self.refused and stepping.method == "Radau9" else ""
+        tip = PATH * (1 + h**-2 + 8 * h**-4) + aside * [1.0, 0.0, 0.0]
+        return Outcome(tip, self.cost(h, stepping), None, stepping, reason)
+
+    def cost(self, h: float, stepping: Stepping) -> float:
+        """Of steps by a tolerance: fewer with DOP853."""
+        steps = 1 / stepping.step if stepping.step else (stepping.tolerance or 1.0) ** (-0.2 - 0.1 * (h > 8))
+        return h * steps * (0.3 if stepping.method == "DOP853" and h < 6 else 1.0)
+
+    def stable_step(self, model: Any) -> float:
+        return 0.2 / (sum(bend.hinges for bend in model if bend) or 1)
+
+    def fixed_steps(self, largest: float) -> Stepping | None:
+        return Stepping("RK4", step=largest) if self.allowed else None
+
+    def fixed_steps_cost(self, model: Any, stepping: Stepping) -> float:
+        return self.cost(sum(bend.hinges for bend in model if bend) / len(model) or 1, stepping)
+
+
+@pytest.fixture(autouse=True)
+def runs(monkeypatch: pytest.MonkeyPatch) -> type[Runs]:
+    made = type("Made", (Runs,), {})
+    monkeypatch.setattr(truth, "ModelRunner", made)
+    return made
+
+
+def change(a: int, b: int, d: int) -> float:
+    """Of the limit, of order 2, from levels a and b to b and d."""
+    return 8 / b**2 * (a**-2 - d**-2)
+
+
+@pytest.mark.parametrize(("within", "levels"), [
+    (0.5, (4, 6, 8)), (0.009, (6, 8, 12)), (1e-3, (8, 12, 16)), (4e-4, (12, 16, 24)), (1e-9, (24, 32, 48)),
+])  # fmt: skip
+def test_the_truth_is_the_limit_of_levels_from_which_on_it_changes_little(within: float, levels: Any) -> None:
+    a, b, d = levels
+    found = truth.truth(SCENE, within, 1.0)
+    assert found.tip == pytest.approx(PATH * (1 - 8 / (b * d) ** 2), abs=1e-12)
+    assert found.errors == pytest.approx(change(a, b, d) * np.array([0.0, 0.5, 1.0]), abs=1e-12)
+    assert found.error == found.errors[-1]
+    assert found.motion == pytest.approx(1 + d**-2 + 8 * d**-4)
+
+
+@pytest.mark.parametrize(("slip", "of_motion"), [(10.0, 1e-6), (1e4, 1e-9)])
+def test_what_steps_do_is_added_and_where_it_is_not_small_they_are_stricter(
+    runs: type[Runs], slip: float, of_motion: float
+) -> None:
+    """Told where six hinges run with the motion of four, and with a tenth of the tolerance of the last level's."""
+    runs.slip = slip
+    found, size = truth.truth(SCENE, 0.009, 1.0), {h: 1 + h**-2 + 8 * h**-4 for h in (4, 12)}
+    steps = slip * of_motion * (size[4] - 0.1 * size[12])
+    assert found.error - change(6, 8, 12) == pytest.approx(steps, rel=0.01)
+
+
+def test_a_level_that_radau_does_not_reach_is_run_by_another_method_and_one_that_none_reaches_is_the_last(
+    runs: type[Runs], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs.refused = frozenset({8})
+    assert truth.truth(SCENE, 0.009, 1.0).tip == pytest.approx(PATH * (1 - 8 / (8 * 12) ** 2))
+    monkeypatch.setattr(truth, "METHOD", "auto")
+    sound = runs.run
+    monkeypatch.setattr(runs, "run", lambda self, m, s: sound(self, m, s)._replace(reason="x" * (m[0].hinges > 6)))
+    short = truth.truth(SCENE, 0.009, 1.0)
+    assert short.tip == pytest.approx(PATH * (1 - 8 / (4 * 6) ** 2))
+    assert np.isinf(short.errors).all()
+    monkeypatch.setattr(runs, "run", lambda self, m, s: sound(self, m, s)._replace(reason="x" * (m[0].hinges > 4)))
+    assert np.isnan(truth.truth(SCENE, 0.009, 1.0).tip).all()
+
+
+def test_a_careless_model_costs_eight_hinges_a_link_in_steps_of_nine_tenths_of_the_stable_one(
+    runs: type[Runs],
+) -> None:
+    hinges = 8 * len(SCENE.arm.links)
+    assert truth.naive_cost(SCENE) == pytest.approx(8 * hinges / (0.9 * 0.2))
+    runs.allowed = False
+    assert truth.naive_cost(SCENE) == math.inf
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("allowed", [True, False])
+def test_the_cheapest_model_is_that_of_a_search_through_all_of_them(runs: type[Runs], allowed: bool) -> None:
+    runs.slip, runs.allowed = 0.3, allowed
+    tolerances, links = (0.2, 0.03, 4e-3), len(SCENE.arm.links)
+    counts = sorted({0, *itertools.chain.from_iterable(truth.GRID.values())})
+    hinges = {sum(each) for each in itertools.product(counts, repeat=links)}
+    best = dict.fromkeys(tolerances, math.inf)
+    for n in hinges:
+        h = n / links or 1
+        ways = [Stepping("RK4", step=f * 0.9 * 0.2 / (n or 1)) for f in (1.0, 0.5) if allowed]
+        ways += [Stepping(method, tolerance=f * tolerance) for method in ("Radau5", "DOP853")
+                 for tolerance in tolerances for f in (10.0, 3.0, 1.0, 0.3, 0.1)]  # fmt: skip
+        for way in ways:
+            aside = 0.3 * (way.tolerance or 1e-3 * (way.step or 0.0))
+            off = np.linalg.norm(PATH * (h**-2 + 8 * h**-4) + np.outer([0, 0.5, 1], [aside, 0, 0]), axis=1).max()
+            for tolerance in tolerances:
+                if off <= tolerance:
+                    best[tolerance] = min(best[tolerance], Runs.cost(None, h, way))  # type: ignore[arg-type]
+    true = truth.Truth(PATH, 1.0, np.zeros(3))
+    found = truth.cheapest(SCENE, true, dict.fromkeys(tolerances, math.inf), ("z",) * links)
+    assert found == pytest.approx(best)
+    assert truth.cheapest(SCENE, true, dict.fromkeys(tolerances, 1e-3), ("z",) * links) == dict.fromkeys(
+        tolerances, 1e-3
+    )
