@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from flexlink.advice.model_runner import Outcome, Stepping
 from flexlink.describe.vary import to_document
 from validation.advice import truth
 from validation.advice.scenes import random_scene, released_scene, robot_scene, tumbling_scene
+from validation.extremes import outcomes
 from validation.random_arms import random_arm, random_tree
 
 
@@ -176,3 +178,61 @@ def test_the_cheapest_model_is_that_of_a_search_through_all_of_them(runs: type[R
     assert truth.cheapest(SCENE, true, dict.fromkeys(tolerances, 1e-3), ("z",) * links) == dict.fromkeys(
         tolerances, 1e-3
     )
+
+
+# outcomes of extreme runs, judged by two references
+
+
+@pytest.mark.parametrize(("error", "apart", "doubted", "outcome"), [
+    (0.5, 0.0, False, "within"), (1.0, 0.3, False, "within"), (1.0, 0.0, True, "false doubt"),
+    (1.01, 0.0, False, "near"), (10.0, 0.0, False, "near"), (10.2, 0.25, False, "near"), (3.0, 0.3, True, "warned"),
+    (10.2, 0.1, False, "silent wrong"), (1e9, 0.0, True, "warned"), (math.nan, 0.0, False, "silent wrong"),
+    (0.5, 0.31, False, "unknown"), (10.3, 0.31, False, "unknown"), (10.4, 0.31, False, "silent wrong"),
+    (10.4, 0.31, True, "unknown"),
+])  # fmt: skip
+def test_outcomes_are_those_of_the_list(error: float, apart: float, doubted: bool, outcome: str) -> None:
+    """In units of a tolerance of 0.2 mm."""
+    scene = SCENE.varied({"run.tolerance": 2e-4})
+    assert outcomes._judged(error * 2e-4, apart * 2e-4, 2e-4, doubted) == outcome
+    known = outcomes.Truth(PATH, apart * 2e-4, "two")
+    words = "the run is doubtful" if doubted else "hinges bent far"
+    found = outcomes.judged(scene, PATH + error * np.array([2e-4, 0.0, 0.0]), known, words, 0.25)
+    assert (found.words, found.seconds) == (words, 0.25)
+    assert found.error == pytest.approx(error, rel=1e-9, nan_ok=True) or math.isnan(error)
+    nothing = outcomes.judged(scene, PATH, outcomes.Truth(np.empty((0, 3)), math.inf, ""), words, 0.5)
+    assert (nothing.outcome, nothing.words, nothing.seconds) == ("unknown", words, 0.5)
+
+
+def test_steps_that_are_fixed_are_allowed_what_makes_them_doubtful() -> None:
+    scene = SCENE.varied({"run.method": "RK4"})
+    assert outcomes.allowed(scene, outcomes.Truth(PATH, 0.0, "")) == outcomes.DOUBT * outcomes.TIP_SHARE
+    assert outcomes.allowed(scene, outcomes.Truth(0 * PATH, 0.0, "")) == 1e-12
+
+
+@pytest.mark.parametrize(("off", "pair", "apart"), [
+    ((0.0, 5e-10, 9.0, 9.0, 9.0, 9.0, 9.0), "DOP853, RK10", 5e-10),  # as good as any: the last are not asked
+    ((0.0, 4e-3, 1e-3, None, 9.0, 12.0, 20.0), "DOP853, Radau9", 1e-3),
+    ((None, None, 0.0, 5e-3, 1e-5, 2e-3, 1e-6), "Radau9, Radau5", 1.99e-3),
+    ((None, None, None, None, None, None, 0.0), "", math.inf),
+])  # fmt: skip
+def test_the_truth_is_of_the_two_methods_that_agree_best(
+    monkeypatch: pytest.MonkeyPatch, off: tuple[float | None, ...], pair: str, apart: float
+) -> None:
+    left, steps = [*off], {}
+
+    def reference(scene: fl.Scene, budget: float) -> Any:
+        assert budget == 0.7
+        run = scene.run
+        at = left.pop(0) if off[0] is not None or run.method != "DOP853" or len(left) == 7 else None
+        if at is None and run.method == "DOP853":
+            left.pop(0)  # nor RK10 then
+        steps[run.method] = run.step if run.method == "RK10" else run.relative_tolerance
+        return None if at is None else SimpleNamespace(tip=PATH * (1 + at), steps=SimpleNamespace(taken=7))
+
+    monkeypatch.setattr(outcomes, "_reference", reference)
+    found = outcomes.truth_of(SCENE, 0.7)
+    assert found.methods == pair
+    assert found.apart == pytest.approx(apart, rel=1e-6)
+    assert found.tip.shape == ((3, 3) if pair else (0, 3))
+    assert steps["DOP853"] == 1e-11
+    assert steps.get("RK10", 0.5 / 7) == pytest.approx(0.5 / 7), "half the mean step, in whole ones a sample"
