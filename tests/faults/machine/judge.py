@@ -27,7 +27,7 @@ from tests.faults.machine.swap import CannotSwapError, swap
 from tests.faults.plant import KILLED, ROOT, SURVIVED
 
 MOST = 20.0  # s of processor time that the tests of a mistake may take; those left after that were not asked
-DEAR = 5.0  # s of processor time from which a test is not asked, and is stopped while it is recorded
+DEAR = 8.0  # s of processor time from which a test is not asked, and is stopped while it is recorded
 LONGEST = 30.0  # s of processor time that the last test of a mistake, or of a file, may take beyond
 ASLEEP = 600.0  # s that a fork may take by the clock: it waits for something that never comes
 UNREACHED, APART = "no test runs it", "cannot be swapped"
