@@ -43,18 +43,16 @@ PATH = np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0], [0.0, -0.8, 0.6]])
 class Runs:
     """In place of a runner: a tip whose error is h⁻² + 8 h⁻⁴ of its path, and `slip` tolerances or steps aside."""
 
-    slip, refused, allowed = 0.0, frozenset[int](), True
+    slip, allowed = 0.0, True
 
     def __init__(self, scene: fl.Scene, budget: float) -> None:
-        self.budget = float(budget)
-        assert scene == SCENE
+        self.budget = float(budget)  # of a scene it is none
 
     def run(self, model: Any, stepping: Stepping) -> Outcome:
         h = sum(bend.hinges for bend in model if bend) / len(model) or 1
         aside = self.slip * (stepping.tolerance or 1e-3 * (stepping.step or 0.0)) * np.arange(3)[:, None] / 2
-        reason = "too dear" if h in self.refused and stepping.method == "Radau9" else ""
         tip = PATH * (1 + h**-2 + 8 * h**-4) + aside * [1.0, 0.0, 0.0]
-        return Outcome(tip, self.cost(h, stepping), None, stepping, reason)
+        return Outcome(tip, self.cost(h, stepping), None, stepping)
 
     def cost(self, h: float, stepping: Stepping) -> float:
         """Of steps by a tolerance: fewer with DOP853."""
@@ -106,16 +104,8 @@ def test_what_steps_do_is_added_and_where_it_is_not_small_they_are_stricter(
     assert found.error - change(6, 8, 12) == pytest.approx(steps, rel=0.01)
 
 
-def test_a_level_that_radau_does_not_reach_is_run_by_another_method(runs: type[Runs]) -> None:
-    runs.refused = frozenset({8})
-    assert truth.truth(SCENE, 0.009, 1.0).tip == pytest.approx(PATH * (1 - 8 / (8 * 12) ** 2))
-
-
-def test_a_careless_model_costs_eight_hinges_a_link_in_steps_of_nine_tenths_of_the_stable_one(
-    runs: type[Runs],
-) -> None:
-    hinges = 8 * len(SCENE.arm.links)
-    assert truth.naive_cost(SCENE) == pytest.approx(8 * hinges / (0.9 * 0.2))
+def test_a_careless_model_has_eight_hinges_a_link_and_steps_of_nine_tenths_of_stable_ones(runs: type[Runs]) -> None:
+    assert truth.naive_cost(SCENE) == pytest.approx(8 * 16 / (0.9 * 0.2))
     runs.allowed = False
     assert truth.naive_cost(SCENE) == math.inf
 
@@ -142,12 +132,6 @@ def test_the_cheapest_model_is_that_of_a_search_through_all_of_them(runs: type[R
     true = truth.Truth(PATH, 1.0, np.zeros(3))
     found = truth.cheapest(SCENE, true, dict.fromkeys(tolerances, math.inf), ("z",) * links)
     assert found == pytest.approx(best)
-    assert truth.cheapest(SCENE, true, dict.fromkeys(tolerances, 1e-3), ("z",) * links) == dict.fromkeys(
-        tolerances, 1e-3
-    )
-
-
-# outcomes of extreme runs, judged by two references
 
 
 @pytest.mark.parametrize(("error", "apart", "doubted", "outcome"), [
@@ -165,15 +149,11 @@ def test_outcomes_are_those_of_the_list(error: float, apart: float, doubted: boo
     words = "the run is doubtful" if doubted else "hinges bent far"
     found = outcomes.judged(scene, PATH + error * np.array([2e-4, 0.0, 0.0]), known, words, 0.25)
     assert (found.words, found.seconds) == (words, 0.25)
-    assert found.error == pytest.approx(error, rel=1e-9, nan_ok=True) or math.isnan(error)
+    assert found.error == pytest.approx(error, rel=1e-9, nan_ok=True)
+    still = outcomes.Truth(0 * PATH, 0.0, "")
+    assert outcomes.allowed(SCENE.varied({"run.method": "RK4"}), still) == 1e-12
     nothing = outcomes.judged(scene, PATH, outcomes.Truth(np.empty((0, 3)), math.inf, ""), words, 0.5)
     assert (nothing.outcome, nothing.words, nothing.seconds) == ("unknown", words, 0.5)
-
-
-def test_steps_that_are_fixed_are_allowed_what_makes_them_doubtful() -> None:
-    scene = SCENE.varied({"run.method": "RK4"})
-    assert outcomes.allowed(scene, outcomes.Truth(PATH, 0.0, "")) == outcomes.DOUBT * outcomes.TIP_SHARE
-    assert outcomes.allowed(scene, outcomes.Truth(0 * PATH, 0.0, "")) == 1e-12
 
 
 @pytest.mark.parametrize(("off", "pair", "apart"), [
@@ -190,7 +170,7 @@ def test_the_truth_is_of_the_two_methods_that_agree_best(
     def reference(scene: fl.Scene, budget: float) -> Any:
         assert budget == 0.7
         run = scene.run
-        at = left.pop(0) if off[0] is not None or run.method != "DOP853" or len(left) == 7 else None
+        at = left.pop(0)
         if at is None and run.method == "DOP853":
             left.pop(0)  # nor RK10 then
         steps[run.method] = run.step if run.method == "RK10" else run.relative_tolerance
