@@ -10,9 +10,7 @@ from conftest import ROOT
 from matplotlib.figure import Figure
 
 import flexlink as fl
-from flexlink.results.measured import Measured
 from flexlink.results.pictures.view import view_of
-from flexlink.scene_report.fitting import Comparison
 from flexlink.scene_report.parts import loads, vibration
 from flexlink.scene_report.refinement import Refinement
 from flexlink.scene_report.study import Study
@@ -56,12 +54,6 @@ def test_adaptive_steps_are_a_choice_beside_fixed_ones_only(changes: dict[str, o
     labels = [one.label for one in Refinement(Study(FALL.varied(changes))).choices()]
     assert ("adaptive steps" in labels) == ("run.step" in changes)
     assert labels[-1] == "rigid links"
-
-
-def test_a_column_of_zeros_that_is_met_is_no_difference() -> None:
-    run = fl.simulate(FALL)
-    same = Measured(run.t, {name: run.columns[name] for name in ("tip x [m]", "tip z [m]")})
-    assert not Comparison(FALL, run, same).differs
 
 
 def test_shapes_have_no_scale_and_stress_of_a_rectangle_needs_no_remark() -> None:
