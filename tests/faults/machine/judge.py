@@ -27,8 +27,8 @@ from tests.faults.machine.swap import CannotSwapError, swap
 from tests.faults.plant import KILLED, ROOT, SURVIVED
 
 MOST = 20.0  # s of processor time that the tests of a mistake may take; those left after that were not asked
-DEAR = 5.0  # s of processor time from which a test is not asked
-LONGEST = 30.0  # s of processor time of one test while it is recorded; a longer one is no judge
+DEAR = 8.0  # s of processor time from which a test is not asked, and is stopped while it is recorded
+LONGEST = 30.0  # s of processor time that the last test of a mistake, or of a file, may take beyond
 ASLEEP = 600.0  # s that a fork may take by the clock: it waits for something that never comes
 UNREACHED, APART = "no test runs it", "cannot be swapped"
 OPTIONS = ("-qq", "--no-header", "--no-summary", "-p", "no:cacheprovider", "-o", "addopts=--strict-markers")
@@ -49,11 +49,23 @@ def cost(ran: Ran) -> float:
     return (ran.seconds + 0.003) * len(ran.functions)
 
 
-class Session:
-    """A plugin of pytest: once the tests are found, `work` has them."""
+class _TooDearError(BaseException):
+    """Which no code that is tested catches."""
 
-    def __init__(self, work: Callable[[Session], None]) -> None:
-        self._work, self.failed, self.items = work, "", dict[str, pytest.Item]()
+
+class Session:
+    """A plugin of pytest: once the tests are found, `work` has them; slow ones only of the files `slow`."""
+
+    def __init__(self, work: Callable[[Session], None], slow: Sequence[str] = ()) -> None:
+        self._work, self._slow, self.failed, self.items = work, slow, "", dict[str, pytest.Item]()
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Leave out slow tests of other files."""
+        items[:] = [
+            item
+            for item in items
+            if item.nodeid.partition("::")[0] in self._slow or not item.get_closest_marker("slow")
+        ]
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """In place of running them all."""
@@ -72,22 +84,19 @@ class Session:
         item.config.hook.pytest_runtest_protocol(item=item, nextitem=None)
         return self.failed
 
-    def record(self, file: str) -> list[Ran] | None:
-        """The tests of a file that pass in time; None if the process that ran them died."""
+    def record(self, file: str) -> list[Ran]:
+        """The tests of a file that pass in time, up to one that ends the process."""
         items = [item for name, item in self.items.items() if name.partition("::")[0] == file]
-        told = list(forked(lambda: self._recorded(items), LONGEST * 10))
-        if not told or told[-1] is not True:
-            return None
-        return [Ran(test, seconds, frozenset((a, b) for a, b in names)) for test, seconds, names in told[:-1]]
+        told = forked(lambda: self._recorded(items), (DEAR + 1.0) * len(items) + LONGEST)
+        return [Ran(test, seconds, frozenset((a, b) for a, b in names)) for test, seconds, names in told]
 
     def _recorded(self, items: Sequence[pytest.Item]) -> Iterator[Any]:
         for item in items:
             start = clock()
-            with calls() as seen:
+            with calls() as seen, _stopped_after(DEAR):
                 failed = self.run(item)
-            if not failed and clock() - start < LONGEST:
+            if not failed:
                 yield item.nodeid, clock() - start, sorted(functions(seen))
-        yield True
 
     def judge(self, mutant: Mutant, by_function: dict[Function, list[Ran]]) -> Judged:
         """Whether a test that runs the function of a mistake notices it."""
@@ -159,13 +168,30 @@ def forked(work: Callable[[], Iterator[Any]], seconds: float) -> Iterator[Any]:
         os.waitpid(child, 0)
 
 
-def with_tests(files: Sequence[str], work: Callable[[Session], None]) -> int:
+@contextlib.contextmanager
+def _stopped_after(seconds: float) -> Iterator[None]:
+    """Let a test fail that takes more processor time (where kernels are Python, `conftest` does so)."""
+
+    def ring(*_: object) -> None:
+        raise _TooDearError
+
+    signal.signal(signal.SIGPROF, ring)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    except _TooDearError:
+        raise AssertionError("the report of a test takes too long") from None
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+
+
+def with_tests(files: Sequence[str], work: Callable[[Session], None], slow: Sequence[str] = ()) -> int:
     """Find the tests of these files, in this process, and call `work` with them."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
     os.chdir(ROOT)
     with tempfile.TemporaryDirectory(prefix="flexlink-faults-") as folder:
-        return int(pytest.main([*OPTIONS, f"--basetemp={folder}/tests", *files], plugins=[Session(work)]))
+        return int(pytest.main([*OPTIONS, f"--basetemp={folder}/tests", *files], plugins=[Session(work, slow)]))
 
 
 def record(session: Session, recorded: Recorded, tell: Callable[[str], None]) -> None:
@@ -173,9 +199,8 @@ def record(session: Session, recorded: Recorded, tell: Callable[[str], None]) ->
     for file in dict.fromkeys(name.partition("::")[0] for name in session.items):
         if not recorded.knows(file):
             ran = session.record(file)
-            tell(f"{file}: {'the process died' if ran is None else f'{len(ran)} tests'}")
-            if ran is not None:
-                recorded.add(file, ran)
+            tell(f"{file}: {len(ran)} tests in {sum(each.seconds for each in ran):.1f} s")
+            recorded.add(file, ran)
 
 
 def test_files() -> list[str]:

@@ -32,7 +32,7 @@ DROPPED = frozenset({"abs", "sorted", "reversed", "sqrt", "cumsum", "transpose",
 """Functions of one array whose value may be taken for their argument."""
 SYMMETRIC = frozenset({
     "isinstance", "issubclass", "getattr", "hasattr", "zip", "range", "max", "min", "maximum", "minimum", "hypot",
-    "allclose", "array_equal",
+    "multiply", "largest_distance", "allclose", "array_equal",
 })  # fmt: skip
 """Functions whose arguments may be swapped, or are never in another order."""
 EMPTY = {"bool": "not ({})", "float": "0.0 * ({})", "int": "0 * ({})", "Array": "0.0 * ({})", "str": '""'}

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import CodeType, FrameType
@@ -32,20 +32,23 @@ class Ran(NamedTuple):
 class Recorded:
     """What is known of test files, kept in a file: a test file that has changed is unknown."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, slow: Sequence[str] = ()) -> None:
+        self._path, self._slow = path, slow
         self._known: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+
+    def _digest(self, file: str) -> str:
+        return hashlib.sha256((ROOT / file).read_bytes()).hexdigest()[:16] + " with slow ones" * (file in self._slow)
 
     def knows(self, file: str) -> bool:
         """Whether this test file was recorded as it stands there."""
-        return file in self._known and self._known[file]["digest"] == _digest(file)
+        return file in self._known and self._known[file]["digest"] == self._digest(file)
 
     def add(self, file: str, ran: list[Ran]) -> None:
         """Keep the tests of a file."""
         names = sorted({function for each in ran for function in each.functions})
         number = {name: k for k, name in enumerate(names)}
         tests = {each.test: [round(each.seconds, 4), sorted(number[name] for name in each.functions)] for each in ran}
-        self._known[file] = {"digest": _digest(file), "functions": names, "tests": tests}
+        self._known[file] = {"digest": self._digest(file), "functions": names, "tests": tests}
         self._path.parent.mkdir(exist_ok=True)
         self._path.write_text(json.dumps(self._known), encoding="utf-8")
 
@@ -69,10 +72,6 @@ class Recorded:
 def tests_of(file: str, where: str, by_function: dict[Function, list[Ran]]) -> list[Ran]:
     """Tests that may notice a change there: of values in a file without functions any test."""
     return by_function.get((file, where), []) or (by_function[EVERY] if not where else [])
-
-
-def _digest(file: str) -> str:
-    return hashlib.sha256((ROOT / file).read_bytes()).hexdigest()[:16]
 
 
 @contextmanager

@@ -34,6 +34,7 @@ class Plan(msgspec.Struct, forbid_unknown_fields=True):
     most: int  # of a room
     quota: float  # of them that the tests have to notice
     python: tuple[str, ...]  # tests of kernels, which run as Python
+    slow: tuple[str, ...]  # files whose slow tests judge, too
     more: dict[str, int] = {}  # rooms of which more are drawn
     same: tuple[Same, ...] = ()
 

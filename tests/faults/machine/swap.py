@@ -10,6 +10,7 @@ from collections import Counter, defaultdict
 from types import CodeType, FunctionType
 from typing import Any
 
+from flexlink.common.memo import Memo
 from tests.faults.machine.generator import Mutant
 from tests.faults.plant import ROOT
 
@@ -33,7 +34,7 @@ def swap(mutant: Mutant) -> None:
         _swap_code(str(path), source, planted)
     else:
         _swap_value(mutant, source, planted)
-    _forget()
+    forget()
 
 
 def _swap_code(path: str, source: bytes, planted: bytes) -> None:
@@ -98,8 +99,10 @@ def _assigned(tree: ast.Module, line: int) -> str | None:
     return None
 
 
-def _forget() -> None:
-    """Results that were kept while modules were imported."""
+def forget() -> None:
+    """Drop results that were kept since modules were imported."""
+    for memo in living(Memo):
+        memo._results.clear()
     for each in living(functools._lru_cache_wrapper):
         each.cache_clear()
 

@@ -7,13 +7,16 @@ import os
 import sys
 from pathlib import Path
 
+from flexlink import load_scene, simulate
 from tests.faults.machine.apart import judge_apart
 from tests.faults.machine.generator import Mutant
 from tests.faults.machine.judge import APART, Session, record, test_files, with_tests
 from tests.faults.machine.recording import Recorded
 from tests.faults.machine.run import plan
+from tests.faults.machine.swap import forget
 from tests.faults.plant import ROOT, copied
 
+WARM = "computed_torque.toml", "dual_arm.toml", "gantry.toml", "paper_fig5.toml"
 CACHE = ROOT / ".faults_cache"
 
 
@@ -23,13 +26,17 @@ def main(file: str) -> None:
     output = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # dots
     as_python = bool(os.environ.get("NUMBA_DISABLE_JIT"))
-    recorded = Recorded(CACHE / ("python.json" if as_python else "fast.json"))
+    recorded = Recorded(CACHE / ("python.json" if as_python else "fast.json"), plan().slow)
     files = list(plan().python) if as_python else test_files()
 
     def tell(text: str) -> None:
         print(text, file=output, flush=True)
 
     def work(session: Session) -> None:
+        if not as_python:  # so that no fork has to load machine code
+            for scene in WARM:
+                simulate(load_scene(ROOT / "models" / scene))
+            forget()
         record(session, recorded, tell)
         by_function = recorded.by_function()
         with copied() as copy:
@@ -42,7 +49,7 @@ def main(file: str) -> None:
     unknown = [name for name in files if not recorded.knows(name)]
     mutated = {mutant.file for mutant in mutants}
     asked = {ran.test.partition("::")[0] for ran in recorded if any(file in mutated for file, _ in ran.functions)}
-    with_tests([*sorted({*unknown, *(asked & set(files))}), "-m", "not slow"], work)
+    with_tests(sorted({*unknown, *(asked & set(files))}), work, plan().slow)
 
 
 if __name__ == "__main__":
