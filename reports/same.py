@@ -214,10 +214,10 @@ def _kind(row: Row, there: Published, edited: bool) -> Kind:
     apart: Kind = "moved" if edited and row.tolerance is None else "different"
     if row.value is None or there.value is None or _passes(row, row.value) is not _passes(row, there.value):
         return apart
-    allowed = _allowed(row, max(abs(row.value), abs(there.value)))
+    most = allowed(row, max(abs(row.value), abs(there.value)))
     if edited and row.tolerance is not None:
-        allowed = max(allowed, abs(row.tolerance))
-    return "rounding" if abs(row.value - there.value) <= allowed else apart
+        most = max(most, abs(row.tolerance))
+    return "rounding" if abs(row.value - there.value) <= most else apart
 
 
 def _passes(row: Row, value: float) -> bool | None:
@@ -226,7 +226,7 @@ def _passes(row: Row, value: float) -> bool | None:
     return value >= row.tolerance if row.bound == "at least" else value <= row.tolerance
 
 
-def _allowed(row: Row, size: float) -> float:
+def allowed(row: Row, size: float) -> float:
     """How far two numbers of that size may be apart: a part of the check's own limit, or what rounding leaves."""
     if row.tolerance is not None:
         return max(OF_LIMIT * abs(row.tolerance), RELATIVE * size)
@@ -259,7 +259,7 @@ def _times(pair: Pair) -> float:
     if pair.row.value is None or pair.published is None:
         return float("inf")
     size = max(abs(pair.row.value), abs(pair.published))
-    return abs(pair.row.value - pair.published) / (_allowed(pair.row, size) or 1e-300)
+    return abs(pair.row.value - pair.published) / (allowed(pair.row, size) or 1e-300)
 
 
 def differences(comparison: Comparison) -> Iterator[str]:
