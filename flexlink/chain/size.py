@@ -41,10 +41,10 @@ def without_lever(arrays: ChainArrays, reach: float) -> Indices:
 
     A joint on which one with a lever hangs has a lever: the place moves on a circle, which lies on no axis.
     """
-    bodies, placed = arrays.bodies, _at_any_posture(arrays, reach)
-    passes = arrays.hinges["axis"] >= SLIDES
+    bodies, passes = arrays.bodies, arrays.hinges["axis"] >= SLIDES
     if reach == 0:
         return np.flatnonzero(~passes)
+    placed = _at_any_posture(arrays, reach)
     for k in range(len(passes) - 1, -1, -1):
         if not passes[k]:
             body, beyond = _beyond(bodies, k)
@@ -60,9 +60,8 @@ def on_elastic_gears(arrays: ChainArrays) -> Indices:
     inner, outer = hinges[:-1], hinges[1:]
     sprung = (inner["stiffness"] == 0) & (outer["stiffness"] > 0) & (inner["armature"] > 0)
     found = np.flatnonzero(sprung & (inner["axis"] == outer["axis"]) & (inner["axis"] < SLIDES))
-    bodies_of = np.repeat(np.arange(len(bodies)), bodies["stop"] - bodies["first"])
     apart = bodies["translation"].any(axis=1) | (bodies["turned"] != 0) | (bodies["begins"] != 0)
-    here, there = bodies_of[found], bodies_of[found + 1]
+    here, there = _bodies_of(bodies)[[found, found + 1]]
     return np.asarray(found[(here == there) | ~apart[there]])
 
 
@@ -96,9 +95,14 @@ def _at_any_posture(arrays: ChainArrays, length: float) -> KinematicsWork:
     return placed
 
 
+def _bodies_of(bodies: NDArray[np.void]) -> Indices:
+    """The body of every joint (n,)."""
+    return np.repeat(np.arange(len(bodies)), bodies["stop"] - bodies["first"])
+
+
 def _beyond(bodies: NDArray[np.void], k: int) -> tuple[int, NDArray[np.bool_]]:
     """The body of joint `k`, and whether each body moves with it."""
-    body = int(np.flatnonzero((bodies["first"] <= k) & (k < bodies["stop"]))[0])
+    body = int(_bodies_of(bodies)[k])
     moves = np.arange(len(bodies)) == body
     for i in range(body + 1, len(bodies)):
         moves[i] = bodies["parent"][i] > body and moves[bodies["parent"][i] - 1]
