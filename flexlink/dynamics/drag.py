@@ -10,7 +10,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import is_batch, rows
-from flexlink.kernels.bodies.drag import add_drag_slopes, drag_torques_of_many
+from flexlink.kernels.forces.drag import add_drag_slopes, drag_torques_of_many
 from flexlink.kernels.tools.finite import is_finite
 
 

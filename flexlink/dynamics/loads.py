@@ -27,7 +27,7 @@ from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.wrench import world_wrench
-from flexlink.kernels.bodies.drag import drag_loads
+from flexlink.kernels.forces.drag import drag_loads
 from flexlink.kernels.tools.finite import is_finite
 
 

@@ -47,7 +47,7 @@ from flexlink.common.types import Array
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.bodies.kinematics import arm_length, forward_kinematics
-from flexlink.kernels.bodies.rotation_springs import stretches
+from flexlink.kernels.forces.rotation_springs import stretches
 
 EPS = float(np.finfo(np.float64).eps)
 ROUNDINGS = 10

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.kernels.bodies.couplings import give_way
-from flexlink.kernels.bodies.rotation_springs import add_excess_energies, excess_torque, rotation_vectors
-from flexlink.kernels.derivatives.rotation_tangent import excess_stiffness
+from flexlink.kernels.forces.couplings import give_way
+from flexlink.kernels.forces.rotation_springs import add_excess_energies, excess_torque, rotation_vectors
+from flexlink.kernels.forces.rotation_tangent import excess_stiffness
 from flexlink.kernels.layout import COUPLING
 
 

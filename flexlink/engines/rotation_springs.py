@@ -11,7 +11,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.formats.document import ROTATION_SPRINGS
-from flexlink.kernels.bodies.rotation_springs import excess_torque
+from flexlink.kernels.forces.rotation_springs import excess_torque
 
 Excess = Callable[[Array], Array]
 

@@ -29,7 +29,7 @@ from flexlink.common.safe_xml import numbers_of, parse
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
 from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE, WIDE
-from flexlink.kernels.bodies.rotation_springs import SPRINGS
+from flexlink.kernels.forces.rotation_springs import SPRINGS
 from flexlink.kernels.layout import COUPLING, HINGE
 
 ROUNDING = 1e-14  # of angles and quaternions, which depends on the machine's mathematical library

@@ -1,4 +1,4 @@
-"""Layout of a chain's arrays, which every kernel reads: its bodies, its hinges, gravity, and couplings of springs.
+"""Layout of a chain's arrays, which every kernel reads: its bodies, its hinges, gravity, and what is rare.
 
 Bodies form a tree; each comes after the one that it hangs on, mostly right after it. A recursion outward goes from body
 to body and keeps, at a body on which branches begin, what these go on from (`fork`, `slot`); one inward adds up there
@@ -74,10 +74,21 @@ SLIDES = 3
 """Hinges whose axis is as large slide; a body's hinges either all turn, or all slide."""
 
 
+class Rare(NamedTuple):
+    """What a plain chain has not: here its force elements; each may be empty, where another is there."""
+
+    couplings: NDArray[np.void]
+    drag: NDArray[np.void]
+
+
 class ChainArrays(NamedTuple):
-    """What the kernels see of a chain."""
+    """What the kernels see of a chain.
+
+    `rare` is None of a plain one: no branches, no joints that slide, no force elements. No code is made for these then
+    (`tools.absent`).
+    """
 
     bodies: NDArray[np.void]
     hinges: NDArray[np.void]
     gravity: NDArray[np.float64]
-    couplings: NDArray[np.void]
+    rare: Rare | None

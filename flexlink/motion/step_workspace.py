@@ -15,7 +15,7 @@ from flexlink.dynamics.floating_base import FAR
 from flexlink.inputs.drives import gains_of
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
-from flexlink.kernels.bodies.rotation_springs import NO_ROTATION, rotation_springs
+from flexlink.kernels.forces.rotation_springs import NO_ROTATION, rotation_springs
 from flexlink.kernels.forward.mass_plus_cells import columns
 from flexlink.kernels.forward.mass_plus_diagonal_plane import PlanePosture, plane_posture, plane_postures
 from flexlink.kernels.forward.mass_plus_diagonal_space import SpacePosture, space_posture, space_postures

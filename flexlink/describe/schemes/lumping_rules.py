@@ -87,7 +87,7 @@ class LumpingRule(Spec, frozen=True):
 
     `springs` = "rotation" lets the springs of a hinge hold φ itself, and those of a cell of two hinges the curvature of
     the rotation between them, which is of order 4 then, too. It acts on links with flex = "xyz": with fewer axes no
-    rotation is free of twist, and in a plane angles are exact. See `flexlink.kernels.bodies.rotation_springs`.
+    rotation is free of twist, and in a plane angles are exact. See `flexlink.kernels.forces.rotation_springs`.
     """
 
     about: str

@@ -5,7 +5,34 @@ Row 0 is that of the base; a body's is its `fork`, and of one with which a branc
 
 import numpy as np
 
+from flexlink.kernels.layout import ChainArrays, Rare
 from flexlink.kernels.tools.compiler import kernel
+from flexlink.kernels.tools.lanes import empty_lanes
+
+
+@kernel
+def one_of(bodies, hinges, gravity, rare, lane):
+    """One of eight chains, arrays (8, …)."""
+    return ChainArrays(bodies[lane], hinges[lane], gravity[lane], one_rare(rare, lane))
+
+
+@kernel
+def one_rare(rare, lane):
+    """What is rare of it."""
+    if rare is None:
+        return None
+    return Rare(rare.couplings[lane], rare.drag[lane])
+
+
+@kernel
+def eight_of(bodies, hinges, gravity, rare):
+    """All of them."""
+    return (
+        one_of(bodies, hinges, gravity, rare, 0), one_of(bodies, hinges, gravity, rare, 1),
+        one_of(bodies, hinges, gravity, rare, 2), one_of(bodies, hinges, gravity, rare, 3),
+        one_of(bodies, hinges, gravity, rare, 4), one_of(bodies, hinges, gravity, rare, 5),
+        one_of(bodies, hinges, gravity, rare, 6), one_of(bodies, hinges, gravity, rare, 7),
+    )  # fmt: skip
 
 
 @kernel
@@ -16,6 +43,22 @@ def rows_of_forks(bodies):
         if bodies[i].begins:
             rows = max(rows, 1 + bodies[i].slot)
     return rows
+
+
+@kernel
+def fork_rows(chain, size):
+    """As many rows of `size` numbers; None of a plain chain."""
+    if chain.rare is None:
+        return None
+    return np.zeros((rows_of_forks(chain.bodies), size))
+
+
+@kernel
+def fork_lanes(chain, size):
+    """The same for eight states side by side."""
+    if chain.rare is None:
+        return None
+    return empty_lanes((rows_of_forks(chain.bodies), size))
 
 
 @kernel

@@ -1,6 +1,7 @@
 """Kinetic, gravity and elastic energy, body by body: an independent road beside ½ q̇ᵀ M q̇."""
 
 from flexlink.kernels.bodies.kinematics import forward_kinematics, motion_of
+from flexlink.kernels.forces.elements import elastic_energy, forces_of
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import kernel, recursion, subroutine
 from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cross, dot, scale, sub, vector
@@ -8,29 +9,26 @@ from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cros
 
 @kernel
 def energies(chain, q, qd):
-    """T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇²,  V_g = −Σ m g·p_c,  V_e = ½ (θ − θ₀)·K (θ − θ₀) [J]; V_g = 0 at 0.
-
-    What springs of rotation vectors hold beside that is added by `add_excess_energies`.
-    """
-    return energies_of(chain, q, qd, forward_kinematics(chain, q))
+    """T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇²,  V_g = −Σ m g·p_c,  V_e of all springs [J]; V_g = 0 at 0."""
+    return energies_of(chain, q, qd, forward_kinematics(chain, q), forces_of(chain))
 
 
 @recursion
-def energies_of(chain, q, qd, placed):
-    """The same where `kinematics` has been."""
+def energies_of(chain, q, qd, placed, forces):
+    """The same where `kinematics` has been, of a chain with these `forces_of` it."""
     bodies, hinges = chain.bodies, chain.hinges
     rotations, points, axes = placed.rotations, placed.points, placed.axes
     kinetic, gravity, elastic = 0.0, 0.0, 0.0
     ω, v, p = ZERO, ZERO, ZERO
     for i in range(len(bodies)):
         b = bodies[i]
-        if b.begins:
+        if chain.rare is not None and b.begins:
             ω, v = motion_of(chain, b.parent, qd, placed)
             p = vector(points[b.parent - 1]) if b.parent > 0 else ZERO
         v = add(v, cross(ω, sub(vector(points[i]), p)))
         p = vector(points[i])
         for k in range(b.first, b.stop):
-            if hinges[k].axis >= SLIDES:
+            if chain.rare is not None and hinges[k].axis >= SLIDES:
                 v = slid(v, qd[k], axes[k])
             else:
                 ω = add(ω, scale(qd[k], vector(axes[k])))
@@ -41,10 +39,8 @@ def energies_of(chain, q, qd, placed):
         ω_body = apply_transposed(rotations[i], ω)
         kinetic += 0.5 * b.mass * dot(v_center, v_center) + 0.5 * dot(ω_body, apply(b.inertia, ω_body))
         gravity -= b.mass * dot(vector(chain.gravity), add(p, lever))
-    for c in range(len(chain.couplings)):
-        pair = chain.couplings[c]
-        i, j = pair.inner, pair.outer
-        elastic += pair.stiffness * (q[i] - hinges[i].rest) * (q[j] - hinges[j].rest)
+    if forces is not None:
+        elastic += elastic_energy(forces.elements, q)
     return kinetic, gravity, elastic
 
 

@@ -73,7 +73,7 @@ def kinematics(chain, q, work):
     p = (o, o, o)
     for i in range(len(bodies)):
         b = bodies[i]
-        if rarely(b.begins):
+        if chain.rare is not None and rarely(b.begins):
             x, y, z, p = (1.0 + o, o, o), (o, 1.0 + o, o), (o, o, 1.0 + o), (o, o, o)
             if b.parent > 0:
                 x, y, z = columns_of(rotations[b.parent - 1])
@@ -83,7 +83,7 @@ def kinematics(chain, q, work):
             x, y, z = place_axes(b.rotation, x, y, z)
         for k in range(b.first, b.stop):
             axis = hinges[k].axis
-            if rarely(axis >= SLIDES):
+            if chain.rare is not None and rarely(axis >= SLIDES):
                 e = pick(axis - SLIDES, x, y, z)
                 put_vec_of(axes, e, k, 0)
                 p = add_scaled(p, position_of(q, k), e)

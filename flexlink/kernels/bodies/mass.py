@@ -5,14 +5,15 @@ lower       the same, inward to the moving joint only: the part of the column on
 upper       the bodies beyond the joint move as one rigid body: the part on and above the diagonal, in body frames
 composite   the same bodies in inertial axes: a row needs only the joints' axes and points (Featherstone 2008, 6.2)
 
-The first two are for what the paper has, serial arms of hinges. All write M (n, n) and return its trace. One source of the last serves one state and eight side by side (`lanes`).
+The first two are for what the paper has, serial arms of hinges. All write
+M (n, n) and return its trace. One source of the last serves one state and eight side by side (`lanes`).
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.branches import rows_of_forks
+from flexlink.kernels.bodies.branches import fork_lanes, fork_rows, rows_of_forks
 from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics, kinematics_workspace
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
@@ -165,11 +166,11 @@ def mass_upper(chain, q, M):
     """M by composite bodies in body frames (Walker-Orin method 3): the column above the diagonal, inward."""
     bodies, hinges, turns = chain.bodies, chain.hinges, turns_of(q)
     m, h, J = 0.0, ZERO, ZERO6  # mass, first moment, inertia of all bodies from here on, about the hinge point
-    beyond = np.zeros((len(bodies), 10))  # those of branches that begin on a body
+    beyond = np.zeros((0 if chain.rare is None else len(bodies), 10))  # those of branches that begin on a body
     M[:] = 0.0
     for start in range(len(bodies) - 1, -1, -1):
         b = bodies[start]
-        if b.fork > 0:
+        if chain.rare is not None and b.fork > 0:
             m, h, J = with_branches(beyond[start], m, h, J)
         c = vector(b.center)
         m += b.mass
@@ -177,7 +178,7 @@ def mass_upper(chain, q, M):
         J = sym_add(J, sym_add(symmetric(b.inertia), point_inertia(b.mass, c)))
         for j in range(b.stop - 1, b.first - 1, -1):
             axis = hinges[j].axis
-            if axis >= SLIDES:
+            if chain.rare is not None and axis >= SLIDES:
                 f, n = asked_by_slide(axis, m, h)
             else:
                 f = cross(unit(axis), h)
@@ -185,7 +186,7 @@ def mass_upper(chain, q, M):
             k, i = j, start
             while i >= 0:
                 while k >= bodies[i].first:
-                    if hinges[k].axis >= SLIDES:
+                    if chain.rare is not None and hinges[k].axis >= SLIDES:
                         M[k, j] = M[j, k] = f[hinges[k].axis - SLIDES]
                         n = before_slide(hinges[k].axis, turns[k, 2], f, n)
                     else:
@@ -199,7 +200,7 @@ def mass_upper(chain, q, M):
                 i = bodies[i].parent - 1
                 k = bodies[i].stop - 1
             M[j, j] += hinges[j].armature
-            if axis >= SLIDES:
+            if chain.rare is not None and axis >= SLIDES:
                 h, J = slid(axis, turns[j, 2], m, h, J)
             else:
                 c, s = turns[j, 0], turns[j, 1]
@@ -211,7 +212,7 @@ def mass_upper(chain, q, M):
         r = vector(b.translation)
         J = sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
         h = add(h, scale(m, r))
-        if b.begins:
+        if chain.rare is not None and b.begins:
             if b.parent > 0:
                 m, h, J = with_branches(beyond[b.parent - 1], m, h, J)
                 put_branches(beyond[b.parent - 1], m, h, J)
@@ -239,19 +240,26 @@ class CompositeWork(NamedTuple):
 
     placed: KinematicsWork
     pivots: Any  # hinge point of every hinge
-    masses: Any  # (rows,) m of branches
-    forks: Any  # (rows, 9) their C and J
+    masses: Any  # (rows,) m of branches; None of a plain chain
+    forks: Any  # (rows, 9) their C and J; likewise
     starts: Any  # (bodies,) number of the body that a body's branch begins with
 
 
 @kernel
 def composite_workspace(chain):
     """Scratch of `composite` for a chain."""
-    rows = rows_of_forks(chain.bodies)
     return CompositeWork(
-        kinematics_workspace(chain), np.empty((len(chain.hinges), 3)), np.empty(rows), np.empty((rows, 9)),
+        kinematics_workspace(chain), np.empty((len(chain.hinges), 3)), masses_of_branches(chain), fork_rows(chain, 9),
         starts_of_branches(chain.bodies),
     )  # fmt: skip
+
+
+@kernel
+def masses_of_branches(chain):
+    """A number for every fork; None of a plain chain."""
+    if chain.rare is None:
+        return None
+    return np.empty(rows_of_forks(chain.bodies))
 
 
 @kernel
@@ -285,13 +293,13 @@ def composite(chain, q, M, work):
         for k in range(bodies[i].first, bodies[i].stop):
             put_vec_of(pivots, vec_of(points, i, 0), k, 0)
     o = zero_of(points, 0, 0)
-    if rarely(len(work.masses) > 0):
+    if work.forks is not None and rarely(len(work.forks) > 0):
         begin_branches(M, work, o)
     m, C, J = 0.0, (o, o, o), (o, o, o, o, o, o)
     for i in range(len(bodies) - 1, -1, -1):
         b = bodies[i]
         p = vec_of(points, i, 0)
-        if rarely(b.fork > 0):
+        if chain.rare is not None and rarely(b.fork > 0):
             m_b, C_b, J_b = branches_at(work, b.fork)
             m, C, J = together(m, C, J, m_b, C_b, J_b)
         J = sym_add(J, sym_rotate(rotations[i], symmetric(b.inertia)))
@@ -303,7 +311,7 @@ def composite(chain, q, M, work):
         for k in range(b.stop - 1, b.first - 1, -1):
             axis = vec_of(axes, k, 0)
             lever = sub(C, p)
-            if rarely(hinges[k].axis >= SLIDES):
+            if chain.rare is not None and rarely(hinges[k].axis >= SLIDES):
                 f = scale(m, axis)
                 n = cross(lever, f)
             else:
@@ -312,7 +320,7 @@ def composite(chain, q, M, work):
             start, stop = work.starts[i], k + 1
             while True:
                 for j in range(bodies[start].first, stop):
-                    if rarely(hinges[j].axis >= SLIDES):
+                    if chain.rare is not None and rarely(hinges[j].axis >= SLIDES):
                         put_at(M, dot(vec_of(axes, j, 0), f), k, j)
                     else:
                         n_j = add(n, cross(sub(p, vec_of(pivots, j, 0)), f))
@@ -322,7 +330,7 @@ def composite(chain, q, M, work):
                     break
                 start, stop = work.starts[inward], bodies[inward].stop
             put_at(M, at(M, k, k) + hinges[k].armature, k, k)
-        if rarely(b.begins):
+        if chain.rare is not None and rarely(b.begins):
             if b.slot > 0:
                 m_b, C_b, J_b = branches_at(work, b.slot)
                 keep_branches(work, b.slot, *together(m, C, J, m_b, C_b, J_b))
@@ -376,11 +384,9 @@ def mass_of_many(chain, q):
     b, n, m = len(q), len(chain.hinges), len(chain.bodies)
     found, M, trig = np.empty((b, n, n)), empty_lanes((n, n)), empty_lanes((3, n))
     placed = KinematicsWork(empty_lanes((m, 3, 3)), empty_lanes((m, 3)), empty_lanes((n, 3)))
-    forks, starts = rows_of_forks(chain.bodies), starts_of_branches(chain.bodies)
-    kept = np.empty(forks), empty_lanes((forks, 9))
-    work, turns = (
-        CompositeWork(placed, empty_lanes((n, 3)), kept[0], kept[1], starts), Turns(trig[1], trig[2], trig[0]),
-    )  # fmt: skip
+    masses, forks, starts = masses_of_branches(chain), fork_lanes(chain, 9), starts_of_branches(chain.bodies)
+    work = CompositeWork(placed, empty_lanes((n, 3)), masses, forks, starts)
+    turns = Turns(trig[1], trig[2], trig[0])
     rows, elements, flat = found.reshape(b, n * n), M.reshape(n * n, LANES), trig.reshape(3, n * LANES)
     for start in range(0, b, LANES):
         put_lanes(q, start, trig[0])

@@ -18,13 +18,13 @@ def momenta(chain, qs, qds, found):
         ω, v, p = ZERO, ZERO, ZERO
         for i in range(len(bodies)):
             b = bodies[i]
-            if b.begins:
+            if chain.rare is not None and b.begins:
                 ω, v = motion_of(chain, b.parent, qd, placed)
                 p = vector(placed.points[b.parent - 1]) if b.parent > 0 else ZERO
             v = add(v, cross(ω, sub(vector(placed.points[i]), p)))
             p = vector(placed.points[i])
             for k in range(b.first, b.stop):
-                if hinges[k].axis >= SLIDES:
+                if chain.rare is not None and hinges[k].axis >= SLIDES:
                     v = add_scaled(v, qd[k], vector(placed.axes[k]))
                 else:
                     ω = add_scaled(ω, qd[k], vector(placed.axes[k]))

@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.couplings import CONSTANT, coupled_joints
-from flexlink.kernels.bodies.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
+from flexlink.kernels.bodies.branches import eight_of
+from flexlink.kernels.forces.elements import forces_of, forces_side_by_side
+from flexlink.kernels.forces.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
+from flexlink.kernels.layout import ChainArrays
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import LANES, at, put_at, vec, zero_of
 from flexlink.kernels.tools.numbered import numbered
@@ -54,12 +56,11 @@ class PlanarWork(NamedTuple):
     dry: Any
     flat: Any  # angles, cosines and sines, for the loop over all of them
     trig: Any  # the same memory, for the links
-    pairs: Any  # coupled joints, and the couplings' constants
-    coupled: Any
+    forces: Any  # force elements; None of a plain chain
 
 
 @kernel
-def planar_workspace(bodies, hinges, gravity, couplings):
+def planar_workspace(bodies, hinges, gravity, rare):
     """Scratch of `planar` with the chain's constants."""
     n = len(hinges)
     base, links = np.zeros(12), np.zeros((n, LINK.size))
@@ -90,20 +91,19 @@ def planar_workspace(bodies, hinges, gravity, couplings):
             own = dot(normal, sym_apply(symmetric(b.inertia), normal))
             links[k, LINK.inertia] += own + b.mass * (cx * cx + cy * cy)
     trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
-    dry, (pairs, coupled) = dry_joints(links[:, JOINT.coulomb]), coupled_joints(couplings)
-    return PlanarWork(base, links, prescribed_joints(hinges), dry, trig, trig, pairs, coupled)
+    dry, forces = dry_joints(links[:, JOINT.coulomb]), forces_of(ChainArrays(bodies, hinges, gravity, rare))
+    return PlanarWork(base, links, prescribed_joints(hinges), dry, trig, trig, forces)
 
 
 @kernel
-def planar_lanes_workspace(bodies, hinges, gravity, couplings):
-    """The same for eight chains side by side, arrays of shape (8, bodies), (8, n), (8, 3), (8, couplings)."""
-    n = hinges.shape[1]
+def planar_lanes_workspace(bodies, hinges, gravity, rare):
+    """The same for eight chains side by side, arrays of shape (8, bodies), (8, n), (8, 3), and of what is rare."""
+    n, chains = hinges.shape[1], eight_of(bodies, hinges, gravity, rare)
     base, links, coulomb = np.empty((12, LANES)), np.empty((n, LINK.size, LANES)), np.zeros(n)
-    trig, coupled = np.empty((3, n * LANES)), np.empty((couplings.shape[1], CONSTANT.size, LANES))
-    pairs = coupled_joints(couplings[0])[0]
+    trig = np.empty((3, n * LANES))
     for lane in range(LANES):
-        one = planar_workspace(bodies[lane], hinges[lane], gravity[lane], couplings[lane])
-        coupled[:, :, lane] = one.coupled
+        chain = chains[lane]
+        one = planar_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
         for j in range(12):
             base[j, lane] = one.base[j]
         for k in range(n):
@@ -112,7 +112,7 @@ def planar_lanes_workspace(bodies, hinges, gravity, couplings):
                 links[k, j, lane] = one.links[k, j]
     trig_lanes = trig.reshape(3, n, LANES)
     prescribed, dry = prescribed_joints(hinges[0]), dry_joints(coulomb)
-    return PlanarWork(base, links, prescribed, dry, trig, trig_lanes, pairs, coupled)
+    return PlanarWork(base, links, prescribed, dry, trig, trig_lanes, forces_side_by_side(chains))
 
 
 @kernel

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.branches import rows_of_forks
+from flexlink.kernels.bodies.branches import fork_lanes, fork_rows
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
 from flexlink.kernels.tools.lanes import (
@@ -53,14 +53,13 @@ class RneWork(NamedTuple):
 
     turns: Any  # (n, 2) cosine and sine of every hinge; how far one that slides is out
     loads: Any  # (bodies, 6) force and moment of every body
-    forks: Any  # (rows, 15) ω, α, a, and the tip wrench, where branches begin
+    forks: Any  # (rows, 15) ω, α, a, and the tip wrench, where branches begin; None of a plain chain
 
 
 @kernel
 def rne_workspace(chain):
     """Scratch of `rne` for a chain."""
-    forks = np.empty((rows_of_forks(chain.bodies), 15))
-    return RneWork(np.empty((len(chain.hinges), 2)), np.empty((len(chain.bodies), 6)), forks)
+    return RneWork(np.empty((len(chain.hinges), 2)), np.empty((len(chain.bodies), 6)), fork_rows(chain, 15))
 
 
 @kernel
@@ -77,8 +76,7 @@ def inverse_dynamics_of_many(chain, wrench, q, qd, qdd):
     b, n = q.shape
     tau, state, acting, trig = np.empty((b, n)), empty_lanes((4, n)), empty_lanes((6,)), empty_lanes((2, n))
     angles, flat, turns = state[0].reshape(-1), trig.reshape(2, n * LANES), Turns(trig[0], trig[1], state[0])
-    forks = empty_lanes((rows_of_forks(chain.bodies), 15))
-    work = RneWork(empty_lanes((n, 2)), empty_lanes((len(chain.bodies), 6)), forks)
+    work = RneWork(empty_lanes((n, 2)), empty_lanes((len(chain.bodies), 6)), fork_lanes(chain, 15))
     for start in range(0, b, LANES):
         put_lanes(wrench, start, acting)
         put_lanes(q, start, state[0])
@@ -105,12 +103,12 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
     ω = α = (o, o, o)
     a = scale(-1.0 + o, gravity)
     f_tip, n_tip = vec(wrench, 0), vec(wrench, 3)
-    if rarely(len(forks) > 0):
+    if work.forks is not None and rarely(len(forks) > 0):
         keep_state(forks, 0, ω, α, a, f_tip, n_tip)
     power = o
     for i in range(len(bodies)):
         b = bodies[i]
-        if rarely(b.begins):
+        if chain.rare is not None and rarely(b.begins):
             ω, α, a, f_tip, n_tip = state_at(forks, b.slot)
         r = vector(b.translation)
         a = add(a, add(cross(α, r), cross(ω, cross(ω, r))))
@@ -122,7 +120,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
             n_tip = apply_transposed(b.rotation, n_tip)
         for k in range(b.first, b.stop):
             axis = hinges[k].axis
-            if rarely(axis >= SLIDES):
+            if chain.rare is not None and rarely(axis >= SLIDES):
                 a = slide(axis - SLIDES, position_of(q, k), at(qd, k), at(qdd, k), ω, α, a)
                 put_at(turns, position_of(q, k) + o, k, 0)
                 continue
@@ -140,7 +138,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
         N = add(add(apply(b.inertia, α), cross(ω, apply(b.inertia, ω))), cross(c, F))
         if b.loaded:
             F, N, power = sub(F, f_tip), sub(N, n_tip), dot(n_tip, ω)
-        if rarely(b.fork > 0):
+        if chain.rare is not None and rarely(b.fork > 0):
             keep_state(forks, b.fork, ω, α, a, f_tip, n_tip)
         put_vec_of(loads, F, i, 0)
         put_vec_of(loads, N, i, 3)
@@ -152,7 +150,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
         n = add(n, vec_of(loads, i, 3))
         for k in range(b.stop - 1, b.first - 1, -1):
             axis = hinges[k].axis
-            if rarely(axis >= SLIDES):
+            if chain.rare is not None and rarely(axis >= SLIDES):
                 put_at(tau, f[axis - SLIDES] + hinges[k].armature * at(qdd, k), k)
                 n = sub(n, scale(at(turns, k, 0), cross_unit(f, axis - SLIDES, o)))
                 continue
@@ -164,7 +162,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
             f = apply(b.rotation, f)
             n = apply(b.rotation, n)
         n = add(n, cross(vector(b.translation), f))
-        if rarely(b.begins):
+        if chain.rare is not None and rarely(b.begins):
             if b.parent > 0:
                 put_vec_of(loads, add(vec_of(loads, b.parent - 1, 0), f), b.parent - 1, 0)
                 put_vec_of(loads, add(vec_of(loads, b.parent - 1, 3), n), b.parent - 1, 3)

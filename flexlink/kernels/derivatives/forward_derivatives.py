@@ -22,14 +22,13 @@ import numpy as np
 from flexlink.kernels.derivatives.inverse_derivatives import (
     BODY_MOTION,
     HINGE_MOTION,
-    Arrays,
     keep_columns,
     motion_workspace,
     of_hinge,
     outward,
     own_spin,
 )
-from flexlink.kernels.derivatives.rotation_tangent import find_tangent, rotation_tangent
+from flexlink.kernels.forces.elements import add_slopes
 from flexlink.kernels.forward.articulated_layout import LAYOUT
 from flexlink.kernels.forward.articulated_rows import (
     BODY_ROW,
@@ -40,7 +39,7 @@ from flexlink.kernels.forward.articulated_rows import (
 )
 from flexlink.kernels.forward.inverse_mass import solve_on_articulated
 from flexlink.kernels.forward.solvers import forward_dynamics
-from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.layout import SLIDES, ChainArrays
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite, is_finite
 from flexlink.kernels.tools.lanes import LANES, put_vec_of, vec_of
@@ -56,7 +55,7 @@ class ForwardDerivativesWork(NamedTuple):
 
     factors: ArticulatedWork
     solution: Any  # (2, n) T_EX and q̈
-    tangent: Any  # of springs of rotation vectors
+    slopes: Any  # (2, n, n) ∂T/∂q and ∂T/∂q̇ of force elements; None of a plain chain
     motion: Any  # of `outward`
     axes: Any  # (bodies, 9) working axes in frame 0
     accelerations: Any  # (bodies, 6) α of the body, and a − g of its hinge point, frame 0
@@ -67,22 +66,30 @@ class ForwardDerivativesWork(NamedTuple):
 
 
 @kernel
-def forward_derivatives_workspace(bodies, hinges, gravity, couplings):
+def forward_derivatives_workspace(bodies, hinges, gravity, rare):
     """Scratch of `derivatives_in_space` for a chain."""
-    n, m, factors = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, couplings)
+    n, m, factors = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, rare)
     return ForwardDerivativesWork(
-        factors, np.empty((2, n)), rotation_tangent(factors.rotation),
-        motion_workspace(Arrays(bodies, hinges, gravity, couplings)),
+        factors, np.empty((2, n)), slopes_like(rare, n),
+        motion_workspace(ChainArrays(bodies, hinges, gravity, rare)),
         np.empty((m, 9)), np.empty((m, 6)), np.empty((m, 6)), np.empty((m, 6, LANES)),
         np.empty((n, LANES)), np.empty((n, LANES)),
     )  # fmt: skip
 
 
 @kernel
-def forward_derivatives(bodies, hinges, gravity, couplings, wrench, q, qd, tau, found):
+def slopes_like(rare, n):
+    """Scratch for slopes of force elements, (2, n, n); None of a plain chain."""
+    if rare is None:
+        return None
+    return np.empty((2, n, n))
+
+
+@kernel
+def forward_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found):
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n), of prescribed joints ∂q̈/∂q̈_given; whether all is finite."""
-    work = forward_derivatives_workspace(bodies, hinges, gravity, couplings)
-    chain, slopes = Arrays(bodies, hinges, gravity, couplings), (found[0], found[1], found[2])
+    work = forward_derivatives_workspace(bodies, hinges, gravity, rare)
+    chain, slopes = ChainArrays(bodies, hinges, gravity, rare), (found[0], found[1], found[2])
     return derivatives_in_space(chain, wrench, q, qd, tau, slopes, work)
 
 
@@ -95,8 +102,8 @@ def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
     keep_solution(factors, work.axes, work.accelerations)
     force, moment = outward(chain, wrench, False, q, qd, qdd, work.accelerations, work.motion)
     transmit(chain, force, moment, work)
-    if len(factors.rotation.hinges) > 0:
-        find_tangent(q, factors.rotation, work.tangent)
+    if work.slopes is not None:
+        find_slopes(factors.forces, q, qd, work.slopes)
     for variable in range(3):
         for first in range((n - 1) // LANES * LANES, -1, -LANES):
             write_loads(chain, qd, variable, first, work)
@@ -104,6 +111,16 @@ def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
             keep_columns(work.x, first, found[variable])
     keep_prescribed(hinges, found[VARIABLE.tau])
     return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and are_finite(found)
+
+
+@recursion
+def find_slopes(forces, q, qd, slopes):
+    """Write ∂T/∂q and ∂T/∂q̇ of all force elements."""
+    for part in range(2):
+        for i in range(len(q)):
+            for j in range(len(q)):
+                slopes[part, i, j] = 0.0
+    add_slopes(forces.elements, q, qd, slopes[0], slopes[1])
 
 
 @recursion
@@ -118,10 +135,11 @@ def transmit(chain, force, moment, work):
     """Force and moment through the hinges of every body, as in `rne`."""
     rows, transmitted = work.motion.bodies, work.transmitted
     f = n = ZERO
-    clear_forks(chain.bodies, transmitted)
+    if chain.rare is not None:
+        clear_forks(chain.bodies, transmitted)
     for i in range(len(chain.bodies) - 1, -1, -1):
         b = chain.bodies[i]
-        if b.fork > 0:
+        if chain.rare is not None and b.fork > 0:
             n, f = add(n, vec_of(transmitted, i, 0)), add(f, vec_of(transmitted, i, 3))
         if b.loaded:
             f, n = scale(-1.0, force), scale(-1.0, moment)
@@ -129,7 +147,7 @@ def transmit(chain, force, moment, work):
         put_vec_of(transmitted, n, i, 0)
         put_vec_of(transmitted, f, i, 3)
         n = add(n, cross(vec_of(rows, i, BODY_MOTION.r), f))
-        if b.begins:
+        if chain.rare is not None and b.begins:
             add_to_body(transmitted, b.parent, n, f)
             f = n = ZERO
 
@@ -156,7 +174,7 @@ def keep_solution(factors, axes, accelerations):
     """Working axes of `articulated` at every body, and the accelerations that it has found, in frame 0."""
     x, y, z = X, Y, Z
     for i in range(len(axes)):
-        if factors.layout[i, LAYOUT.begins]:
+        if factors.forks is not None and factors.layout[i, LAYOUT.begins]:
             x, y, z = axes_on(axes, factors.layout[i, LAYOUT.parent])
         if factors.layout[i, LAYOUT.restart]:
             u, v, w = axes_of(factors.bodies, i, RESTART.axes_before)
@@ -181,15 +199,14 @@ def axes_on(axes, number):
 def write_loads(chain, qd, variable, first, work):
     """Write what the columns from `first` on ask of joints and bodies."""
     joint_loads(chain.hinges, qd, variable, first, work.r)
-    if variable != VARIABLE.tau:
-        coupling_loads(chain.couplings, variable, first, work.r)
+    if work.slopes is not None and variable != VARIABLE.tau:
+        force_loads(work.slopes[variable], first, work.r)
     body_loads(chain, variable, first // LANES, work)
-    if len(work.motion.slides) > 0 and variable != VARIABLE.q:
+    if work.motion.slides is not None and len(work.motion.slides) > 0 and variable != VARIABLE.q:
         slide_loads(chain, variable, first, work)
-    if len(work.motion.forks) > 0:
+    if work.motion.forks is not None and len(work.motion.forks) > 0:
         part_branches(chain.bodies, first, work.loads)
     if variable == VARIABLE.q:
-        rotation_loads(work.factors.rotation.hinges, work.tangent, first, work.r)
         for i in range(len(chain.bodies)):
             for j in range(max(first, chain.bodies[i].first), min(first + LANES, chain.bodies[i].stop)):
                 turn_transmitted(chain, i, j, j - first, work.r, work.loads, work)
@@ -211,29 +228,11 @@ def joint_loads(hinges, qd, variable, first, r):
 
 
 @recursion
-def coupling_loads(couplings, variable, first, r):
-    """Add those of couplings, where angles or rates change."""
-    for c in range(len(couplings)):
-        pair = couplings[c]
-        slope = pair.stiffness if variable == VARIABLE.q else pair.damping
-        if first <= pair.inner < first + LANES:
-            r[pair.outer, pair.inner - first] -= slope
-        if first <= pair.outer < first + LANES:
-            r[pair.inner, pair.outer - first] -= slope
-
-
-@recursion
-def rotation_loads(hinges, tangent, first, r):
-    """Add those of springs of rotation vectors, where angles change: what they take more than K."""
-    for b in range(len(tangent.blocks)):
-        t, u = tangent.blocks[b, 0], tangent.blocks[b, 1]
-        for k in range(3):
-            for j in range(3):
-                i, column = hinges[t, k], hinges[u, j]
-                if first <= column < first + LANES:
-                    r[i, column - first] -= tangent.values[b, k, j]
-                if t != u and first <= i < first + LANES:
-                    r[column, i - first] -= tangent.values[b, k, j]
+def force_loads(slopes, first, r):
+    """Add those of force elements, whose slopes (n, n) along angles or rates are known."""
+    for k in range(len(r)):
+        for j in range(first, min(first + LANES, len(r))):
+            r[k, j - first] -= slopes[k, j]
 
 
 @recursion
@@ -250,7 +249,7 @@ def turn_transmitted(chain, i, j, lane, r, loads, work):
     hinges = work.motion.hinges
     e, parent = of_hinge(hinges, j, HINGE_MOTION.e), chain.bodies[i].parent - 1
     n, f = cross(e, vec_of(work.transmitted, i, 0)), cross(e, vec_of(work.transmitted, i, 3))
-    if chain.hinges[j].axis >= SLIDES:
+    if chain.rare is not None and chain.hinges[j].axis >= SLIDES:
         n, f = f, ZERO
     else:
         for k in range(chain.bodies[i].first, j):

@@ -38,8 +38,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.branches import rows_of_forks
-from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.bodies.branches import fork_rows
+from flexlink.kernels.layout import SLIDES, ChainArrays
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite
 from flexlink.kernels.tools.lanes import LANES, at, put_at, put_eight, put_vec_of, vec_of
@@ -88,8 +88,8 @@ class MotionWork(NamedTuple):
 
     hinges: Any  # (⌈n/8⌉, HINGE, 8)
     bodies: Any  # (bodies, BODY)
-    slides: Any  # numbers of the hinges that slide
-    forks: Any  # (rows, COMPOSITE) outward the state, inward the composites
+    slides: Any  # numbers of the hinges that slide; None of a plain chain
+    forks: Any  # (rows, COMPOSITE) outward the state, inward the composites; likewise
 
 
 class InverseDerivativesWork(NamedTuple):
@@ -109,14 +109,16 @@ def motion_workspace(chain):
     blocks = -(-len(chain.hinges) // LANES)
     return MotionWork(
         np.zeros((blocks, HINGE_MOTION.size, LANES)), np.empty((len(chain.bodies), BODY_MOTION.size)),
-        sliding_hinges(chain.hinges), np.empty((rows_of_forks(chain.bodies), COMPOSITE.size)),
+        sliding_hinges(chain), fork_rows(chain, COMPOSITE.size),
     )  # fmt: skip
 
 
 @kernel
-def sliding_hinges(hinges):
-    """Numbers of those that slide, ascending."""
-    count = 0
+def sliding_hinges(chain):
+    """Numbers of those that slide, ascending; None of a plain chain."""
+    if chain.rare is None:
+        return None
+    hinges, count = chain.hinges, 0
     for k in range(len(hinges)):
         count += hinges[k].axis >= SLIDES
     found, count = np.empty(count, np.int64), 0
@@ -135,22 +137,13 @@ def derivatives_workspace(chain):
     return InverseDerivativesWork(slopes[0], slopes[1], slopes[2], slopes[3], slopes[4], motion_workspace(chain))
 
 
-class Arrays(NamedTuple):
-    """A chain's arrays, as `outward` takes them."""
-
-    bodies: Any
-    hinges: Any
-    gravity: Any
-    couplings: Any
-
-
 @kernel
-def all_inverse_derivatives(bodies, hinges, gravity, couplings, wrench, q, qd, qdd, found):
+def all_inverse_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, qdd, found):
     """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M into `found` (3, n, n); whether all is finite.
 
     The chain's arrays come one by one: to tell the type of them as one tuple takes half a microsecond of each call.
     """
-    return load_slopes(Arrays(bodies, hinges, gravity, couplings), wrench, False, q, qd, qdd, found)
+    return load_slopes(ChainArrays(bodies, hinges, gravity, rare), wrench, False, q, qd, qdd, found)
 
 
 @kernel
@@ -175,7 +168,7 @@ def slopes_under(chain, wrench, follower, q, qd, qdd, found, work):
     keep_slopes(work.by_angle, work.by_angle_inner, found[0])
     keep_slopes(work.by_rate, work.by_rate_inner, found[1])
     keep_slopes(work.by_acceleration, work.by_acceleration, found[2])
-    if len(work.motion.forks) > 0:
+    if work.motion.forks is not None and len(work.motion.forks) > 0:
         for variable in range(3):
             part_branches(chain.bodies, found[variable])
     return are_finite(found)
@@ -235,18 +228,18 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
     p = v = ω = α = ZERO
     a = scale(-1.0, vector(chain.gravity))
     f_tip, n_tip = force, moment
-    if len(work.forks) > 0:
+    if work.forks is not None and len(work.forks) > 0:
         keep_state(work.forks, 0, x, y, z, p, v, ω, α, a)
     for i in range(len(chain.bodies)):
         b = chain.bodies[i]
-        if b.begins:
+        if chain.rare is not None and b.begins:
             x, y, z, p, v, ω, α, a = kept_state(work.forks, b.slot)
         r = place(vector(b.translation), x, y, z)
         u = cross(ω, r)
         p, v, a = add(p, r), add(v, u), add(a, add(cross(α, r), cross(ω, u)))
         if b.turned:
             x, y, z = place_axes(b.rotation, x, y, z)
-        if body_slides(chain.hinges, b):
+        if chain.rare is not None and body_slides(chain.hinges, b):
             slid, w = sum_along(chain.hinges, b, q, x, y, z), sum_along(chain.hinges, b, qd, x, y, z)
             t = add(cross(ω, slid), w)
             r, u, p, v = add(r, slid), add(u, t), add(p, slid), add(v, t)
@@ -255,7 +248,7 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
             a = vec_of(solved, i, 3)
         for k in range(b.first, b.stop):
             axis = chain.hinges[k].axis
-            if axis >= SLIDES:
+            if chain.rare is not None and axis >= SLIDES:
                 put_slide(work.hinges, k, pick(axis - SLIDES, x, y, z), p, v, ω, α)
                 continue
             e = pick(axis, x, y, z)
@@ -286,7 +279,7 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
         put_vec_of(rows, add(cross(mc, a), add(sym_apply(I, α), cross(ω, sym_apply(I, ω)))), i, BODY_MOTION.N)
         put_vec_of(rows, (I[0], I[1], I[2]), i, BODY_MOTION.I)
         put_vec_of(rows, (I[3], I[4], I[5]), i, BODY_MOTION.I + 3)
-        if b.fork > 0:
+        if chain.rare is not None and b.fork > 0:
             keep_state(work.forks, b.fork, x, y, z, p, v, ω, α, a)
         if b.loaded and follower:
             f_tip, n_tip = place(force, x, y, z), place(moment, x, y, z)
@@ -394,14 +387,15 @@ def own_spin(ω, I):
 def inward(chain, force, moment, work):
     """Composites from the tips on, and with each hinge its row of slopes."""
     rows, forks = work.motion.bodies, work.motion.forks
-    clear(forks)
+    if work.motion.forks is not None:
+        clear(forks)
     m, s, I, P, G = 0.0, ZERO, ZERO6, ZERO, (ZERO, ZERO, ZERO)
     f = n = d = ZERO
     loaded = 0.0
     for i in range(len(chain.bodies) - 1, -1, -1):
         b, mc, ω = chain.bodies[i], vec_of(rows, i, BODY_MOTION.mc), vec_of(rows, i, BODY_MOTION.ω)
         r = vec_of(rows, i, BODY_MOTION.r)
-        if b.fork > 0:
+        if chain.rare is not None and b.fork > 0:
             m, s, I, P, G, f, n, d, loaded = with_branches(forks, b.fork, m, s, I, P, G, f, n, d, loaded)
         if b.loaded:
             f, n, d, loaded = scale(-1.0, force), scale(-1.0, moment), ZERO, 1.0
@@ -412,9 +406,9 @@ def inward(chain, force, moment, work):
         G = add(G[0], turned[0]), add(G[1], turned[1]), add(G[2], turned[2])
         f, n = add(f, vec_of(rows, i, BODY_MOTION.F)), add(n, vec_of(rows, i, BODY_MOTION.N))
         for k in range(b.stop - 1, b.first - 1, -1):
-            if loaded == 0.0:
+            if chain.rare is not None and loaded == 0.0:
                 unload(work.motion.hinges, k)
-            if chain.hinges[k].axis >= SLIDES:
+            if chain.rare is not None and chain.hinges[k].axis >= SLIDES:
                 derivatives_of_slide(k, m, s, P, f, loaded, work)
             else:
                 derivatives_of_turn(k, m, s, I, P, G, f, n, d, loaded, work)
@@ -425,7 +419,7 @@ def inward(chain, force, moment, work):
             G, P = add_dyad(add_dyad(G, P, r), u, t), add_scaled(P, m, u)
             I, s = sym_add(I, sym_add(product_inertia(s, r), point_inertia(m, r))), t
             n, d = add(n, cross(r, f)), add_scaled(d, loaded, r)
-        if b.begins:
+        if chain.rare is not None and b.begins:
             add_branch(forks, b.slot, m, s, I, P, G, f, n, d, loaded)
             m, s, I, P, G, loaded = 0.0, ZERO, ZERO6, ZERO, (ZERO, ZERO, ZERO), 0.0
             f = n = d = ZERO
@@ -530,7 +524,7 @@ def put_row(i, by_a, by_η, by_ω, by_F, by_m, f_q, n_q, f_qd, n_qd, work):
         put_at(work.by_rate, 2.0 * dot(by_η_j, δω_j) + dot(by_ω_j, e_j), b, i)
         put_at(work.by_rate_inner, dot(e_j, n_qd) + dot(lever, f_qd), b, i)
         put_at(work.by_acceleration, dot(by_η_j, e_j), b, i)
-    if len(work.motion.slides) > 0:
+    if work.motion.slides is not None and len(work.motion.slides) > 0:
         put_slides(i, by_a, f_q, f_qd, work)
 
 

@@ -6,7 +6,6 @@ from flexlink.kernels.derivatives.forward_derivatives import (
     forward_derivatives_workspace,
 )
 from flexlink.kernels.derivatives.inverse_derivatives import (
-    Arrays,
     InverseDerivativesWork,
     derivatives_workspace,
     inverse_derivatives,
@@ -37,13 +36,11 @@ def write_all(chain, wrench, q, qd, given, found, work):
 @kernel
 def forward_derivatives_of_many(chain, wrench, q, qd, tau, found):
     """Of forward dynamics."""
-    work = forward_derivatives_workspace(chain.bodies, chain.hinges, chain.gravity, chain.couplings)
-    arrays = Arrays(chain.bodies, chain.hinges, chain.gravity, chain.couplings)
-    return write_all(arrays, wrench, q, qd, tau, found, work)
+    work = forward_derivatives_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
+    return write_all(chain, wrench, q, qd, tau, found, work)
 
 
 @kernel
 def inverse_derivatives_of_many(chain, wrench, q, qd, qdd, found):
     """Of inverse dynamics."""
-    arrays = Arrays(chain.bodies, chain.hinges, chain.gravity, chain.couplings)
-    return write_all(arrays, wrench, q, qd, qdd, found, derivatives_workspace(arrays))
+    return write_all(chain, wrench, q, qd, qdd, found, derivatives_workspace(chain))

@@ -22,12 +22,13 @@ import numpy as np
 from flexlink.kernels.bodies.plane import BASE, LINK, in_plane, planar_workspace
 from flexlink.kernels.derivatives.forward_derivatives import (
     VARIABLE,
-    coupling_loads,
+    force_loads,
     friction_derivative,
     joint_loads,
     keep_prescribed,
 )
 from flexlink.kernels.derivatives.inverse_derivatives import keep_columns
+from flexlink.kernels.forces.elements import add_slopes, forces_of
 from flexlink.kernels.forward.mass_plus_diagonal_plane import PlanePosture, levers_alone, turn_levers
 from flexlink.kernels.forward.solvers import forward_dynamics
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
@@ -57,20 +58,21 @@ class PlanarDerivativesWork(NamedTuple):
 
 
 @kernel
-def planar_derivatives(bodies, hinges, gravity, couplings, wrench, q, qd, tau, found):
+def planar_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found):
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n) as `forward_derivatives`; whether all is finite."""
-    n, planar = len(q), planar_workspace(bodies, hinges, gravity, couplings)
+    n, planar = len(q), planar_workspace(bodies, hinges, gravity, rare)
     qdd, levers, lanes = np.zeros(n), np.empty((2, n, 2)), np.empty((6, n, LANES))
     forward_dynamics(wrench, q, qd, tau.copy(), qdd, planar)
     posture = levers_alone(planar, levers)
     weights = np.zeros((2, LANES + 1, LANES))
     work = PlanarDerivativesWork(posture, np.empty((n, ROW.size)), weights[0], weights[1], lanes[:3], lanes[3:])
+    slopes = slopes_of(planar.forces, q, qd)
     differentiate(planar.base, wrench, qd, work)
     for first in range((n - 1) // LANES * LANES, -1, -LANES):
         for variable in range(3):
             joint_loads(hinges, qd, variable, first, work.r[variable])
-            if variable != VARIABLE.tau:
-                coupling_loads(couplings, variable, first, work.r[variable])
+            if rare is not None and variable != VARIABLE.tau:
+                force_loads(slopes[variable], first, work.r[variable])
         weigh(hinges, first, work)
         solve(first, work)
         for variable in range(3):
@@ -78,6 +80,16 @@ def planar_derivatives(bodies, hinges, gravity, couplings, wrench, q, qd, tau, f
     keep_prescribed(hinges, found[VARIABLE.tau])
     finite = is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd)
     return finite and are_finite((found[0], found[1], found[2]))
+
+
+@kernel
+def slopes_of(forces, q, qd):
+    """∂T/∂q and ∂T/∂q̇ of force elements, (2, n, n); None of a plain chain."""
+    if forces is None:
+        return None
+    slopes = np.zeros((2, len(q), len(q)))
+    add_slopes(forces.elements, q, qd, slopes[0], slopes[1])
+    return slopes
 
 
 @recursion
@@ -242,12 +254,13 @@ def turn(k, variable, weight, work, before, ax, ay):
 
 
 @kernel
-def planar_derivatives_of_many(hinges, couplings, planar, wrench, q, qd, tau, found):
+def planar_derivatives_of_many(chain, planar, wrench, q, qd, tau, found):
     """Derivatives of states (b, n), wrenches (b, 6), into `found` (3, b, n, n), eight states side by side.
 
     `planar`: scratch of eight of the chain. Returns whether all is finite.
     """
-    n, finite = len(hinges), True
+    hinges, finite = chain.hinges, True
+    n, slopes = len(hinges), slopes_side_by_side(chain)
     state, acting, levers = np.empty((4, n, LANES)), np.empty((6, LANES)), np.empty((2, n, 2, LANES))
     lanes = np.zeros((6, n, LANES))
     posture = levers_alone(planar, levers)
@@ -260,12 +273,17 @@ def planar_derivatives_of_many(hinges, couplings, planar, wrench, q, qd, tau, fo
         state[3, :, :] = 0.0
         forward_dynamics(acting, state[0], state[1], state[2], state[3], planar)
         differentiate(planar.base, acting, state[1], work)
+        if chain.rare is not None:
+            find_slopes_of_eight(chain, q, qd, start, slopes)
         for j in range(n):
             put_joint_loads(hinges[j], j, state[1], work.r)
-            put_coupling_loads(couplings, j, 1.0, work.r)
+            if chain.rare is not None:
+                put_force_loads(slopes, j, work.r)
             solve_column(j, work)
-            work.r[:, j, :] = 0.0
-            put_coupling_loads(couplings, j, 0.0, work.r)
+            if chain.rare is None:
+                work.r[:, j, :] = 0.0
+            else:
+                work.r[:, :, :] = 0.0
             for lane in range(min(LANES, len(q) - start)):
                 for variable in range(3):
                     for k in range(n):
@@ -285,16 +303,31 @@ def put_joint_loads(hinge, j, qd, r):
         r[VARIABLE.tau, j, lane] = 0.0 if hinge.prescribed else 1.0
 
 
+@kernel
+def slopes_side_by_side(chain):
+    """Scratch (2, n, n, 8) for those of eight states; None of a plain chain."""
+    if chain.rare is None:
+        return None
+    n = len(chain.hinges)
+    return np.zeros((2, n, n, LANES))
+
+
+@kernel
+def find_slopes_of_eight(chain, q, qd, start, found):
+    """Slopes of force elements of the states from `start` on."""
+    forces = forces_of(chain)
+    for lane in range(min(LANES, len(q) - start)):
+        slopes = slopes_of(forces, q[start + lane], qd[start + lane])
+        found[:, :, :, lane] = slopes
+
+
 @recursion
-def put_coupling_loads(couplings, j, change, r):
-    """Torques of the joints that are coupled to joint j, of eight states, where its angle or its rate changes."""
-    for c in range(len(couplings)):
-        pair = couplings[c]
-        if j in (pair.inner, pair.outer):
-            other = pair.inner + pair.outer - j
+def put_force_loads(slopes, j, r):
+    """Add those of force elements of eight states, where the angle or rate of joint j changes."""
+    for part in range(2):
+        for k in range(r.shape[1]):
             for lane in range(LANES):
-                r[VARIABLE.q, other, lane] = -pair.stiffness * change
-                r[VARIABLE.qd, other, lane] = -pair.damping * change
+                r[part, k, lane] -= slopes[part, k, j, lane]
 
 
 @recursion

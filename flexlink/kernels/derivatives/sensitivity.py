@@ -21,13 +21,13 @@ from flexlink.kernels.bodies.branches import rows_of_forks
 from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics
 from flexlink.kernels.bodies.plane import PlanarWork
 from flexlink.kernels.bodies.rne import RneWork, rne
-from flexlink.kernels.bodies.rotation_springs import add_excess, put_constants, rotation_springs
 from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
-from flexlink.kernels.derivatives.inverse_derivatives import Arrays
 from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
+from flexlink.kernels.forces.rotation_springs import add_excess, put_constants, rotation_springs
 from flexlink.kernels.forward.articulated_rows import ArticulatedWork
 from flexlink.kernels.forward.solvers import DenseWork, forward_dynamics
 from flexlink.kernels.inputs.drive_torque import follow, stage_torque
+from flexlink.kernels.layout import ChainArrays as Arrays
 from flexlink.kernels.stepping.runge_kutta import add_stage, step_workspace
 from flexlink.kernels.tools.compiler import ARITHMETIC, kernel
 from flexlink.kernels.tools.finite import is_finite

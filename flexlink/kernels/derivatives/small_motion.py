@@ -74,9 +74,17 @@ def small_motion(chain):
     n, m = len(chain.hinges), len(chain.bodies)
     return SmallMotion(
         chain, motion_workspace(chain), np.zeros((2, 3)), np.zeros(1, np.bool_), np.zeros((n, HINGE.size)),
-        np.empty((m, 6)), np.empty((12, 6)), np.empty((rows_of_forks(chain.bodies), 12, 6)), np.zeros(1, np.int64),
+        np.empty((m, 6)), np.empty((12, 6)), matrices_of_forks(chain), np.zeros(1, np.int64),
         np.zeros(n, np.bool_),
     )  # fmt: skip
+
+
+@kernel
+def matrices_of_forks(chain):
+    """Scratch (rows, 12, 6); None of a plain chain."""
+    if chain.rare is None:
+        return None
+    return np.empty((rows_of_forks(chain.bodies), 12, 6))
 
 
 @kernel
@@ -85,10 +93,11 @@ def place(work, wrench, follower, q, qd):
     chain, motion, rows = work.chain, work.motion, work.hinges
     force, moment = outward(chain, wrench, follower, q, qd, np.zeros(len(q)), None, motion)
     f = t = ZERO
-    clear_loads(work.forks)
+    if work.forks is not None:
+        clear_loads(work.forks)
     for i in range(len(chain.bodies) - 1, -1, -1):
         b = chain.bodies[i]
-        if b.fork > 0:
+        if work.forks is not None and b.fork > 0:
             f, t = with_loads(work.forks, b.fork, f, t)
         if b.loaded:
             f, t = scale(-1.0, force), scale(-1.0, moment)
@@ -97,11 +106,11 @@ def place(work, wrench, follower, q, qd):
         for k in range(b.first, b.stop):
             e = of_hinge(motion.hinges, k, HINGE_MOTION.e)
             put_vec_of(rows, e, k, HINGE.e)
-            slides = chain.hinges[k].axis >= SLIDES
+            slides = felt(chain, k) == 0
             put_vec_of(rows, ZERO if slides else cross(e, f), k, HINGE.moved)
             put_vec_of(rows, cross(e, f if slides else t), k, HINGE.moved + 3)
         t = add(t, cross(vec_of(motion.bodies, i, BODY_MOTION.r), f))
-        if b.begins:
+        if work.forks is not None and b.begins:
             f, t = add_loads(work.forks, b.slot, f, t)
     dead = 0.0 if follower else 1.0
     put_vec_of(work.tip, scale(dead, force), 0, 0)
@@ -146,15 +155,22 @@ def weigh(work, by_angle, by_rate, by_acceleration):
         put_vec_of(rows, scale(by_angle, e), k, HINGE.j + PARTS.δφ)
         put_vec_of(rows, η, k, HINGE.j + PARTS.η)
         put_vec_of(rows, add_scaled(scale(by_angle, δω), by_rate, e), k, HINGE.j + PARTS.δω)
-    for number in range(len(work.motion.slides)):
-        k = work.motion.slides[number]
+    if work.motion.slides is not None:
+        weigh_slides(work, by_angle, by_rate, by_acceleration)
+    work.size[0] = PARTS.size if work.moving[0] else PARTS.δω if by_acceleration != 0.0 else PARTS.η
+
+
+@recursion
+def weigh_slides(work, by_angle, by_rate, by_acceleration):
+    """Those of hinges that slide, written over."""
+    rows, motion = work.hinges, work.motion.hinges
+    for k in work.motion.slides:
         δa = add_scaled(
             scale(by_angle, of_hinge(motion, k, HINGE_MOTION.δa)), by_acceleration, vec_of(rows, k, HINGE.e)
         )
         put_vec_of(rows, add_scaled(δa, 2.0 * by_rate, of_hinge(motion, k, HINGE_MOTION.δv)), k, HINGE.j + PARTS.δa)
         for column in range(PARTS.δφ, PARTS.size):
             rows[k, HINGE.j + column] = 0.0
-    work.size[0] = PARTS.size if work.moving[0] else PARTS.δω if by_acceleration != 0.0 else PARTS.η
 
 
 @kernel
@@ -170,13 +186,13 @@ def factor(work, weights, κ, w, sizes, smallest):
     begin(work)
     for i in range(len(bodies) - 1, -1, -1):
         b = work.chain.bodies[i]
-        if b.fork > 0:
+        if work.forks is not None and b.fork > 0:
             add_matrix(work.forks[b.fork], A)
         if b.loaded:
             begin_at_tip(work.tip, A)
         add_body(bodies, b.mass, i, size, A)
         for k in range(b.stop - 1, b.first - 1, -1):
-            D = κ[k] + w[k] * demand(rows, k, felt(work.chain.hinges, k), size, weights[0], A)
+            D = κ[k] + w[k] * demand(rows, k, felt(work.chain, k), size, weights[0], A)
             rows[k, HINGE.D], rows[k, HINGE.w] = D, w[k]
             if given[k] or not abs(D) > smallest * sizes[k]:
                 given[k] = True
@@ -185,7 +201,7 @@ def factor(work, weights, κ, w, sizes, smallest):
                 eliminate(rows, k, size, w[k] / D, A)
         if b.parent > 0:
             move_columns(bodies, i, size, A)
-        if b.begins:
+        if work.forks is not None and b.begins:
             add_matrix(A, work.forks[b.slot])
             clear_matrix(A)
     return negative
@@ -195,8 +211,9 @@ def factor(work, weights, κ, w, sizes, smallest):
 def begin(work):
     """A of the last tip, and of what branches have brought so far."""
     clear_matrix(work.A)
-    for row in range(len(work.forks)):
-        clear_matrix(work.forks[row])
+    if work.forks is not None:
+        for row in range(len(work.forks)):
+            clear_matrix(work.forks[row])
 
 
 @recursion
@@ -216,9 +233,11 @@ def add_matrix(B, A):
 
 
 @inlined
-def felt(hinges, k):
+def felt(chain, k):
     """Where the part that a hinge feels begins in force and moment (6,): that of force if it slides."""
-    return 0 if hinges[k].axis >= SLIDES else 3
+    if chain.rare is not None and chain.hinges[k].axis >= SLIDES:
+        return 0
+    return 3
 
 
 @recursion
@@ -330,13 +349,14 @@ def load(work, r, x):
     """b from the tip on; T = (r − w e·b) / D into x, e·b of given hinges into their rows."""
     rows, bodies, given = work.hinges, work.motion.bodies, work.given
     f = n = ZERO
-    clear_loads(work.forks)
+    if work.forks is not None:
+        clear_loads(work.forks)
     for i in range(len(bodies) - 1, -1, -1):
         b = work.chain.bodies[i]
-        if b.fork > 0:
+        if work.forks is not None and b.fork > 0:
             f, n = with_loads(work.forks, b.fork, f, n)
         for k in range(b.stop - 1, b.first - 1, -1):
-            eb = dot(vec_of(rows, k, HINGE.e), n if felt(work.chain.hinges, k) else f)
+            eb = dot(vec_of(rows, k, HINGE.e), n if felt(work.chain, k) else f)
             if given[k]:
                 rows[k, HINGE.eb] = eb
             else:
@@ -344,7 +364,7 @@ def load(work, r, x):
             f = add_scaled(f, x[k], vec_of(rows, k, HINGE.c))
             n = add_scaled(n, x[k], vec_of(rows, k, HINGE.c + 3))
         n = add(n, cross(vec_of(bodies, i, BODY_MOTION.r), f))
-        if b.begins:
+        if work.forks is not None and b.begins:
             f, n = add_loads(work.forks, b.slot, f, n)
 
 
@@ -368,11 +388,11 @@ def move(work, x, left):
     """x = T − w p·y / D, and y with it."""
     rows, bodies, given, size = work.hinges, work.motion.bodies, work.given, work.size[0]
     δa = δφ = η = δω = ZERO
-    if len(work.forks) > 0:
+    if work.forks is not None and len(work.forks) > 0:
         keep_motion(work.forks, 0, δa, δφ, η, δω)
     for i in range(len(bodies)):
         b = work.chain.bodies[i]
-        if b.begins:
+        if work.forks is not None and b.begins:
             δa, δφ, η, δω = kept_motion(work.forks, b.slot)
         δa = carried(bodies, i, δa, η, δω)
         for k in range(b.first, b.stop):
@@ -390,7 +410,7 @@ def move(work, x, left):
             δφ = add_scaled(δφ, x[k], vec_of(rows, k, HINGE.j + PARTS.δφ))
             η = add_scaled(η, x[k], vec_of(rows, k, HINGE.j + PARTS.η))
             δω = add_scaled(δω, x[k], vec_of(rows, k, HINGE.j + PARTS.δω))
-        if b.fork > 0:
+        if work.forks is not None and b.fork > 0:
             keep_motion(work.forks, b.fork, δa, δφ, η, δω)
 
 
@@ -423,11 +443,11 @@ def ask(work, x):
     """What every body asks for, with the turned wrench in that of the loaded one."""
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
     δa = δφ = η = δω = ZERO
-    if len(work.forks) > 0:
+    if work.forks is not None and len(work.forks) > 0:
         keep_motion(work.forks, 0, δa, δφ, η, δω)
     for i in range(len(bodies)):
         b = work.chain.bodies[i]
-        if b.begins:
+        if work.forks is not None and b.begins:
             δa, δφ, η, δω = kept_motion(work.forks, b.slot)
         δa = carried(bodies, i, δa, η, δω)
         for k in range(b.first, b.stop):
@@ -441,7 +461,7 @@ def ask(work, x):
         put_vec_of(demands, add(n, add(of_η[1], of_δω[1])), i, 3)
         if b.loaded:
             add_column(demands, i, cross(δφ, vec_of(work.tip, 0, 0)), cross(δφ, vec_of(work.tip, 1, 0)))
-        if b.fork > 0:
+        if work.forks is not None and b.fork > 0:
             keep_motion(work.forks, b.fork, δa, δφ, η, δω)
 
 
@@ -450,16 +470,17 @@ def answer(work, by_angle, κ, x, product):
     """Forces and moments from the tips on, and of every hinge κ x + e·n."""
     rows, bodies, demands = work.hinges, work.motion.bodies, work.demands
     f = n = ZERO
-    clear_loads(work.forks)
+    if work.forks is not None:
+        clear_loads(work.forks)
     for i in range(len(bodies) - 1, -1, -1):
         b = work.chain.bodies[i]
-        if b.fork > 0:
+        if work.forks is not None and b.fork > 0:
             f, n = with_loads(work.forks, b.fork, f, n)
         f, n = add(f, vec_of(demands, i, 0)), add(n, vec_of(demands, i, 3))
         for k in range(b.stop - 1, b.first - 1, -1):
-            product[k] = κ[k] * x[k] + dot(vec_of(rows, k, HINGE.e), n if felt(work.chain.hinges, k) else f)
+            product[k] = κ[k] * x[k] + dot(vec_of(rows, k, HINGE.e), n if felt(work.chain, k) else f)
             f = add_scaled(f, by_angle * x[k], vec_of(rows, k, HINGE.moved))
             n = add_scaled(n, by_angle * x[k], vec_of(rows, k, HINGE.moved + 3))
         n = add(n, cross(vec_of(bodies, i, BODY_MOTION.r), f))
-        if b.begins:
+        if work.forks is not None and b.begins:
             f, n = add_loads(work.forks, b.slot, f, n)

@@ -20,8 +20,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.branches import rows_of_forks
-from flexlink.kernels.bodies.couplings import cells_of
 from flexlink.kernels.derivatives.inverse_derivatives import BODY_MOTION, motion_workspace
 from flexlink.kernels.derivatives.small_motion import (
     HINGE,
@@ -41,10 +39,12 @@ from flexlink.kernels.derivatives.small_motion import (
     felt,
     keep_motion,
     kept_motion,
+    matrices_of_forks,
     move_columns,
     weigh,
     with_loads,
 )
+from flexlink.kernels.forces.couplings import cells_of
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, scale
@@ -66,13 +66,13 @@ class SmallMotionInCells(NamedTuple):
 @kernel
 def small_motion_in_cells(chain):
     """Scratch of a chain, for `place`, `multiply`, which take `whole`, and `factor_in_cells`."""
-    n, m, first = len(chain.hinges), len(chain.bodies), cells_of(len(chain.hinges), chain.couplings)
+    n, m, first = len(chain.hinges), len(chain.bodies), cells_of(len(chain.hinges), chain.rare)
     w = 1
     for k in range(n):
         w = max(w, k - first[k] + 1)
     whole = SmallMotion(
         chain, motion_workspace(chain), np.zeros((2, 3)), np.zeros(1, np.bool_), np.zeros((n, HINGE.size)),
-        np.empty((m, 6)), np.empty((12, 6)), np.empty((rows_of_forks(chain.bodies), 12, 6)), np.zeros(1, np.int64),
+        np.empty((m, 6)), np.empty((12, 6)), matrices_of_forks(chain), np.zeros(1, np.int64),
         np.zeros(n, np.bool_),
     )  # fmt: skip
     return SmallMotionInCells(
@@ -92,7 +92,7 @@ def factor_in_cells(cells, weights, κ, w, sizes, smallest):
     begin(work)
     for i in range(len(bodies) - 1, -1, -1):
         b = work.chain.bodies[i]
-        if b.fork > 0:
+        if work.forks is not None and b.fork > 0:
             add_matrix(work.forks[b.fork], A)
         if b.loaded:
             begin_at_tip(work.tip, A)
@@ -112,7 +112,7 @@ def factor_in_cells(cells, weights, κ, w, sizes, smallest):
         if b.parent > 0:
             move_columns(bodies, i, size, A)
             move_open(cells, i, size, open_)
-        if b.begins:  # no cell is open here: the hinges of one are in a row
+        if work.forks is not None and b.begins:  # no cell is open here: the hinges of one are in a row
             add_matrix(A, work.forks[b.slot])
             clear_matrix(A)
     return negative
@@ -121,7 +121,7 @@ def factor_in_cells(cells, weights, κ, w, sizes, smallest):
 @recursion
 def put_couplings(cells, weights):
     """K_kj and D_kj, weighed, where L_j of hinge k will stand."""
-    couplings, first = cells.whole.chain.couplings, cells.first
+    couplings, first = cells.whole.chain.rare.couplings, cells.first
     for k in range(len(cells.L)):
         for j in range(cells.L.shape[1]):
             cells.L[k, j] = 0.0
@@ -148,7 +148,7 @@ def open_cell(cells, κ, last):
 def demand_in_cell(cells, k, size, by_angle, w):
     """c and p of hinge k, into its row, L and U; returns D."""
     rows, G, q, κ, own = cells.whole.hinges, cells.G, cells.q, cells.κ, k - cells.first[k]
-    e, part = vec_of(rows, k, HINGE.e), felt(cells.whole.chain.hinges, k)
+    e, part = vec_of(rows, k, HINGE.e), felt(cells.whole.chain, k)
     D = κ[own, own] + w * (demand(rows, k, part, size, by_angle, cells.whole.A) + dot(e, vec_of(G, own, part)))
     for i in range(6):
         rows[k, HINGE.c + i] += G[own, i]
@@ -208,13 +208,14 @@ def load_in_cells(cells, r, x):
     for k in range(len(known)):
         known[k] = 0.0
     f = n = ZERO
-    clear_loads(work.forks)
+    if work.forks is not None:
+        clear_loads(work.forks)
     for i in range(len(bodies) - 1, -1, -1):
         b = work.chain.bodies[i]
-        if b.fork > 0:
+        if work.forks is not None and b.fork > 0:
             f, n = with_loads(work.forks, b.fork, f, n)
         for k in range(b.stop - 1, b.first - 1, -1):
-            eb = dot(vec_of(rows, k, HINGE.e), n if felt(work.chain.hinges, k) else f)
+            eb = dot(vec_of(rows, k, HINGE.e), n if felt(work.chain, k) else f)
             known[k] += rows[k, HINGE.w] * eb
             if not work.given[k]:
                 x[k] = (r[k] - known[k]) / rows[k, HINGE.D]
@@ -223,7 +224,7 @@ def load_in_cells(cells, r, x):
             f = add_scaled(f, x[k], vec_of(rows, k, HINGE.c))
             n = add_scaled(n, x[k], vec_of(rows, k, HINGE.c + 3))
         n = add(n, cross(vec_of(bodies, i, BODY_MOTION.r), f))
-        if b.begins:
+        if work.forks is not None and b.begins:
             f, n = add_loads(work.forks, b.slot, f, n)
 
 
@@ -233,11 +234,11 @@ def move_in_cells(cells, x, left):
     work, first = cells.whole, cells.first
     rows, bodies, size = work.hinges, work.motion.bodies, work.size[0]
     δa = δφ = η = δω = ZERO
-    if len(work.forks) > 0:
+    if work.forks is not None and len(work.forks) > 0:
         keep_motion(work.forks, 0, δa, δφ, η, δω)
     for i in range(len(bodies)):
         b = work.chain.bodies[i]
-        if b.begins:
+        if work.forks is not None and b.begins:
             δa, δφ, η, δω = kept_motion(work.forks, b.slot)
         δa = carried(bodies, i, δa, η, δω)
         for k in range(b.first, b.stop):
@@ -252,7 +253,7 @@ def move_in_cells(cells, x, left):
             δφ = add_scaled(δφ, x[k], vec_of(rows, k, HINGE.j + PARTS.δφ))
             η = add_scaled(η, x[k], vec_of(rows, k, HINGE.j + PARTS.η))
             δω = add_scaled(δω, x[k], vec_of(rows, k, HINGE.j + PARTS.δω))
-        if b.fork > 0:
+        if work.forks is not None and b.fork > 0:
             keep_motion(work.forks, b.fork, δa, δφ, η, δω)
 
 

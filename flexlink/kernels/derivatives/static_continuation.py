@@ -8,12 +8,10 @@ import math
 
 import numpy as np
 
-from flexlink.kernels.bodies.couplings import add_couplings
 from flexlink.kernels.bodies.kinematics import arm_length
 from flexlink.kernels.bodies.rne import rne, rne_workspace
-from flexlink.kernels.bodies.rotation_springs import add_excess, rotation_springs
 from flexlink.kernels.derivatives.inverse_derivatives import derivatives_workspace, inverse_derivatives
-from flexlink.kernels.derivatives.rotation_tangent import add_tangent, rotation_tangent
+from flexlink.kernels.forces.elements import add_slopes, add_torques, forces_of
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.vec3 import vector
@@ -29,13 +27,12 @@ def follow_equilibria(chain, held, free, angles, q, postures):
     most, far, shrinks, small = 30, 0.1, 0.1, 1e-11  # corrections; rad, or of the arm's length; of the last one; rad
     n, f = len(q), len(free)
     zero, none, torque, x, work = np.zeros(n), np.zeros(6), np.zeros(n), np.zeros(f), rne_workspace(chain)
-    springs = rotation_springs(chain.bodies, chain.hinges, chain.couplings)
-    tangent = rotation_tangent(springs)
+    forces, spare = forces_of(chain), np.empty((n, n))
     K, L, known = np.zeros((n, n)), np.zeros((f, f)), False
     slopes, found = derivatives_workspace(chain), np.empty((3, n, n))
     sizes, length = np.ones(f), arm_length(chain.bodies)
     for i in range(f):
-        if chain.hinges[free[i]].axis >= SLIDES:
+        if chain.rare is not None and chain.hinges[free[i]].axis >= SLIDES:
             sizes[i] = length
     for row in range(len(angles)):
         for j in range(len(held)):
@@ -47,10 +44,8 @@ def follow_equilibria(chain, held, free, angles, q, postures):
                 for i in range(n):
                     for j in range(n):
                         K[i, j] = chain.hinges[i].stiffness if i == j else 0.0
-                for pair in chain.couplings:
-                    K[pair.inner, pair.outer] = K[pair.outer, pair.inner] = pair.stiffness
-                if len(springs.hinges) > 0:
-                    add_tangent(q, springs, tangent, K)
+                if chain.rare is not None:
+                    add_slopes(forces.elements, q, zero, K, spare)
                 inverse_derivatives(chain, none, q, zero, zero, (found[0], found[1], found[2]), slopes)
                 for i in range(n):
                     for j in range(n):
@@ -59,9 +54,8 @@ def follow_equilibria(chain, held, free, angles, q, postures):
                 last = math.inf
             if not known or correction == most:
                 return row
-            add_couplings(chain.couplings, chain.hinges, q, zero, torque)
-            if len(springs.hinges) > 0:
-                add_excess(q, springs, torque)
+            if chain.rare is not None:
+                add_torques(forces.elements, q, zero, torque)
             for i in range(f):
                 hinge = chain.hinges[free[i]]
                 x[i] = torque[free[i]] + hinge.stiffness * (q[free[i]] - hinge.rest)

@@ -28,9 +28,8 @@ hinge's axis z; all vectors are in the working axes of their body. One source se
 (`lanes`).
 """
 
-from flexlink.kernels.bodies.couplings import subtract_couplings
-from flexlink.kernels.bodies.joint_torques import smooth_torques, subtract_dry_friction
-from flexlink.kernels.bodies.rotation_springs import subtract_excess
+from flexlink.kernels.forces.elements import subtract_torques
+from flexlink.kernels.forces.joint_torques import smooth_torques, subtract_dry_friction
 from flexlink.kernels.forward.articulated_branches import (
     add_inertia_of_branch,
     add_load_of_branch,
@@ -80,14 +79,14 @@ def articulated(wrench, q, qd, tau, qdd, work):
     layout, prescribed, bodies, hinges, trig = work.layout, work.prescribed, work.bodies, work.hinges, work.trig
     power = prepare(q, qd, tau, hinges, trig[0])
     lost = subtract_dry_friction(hinges, work.dry, qd, HINGE_ROW.torque)
-    if len(work.pairs) > 0:
-        lost += subtract_couplings(hinges, work.pairs, work.coupled, q, qd, HINGE_ROW.torque)
-    if len(work.rotation.hinges) > 0:
-        subtract_excess(hinges, q, work.rotation, HINGE_ROW.torque)
+    if work.forces is not None:
+        lost += subtract_torques(work.forces, hinges, q, qd, HINGE_ROW.torque)
     cos_sin_all(work.flat[0], work.flat[1], work.flat[2])
     f, n, turning = outward(layout, work.axes, bodies, hinges, work.forks, wrench, qd, trig[0], trig[1], trig[2])
     inward(layout, work.axes, prescribed, bodies, hinges, work.forks, n, f, qdd, trig[1])
-    return turning + accelerate(work.gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power) - lost
+    return (
+        turning + accelerate(work.gravity, layout, work.forks, prescribed, bodies, hinges, qd, tau, qdd, power) - lost
+    )
 
 
 @inlined
@@ -113,10 +112,10 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
     f, n = sub(zero, vec(wrench, 0)), sub(zero, vec(wrench, 3))
     x, y, z = (1.0 + o, o, o), (o, 1.0 + o, o), (o, o, 1.0 + o)
     ω, acting = (o, o, o), (f, n, o)
-    if rarely(len(forks) > 0):
+    if forks is not None and rarely(len(forks) > 0):
         keep_state(forks, 0, x, y, z, ω, f, n)
     for i in range(len(layout)):
-        if rarely(layout[i, LAYOUT.begins]):
+        if forks is not None and rarely(layout[i, LAYOUT.begins]):
             x, y, z, ω, f, n = state_of(forks, layout[i, LAYOUT.slot])
         put_lever(bodies, i, ω, x, y, z)
         if layout[i, LAYOUT.turned]:
@@ -127,7 +126,7 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
             ω, f, n = components(ω, u, v, w), components(f, u, v, w), components(n, u, v, w)
         ζ = (o, o, o)
-        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
+        if forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             put_slides(layout, i, axes, bodies, hinges, x, y, z, ω, places, qd)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
@@ -146,7 +145,7 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
             put_axes(bodies, i, ω, x, y, z)
         if layout[i, LAYOUT.loaded]:
             acting = f, n, -dot(n, ω)
-        if rarely(layout[i, LAYOUT.fork] > 0):
+        if forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
             keep_state(forks, layout[i, LAYOUT.fork], x, y, z, ω, f, n)
     return acting
 
@@ -221,7 +220,8 @@ def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, c
     """What each body and all beyond it demand at its hinge point, from the n and f that the loaded tip demands."""
     o = zero_of(qdd)
     zero = (o, o, o)
-    clear(forks)
+    if forks is not None:
+        clear(forks)
     n, f = zero, zero
     J, H, M = (o, o, o, o, o, o), (zero, zero, zero), (o, o, o, o, o, o)
     j, h, t = o, zero, zero  # J = j t tᵀ and H = t hᵀ of a pair outward
@@ -230,7 +230,7 @@ def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, c
         group, k, following = layout[i, LAYOUT.group], layout[i, LAYOUT.first], layout[i, LAYOUT.next]
         if layout[i, LAYOUT.loaded]:
             n, f = n_tip, f_tip
-        if rarely(layout[i, LAYOUT.fork] > 0):
+        if forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
             J, H = in_full(o, outer, J, H, j, h, t)
             J, H, M, n, f = with_branches(bodies, following, forks, layout[i, LAYOUT.fork], J, H, M, n, f)
             outer, following = GROUP.hinges, len(layout)
@@ -252,9 +252,11 @@ def inward(layout, axes, prescribed, bodies, hinges, forks, n_tip, f_tip, qdd, c
                 j, h, t, M, n, f = eliminate_pair(bodies, i, hinges, k, *body)
         elif group != GROUP.tip:
             J, H = in_full(o, outer, J, H, j, h, t)
-            J, H, M, n, f = propagate_joints(layout, i, following, axes, prescribed, bodies, hinges, qdd, J, H, M, n, f)
+            J, H, M, n, f = propagate_joints(
+                layout, i, following, axes, forks, prescribed, bodies, hinges, qdd, J, H, M, n, f
+            )
         outer = group
-        if rarely(layout[i, LAYOUT.begins]):
+        if forks is not None and rarely(layout[i, LAYOUT.begins]):
             J, H = in_full(o, outer, J, H, j, h, t)
             add_branch(bodies, i, forks, layout[i, LAYOUT.slot], J, H, M, n, f)
             M, n, f = (o, o, o, o, o, o), zero, zero
@@ -278,12 +280,12 @@ def with_branches(bodies, i, forks, k, J, H, M, n, f):
 
 
 @inlined
-def propagate_joints(layout, i, following, axes, prescribed, bodies, hinges, qdd, J, H, M, n, f):
+def propagate_joints(layout, i, following, axes, forks, prescribed, bodies, hinges, qdd, J, H, M, n, f):
     """J, H, M, n, f before body `i`, whose hinges go one after another; where q̈ is given, it adds to n and f."""
     J, H, M, n, f = propagate_inertia(bodies, i, following, J, H, M, n, f)
     if layout[i, LAYOUT.group] == GROUP.along:
         J, H, M, n, f = eliminate_along(hinges, layout[i, LAYOUT.first], J, H, M, n, f)
-    elif rarely(layout[i, LAYOUT.group] == GROUP.slides):
+    elif forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
         J, H, M, n, f = eliminate_slides(layout, i, axes, prescribed, hinges, qdd, J, H, M, n, f)
     else:
         for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
@@ -300,7 +302,7 @@ def propagate_joints(layout, i, following, axes, prescribed, bodies, hinges, qdd
 
 
 @inlined
-def accelerate(gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power):
+def accelerate(gravity, layout, forks, prescribed, bodies, hinges, qd, tau, qdd, power):
     """Absolute accelerations, and their differences at the hinges; where these are given, the torque they take.
 
     Returns the power with that of these torques. The rows of the bodies keep α for ζ and a, with −g, for b, from which
@@ -310,7 +312,7 @@ def accelerate(gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power)
     α, a = (o, o, o), scale(-1.0, vec(gravity, 0))
     for i in range(len(layout)):
         group, first = layout[i, LAYOUT.group], layout[i, LAYOUT.first]
-        if rarely(layout[i, LAYOUT.begins]):
+        if forks is not None and rarely(layout[i, LAYOUT.begins]):
             α, a = motion_of_branch(bodies, i, layout[i, LAYOUT.parent], gravity)
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
@@ -327,7 +329,7 @@ def accelerate(gravity, layout, prescribed, bodies, hinges, qd, tau, qdd, power)
             α = place((α1, α2, α3), x, y, z)
             put_at(qdd, α2 - dot(y, before), first)
             put_at(qdd, α1 - dot(x, before), first + 1)
-        elif rarely(group == GROUP.slides):
+        elif forks is not None and rarely(group == GROUP.slides):
             α = before
             a, taken = accelerate_slides(layout, i, prescribed, hinges, qd, tau, qdd, α, a)
             power += taken

@@ -4,10 +4,7 @@ Outward a row holds the state that branches go on from, inward the sum of what t
 in the working axes of its body (`layout`, `branches`). Seen as complex numbers they serve complex ones, too.
 """
 
-import numpy as np
-
-from flexlink.kernels.bodies.branches import rows_of_forks
-from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
+from flexlink.kernels.tools.compiler import inlined, subroutine
 from flexlink.kernels.tools.lanes import put_at, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sym3 import sym_add, sym_apply, sym_of
@@ -16,12 +13,16 @@ from flexlink.kernels.tools.vec3 import add, cross, dot
 STATE = numbered("x:3 y:3 z:3 ω:3 f:3 n:3")
 MOTION = numbered("α:3 a:3")
 DEMAND = numbered("J:6 H:9 M:6 n:3 f:3")
+FORK_SIZE = 2 * DEMAND.size
+"""Numbers of a row: floats, or half as many complex ones."""
 
 
-@kernel
-def fork_rows(bodies):
-    """Rows for the forks of a chain, of floats or of as many complex numbers."""
-    return np.zeros((rows_of_forks(bodies), 2 * DEMAND.size))
+@inlined
+def rows_as(forks, numbers):
+    """The rows as numbers of the kind that others are, floats or complex ones; None of a plain chain."""
+    if forks is None:
+        return None
+    return forks.view(numbers.dtype)
 
 
 @subroutine

@@ -4,11 +4,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.couplings import CONSTANT, coupled_joints
-from flexlink.kernels.bodies.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
-from flexlink.kernels.bodies.rotation_springs import rotation_springs, rotation_springs_side_by_side
-from flexlink.kernels.forward.articulated_branches import DEMAND, fork_rows
+from flexlink.kernels.bodies.branches import eight_of, fork_lanes, fork_rows
+from flexlink.kernels.forces.elements import forces_of, forces_side_by_side
+from flexlink.kernels.forces.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
+from flexlink.kernels.forward.articulated_branches import DEMAND, FORK_SIZE
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT, common_layout, layout_of
+from flexlink.kernels.layout import ChainArrays
 from flexlink.kernels.tools.compiler import inlined, kernel, shared
 from flexlink.kernels.tools.lanes import LANES, empty_lanes, put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
@@ -47,15 +48,13 @@ class ArticulatedWork(NamedTuple):
     dry: Any
     flat: Any  # angles, cosines and sines, for the loop over all of them
     trig: Any  # the same memory, for the hinges
-    forks: Any  # rows of what branches go on from, and of what they demand
-    pairs: Any  # coupled joints, and the couplings' constants
-    coupled: Any
-    rotation: Any  # springs of rotation vectors
+    forks: Any  # rows of what branches go on from, and of what they demand; None of a plain chain
+    forces: Any  # force elements; likewise
 
 
 @shared
 @kernel
-def articulated_workspace(bodies, hinges, gravity, couplings):
+def articulated_workspace(bodies, hinges, gravity, rare):
     """Scratch of `articulated` with the chain's constants."""
     n = len(hinges)
     layout, axes = layout_of(bodies, hinges), np.empty(n, np.int64)
@@ -76,40 +75,33 @@ def articulated_workspace(bodies, hinges, gravity, couplings):
     for k in layout[layout[:, LAYOUT.group] == GROUP.triple, LAYOUT.first]:
         joints[k + 2, THIRD_HINGE.sense] = 1.0 if axes[k + 1] == (axes[k] + 1) % 3 else -1.0
     trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
-    dry, prescribed, (pairs, coupled) = (
-        dry_joints(joints[:, JOINT.coulomb]),
-        prescribed_joints(hinges),
-        coupled_joints(couplings),
-    )
-    rotation = rotation_springs(bodies, hinges, couplings)
+    chain, dry = ChainArrays(bodies, hinges, gravity, rare), dry_joints(joints[:, JOINT.coulomb])
     return ArticulatedWork(
-        gravity.copy(), layout, axes, prescribed, rows, joints, dry, trig, trig, fork_rows(bodies), pairs, coupled,
-        rotation,
+        gravity.copy(), layout, axes, prescribed_joints(hinges), rows, joints, dry, trig, trig,
+        fork_rows(chain, FORK_SIZE), forces_of(chain),
     )  # fmt: skip
 
 
 @kernel
-def articulated_lanes_workspace(bodies, hinges, gravity, couplings):
-    """The same for eight chains side by side, arrays (8, bodies), (8, n), (8, 3), (8, couplings), alike in hinges."""
-    m, n = bodies.shape[1], hinges.shape[1]
-    one = articulated_workspace(bodies[0], hinges[0], gravity[0], couplings[0])
-    pairs, coupled = one.pairs, empty_lanes((couplings.shape[1], CONSTANT.size))
-    axes, coulomb, layouts = one.axes, np.zeros(n), np.empty((LANES, m, LAYOUT.size), np.int64)
+def articulated_lanes_workspace(bodies, hinges, gravity, rare):
+    """The same for eight chains side by side, arrays (8, bodies), (8, n), (8, 3), and what is rare; alike in hinges."""
+    m, n, chains = bodies.shape[1], hinges.shape[1], eight_of(bodies, hinges, gravity, rare)
+    axes, coulomb, layouts = np.empty(n, np.int64), np.zeros(n), np.empty((LANES, m, LAYOUT.size), np.int64)
     base, rows = empty_lanes((3,)), empty_lanes((m + 1, BODY_ROW.size))
-    joints, forks = empty_lanes((n, HINGE_ROW.size)), empty_lanes((len(one.forks), DEMAND.size))
-    trig = empty_lanes((3, n))
+    joints, trig = empty_lanes((n, HINGE_ROW.size)), empty_lanes((3, n))
     for lane in range(LANES):
-        one = articulated_workspace(bodies[lane], hinges[lane], gravity[lane], couplings[lane])
-        coupled[:, :, lane] = one.coupled
+        chain = chains[lane]
+        one = articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
+        axes[:] = one.axes
         layouts[lane] = one.layout
         base[:, lane], rows[:, :, lane], joints[:, :, lane] = gravity[lane], one.bodies, one.hinges
         coulomb += one.hinges[:, JOINT.coulomb]
     prescribed, flat = prescribed_joints(hinges[0]), trig.reshape(3, n * LANES)
     layout, dry = common_layout(layouts), dry_joints(coulomb)
-    rotation = rotation_springs_side_by_side(bodies, hinges, couplings)
     return ArticulatedWork(
-        base, layout, axes, prescribed, rows, joints, dry, flat, trig, forks, pairs, coupled, rotation
-    )
+        base, layout, axes, prescribed, rows, joints, dry, flat, trig,
+        fork_lanes(chains[0], DEMAND.size), forces_side_by_side(chains),
+    )  # fmt: skip
 
 
 @inlined

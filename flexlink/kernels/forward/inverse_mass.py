@@ -36,7 +36,7 @@ def solve_on_articulated(r, loads, x, work):
         if layout[i, LAYOUT.group] == GROUP.triple or layout[i, LAYOUT.group] == GROUP.pair:
             triple = layout[i, LAYOUT.group] == GROUP.triple
             n, f = load_group(bodies, i, hinges, layout[i, LAYOUT.first], triple, r, x, n, f)
-        elif rarely(layout[i, LAYOUT.group] == GROUP.slides):
+        elif work.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             n, f = load_slides(layout, i, prescribed, hinges, r, x, n, f)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
@@ -45,19 +45,19 @@ def solve_on_articulated(r, loads, x, work):
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
             n, f = place(n, u, v, w), place(f, u, v, w)
-        if rarely(layout[i, LAYOUT.begins]):
+        if work.forks is not None and rarely(layout[i, LAYOUT.begins]):
             add_branch(loads, layout[i, LAYOUT.parent], vec_of(bodies, i, BODY_ROW.r), n, f)
             n, f = (o, o, o), (o, o, o)
     α, a = (o, o, o), (o, o, o)
     for i in range(len(layout)):
-        if rarely(layout[i, LAYOUT.begins]):
+        if work.forks is not None and rarely(layout[i, LAYOUT.begins]):
             α, a = motion_of_branch(loads, layout[i, LAYOUT.parent], vec_of(bodies, i, BODY_ROW.r))
         if layout[i, LAYOUT.restart]:
             u, v, w = axes_of(bodies, i, RESTART.axes_before)
             α, a = (dot(u, α), dot(v, α), dot(w, α)), (dot(u, a), dot(v, a), dot(w, a))
         if layout[i, LAYOUT.group] == GROUP.triple or layout[i, LAYOUT.group] == GROUP.pair:
             α = move_group(bodies, i, hinges, layout[i, LAYOUT.first], layout[i, LAYOUT.group] == GROUP.triple, x, α, a)
-        elif rarely(layout[i, LAYOUT.group] == GROUP.slides):
+        elif work.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             a = move_slides(layout, i, prescribed, hinges, x, α, a)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
@@ -67,7 +67,7 @@ def solve_on_articulated(r, loads, x, work):
                     demand = dot(vec_of(hinges, k, HINGE_ROW.Je), α) + dot(vec_of(hinges, k, HINGE_ROW.He), a)
                     put_at(x, at(x, k) - hinges[k, HINGE_ROW.inverse] * demand, k)
                 α = add_scaled(α, at(x, k), vec_of(hinges, k, HINGE_ROW.axis))
-        if rarely(layout[i, LAYOUT.fork] > 0):
+        if work.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
             put_vec_of(loads, α, i, 0)
             put_vec_of(loads, a, i, 3)
         a = add(a, cross(α, vec_of(bodies, i + 1, BODY_ROW.r)))

@@ -13,7 +13,7 @@ in its cell, A_kj, which becomes L_kj."""
 @kernel
 def columns(first):
     """Numbers of a hinge's row of factors, for cells that begin at `first` (n,)."""
-    if len(first) == 0:
+    if first is None or len(first) == 0:
         return COUPLED.inertia
     longest = 0
     for k in range(len(first)):
@@ -22,8 +22,11 @@ def columns(first):
 
 
 @kernel
-def rows_beside(first, couplings):
-    """K_kj and D_kj of every hinge k and those before it in its cell, (n, w, 2), for `put_couplings`."""
+def rows_beside(first, rare):
+    """K_kj and D_kj of every hinge k and those before it in its cell, (n, w, 2), for `put_couplings`; None: plain."""
+    if rare is None:
+        return None
+    couplings = rare.couplings
     rows = np.zeros((len(first), columns(first) - COUPLED.L, 2)) if len(first) > 0 else np.zeros((0, 0, 2))
     for c in range(len(couplings)):
         pair = couplings[c]
@@ -41,8 +44,9 @@ def put_couplings(u, v, beside, factors):
 
 
 @subroutine
-def add_products(u, v, couplings, x, r):
+def add_products(u, v, rare, x, r):
     """r += (u D + v K) x, of couplings alone."""
+    couplings = rare.couplings
     for c in range(len(couplings)):
         pair = couplings[c]
         held = u * pair.damping + v * pair.stiffness

@@ -19,6 +19,7 @@ from flexlink.kernels.forward.articulated_branches import (
     clear,
     keep_motion,
     motion_of,
+    rows_as,
     with_inertia_of_branches,
     with_load_of_branches,
 )
@@ -43,17 +44,18 @@ def factor_cells_in_space(factors, posture):
     layout, prescribed, es, rs, first = posture.layout, posture.prescribed, posture.e, posture.r, posture.first
     o = factors.dtype.type(0)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
-    forks = posture.forks.view(factors.dtype)
-    clear(forks)
+    forks = rows_as(posture.forks, factors)
+    if posture.forks is not None:
+        clear(forks)
     begin = len(factors)  # hinges from here on that are not out yet have open columns
     for i in range(len(layout) - 1, -1, -1):
         J, H, M = add_body(posture, i, J, H, M)
-        if rarely(layout[i, LAYOUT.fork] > 0):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
             J, H, M = with_inertia_of_branches(forks, layout[i, LAYOUT.fork], J, H, M)
         for j in range(begin, layout[i, LAYOUT.stop]):
             c, g = vec_of(factors, j, OPEN.c), vec_of(factors, j, OPEN.g)
             put_vec_of(factors, add(c, cross(vec_of(rs, i + 1, 0), g)), j, OPEN.c)
-        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             J, H, M = factor_slides(factors, posture, i, J, H, M)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
@@ -73,7 +75,7 @@ def factor_cells_in_space(factors, posture):
                     u = scale(inverse, U)
                     J, M = sym_add_dyad(J, -inverse, U), sym_add_dyad(M, -inverse, G)
                     H = (add_scaled(H[0], -u[0], G), add_scaled(H[1], -u[1], G), add_scaled(H[2], -u[2], G))
-        if rarely(layout[i, LAYOUT.begins]):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.begins]):
             if layout[i, LAYOUT.slot] > 0:
                 add_inertia_of_branch(forks, layout[i, LAYOUT.slot], vec_of(rs, i, 0), J, H, M)
             J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
@@ -113,13 +115,14 @@ def solve_cells_in_space(factors, r, x, posture):
     for k in range(len(factors)):
         x[k] = r[k]
     n, f = (o, o, o), (o, o, o)
-    forks = posture.forks.view(factors.dtype)
-    clear(forks)
+    forks = rows_as(posture.forks, factors)
+    if posture.forks is not None:
+        clear(forks)
     for i in range(len(layout) - 1, -1, -1):
         n = add(n, cross(vec_of(rs, i + 1, 0), f))
-        if rarely(layout[i, LAYOUT.fork] > 0):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
             n, f = with_load_of_branches(forks, layout[i, LAYOUT.fork], n, f)
-        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             n, f = load_slides(factors, x, x, posture, i, n, f)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
@@ -129,18 +132,18 @@ def solve_cells_in_space(factors, r, x, posture):
                     for j in range(begin, k):
                         x[j] -= factors[k, COUPLED.L + j - begin] * T
                     n, f = add_scaled(n, T, vec_of(factors, k, ROW.U)), add_scaled(f, T, vec_of(factors, k, ROW.G))
-        if rarely(layout[i, LAYOUT.begins]):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.begins]):
             if layout[i, LAYOUT.slot] > 0:
                 add_load_of_branch(forks, layout[i, LAYOUT.slot], vec_of(rs, i, 0), n, f)
             n, f = (o, o, o), (o, o, o)
     α, a = (o, o, o), (o, o, o)
-    if rarely(len(forks) > 0):
+    if posture.forks is not None and rarely(len(forks) > 0):
         keep_motion(forks, 0, α, a)
     for i in range(len(layout)):
-        if rarely(layout[i, LAYOUT.begins]):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.begins]):
             α, a = motion_of(forks, layout[i, LAYOUT.slot])
         a = add(a, cross(α, vec_of(rs, i, 0)))
-        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             a = move_slides(factors, x, posture, i, α, a)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
@@ -152,5 +155,5 @@ def solve_cells_in_space(factors, r, x, posture):
                         pull += factors[k, COUPLED.L + j - begin] * x[j]
                     x[k] -= factors[k, ROW.inverse] * pull
                     α = add_scaled(α, x[k], vec_of(es, k, 0))
-        if rarely(layout[i, LAYOUT.fork] > 0):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
             keep_motion(forks, layout[i, LAYOUT.fork], α, a)

@@ -42,7 +42,7 @@ def place_bodies(q, posture):
 @recursion
 def factor_plane(factors, posture):
     """In a plane."""
-    if len(posture.first) > 0:
+    if posture.first is not None and len(posture.first) > 0:
         factor_cells_in_plane(factors, posture)
     else:
         factor_in_plane(factors, posture)
@@ -51,7 +51,7 @@ def factor_plane(factors, posture):
 @recursion
 def factor_space(factors, posture):
     """In space."""
-    if len(posture.first) > 0:
+    if posture.first is not None and len(posture.first) > 0:
         factor_cells_in_space(factors, posture)
     else:
         factor_in_space(factors, posture)
@@ -65,7 +65,7 @@ def factor(factors, posture):
 @recursion
 def solve_plane(factors, r, x, posture):
     """In a plane."""
-    if len(posture.first) > 0:
+    if posture.first is not None and len(posture.first) > 0:
         solve_cells_in_plane(factors, r, x, posture)
     else:
         solve_in_plane(factors, r, x, posture)
@@ -74,7 +74,7 @@ def solve_plane(factors, r, x, posture):
 @recursion
 def solve_space(factors, r, x, posture):
     """In space."""
-    if len(posture.first) > 0:
+    if posture.first is not None and len(posture.first) > 0:
         solve_cells_in_space(factors, r, x, posture)
     else:
         solve_in_space(factors, r, x, posture)

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.couplings import cells_of
 from flexlink.kernels.bodies.plane import LINK, cos_sin_less_turns, planar_workspace
+from flexlink.kernels.forces.couplings import cells_of
 from flexlink.kernels.forward.mass_plus_cells import rows_beside
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.lanes import at, put_at
@@ -33,17 +33,17 @@ class PlanePosture(NamedTuple):
     trig: Any  # absolute angles, cosines, sines
     d: Any  # (n, 2) r turned by 90°
     h: Any  # (n, 2) m c turned by 90°
-    first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings
+    first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings; None of a plain chain
     beside: Any  # (n, w, 2) K and D of those before it in its cell
     radius: Any  # (n,) by which turning counts as a displacement where it moves no place [m]; (0,) elsewhere
 
 
 @kernel
-def plane_posture(bodies, hinges, gravity, couplings):
+def plane_posture(bodies, hinges, gravity, rare):
     """Scratch of a planar chain."""
-    n, work = len(hinges), planar_workspace(bodies, hinges, gravity, couplings)
-    d, h, first = np.zeros((n, 2)), np.zeros((n, 2)), cells_of(n, couplings)
-    return PlanePosture(work.links, work.prescribed, work.trig, d, h, first, rows_beside(first, couplings), np.zeros(0))
+    n, work = len(hinges), planar_workspace(bodies, hinges, gravity, rare)
+    d, h, first = np.zeros((n, 2)), np.zeros((n, 2)), cells_of(n, rare)
+    return PlanePosture(work.links, work.prescribed, work.trig, d, h, first, rows_beside(first, rare), np.zeros(0))
 
 
 @kernel
@@ -58,8 +58,7 @@ def plane_postures(s, posture):
 def levers_alone(planar, levers):
     """A posture on scratch of `planar`, of one state or of eight, for those who take d and h alone."""
     links, prescribed, trig = planar.links, planar.prescribed, planar.trig
-    no_cells, no_radius = (np.empty(0, np.int64), np.empty((0, 0, 2))), np.empty(0)
-    return PlanePosture(links, prescribed, trig, levers[0], levers[1], *no_cells, no_radius)
+    return PlanePosture(links, prescribed, trig, levers[0], levers[1], None, None, np.empty(0))
 
 
 @recursion

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.couplings import cells_of
+from flexlink.kernels.forces.couplings import cells_of
 from flexlink.kernels.forward.articulated_branches import (
     add_inertia_of_branch,
     add_load_of_branch,
@@ -23,6 +23,7 @@ from flexlink.kernels.forward.articulated_branches import (
     keep_axes,
     keep_motion,
     motion_of,
+    rows_as,
     with_inertia_of_branches,
     with_load_of_branches,
 )
@@ -60,23 +61,30 @@ class SpacePosture(NamedTuple):
     r: Any  # (bodies + 1, 3) to the hinge point, from that of the body before; one more row of zeros
     moments: Any  # (bodies, 3) m c
     inertias: Any  # (bodies, 6) about the hinge point
-    first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings
+    first: Any  # (n,) of each hinge the first of its cell; (0,) without couplings; None of a plain chain
     beside: Any  # (n, w, 2) K and D of those before it in its cell
     forks: Any  # rows of what branches go on from, and of what they demand, scratch; of a tree, or where joints slide
     radius: Any  # (n,) by which turning counts as a displacement where it moves no place [m]; (0,) elsewhere
 
 
 @kernel
-def space_posture(bodies, hinges, gravity, couplings):
+def space_posture(bodies, hinges, gravity, rare):
     """Scratch of a chain in space."""
-    n, m, work = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, couplings)
-    first = cells_of(n, couplings)
-    forks = np.zeros((max(len(work.forks), int(work.axes.max() >= SLIDES)), work.forks.shape[1]))
+    n, m, work = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, rare)
+    first = cells_of(n, rare)
     return SpacePosture(
         work.layout, work.axes, work.bodies, work.prescribed, work.trig,
         np.zeros((n, 3)), np.zeros((m + 1, 3)), np.zeros((m, 3)), np.zeros((m, 6)),
-        first, rows_beside(first, couplings), forks, np.zeros(0),
+        first, rows_beside(first, rare), rows_of_tree(work.forks, work.axes), np.zeros(0),
     )  # fmt: skip
+
+
+@kernel
+def rows_of_tree(forks, axes):
+    """Rows for forks; one at least where joints slide."""
+    if forks is None:
+        return None
+    return np.zeros((max(len(forks), int(axes.max() >= SLIDES)), forks.shape[1]))
 
 
 @kernel
@@ -109,16 +117,16 @@ def place_in_space(q, posture):
         trig[0, k] = q[k]
     cos_sin_all(trig[0], trig[1], trig[2])
     x, y, z = X, Y, Z
-    if rarely(len(posture.forks) > 0):
+    if posture.forks is not None and rarely(len(posture.forks) > 0):
         keep_axes(posture.forks, 0, x, y, z)
     for i in range(len(layout)):
-        if rarely(layout[i, LAYOUT.begins]):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.begins]):
             x, y, z = axes_of(posture.forks, layout[i, LAYOUT.slot], 0)
         put_vec_of(rs, place(vec_of(rows, i, BODY_ROW.reach), x, y, z), i, 0)
         if layout[i, LAYOUT.turned]:
             u, v, w = axes_of(rows, i, BODY_ROW.mount)
             x, y, z = place(u, x, y, z), place(v, x, y, z), place(w, x, y, z)
-        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             place_slides(q, posture, i, x, y, z)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
@@ -128,7 +136,7 @@ def place_in_space(q, posture):
         I = sym_from_axes(x, y, z, sym_of(rows, i, BODY_ROW.own_inertia))
         put_vec_of(inertias, (I[0], I[1], I[2]), i, 0)
         put_vec_of(inertias, (I[3], I[4], I[5]), i, 3)
-        if rarely(layout[i, LAYOUT.fork] > 0):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
             keep_axes(posture.forks, layout[i, LAYOUT.fork], x, y, z)
 
 
@@ -138,13 +146,14 @@ def factor_in_space(factors, posture):
     layout, prescribed, es = posture.layout, posture.prescribed, posture.e
     o = factors.dtype.type(0)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
-    forks = posture.forks.view(factors.dtype)
-    clear(forks)
+    forks = rows_as(posture.forks, factors)
+    if posture.forks is not None:
+        clear(forks)
     for i in range(len(layout) - 1, -1, -1):
         J, H, M = add_body(posture, i, J, H, M)
-        if rarely(layout[i, LAYOUT.fork] > 0):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
             J, H, M = with_inertia_of_branches(forks, layout[i, LAYOUT.fork], J, H, M)
-        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             J, H, M = factor_slides(factors, posture, i, J, H, M)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
@@ -158,7 +167,7 @@ def factor_in_space(factors, posture):
                     u = scale(inverse, Je)
                     J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
                     H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
-        if rarely(layout[i, LAYOUT.begins]):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.begins]):
             if layout[i, LAYOUT.slot] > 0:
                 add_inertia_of_branch(forks, layout[i, LAYOUT.slot], vec_of(posture.r, i, 0), J, H, M)
             J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
@@ -186,13 +195,14 @@ def solve_in_space(factors, r, x, posture):
     layout, prescribed, es, rs = posture.layout, posture.prescribed, posture.e, posture.r
     o = factors.dtype.type(0)
     n, f = (o, o, o), (o, o, o)
-    forks = posture.forks.view(factors.dtype)
-    clear(forks)
+    forks = rows_as(posture.forks, factors)
+    if posture.forks is not None:
+        clear(forks)
     for i in range(len(layout) - 1, -1, -1):
         n = add(n, cross(vec_of(rs, i + 1, 0), f))
-        if rarely(layout[i, LAYOUT.fork] > 0):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
             n, f = with_load_of_branches(forks, layout[i, LAYOUT.fork], n, f)
-        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             n, f = load_slides(factors, r, x, posture, i, n, f)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
@@ -201,18 +211,18 @@ def solve_in_space(factors, r, x, posture):
                     x[k] = T
                     n = add_scaled(n, T, vec_of(factors, k, FACTORS.Je))
                     f = add_scaled(f, T, vec_of(factors, k, FACTORS.He))
-        if rarely(layout[i, LAYOUT.begins]):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.begins]):
             if layout[i, LAYOUT.slot] > 0:
                 add_load_of_branch(forks, layout[i, LAYOUT.slot], vec_of(rs, i, 0), n, f)
             n, f = (o, o, o), (o, o, o)
     α, a = (o, o, o), (o, o, o)
-    if rarely(len(forks) > 0):
+    if posture.forks is not None and rarely(len(forks) > 0):
         keep_motion(forks, 0, α, a)
     for i in range(len(layout)):
-        if rarely(layout[i, LAYOUT.begins]):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.begins]):
             α, a = motion_of(forks, layout[i, LAYOUT.slot])
         a = add(a, cross(α, vec_of(rs, i, 0)))
-        if rarely(layout[i, LAYOUT.group] == GROUP.slides):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             a = move_slides(factors, x, posture, i, α, a)
         else:
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
@@ -222,7 +232,7 @@ def solve_in_space(factors, r, x, posture):
                     Je, He = vec_of(factors, k, FACTORS.Je), vec_of(factors, k, FACTORS.He)
                     x[k] -= factors[k, FACTORS.inverse] * (dot(Je, α) + dot(He, a))
                     α = add_scaled(α, x[k], vec_of(es, k, 0))
-        if rarely(layout[i, LAYOUT.fork] > 0):
+        if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
             keep_motion(forks, layout[i, LAYOUT.fork], α, a)
 
 
@@ -230,7 +240,7 @@ def solve_in_space(factors, r, x, posture):
 def displacement_in_space(δ, posture):
     """Largest displacement [m] that small changes δ (n,) of angles and of slides give to either end of any segment."""
     layout, es, rs = posture.layout, posture.e, posture.r
-    if rarely(len(posture.forks) > 0):
+    if posture.forks is not None and rarely(len(posture.forks) > 0):
         return displacement_in_tree(δ, posture)
     φ, p, largest = ZERO, ZERO, 0.0
     for i in range(len(layout)):

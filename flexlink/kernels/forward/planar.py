@@ -15,9 +15,9 @@ j = A (1 − A/D), and 1 − A/D as (D − A)/D, of which a large rotor takes no
 side by side (`lanes`).
 """
 
-from flexlink.kernels.bodies.couplings import subtract_couplings
-from flexlink.kernels.bodies.joint_torques import smooth_torques, subtract_dry_friction
 from flexlink.kernels.bodies.plane import BASE, LINK, cos_sin_less_turns, in_plane
+from flexlink.kernels.forces.elements import subtract_torques
+from flexlink.kernels.forces.joint_torques import smooth_torques, subtract_dry_friction
 from flexlink.kernels.tools.compiler import inlined, recursion
 from flexlink.kernels.tools.lanes import at, put_at, vec, zero_of
 from flexlink.kernels.tools.sincos import cos_sin_all
@@ -33,8 +33,8 @@ def planar(wrench, q, qd, tau, qdd, work):
     base, links, prescribed, trig = work.base, work.links, work.prescribed, work.trig
     ω, power = outward(q, qd, tau, links, trig[0])
     lost = subtract_dry_friction(links, work.dry, qd, LINK.torque)
-    if len(work.pairs) > 0:
-        lost += subtract_couplings(links, work.pairs, work.coupled, q, qd, LINK.torque)
+    if work.forces is not None:
+        lost += subtract_torques(work.forces, links, q, qd, LINK.torque)
     if cos_sin_all(work.flat[0], work.flat[1], work.flat[2]):
         cos_sin_less_turns(q, links, work.flat, trig[0])
     inward(base, wrench, prescribed, qdd, links, trig[1], trig[2])

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from flexlink.kernels.bodies.couplings import factor_springs, solve_springs
 from flexlink.kernels.bodies.rne import rne, rne_workspace
+from flexlink.kernels.forces.couplings import factor_springs, solve_springs
 from flexlink.kernels.forward.mass_plus_cells import columns
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, factor, place_bodies, solve
 from flexlink.kernels.tools.compiler import kernel, recursion
@@ -37,10 +37,11 @@ def largest_eigenvalue(chain, q, weights, coupled, passes, close, posture):
     for _ in range(passes):
         for k in range(n):
             r[k] = weights[k] * φ[k]
-        for c in range(len(coupled)):
-            pair = chain.couplings[c]
-            r[pair.inner] += coupled[c] * φ[pair.outer]
-            r[pair.outer] += coupled[c] * φ[pair.inner]
+        if chain.rare is not None:
+            for c in range(len(coupled)):
+                pair = chain.rare.couplings[c]
+                r[pair.inner] += coupled[c] * φ[pair.outer]
+                r[pair.outer] += coupled[c] * φ[pair.inner]
         solve(factors, r, φ, posture)
         size = largest(φ)
         if not size < math.inf or abs(size - last) <= close * size:
@@ -93,7 +94,8 @@ def smallest_square(chain, q, passes, close):
             elastic += φ[k] * (chain.hinges[k].stiffness * φ[k])
             inertial += φ[k] * torque[k]
             bends[i] = torque[k]
-        elastic += coupled_energy(chain, φ)
+        if chain.rare is not None:
+            elastic += coupled_energy(chain.rare.couplings, φ)
         solve_springs(springs, bends)
         for i in range(p):
             size = max(size, abs(bends[i]))
@@ -107,11 +109,11 @@ def smallest_square(chain, q, passes, close):
 
 
 @recursion
-def coupled_energy(chain, φ):
+def coupled_energy(couplings, φ):
     """2 K_ij φ_i φ_j of all couplings; those of joints whose motion is prescribed are at rest."""
     energy = 0.0
-    for c in range(len(chain.couplings)):
-        pair = chain.couplings[c]
+    for c in range(len(couplings)):
+        pair = couplings[c]
         energy += 2.0 * pair.stiffness * φ[pair.inner] * φ[pair.outer]
     return energy
 

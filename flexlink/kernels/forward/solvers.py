@@ -7,15 +7,12 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
-from flexlink.kernels.bodies.couplings import add_couplings
-from flexlink.kernels.bodies.joint_torques import elastic, friction
 from flexlink.kernels.bodies.mass import CompositeWork, composite, composite_workspace
 from flexlink.kernels.bodies.plane import PlanarWork, planar_lanes_workspace, planar_workspace
 from flexlink.kernels.bodies.rne import RneWork, rne, rne_workspace
-from flexlink.kernels.bodies.rotation_springs import RotationSprings, add_excess, rotation_springs
+from flexlink.kernels.forces.elements import add_torques, forces_of
+from flexlink.kernels.forces.joint_torques import elastic, friction
 from flexlink.kernels.forward.articulated import articulated
 from flexlink.kernels.forward.articulated_rows import (
     ArticulatedWork,
@@ -23,12 +20,10 @@ from flexlink.kernels.forward.articulated_rows import (
     articulated_workspace,
 )
 from flexlink.kernels.forward.planar import planar
-from flexlink.kernels.inputs.drag import give_back, take_drag
 from flexlink.kernels.inputs.tip_wrench import put_wrench
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import INLINED, by_type, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import by_type, inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import LANES, empty_lanes, keep_lanes, put_lanes
-from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 from flexlink.kernels.tools.vec3 import ZERO, add_scaled, dot, vector
 
@@ -39,7 +34,7 @@ class DenseWork(NamedTuple):
     chain: Any
     by_lu: Any
     rne: RneWork
-    rotation: RotationSprings
+    forces: Any  # force elements; None of a plain chain
     composite: CompositeWork
     M: Any
     known: Any
@@ -55,7 +50,7 @@ def dense_workspace(chain, by_lu):
         chain,
         by_lu,
         rne_workspace(chain),
-        rotation_springs(chain.bodies, chain.hinges, chain.couplings),
+        forces_of(chain),
         composite_workspace(chain),
         np.empty((n, n)),
         np.empty(n),
@@ -71,9 +66,9 @@ def dense(wrench, q, qd, tau, qdd, work):
     for k in range(len(qdd)):
         known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
     rne(chain, vector(chain.gravity), wrench, q, qd, known, bias, work.rne)
-    lost = add_couplings(chain.couplings, chain.hinges, q, qd, bias)
-    if len(work.rotation.hinges) > 0:
-        add_excess(q, work.rotation, bias)
+    lost = 0.0
+    if work.forces is not None:
+        lost += add_torques(work.forces.elements, q, qd, bias)
     composite(chain, q, M, work.composite)
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
@@ -107,7 +102,7 @@ def turning_of_tip(chain, qd, rates):
     while i > 0:
         b = chain.bodies[i - 1]
         for k in range(b.first, b.stop):
-            if chain.hinges[k].axis < SLIDES:
+            if chain.rare is None or chain.hinges[k].axis < SLIDES:
                 rates[k] = qd[k]
         i = b.parent if b.begins else i - 1
 
@@ -118,9 +113,8 @@ def take_torques(chain, wrench, q, qd, qdd, tau, torque, work):
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
             rne(chain, vector(chain.gravity), wrench, q, qd, qdd, torque, work.rne)
-            add_couplings(chain.couplings, chain.hinges, q, qd, torque)
-            if len(work.rotation.hinges) > 0:
-                add_excess(q, work.rotation, torque)
+            if work.forces is not None:
+                add_torques(work.forces.elements, q, qd, torque)
             break
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
@@ -142,28 +136,14 @@ def forward_dynamics(wrench, q, qd, tau, qdd, work):
     """
 
 
+@inlined
 def forward_under(inputs, t, middle, q, qd, tau, qdd, work):
-    """`forward_dynamics` under the loads of a time, tip wrench and drag; `middle` of the step that it belongs to.
+    """`forward_dynamics` under the tip wrench of a time; `middle` of the step that it belongs to.
 
-    Returns the power of all that has no potential [W], which drag and a force on the tip that changes have not,
-    either. Where the wrench is constant and nothing drags no code is made for others: it would cost 4 % of a planar
-    stage.
+    Returns the power of all that has no potential [W], which a force on the tip that changes has not, either.
     """
-    loads = inputs.loads
-    power, drags = put_wrench(loads, t, middle, q, qd, inputs.wrench), loads is not None and len(loads.drag) > 0
-    if rarely(drags):
-        take_drag(loads, q, qd, tau)
-    power += forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
-    if rarely(drags):
-        give_back(loads, tau)
-    return power
-
-
-@overload(forward_under, jit_options=INLINED)
-def _forward_under(inputs, t, middle, q, qd, tau, qdd, work):
-    if isinstance(inputs.types[inputs.fields.index("loads")], types.NoneType):
-        return lambda inputs, t, middle, q, qd, tau, qdd, work: forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
-    return forward_under
+    power = put_wrench(inputs.loads, t, middle, q, qd, inputs.wrench)
+    return power + forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
 
 
 class Solver(NamedTuple):
@@ -171,17 +151,17 @@ class Solver(NamedTuple):
 
     workspace: Callable[..., Any]  # (chain) -> scratch
     accelerations: Callable[..., Any]  # (chain, wrench, q, qd, tau) -> q̈ in a new array
-    lanes_workspace: Callable[..., Any] | None = None  # (bodies, hinges, gravity, couplings) of eight chains -> scratch
+    lanes_workspace: Callable[..., Any] | None = None  # (bodies, hinges, gravity, rare) of eight chains -> scratch
 
 
 @kernel
 def _planar_work(chain):
-    return planar_workspace(chain.bodies, chain.hinges, chain.gravity, chain.couplings)
+    return planar_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
 
 
 @kernel
 def _articulated_work(chain):
-    return articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.couplings)
+    return articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
 
 
 @kernel

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Indices
-from flexlink.kernels.bodies.drag import DragWork
 from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.inputs.tip_wrench import put_given, wrenches
 from flexlink.kernels.layout import ChainArrays
@@ -55,7 +53,7 @@ class MotionTable(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """What is found at every stage: the tip wrench where it changes or its work has to be, and the drag of links.
+    """What is found at every stage: the tip wrench, where it changes or its work has to be.
 
     F = Σ_j c_j x^j, x = time since the last knot, in axes of frame 0 or, if it follows, of the tip.
     """
@@ -65,10 +63,6 @@ class Loads(NamedTuple):
     coefficients: Array  # (m, order + 1, 6) [N / s^j, N m / s^j]
     chain: ChainArrays  # at whose tip it acts
     path: Indices  # bodies from the base to that tip
-    drag: NDArray[np.void]  # points of dtype `DRAG`; none
-    torque: Array  # (n,) scratch: T of drag
-    kept: Array  # (n,) scratch: T_EX
-    work: DragWork
 
     def holding(self, wrench: Array, chain: ChainArrays) -> Loads:
         """The same with a constant wrench (6,) in frame 0, on a chain that may say otherwise where a base is."""

@@ -59,7 +59,7 @@ def put_acting(loads, t, middle, q, qd, wrench):
             x, y, z = place_axes(b.rotation, x, y, z)
         for k in range(b.first, b.stop):
             axis = hinges[k].axis
-            if axis >= SLIDES:
+            if loads.chain.rare is not None and axis >= SLIDES:
                 e = pick(axis - SLIDES, x, y, z)
                 v = add(v, add_scaled(scale(qd[k], e), q[k], cross(ω, e)))
                 continue

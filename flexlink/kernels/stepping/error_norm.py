@@ -83,9 +83,9 @@ def displace(τ, e_v, work):
     for k in range(len(e_v)):
         held = implicit_rotor(τ, k, work)
         factors[k, FACTORS.A], r[k] = work.chain.hinges[k].armature + held, -τ * held * e_v[k]
-    if len(work.posture.first) > 0:
+    if work.posture.first is not None and len(work.posture.first) > 0:
         put_couplings(τ, τ * τ, work.posture.beside, factors)
-        add_products(-τ * τ, -τ * τ * τ, work.chain.couplings, e_v, r)
+        add_products(-τ * τ, -τ * τ * τ, work.chain.rare, e_v, r)
     factor(factors, work.posture)
     solve(factors, r, δ, work.posture)
     for k in range(len(e_v)):
@@ -106,7 +106,7 @@ def thrown(τ, work):
     factors, r, δ = work.springs.factors, work.springs.r, work.springs.δ
     for k in range(len(r)):
         factors[k, FACTORS.A] = work.chain.hinges[k].armature + implicit_rotor(τ, k, work)
-    if len(work.posture.first) > 0:
+    if work.posture.first is not None and len(work.posture.first) > 0:
         put_couplings(τ, τ * τ, work.posture.beside, factors)
     factor(factors, work.posture)
     solve(factors, r, δ, work.posture)

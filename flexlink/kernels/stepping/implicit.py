@@ -21,13 +21,11 @@ Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀
 
 import math
 
-from flexlink.kernels.bodies.couplings import add_couplings
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
-from flexlink.kernels.bodies.joint_torques import elastic, friction
-from flexlink.kernels.bodies.rotation_springs import add_excess
+from flexlink.kernels.forces.elements import add_torques
+from flexlink.kernels.forces.joint_torques import elastic, friction
 from flexlink.kernels.forward.mass_plus_cells import add_products
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, place_bodies, solve
-from flexlink.kernels.inputs.drag import subtract_drag
 from flexlink.kernels.inputs.drive_torque import follow, stage_torque
 from flexlink.kernels.inputs.tip_wrench import put_wrench
 from flexlink.kernels.stepping.dry_friction import (
@@ -203,10 +201,8 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
     stage_torque(inputs.drive, t, middle, q, qd, tau)
     power = put_wrench(inputs.loads, t, middle, q, qd, inputs.wrench)
     power += inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)
-    if len(chain.couplings) > 0:
-        power -= add_couplings(chain.couplings, chain.hinges, q, qd, R)
-    if len(work.rotation.hinges) > 0:
-        add_excess(q, work.rotation, R)
+    if work.forces is not None:
+        power -= add_torques(work.forces.elements, q, qd, R)
     for k in range(len(q)):
         hinge = chain.hinges[k]
         spring = elastic(hinge, q[k])
@@ -217,7 +213,7 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
             working = tau[k] - friction(hinge, qd[k])
             power += qd[k] * working
             R[k] = working - spring - R[k]
-    return power - subtract_drag(inputs.loads, q, qd, R)
+    return power
 
 
 @inlined
@@ -260,6 +256,7 @@ def does_work(inputs, work):
     """Whether anything has power that has no potential: drives, dampers, friction, prescribed motions, the wrench."""
     hinges = work.chain.hinges
     works = len(inputs.drive.joints) + len(inputs.motion.joints) > 0 or inputs.loads is not None
+    works = works or work.forces is not None
     for k in range(3, len(inputs.wrench)):
         works = works or inputs.wrench[k] != 0.0
     for k in range(len(hinges)):
@@ -348,9 +345,9 @@ def damped_error(h, hγ, e_q, e_v, work):
     for k in range(len(r)):
         hinge = work.chain.hinges[k]
         r[k] = -(factors[k, FACTORS.A] - hinge.armature) * e_v[k] - hγ * (hinge.stiffness + work.springs.kp[k]) * e_q[k]
-    if len(work.chain.couplings) > 0:
-        add_products(-hγ, -hγ * hγ, work.chain.couplings, e_v, r)
-        add_products(0.0, -hγ, work.chain.couplings, e_q, r)
+    if work.chain.rare is not None:
+        add_products(-hγ, -hγ * hγ, work.chain.rare, e_v, r)
+        add_products(0.0, -hγ, work.chain.rare, e_q, r)
     solve(factors, r, y, work.posture)
     for k in range(len(r)):
         if work.chain.hinges[k].prescribed:

@@ -45,7 +45,7 @@ class ImplicitWork(NamedTuple):
     method: ImplicitMethod
     chain: Any
     inverse: Any  # scratch of inverse dynamics
-    rotation: Any  # of springs of rotation vectors
+    forces: Any  # force elements; None of a plain chain
     posture: Any
     stepper: Any  # a `STEPPER`
     new: Any  # (3, n) q, q̇, q̈ at the end of the step

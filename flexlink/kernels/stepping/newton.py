@@ -64,7 +64,7 @@ def shift_rotors(z, rates, factors, work):
         hinge = work.chain.hinges[k]
         held = slope(work, k, rates[k]) + z * (hinge.stiffness + work.springs.kp[k])
         factors[k, FACTORS.A] = hinge.armature + z * held
-    if len(work.posture.first) > 0:
+    if work.posture.first is not None and len(work.posture.first) > 0:
         put_couplings(z, z * z, work.posture.beside, factors)
 
 
@@ -85,7 +85,7 @@ def slowest_rates(qd, rates, work):
 @inlined
 def inertia_beyond(k, work):
     """What a joint turns [kg m²], its rotor apart, while joints further out are as stiff as the first factors say."""
-    if len(work.posture.first) > 0:
+    if work.posture.first is not None and len(work.posture.first) > 0:
         return abs(
             work.factors[0, k, COUPLED.inertia] if len(work.factors) > 0 else work.factors_pairs[0, k, COUPLED.inertia]
         )
@@ -103,7 +103,7 @@ def factor_stages(h, work):
         place_bodies(work.stages[STAGE.q, i], posture)
         for k in range(len(factors)):
             factors[k, FACTORS.A] = work.factors[0, k, FACTORS.A]
-        if len(posture.first) > 0:
+        if work.posture.first is not None and len(posture.first) > 0:
             put_couplings(z, z * z, posture.beside, factors)
         factor(factors, posture)
 
@@ -152,9 +152,9 @@ def solve_one(h, λ, factors, r, x, by_stage, work):
         return
     for k in range(len(r)):
         x[k] = (factors[k, FACTORS.A] - work.factors[0, k, FACTORS.A]) * r[k]
-    if len(work.posture.first) > 0:
+    if work.posture.first is not None and len(work.posture.first) > 0:
         γ = work.method.real[0]
-        add_products(h * (λ - γ), h * h * (λ * λ - γ * γ), work.chain.couplings, r, x)
+        add_products(h * (λ - γ), h * h * (λ * λ - γ * γ), work.chain.rare, r, x)
     solve(factors, x, x, work.posture)
     for k in range(len(r)):
         x[k] = r[k] - x[k]

@@ -4,6 +4,7 @@ import numpy as np
 
 from flexlink.kernels.bodies.energy import energies_of
 from flexlink.kernels.bodies.kinematics import kinematics, kinematics_workspace
+from flexlink.kernels.forces.elements import forces_of
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
 from flexlink.kernels.tools.compiler import kernel, subroutine
@@ -13,22 +14,22 @@ from flexlink.kernels.tools.vec3 import put, vector
 @kernel
 def tips_and_energies(chain, qs, qds, tips, parts):
     """Tip positions (samples, 3) and kinetic, gravity and elastic energy (3, samples)."""
-    tips_and_energies_of(chain, 0, len(qs), qs, qds, tips, parts, kinematics_workspace(chain))
+    tips_and_energies_of(chain, 0, len(qs), qs, qds, tips, parts, kinematics_workspace(chain), forces_of(chain))
 
 
 @subroutine
-def tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, placed):
-    """Those of the samples first … stop − 1; scratch `placed`."""
+def tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, placed, forces):
+    """Those of the samples first … stop − 1; scratch `placed`, `forces_of` the chain."""
     for row in range(first, stop):
         kinematics(chain, qs[row], placed)
         put(tips[row], vector(placed.points[-1]))
-        parts[0, row], parts[1, row], parts[2, row] = energies_of(chain, qs[row], qds[row], placed)
+        parts[0, row], parts[1, row], parts[2, row] = energies_of(chain, qs[row], qds[row], placed, forces)
 
 
 @kernel
 def derive(chain, inputs, first, stop, ts, qs, qds, taus, tips, parts):
     """Of the samples first … stop − 1 the tip positions, energies, and drive torques T_EX: each in its row."""
-    tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, kinematics_workspace(chain))
+    tips_and_energies_of(chain, first, stop, qs, qds, tips, parts, kinematics_workspace(chain), forces_of(chain))
     for row in range(first, stop):
         taus[row] = 0.0
         sample_at_step(inputs.drive, ts[row], ts[row], qs[row], qds[row], taus[row])  # of a run by another engine

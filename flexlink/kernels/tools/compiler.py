@@ -12,6 +12,7 @@ import numba
 from numba.core import event
 from numba.extending import overload
 
+from flexlink.kernels.tools.absent import KernelCompiler
 from flexlink.kernels.tools.machine_code import BORROWS, NO_C, ONLY_KERNELS, keep_on_disk, refuse_python, share
 
 
@@ -122,8 +123,33 @@ def by_type(algorithms: dict[type, Any]) -> Callable[[Callable[..., Any]], Calla
     return decorate
 
 
+def of_each(functions: dict[type, Any], *, summed: bool = True) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Let a function of a tuple of records call, for each of them, the function for its type; sums what they return.
+
+    In a kernel that is compiled they stand one after another.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(function)
+        def call(elements: Any, *arguments: Any) -> Any:
+            found = [functions[type(element)](element, *arguments) for element in elements]
+            return sum(found) if summed else None
+
+        @overload(call, jit_options=INLINED)
+        def unroll(elements, *arguments):
+            names = {f"f{k}": functions[element.instance_class] for k, element in enumerate(elements)}
+            calls = [f"{name}(elements[{k}], *arguments)" for k, name in enumerate(names)]
+            lines = calls if not summed else ["return " + " + ".join(calls)]
+            exec("def unrolled(elements, *arguments):\n    " + "\n    ".join(lines), names)
+            return names["unrolled"]
+
+        return call
+
+    return decorate
+
+
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
-    compiled = numba.njit(nogil=True, **ARITHMETIC, **{**NO_C, **options})(function)
+    compiled = numba.njit(nogil=True, pipeline_class=KernelCompiler, **ARITHMETIC, **{**NO_C, **options})(function)
     if not numba.config.DISABLE_JIT:
         keep_on_disk(compiled, function)
         if options.keys() >= ONLY_KERNELS.keys():

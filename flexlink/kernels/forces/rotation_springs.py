@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion, shared, subroutine
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, shared
 from flexlink.kernels.tools.lanes import LANES, at, eight_of, put_at, put_eight
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
@@ -63,14 +63,6 @@ class RotationSprings(NamedTuple):
     numbers: Any  # (ROW, slots in eights)
     side: Any  # the same memory, by slots
     flat: Any  # (3, …) the same memory: half angles, cosines, sines
-
-
-NO_ROTATION = RotationSprings(
-    np.empty((0, 3), np.int64), np.empty(0, np.int64), np.empty((0, 2), np.int64), np.zeros(1, np.int64),
-    np.empty((0, 3), np.int64), np.empty((0, 5), np.int64), np.empty((0, 1)), np.empty((ROW.size, 0)),
-    np.empty((ROW.size, 0)), np.empty((3, 0)),
-)  # fmt: skip
-"""That of all other chains, without compiling what finds it."""
 
 
 @shared
@@ -177,43 +169,47 @@ def put_constants(springs, own, both):
 
 
 @kernel
-def rotation_springs_side_by_side(bodies, hinges, couplings):
-    """Scratch of eight chains, arrays (8, bodies), (8, n), (8, couplings), alike in hinges."""
-    triples, cells = triples_of(bodies[0], hinges[0])
-    slots, outer = slots_of(cells, len(triples), 1)
-    within, pairs = joined(triples, slots, cells, couplings[0], hinges.shape[1])
+def rotation_springs_side_by_side(chains):
+    """Scratch of eight chains, alike in hinges."""
+    first = rotation_springs(chains[0].bodies, chains[0].hinges, chains[0].rare.couplings)
+    slots, outer = slots_of(first.cells, len(first.hinges), 1)
+    within, pairs = first.within.copy(), first.pairs.copy()
+    move_slots(first, slots, within, pairs)
     count = slots.max() + 1 if len(slots) > 0 else 0
     numbers, coupled = np.zeros((ROW.size, count * LANES)), np.empty((len(pairs), 1, LANES))
     side = numbers.reshape(ROW.size, count, LANES)
-    if count > 0:
-        for lane in range(LANES):
-            one = rotation_springs(bodies[lane], hinges[lane], couplings[lane])
-            coupled[:, :, lane] = one.coupled
-            for t in range(len(slots)):
-                for row in range(ROW.size):
-                    side[row, slots[t], lane] = one.numbers[row, one.slots[t]]
+    for lane in range(LANES):
+        one = rotation_springs(chains[lane].bodies, chains[lane].hinges, chains[lane].rare.couplings)
+        coupled[:, :, lane] = one.coupled
+        for t in range(len(slots)):
+            for row in range(ROW.size):
+                side[row, slots[t], lane] = one.numbers[row, one.slots[t]]
     return RotationSprings(
-        triples, slots, cells, np.full(1, outer), within, pairs, coupled, numbers, side, turns_of(numbers)
+        first.hinges, slots, first.cells, np.full(1, outer), within, pairs, coupled, numbers, side, turns_of(numbers)
     )
 
 
 @recursion
-def subtract_excess(rows, q, springs, net):
-    """Subtract what the law takes more from column `net` of the rows of its hinges."""
+def move_slots(springs, slots, within, pairs):
+    """Let couplings name other slots of the triples."""
+    for t in range(len(slots)):
+        for w in range(len(within)):
+            if springs.within[w, 1] == springs.slots[t]:
+                within[w, 1] = slots[t]
+        for m in range(len(pairs)):
+            for place in (1, 3):
+                if springs.pairs[m, place] == springs.slots[t]:
+                    pairs[m, place] = slots[t]
+
+
+@recursion
+def add_excess(q, springs, torque):
+    """Add what the law takes more to `torque` (n,), or of eight states side by side."""
     find_excess(q, springs)
     for t in range(len(springs.hinges)):
         for a in range(3):
             k = springs.hinges[t, a]
-            put_at(rows, at(rows, k, net) - at(springs.side, ROW.excess + a, springs.slots[t]), k, net)
-
-
-@subroutine
-def add_excess(q, springs, torque):
-    """Add what the law takes more to `torque` (n,)."""
-    find_excess(q, springs)
-    for t in range(len(springs.hinges)):
-        for a in range(3):
-            torque[springs.hinges[t, a]] += springs.side[ROW.excess + a, springs.slots[t]]
+            put_at(torque, at(torque, k) + at(springs.side, ROW.excess + a, springs.slots[t]), k)
 
 
 @kernel
@@ -261,14 +257,6 @@ def excess_energy(q, springs):
     for c in range(len(springs.cells)):
         found += energy_of_cell(numbers, springs.slots[springs.cells[c, 0]], springs.slots[springs.cells[c, 1]])
     return found
-
-
-@kernel
-def add_excess_energies(bodies, hinges, couplings, qs, elastic):
-    """Add to the elastic energies (samples,) [J] what the law holds more at angles (samples, n)."""
-    springs = rotation_springs(bodies, hinges, couplings)
-    for row in range(len(qs)):
-        elastic[row] += excess_energy(qs[row], springs)
 
 
 @inlined

@@ -16,7 +16,7 @@ import numpy as np
 
 from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, shared, subroutine
 from flexlink.kernels.tools.lanes import Turns
 from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, cross, dot, put, scale, sub, vector
 
@@ -24,42 +24,63 @@ EPSILON = 1e-100
 """ε of the imaginary parts."""
 
 
-class DragWork(NamedTuple):
-    """Scratch of `drag_torques`."""
+class Drag(NamedTuple):
+    """Force element: points of the chain's `rare.drag`, with scratch, of floats or of complex numbers."""
 
+    chain: Any
     placed: KinematicsWork
     motion: Any  # (bodies, 2, 3) ω and v of every body, at its hinge point
     loads: Any  # (bodies, 2, 3) force and moment on it and all beyond, likewise
+    torque: Any  # (n,) T
 
 
 @kernel
-def drag_workspace(chain):
-    """Scratch for a chain."""
+def drag_of(chain):
+    """That of a chain."""
     m, n = len(chain.bodies), len(chain.hinges)
     placed = KinematicsWork(np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((n, 3)))
-    return DragWork(placed, np.empty((m, 2, 3)), np.empty((m, 2, 3)))
+    return Drag(chain, placed, np.empty((m, 2, 3)), np.empty((m, 2, 3)), np.empty(n))
 
 
 @kernel
-def complex_drag_workspace(chain):
-    """Scratch of complex numbers."""
+def complex_drag(chain):
+    """The same for complex numbers."""
     m, n, c = len(chain.bodies), len(chain.hinges), np.complex128
     placed = KinematicsWork(np.empty((m, 3, 3), c), np.empty((m, 3), c), np.empty((n, 3), c))
-    return DragWork(placed, np.empty((m, 2, 3), c), np.empty((m, 2, 3), c))
+    return Drag(chain, placed, np.empty((m, 2, 3), c), np.empty((m, 2, 3), c), np.empty(n, c))
 
 
 @subroutine
-def drag_torques(chain, drag, q, qd, torque, work):
-    """Write T (n,) of points `drag` of dtype `DRAG`, at angles (n,), or `Turns` of them, and rates (n,)."""
-    put_loads(chain, drag, q, qd, work)
-    add_up(chain, torque, work)
+def drag_torque(element, q, qd, torque):
+    """Add T to `torque` (n,), at angles (n,) and rates (n,); returns the power q̇·T that is lost [W]."""
+    power = 0.0
+    if len(element.chain.rare.drag) > 0:
+        find_torques(element, q, qd)
+        for k in range(len(torque)):
+            torque[k] += element.torque[k]
+            power += qd[k] * element.torque[k]
+    return power
+
+
+@recursion
+def no_energy(element, q):
+    """Drag keeps none [J]."""
+    return 0.0
 
 
 @inlined
-def put_loads(chain, drag, q, qd, work):
+def find_torques(element, q, qd):
+    """T, at angles (n,), or `Turns` of them, and rates (n,)."""
+    put_loads(element, q, qd)
+    add_up(element)
+
+
+@inlined
+def put_loads(work, q, qd):
     """Outward: force on every body, and moment about its hinge point."""
-    kinematics(chain, q, work.placed)
-    move(chain, qd, work)
+    drag = work.chain.rare.drag
+    kinematics(work.chain, q, work.placed)
+    move(work, qd)
     for i in range(len(work.loads)):
         put(work.loads[i, 0], ZERO)
         put(work.loads[i, 1], ZERO)
@@ -68,8 +89,9 @@ def put_loads(chain, drag, q, qd, work):
 
 
 @inlined
-def move(chain, qd, work):
+def move(work, qd):
     """ω and v of every body."""
+    chain = work.chain
     bodies, hinges, points, axes = chain.bodies, chain.hinges, work.placed.points, work.placed.axes
     for i in range(len(bodies)):
         b, motion = bodies[i], work.motion[i]
@@ -99,9 +121,10 @@ def pull(point, R, motion, loads):
 
 
 @inlined
-def add_up(chain, torque, work):
+def add_up(work):
     """Inward: T of every joint, from the loads on what is beyond it."""
-    bodies, hinges, points, axes, loads = chain.bodies, chain.hinges, work.placed.points, work.placed.axes, work.loads
+    bodies, hinges, loads, torque = work.chain.bodies, work.chain.hinges, work.loads, work.torque
+    points, axes = work.placed.points, work.placed.axes
     for i in range(len(bodies) - 1, -1, -1):
         b, f, n = bodies[i], vector(loads[i, 0]), vector(loads[i, 1])
         for k in range(b.first, b.stop):
@@ -114,37 +137,48 @@ def add_up(chain, torque, work):
 
 
 @kernel
-def drag_torques_of_many(chain, drag, qs, qds, found):
-    """T of states (b, n) into `found` (b, n)."""
-    work = drag_workspace(chain)
+def drag_torques_of_many(chain, qs, qds, found):
+    """Add T of states (b, n) to `found` (b, n)."""
+    work = drag_of(chain)
     for row in range(len(qs)):
-        drag_torques(chain, drag, qs[row], qds[row], found[row], work)
+        drag_torque(work, qs[row], qds[row], found[row])
 
 
 @kernel
-def drag_loads(chain, drag, q, qd):
+def drag_loads(chain, q, qd):
     """Force on every body and moment about its hinge point, frame 0, in a new array (bodies, 2, 3)."""
-    work = drag_workspace(chain)
-    put_loads(chain, drag, q, qd, work)
+    work = drag_of(chain)
+    put_loads(work, q, qd)
     return work.loads
 
 
+@shared
 @kernel
-def add_drag_slopes(chain, drag, q, qd, by_angle, by_rate):
+def drag_slopes(element, q, qd, by_angle, by_rate):
     """Add ∂T/∂q and ∂T/∂q̇ to (n, n) each; O(n²) in all."""
-    n, work = len(q), complex_drag_workspace(chain)
-    rates, torque = qd.astype(np.complex128), np.empty(n, np.complex128)
+    moves = False
+    for k in range(len(q)):
+        moves = moves or qd[k] != 0.0
+    if len(element.chain.rare.drag) > 0 and moves:
+        add_slopes_along(element.chain, q, qd, by_angle, by_rate)
+
+
+@kernel
+def add_slopes_along(chain, q, qd, by_angle, by_rate):
+    """The same where there is any."""
+    work = complex_drag(chain)
+    rates, torque = qd.astype(np.complex128), work.torque
     turns = Turns(np.cos(q).astype(np.complex128), np.sin(q).astype(np.complex128), q.astype(np.complex128))
-    for j in range(n):
+    for j in range(len(q)):
         turns.cosines[j] = complex(np.cos(q[j]), -EPSILON * np.sin(q[j]))
         turns.sines[j] = complex(np.sin(q[j]), EPSILON * np.cos(q[j]))
         turns.angles[j] = complex(q[j], EPSILON)
-        drag_torques(chain, drag, turns, rates, torque, work)
+        find_torques(work, turns, rates)
         turns.cosines[j], turns.sines[j], turns.angles[j] = np.cos(q[j]), np.sin(q[j]), q[j]
-        for i in range(n):
+        for i in range(len(q)):
             by_angle[i, j] += torque[i].imag / EPSILON
         rates[j] = complex(qd[j], EPSILON)
-        drag_torques(chain, drag, turns, rates, torque, work)
+        find_torques(work, turns, rates)
         rates[j] = qd[j]
-        for i in range(n):
+        for i in range(len(q)):
             by_rate[i, j] += torque[i].imag / EPSILON

@@ -15,20 +15,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.rotation_springs import (
+from flexlink.kernels.forces.rotation_springs import (
     COTANGENT,
     NEAR,
     ROW,
+    RotationSprings,
+    add_excess,
     bending_of_cell,
     by_axis,
+    excess_energy,
     find_excess,
     polynomial,
     rotation_springs,
+    rotation_springs_side_by_side,
     three,
     turned_back,
 )
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
-from flexlink.kernels.tools.lanes import put_vec_of, vec_of
+from flexlink.kernels.tools.lanes import put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.vec3 import X, Y, Z, add, add_scaled, cross, dot, pick, scale, vector
 
 SLOPE = tuple(k * c for k, c in enumerate(COTANGENT))[1:]  # of g
@@ -44,6 +48,47 @@ class RotationTangent(NamedTuple):
     of_cell: Any  # (c,) of the block between the triples of each cell
     axes: Any  # (t, 3, 3) e_k
     turning: Any  # (t, 3, 3) A e_k
+
+
+class Rotation(NamedTuple):
+    """Force element: springs of rotation vectors, and scratch of their slopes, None of eight chains side by side."""
+
+    springs: RotationSprings
+    tangent: RotationTangent | None
+
+
+@kernel
+def rotation_of(chain):
+    """Those of a chain, which may have none."""
+    springs = rotation_springs(chain.bodies, chain.hinges, chain.rare.couplings)
+    return Rotation(springs, rotation_tangent(springs))
+
+
+@kernel
+def rotation_side_by_side(chains):
+    """Those of eight chains, alike in hinges."""
+    return Rotation(rotation_springs_side_by_side(chains), None)
+
+
+@recursion
+def rotation_torque(element, q, qd, torque):
+    """Add what the law takes more than K (θ − θ₀); no power is lost."""
+    if len(element.springs.hinges) > 0:
+        add_excess(q, element.springs, torque)
+    return zero_of(qd)
+
+
+@recursion
+def rotation_energy(element, q):
+    """What the law holds more than ½ (θ − θ₀)·K (θ − θ₀) [J]."""
+    return excess_energy(q, element.springs) if len(element.springs.hinges) > 0 else 0.0
+
+
+@recursion
+def rotation_slopes(element, q, qd, by_angle, by_rate):
+    """Add all blocks to ∂T/∂q (n, n)."""
+    if len(element.springs.hinges) > 0:
+        add_tangent(q, element.springs, element.tangent, by_angle)
 
 
 @kernel

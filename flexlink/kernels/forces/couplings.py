@@ -1,0 +1,146 @@
+"""Springs and dampers between two hinges: K_ij and D_ij beside the diagonals that hinges keep."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.lanes import LANES, at, empty_lanes, put_at, zero_of
+from flexlink.kernels.tools.numbered import numbered
+
+CONSTANT = numbered("stiffness damping inner_rest outer_rest")  # of a coupling i, j: K_ij, D_ij, θ₀ of i and of j
+
+
+class Couplings(NamedTuple):
+    """Force element: torque K_ij (θ_j − θ₀_j) + D_ij q̇_j on hinge i, and the same of i on hinge j."""
+
+    pairs: Any  # (m, 2) the two hinges of each
+    constants: Any  # (m, CONSTANT.size), or with eight chains' numbers side by side
+
+
+@kernel
+def couplings_of(chain):
+    """Those of a chain."""
+    couplings, hinges = chain.rare.couplings, chain.hinges
+    pairs, constants = np.empty((len(couplings), 2), np.int64), np.empty((len(couplings), CONSTANT.size))
+    for c in range(len(couplings)):
+        i, j = couplings[c].inner, couplings[c].outer
+        pairs[c, 0], pairs[c, 1] = i, j
+        constants[c, CONSTANT.stiffness], constants[c, CONSTANT.damping] = couplings[c].stiffness, couplings[c].damping
+        constants[c, CONSTANT.inner_rest], constants[c, CONSTANT.outer_rest] = hinges[i].rest, hinges[j].rest
+    return Couplings(pairs, constants)
+
+
+@kernel
+def couplings_side_by_side(chains):
+    """Those of eight chains, alike in hinges."""
+    pairs = couplings_of(chains[0]).pairs
+    constants = empty_lanes((len(pairs), CONSTANT.size))
+    for lane in range(LANES):
+        constants[:, :, lane] = couplings_of(chains[lane]).constants
+    return Couplings(pairs, constants)
+
+
+@recursion
+def coupling_torque(element, q, qd, torque):
+    """Add the torques to `torque` (n,), or of eight states side by side; returns the power that dampers take [W]."""
+    pairs, constants, power = element.pairs, element.constants, zero_of(qd)
+    for c in range(len(pairs)):
+        i, j, k, d = pairs[c, 0], pairs[c, 1], at(constants, c, CONSTANT.stiffness), at(constants, c, CONSTANT.damping)
+        inner, outer = at(constants, c, CONSTANT.inner_rest), at(constants, c, CONSTANT.outer_rest)
+        put_at(torque, at(torque, i) + k * (at(q, j) - outer) + d * at(qd, j), i)
+        put_at(torque, at(torque, j) + k * (at(q, i) - inner) + d * at(qd, i), j)
+        power += 2.0 * d * at(qd, i) * at(qd, j)
+    return power
+
+
+@recursion
+def coupling_energy(element, q):
+    """Σ K_ij (θ_i − θ₀_i) (θ_j − θ₀_j) [J]."""
+    energy, constants = 0.0, element.constants
+    for c in range(len(element.pairs)):
+        i, j = element.pairs[c, 0], element.pairs[c, 1]
+        bent = (q[i] - constants[c, CONSTANT.inner_rest]) * (q[j] - constants[c, CONSTANT.outer_rest])
+        energy += constants[c, CONSTANT.stiffness] * bent
+    return energy
+
+
+@recursion
+def coupling_slopes(element, q, qd, by_angle, by_rate):
+    """Add K_ij and D_ij to ∂T/∂q and ∂T/∂q̇ (n, n)."""
+    for c in range(len(element.pairs)):
+        i, j = element.pairs[c, 0], element.pairs[c, 1]
+        for row, column in ((i, j), (j, i)):
+            by_angle[row, column] += element.constants[c, CONSTANT.stiffness]
+            by_rate[row, column] += element.constants[c, CONSTANT.damping]
+
+
+@kernel
+def cells_of(n, rare):
+    """First hinge of the cell of every hinge, (n,): a run of hinges that couplings overlap; (0,) without couplings.
+
+    None of a plain chain.
+    """
+    if rare is None:
+        return None
+    couplings = rare.couplings
+    if len(couplings) == 0:
+        return np.empty(0, np.int64)
+    first, furthest = np.arange(n), np.arange(n)
+    for c in range(len(couplings)):
+        furthest[couplings[c].inner] = max(furthest[couplings[c].inner], couplings[c].outer)
+    begin = end = 0
+    for k in range(n):
+        if k > end:
+            begin = end = k
+        end, first[k] = max(end, furthest[k]), begin
+    return first
+
+
+@kernel
+def factor_springs(chain, joints):
+    """L D Lᵀ = K of some joints with springs, in ascending order, O(n): D_i, then L_{i,i−1}, L_{i,i−2}, … in row i."""
+    place, width = np.full(len(chain.hinges), -1), 0
+    for i in range(len(joints)):
+        place[joints[i]] = i
+    if chain.rare is not None:
+        for pair in chain.rare.couplings:
+            if place[pair.inner] >= 0 and place[pair.outer] >= 0:
+                width = max(width, place[pair.outer] - place[pair.inner])
+    rows = np.zeros((len(joints), 1 + width))
+    for i in range(len(joints)):
+        rows[i, 0] = chain.hinges[joints[i]].stiffness
+    if chain.rare is not None:
+        for pair in chain.rare.couplings:
+            i, j = place[pair.outer], place[pair.inner]
+            if i >= 0 and j >= 0:
+                rows[i, i - j] = pair.stiffness
+    for i in range(len(rows)):
+        begin = max(0, i - width)
+        for j in range(begin, i):
+            for k in range(begin, j):
+                rows[i, i - j] -= rows[i, i - k] * rows[k, 0] * rows[j, j - k]
+            rows[i, i - j] /= rows[j, 0]
+        for j in range(begin, i):
+            rows[i, 0] -= rows[i, i - j] ** 2 * rows[j, 0]
+    return rows
+
+
+@recursion
+def solve_springs(rows, x):
+    """x ← K⁻¹ x, of the joints of `factor_springs`."""
+    for i in range(len(x)):
+        for j in range(max(0, i - rows.shape[1] + 1), i):
+            x[i] -= rows[i, i - j] * x[j]
+    for i in range(len(x) - 1, -1, -1):
+        x[i] /= rows[i, 0]
+        for j in range(i + 1, min(len(x), i + rows.shape[1])):
+            x[i] -= rows[j, j - i] * x[j]
+
+
+@kernel
+def give_way(chain, joints, torques):
+    """Torques (rows, joints) on springs become the angles by which they give way."""
+    rows = factor_springs(chain, joints)
+    for row in range(len(torques)):
+        solve_springs(rows, torques[row])
