@@ -52,8 +52,8 @@ from flexlink.dynamics.vibration.modal import modes, natural_frequencies
 from flexlink.dynamics.vibration.poles import pd_poles
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.formats import to_mjcf, to_sdf, to_urdf
-from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.batch import simulate_many
+from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.sensitivity import sensitivities
 from flexlink.motion.simulate import Problem, simulate
 from flexlink.motion.simulator import Simulator

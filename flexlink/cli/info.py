@@ -25,10 +25,10 @@ from flexlink.describe.spec import short_list
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
-from flexlink.inputs.initial_state import initial_state
-from flexlink.inputs.problem import problem_of
-from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.motion.evaluation_cost import machine_factor, step_cost
+from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.sensors.signals import column_names
 
 

@@ -15,12 +15,12 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.whole_steps import parts, whole
 from flexlink.dynamics.springs import add_spring_energies
-from flexlink.inputs.drives import effort_of, held_torques, remembered
-from flexlink.inputs.problem import problem_of
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.kernels.stepping.step_state import SO_FAR
+from flexlink.motion.inputs.drives import effort_of, held_torques, remembered
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.monitor import allowed_imbalance
 from flexlink.motion.sampled_control import held_torques_advice
 from flexlink.motion.sensing import sample_at
