@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.dynamics.vibration.extremes import slowest_frequency
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from validation.random_arms import Dice
 
 Array = NDArray[np.float64]

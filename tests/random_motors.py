@@ -21,8 +21,8 @@ from scipy.integrate import solve_ivp
 
 import flexlink as fl
 from flexlink.describe.rigidified import rigidified
-from flexlink.inputs.initial_state import initial_state
-from flexlink.inputs.references import reference_arrays
+from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.motion.inputs.references import reference_arrays
 from validation.random_arms import Dice
 
 Array = NDArray[np.float64]

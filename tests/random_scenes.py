@@ -15,7 +15,7 @@ import numpy as np
 from msgspec.structs import replace
 
 import flexlink as fl
-from flexlink.inputs.problem import problem_of
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.simulate import prepare
 from validation.random_arms import Dice
 

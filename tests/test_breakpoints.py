@@ -9,8 +9,8 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
-from flexlink.inputs.drives import drive_arrays
-from flexlink.inputs.tstops import merged_breakpoints
+from flexlink.motion.inputs.drives import drive_arrays
+from flexlink.motion.inputs.tstops import merged_breakpoints
 
 TIMES = np.linspace(0.0, 1.0, 241)
 ARM = make_scene(flexible("a"))

@@ -14,10 +14,10 @@ from conftest import compiled, flexible, make_scene
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.interruption import Stop
-from flexlink.inputs.problem import problem_of
 from flexlink.motion.batch import outcomes
 from flexlink.motion.budget import FEWEST, LOOKS, SHORTEST, Budget, Spent
 from flexlink.motion.hindrance import hindrance, sampled_growth
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.simulate import prepare
 
 

@@ -12,7 +12,7 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.dynamics.vibration.extremes import fastest_frequency
-from flexlink.inputs.problem import problem_of
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.method_choice import SMALL, STIFF, cheapest
 
 SCENE = make_scene(flexible("a", segments=3))

@@ -9,8 +9,8 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
-from flexlink.inputs.problem import problem_of
 from flexlink.motion.evaluation_cost import evaluation_time, machine_factor, run_cost, step_cost
+from flexlink.motion.inputs.problem import problem_of
 
 
 def chain_of(flex: str, segments: int = 12) -> Chain:

@@ -8,8 +8,8 @@ from conftest import flexible, make_scene
 from scipy.linalg import expm
 
 import flexlink as fl
-from flexlink.inputs.references import reference_arrays
-from flexlink.inputs.static_feedforward import holding_torque
+from flexlink.motion.inputs.references import reference_arrays
+from flexlink.motion.inputs.static_feedforward import holding_torque
 
 INERTIA, KP, KD = 4.0, 40.0, 6.0
 ZVD = fl.InputShaper(kind="ZVD", frequency_hz=(2.0,), damping=(0.05,))

@@ -14,14 +14,14 @@ import flexlink as fl
 from flexlink.describe.schemes.methods import method
 from flexlink.engines import base, load
 from flexlink.formats.features import not_held
-from flexlink.inputs import drives
-from flexlink.inputs.drives import drive_arrays, gains_of
-from flexlink.inputs.problem import problem_of
-from flexlink.inputs.references import constant
 from flexlink.kernels.inputs.drive_torque import drive_torque
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.kernels.inputs.references import reference
 from flexlink.kernels.stepping.runge_kutta import integrate
+from flexlink.motion.inputs import drives
+from flexlink.motion.inputs.drives import drive_arrays, gains_of
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.inputs.references import constant
 from flexlink.motion.simulate import prepare
 from flexlink.motion.step_errors import step_errors
 

@@ -12,8 +12,8 @@ from looking import in_every_way, told
 
 import flexlink as fl
 from flexlink.common.interruption import Stop
-from flexlink.inputs.problem import problem_of
 from flexlink.motion.batch import outcomes
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.monitor import RunMonitor
 from flexlink.results.record import Record
 

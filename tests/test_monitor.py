@@ -16,9 +16,9 @@ from random_scenes import verdict
 import flexlink as fl
 from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import SOLVERS
-from flexlink.inputs.problem import problem_of
 from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance, explained_by
 from flexlink.kernels.stepping.step_state import SO_FAR
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.monitor import RunMonitor, allowed_imbalance
 from flexlink.results import balance
 from flexlink.results.record import Record, trajectory_from_states

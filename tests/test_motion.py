@@ -9,8 +9,8 @@ from conftest import flexible, make_scene
 import flexlink as fl
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.rounding import of_acceleration
-from flexlink.inputs.actuation import motion_arrays
 from flexlink.kernels.inputs.drive_torque import follow
+from flexlink.motion.inputs.actuation import motion_arrays
 
 
 def swing(link: str = "a", knots: int = 41, duration: float = 2.0) -> fl.PrescribedMotion:

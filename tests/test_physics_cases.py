@@ -11,8 +11,8 @@ from conftest import ROOT
 import flexlink as fl
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe.spec import decode
-from flexlink.inputs.drives import drive_arrays
 from flexlink.kernels.inputs.drive_torque import drive_torque
+from flexlink.motion.inputs.drives import drive_arrays
 from reports.findings import physics_choice, physics_price
 from reports.results import Results
 from validation import reference_values

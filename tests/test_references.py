@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import flexlink as fl
 from flexlink.describe.profiles import PLAIN
 from flexlink.describe.reference_trajectory import still
-from flexlink.inputs.references import reference_arrays
+from flexlink.motion.inputs.references import reference_arrays
 
 EPS = np.finfo(float).eps
 MAY_LIMIT = {

@@ -11,7 +11,7 @@ from conftest import make_scene
 from scipy.integrate import solve_ivp
 
 import flexlink as fl
-from flexlink.inputs.problem import problem_of
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.results.record import trajectory_from_states
 
 

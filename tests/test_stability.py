@@ -17,8 +17,8 @@ from flexlink.describe.schemes import methods
 from flexlink.dynamics.vibration import stability
 from flexlink.dynamics.vibration.stability import Gains, eigenvalues, fastest_eigenvalues, stable_step_of
 from flexlink.dynamics.vibration.stability_function import stability_function, stability_polynomials
-from flexlink.inputs.drives import drive_arrays, gains_of
-from flexlink.inputs.problem import problem_of
+from flexlink.motion.inputs.drives import drive_arrays, gains_of
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.simulate import SingleRun, prepare
 
 IMAGINARY_LIMIT = {  # largest y with |R(iy')| ≤ 1 + 1e-6 for all y' ≤ y

@@ -8,9 +8,9 @@ from conftest import ROOT, flexible, make_scene
 
 import flexlink as fl
 from flexlink.describe.schemes.methods import method
-from flexlink.inputs.drives import drive_arrays
-from flexlink.inputs.problem import problem_of
-from flexlink.inputs.tstops import breakpoints, instants, merged_breakpoints
+from flexlink.motion.inputs.drives import drive_arrays
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.inputs.tstops import breakpoints, instants, merged_breakpoints
 from flexlink.motion.stop_times import StopTimes
 from flexlink.results.record import Record
 

@@ -15,10 +15,10 @@ from scipy.integrate import solve_ivp
 import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.describe.schemes.methods import method
-from flexlink.inputs.actuation import input_arrays
-from flexlink.inputs.problem import problem_of
-from flexlink.inputs.references import constant
 from flexlink.kernels.inputs.laws import TABLE
+from flexlink.motion.inputs.actuation import input_arrays
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.inputs.references import constant
 from flexlink.motion.simulate import SingleRun, prepare
 from validation.random_arms import Dice
 

@@ -10,10 +10,10 @@ from msgspec.structs import replace
 import flexlink as fl
 from flexlink.common.types import Array
 from flexlink.dynamics.floating_base import FloatingBase
-from flexlink.inputs.problem import problem_of
-from flexlink.inputs.static_feedforward import holding_torque
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.motion import monitor
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.inputs.static_feedforward import holding_torque
 from flexlink.motion.monitor import RunMonitor, tolerance_of
 from flexlink.results import resolved_modes
 from flexlink.results.record import Record

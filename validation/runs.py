@@ -13,7 +13,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
-from flexlink.inputs.problem import problem_of
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.trajectory import Trajectory
 from validation.facts import Fact

@@ -22,9 +22,9 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequency
 from flexlink.dynamics.vibration.stability import stable_step
-from flexlink.inputs.actuation import acting_at, input_arrays
-from flexlink.inputs.problem import problem_of
 from flexlink.motion.evaluation_cost import evaluation_cost, run_cost
+from flexlink.motion.inputs.actuation import acting_at, input_arrays
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory

@@ -21,7 +21,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 
 
 class Release(NamedTuple):

@@ -21,7 +21,7 @@ from flexlink.describe.scene import Scene
 from flexlink.formats import FORMATS
 from flexlink.formats.features import not_held
 from flexlink.formats.small_mass import added_inertia, with_small_mass
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

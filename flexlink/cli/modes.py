@@ -23,8 +23,8 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.at_rest import first_elastic_frequency
 from flexlink.dynamics.vibration.in_motion import modes_in_motion, steady_joint
 from flexlink.dynamics.vibration.modal import Modes, modes
-from flexlink.inputs.initial_state import initial_state
-from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.results.trajectory import plotting
 
 

@@ -24,8 +24,8 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.engines import ENGINES, load
-from flexlink.inputs.actuation import acting_at
-from flexlink.inputs.problem import problem_of
+from flexlink.motion.inputs.actuation import acting_at
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory

@@ -11,7 +11,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
 from flexlink.engines.read_back import ACTUATOR_FIELDS, ReadBack, no_actuators
-from flexlink.inputs.drives import effort_of, of_joints
+from flexlink.motion.inputs.drives import effort_of, of_joints
 
 
 def with_drive(read: ReadBack, scene: Scene | None, chain: Chain) -> ReadBack:

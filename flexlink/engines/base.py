@@ -21,12 +21,12 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.drag import drag_torque
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines.read_back import ReadBack
-from flexlink.inputs.problem import problem_of
-from flexlink.inputs.step_check import judge_step
-from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.kernels.inputs.drive_torque import drive_torque, sample_law
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.inputs.tip_wrench import put_given
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.inputs.step_check import judge_step
+from flexlink.motion.inputs.tip_wrench import wrench_at
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.stop_reasons import DivergenceError
 

@@ -13,8 +13,8 @@ from flexlink.dynamics.vibration.at_rest import rest_of
 from flexlink.dynamics.vibration.modal import modes
 from flexlink.identification.block import Block
 from flexlink.identification.problem import FitModes, FitProblem, FitStatic
-from flexlink.inputs.initial_state import initial_state
-from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.motion.inputs.tip_wrench import initial_wrench
 
 
 class Tapped:

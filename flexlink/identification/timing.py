@@ -17,8 +17,8 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.at_rest import first_elastic_frequency
 from flexlink.identification.block import Block
-from flexlink.inputs.initial_state import initial_state
-from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.motion.simulate import simulate
 
 SHOWN = 0.1

@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 from flexlink.common.errors import SceneError
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
-from flexlink.describe.data_files import is_user_file
+from flexlink.data.documents import is_user_file
 from flexlink.describe.own_units import in_words
 from flexlink.describe.run_settings import AUTO, DEFAULT_TOLERANCE, RunSettings
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.stability import bounding_eigenvalues, stable_step, stable_step_of
-from flexlink.inputs.actuation import acting_at
-from flexlink.inputs.drives import remembered
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping import adaptive
 from flexlink.kernels.stepping.adaptive import OUTCOME
@@ -33,6 +31,8 @@ from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.floating_steps import is_far
 from flexlink.motion.hindrance import hindrance, loop_is_unstable
+from flexlink.motion.inputs.actuation import acting_at
+from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.method_choice import Choice, cheapest, fastest_motion, tumbles
 from flexlink.motion.method_trial import FIRST, go_on_with_the_cheapest
 from flexlink.motion.monitor import LONG, RunMonitor

@@ -17,10 +17,10 @@ from flexlink.common.interruption import Stop, deferred
 from flexlink.common.memo import Kept
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.inputs.problem import problems_of
-from flexlink.inputs.step_check import judge_steps
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.budget import warn
+from flexlink.motion.inputs.problem import problems_of
+from flexlink.motion.inputs.step_check import judge_steps
 from flexlink.motion.side_by_side import Block, Ended, Member, Run, alike, goes_along
 from flexlink.motion.simulate import SingleRun, allocate
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError

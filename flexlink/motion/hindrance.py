@@ -13,8 +13,8 @@ from flexlink.common.types import Array
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
-from flexlink.inputs.drives import gains_of
-from flexlink.inputs.tip_wrench import wrench_at
+from flexlink.motion.inputs.drives import gains_of
+from flexlink.motion.inputs.tip_wrench import wrench_at
 from flexlink.results.record import Record
 
 

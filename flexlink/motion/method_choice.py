@@ -9,7 +9,7 @@ import numpy as np
 from flexlink.common.types import Array
 from flexlink.dynamics.springs import damping_slope
 from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequency
-from flexlink.inputs.drives import gains_of
+from flexlink.motion.inputs.drives import gains_of
 from flexlink.results.record import Record
 
 STIFF = 500.0

@@ -21,14 +21,15 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Spec, default_of, fields_of, truncated
+from flexlink.describe.spec import Spec, default_of, fields_of
 from flexlink.describe.vary import number_in
 from flexlink.dynamics.tangent import stiffness_matrix
-from flexlink.inputs.initial_state import initial_state, spread, stated
 from flexlink.kernels.derivatives.inverse_derivatives import Arrays
 from flexlink.kernels.derivatives.sensitivity import AFFINE, EPSILON, Parametric, torque_derivatives
 from flexlink.kernels.layout import BODY, COUPLING, HINGE
+from flexlink.motion.inputs.initial_state import initial_state, spread, stated
 
 POINTS = 9
 PARTS = 1 / 16, 1 / 128, 1 / 1024

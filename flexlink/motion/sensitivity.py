@@ -15,9 +15,9 @@ from flexlink.dynamics.drag import refuse_drag
 from flexlink.dynamics.floating_base import ANGLES
 from flexlink.dynamics.placement import jacobian
 from flexlink.dynamics.result import Result
-from flexlink.inputs.problem import problem_of
 from flexlink.kernels.derivatives.sensitivity import integrate_derivatives, tip_derivatives
 from flexlink.motion.column_slopes import column_slope
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.parameters import parametric
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError

@@ -23,11 +23,11 @@ from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.placement import unbent
 from flexlink.dynamics.terms import Energy
-from flexlink.inputs.drives import acts_on_many, same_law
 from flexlink.kernels.bodies.kinematics import tip_points
 from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.fixed_steps import pieces, steps_up_to
+from flexlink.motion.inputs.drives import acts_on_many, same_law
 from flexlink.motion.monitor import AT_LIMIT, DOUBT, FAR, TIP_SHARE, RunMonitor, apart, probed
 from flexlink.motion.simulate import verify
 from flexlink.motion.step_errors import step_errors_side_by_side

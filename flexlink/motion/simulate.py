@@ -15,20 +15,20 @@ from flexlink.chain.arguments import require_callable, require_type
 from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.common.memo import Kept, Memo
-from flexlink.describe.data_files import is_user_file
+from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable, check_method
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import build_validated
 from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.inputs.drives import remembered
-from flexlink.inputs.problem import problem_of, started
-from flexlink.inputs.step_check import judge_step
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.machine_code import types_of
 from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.budget import warn
 from flexlink.motion.fixed_steps import FixedSteps
+from flexlink.motion.inputs.drives import remembered
+from flexlink.motion.inputs.problem import problem_of, started
+from flexlink.motion.inputs.step_check import judge_step
 from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.sampled_control import Law, control_of
 from flexlink.motion.verification import GIVEN_UP, UNKNOWN, advice, doubt, second_runs

@@ -14,13 +14,14 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.whole_steps import parts, whole
+from flexlink.dynamics.sensors.readings import Readings
 from flexlink.dynamics.springs import add_spring_energies
-from flexlink.inputs.drives import effort_of, held_torques, remembered
-from flexlink.inputs.problem import problem_of
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.kernels.stepping.step_state import SO_FAR
+from flexlink.motion.inputs.drives import effort_of, held_torques, remembered
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.monitor import allowed_imbalance
 from flexlink.motion.sampled_control import held_torques_advice
 from flexlink.motion.sensing import sample_at
@@ -29,7 +30,6 @@ from flexlink.results import balance
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
 from flexlink.results.stop_reasons import DivergenceError, Failure, ended_early
-from flexlink.sensors.readings import Readings
 
 OFTEN = 128
 """Calls of `step` from one look at the power balance to the next; of the first ones, those of number 1, 2, 4, …"""

@@ -12,7 +12,6 @@ from flexlink.common.types import Array, Indices
 from flexlink.describe.schemes.methods import Method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.floating_base import FAR
-from flexlink.inputs.drives import gains_of
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.forces.rotation_springs import NO_ROTATION, rotation_springs
@@ -25,6 +24,7 @@ from flexlink.kernels.stepping.error_norm import Springs
 from flexlink.kernels.stepping.implicit_layout import VECTOR, ImplicitMethod, ImplicitWork, Turning
 from flexlink.kernels.stepping.saturation import Saturation
 from flexlink.kernels.stepping.step_state import STEPPER
+from flexlink.motion.inputs.drives import gains_of
 from flexlink.results.record import Record
 
 OF_A_TURNING_STEP = 4.0

@@ -11,7 +11,7 @@ from flexlink.common.memo import Kept
 from flexlink.common.types import Array, Indices
 from flexlink.describe.schemes.methods import Method
 from flexlink.describe.whole_steps import parts
-from flexlink.inputs.tstops import breakpoints, corners, instants
+from flexlink.motion.inputs.tstops import breakpoints, corners, instants
 from flexlink.results.record import Record
 
 SHORTEST = 1e-14

@@ -11,7 +11,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import frames
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.pages.style import legend_over
 from flexlink.results.pictures.view import views_of
 from flexlink.scene_report.views import draw_arm, panels

@@ -18,8 +18,8 @@ from flexlink.advice.model_runner import Outcome, Stepping
 from flexlink.common.types import Array
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
-from flexlink.inputs.problem import problem_of
 from flexlink.motion.evaluation_cost import machine_factor, run_cost
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.results.convergence import Limit, extrapolated, observed_order
 from flexlink.results.tip_motion import distances, largest_distance, largest_so_far
 from flexlink.scene_report.study import Study

@@ -6,9 +6,9 @@ import contextlib
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
-from flexlink.describe.spec import did_you_mean, truncated
+from flexlink.common.wording import did_you_mean, truncated
 from flexlink.engines import load
-from flexlink.inputs.problem import problem_of
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.results.record import trajectory_from_states
 from flexlink.sweeps.measures import DEFLECTION, MEASURES
 from flexlink.sweeps.plan import Plan

@@ -14,8 +14,8 @@ from flexlink.common.interruption import Stop, deferred
 from flexlink.describe.run_settings import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.engines import load
-from flexlink.inputs.problem import problem_of
 from flexlink.motion.batch import Outcome, ends_of
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.side_by_side import Run
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.stop_reasons import InterruptedRunError

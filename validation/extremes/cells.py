@@ -14,7 +14,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.describe.vary import get_in, to_document
 from flexlink.dynamics.vibration.extremes import fastest_frequency
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from validation.case import Case
 from validation.trade.scenes import Varied, varied_scene
 

@@ -28,7 +28,7 @@ from flexlink.common.interruption import deferred
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
-from flexlink.inputs.problem import problem_of
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.monitor import DOUBT, TIP_SHARE
 from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.stop_reasons import InterruptedRunError

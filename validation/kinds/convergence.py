@@ -12,7 +12,7 @@ from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive, Spec
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -19,7 +19,7 @@ from flexlink.describe.schemes import methods
 from flexlink.dynamics.rounding import EPS
 from flexlink.dynamics.terms import gravity_torque, mass_matrix
 from flexlink.dynamics.vibration.stability_function import stability_function
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -19,7 +19,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.vibration.stability import stable_step
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from validation.case import Case, Measured
 from validation.extremes.cells import Cell as Corner
 from validation.extremes.cells import Map, recipe

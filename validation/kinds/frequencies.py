@@ -22,7 +22,7 @@ from flexlink.dynamics.rounding import of_mass_matrix
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import stable_step
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.physics.hinge_sweep import Point, Sweep, by_rule, order, published, report

@@ -16,9 +16,9 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive, Spec
-from flexlink.inputs.drives import drive_of
-from flexlink.inputs.problem import problem_of
 from flexlink.kernels.inputs.record import PiecewisePolynomial
+from flexlink.motion.inputs.drives import drive_of
+from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.simulate import SingleRun, prepare
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -20,8 +20,8 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import in_units, of_acceleration
-from flexlink.inputs.actuation import motion_arrays
 from flexlink.kernels.inputs.drive_torque import follow
+from flexlink.motion.inputs.actuation import motion_arrays
 from flexlink.results.tip_motion import largest_distance
 from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured

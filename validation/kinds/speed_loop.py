@@ -20,7 +20,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import NonNegative, Positive
 from flexlink.dynamics.terms import gravity_torque
 from flexlink.engines.mujoco import MujocoEngine
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.simulator import Simulator
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -27,7 +27,7 @@ from flexlink.dynamics.terms import bias_torque, elastic_torque
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.dynamics.vibration.stability import stable_step, stable_step_of
 from flexlink.dynamics.vibration.stability_function import GROWTH
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
 from validation.case import Case, Measured

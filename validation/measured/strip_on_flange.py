@@ -16,7 +16,7 @@ from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.vibration.modal import modes
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from validation.measured.readings import Derived, Reading
 from validation.reference_values import look_up
 

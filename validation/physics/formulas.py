@@ -13,9 +13,9 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Drive, PrescribedMotion
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.terms import inverse_dynamics
-from flexlink.inputs.actuation import motion_arrays
-from flexlink.inputs.initial_state import initial_state
 from flexlink.kernels.inputs.drive_torque import follow
+from flexlink.motion.inputs.actuation import motion_arrays
+from flexlink.motion.inputs.initial_state import initial_state
 
 
 def pulse(t: ArrayLike) -> Array:

@@ -14,7 +14,7 @@ from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import quiet
 from flexlink.formats.mjcf import to_mjcf
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from validation.speed.evaluations import from_python
 from validation.speed.races import Work
 from validation.speed.steps import take_in_mujoco

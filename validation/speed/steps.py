@@ -22,10 +22,10 @@ from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.engines.pinocchio import PinocchioEngine
-from flexlink.inputs.initial_state import initial_state
-from flexlink.inputs.problem import problem_of
 from flexlink.kernels.stepping.runge_kutta import integrate
 from flexlink.kernels.tools.lanes import LANES
+from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.motion.inputs.problem import problem_of
 from validation.speed.races import Work
 
 

@@ -15,8 +15,8 @@ from pydrake.systems.analysis import ResetIntegratorFromFlags
 
 from flexlink.chain.lumping import lump
 from flexlink.engines.drake import DrakeEngine
-from flexlink.inputs.initial_state import initial_state
-from flexlink.inputs.problem import problem_of
+from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.motion.inputs.problem import problem_of
 from validation.trade.scenes import point, seen, trade_scene
 from validation.trade.work_precision import Point
 

@@ -21,7 +21,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 from flexlink.results.tip_motion import largest_distance
 

@@ -15,7 +15,7 @@ from exudyn.itemInterface import SensorNode
 
 from flexlink.chain.lumping import lump
 from flexlink.engines.exudyn import ExudynEngine, _settings
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 from validation.trade.scenes import OUTPUTS, point, seen, trade_scene
 from validation.trade.work_precision import Point, ladders
 

@@ -21,7 +21,7 @@ import flexlink as fl
 from flexlink.common.errors import FlexlinkError, MissingDependencyError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.inputs.initial_state import initial_state
 
 OfTime = Callable[[float], Array]
 OfState = Callable[[float, Array], Array]

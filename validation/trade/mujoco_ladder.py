@@ -24,10 +24,10 @@ from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import MujocoEngine, quiet
-from flexlink.inputs.drives import drive_arrays
-from flexlink.inputs.initial_state import initial_state
 from flexlink.kernels.inputs.laws import PD, TABLE
 from flexlink.kernels.inputs.record import Drive
+from flexlink.motion.inputs.drives import drive_arrays
+from flexlink.motion.inputs.initial_state import initial_state
 from validation.trade.scenes import OUTPUTS, point, seen, trade_scene
 from validation.trade.work_precision import Point, ladders
 

@@ -11,7 +11,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.at_rest import rest_of
-from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.pages.colours import BLUE, GREY, INK
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part

@@ -7,7 +7,7 @@ import numpy as np
 from flexlink.chain.branches import as_lines
 from flexlink.dynamics.vibration.at_rest import modes_at_rest
 from flexlink.dynamics.vibration.modal import Modes
-from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.pages.colours import BLUE, GREY, VERMILION
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part

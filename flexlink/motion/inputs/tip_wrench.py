@@ -6,8 +6,8 @@ from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.scene import Scene
-from flexlink.inputs.loads import loads_of
 from flexlink.kernels.inputs.record import GivenWrench, Inputs, given_at
+from flexlink.motion.inputs.loads import loads_of
 
 
 def initial_wrench(scene: Scene, chain: Chain) -> tuple[Array, Frame]:

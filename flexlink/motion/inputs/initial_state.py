@@ -10,14 +10,14 @@ from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import truncated
 from flexlink.dynamics.static_postures import static_posture
-from flexlink.inputs.actuation import inputs_with
-from flexlink.inputs.drives import no_drive
-from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import Inputs, MotionTable
+from flexlink.motion.inputs.actuation import inputs_with
+from flexlink.motion.inputs.drives import no_drive
+from flexlink.motion.inputs.tip_wrench import wrench_at
 
 APART = 1e-9
 """How far a state may be from a prescribed motion [rad, rad/s], as a part where it is more than 1: what a rate or angle

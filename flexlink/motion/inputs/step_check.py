@@ -18,7 +18,7 @@ from flexlink.dynamics.vibration.stability import (
     stable_step_of,
 )
 from flexlink.dynamics.vibration.stability_function import stable_half_disc
-from flexlink.inputs.actuation import acting_at
+from flexlink.motion.inputs.actuation import acting_at
 
 
 def judge_steps(problems: Sequence[InitialValueProblem]) -> list[tuple[str, ...] | FlexlinkError]:

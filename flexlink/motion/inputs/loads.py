@@ -6,10 +6,10 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.describe.scene import Scene
-from flexlink.inputs.interpolation import held_knots, pieces_of
 from flexlink.kernels.bodies.branches import loaded_body, path_to
 from flexlink.kernels.forces.drag import drag_workspace
 from flexlink.kernels.inputs.record import Loads
+from flexlink.motion.inputs.interpolation import held_knots, pieces_of
 
 
 def loads_of(scene: Scene, chain: Chain) -> Loads | None:

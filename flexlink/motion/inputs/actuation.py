@@ -13,10 +13,10 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import PrescribedMotion
 from flexlink.describe.own_units import in_si
 from flexlink.describe.scene import Scene
-from flexlink.inputs.drives import drive_arrays, gains_of
-from flexlink.inputs.loads import loads_of
-from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.kernels.inputs.record import Drive, Inputs, MotionTable
+from flexlink.motion.inputs.drives import drive_arrays, gains_of
+from flexlink.motion.inputs.loads import loads_of
+from flexlink.motion.inputs.tip_wrench import wrench_at
 
 
 def input_arrays(scene: Scene, chain: Chain) -> Inputs:

@@ -17,15 +17,15 @@ from flexlink.describe.rigidified import rigidified
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.terms import gravity_torque
 from flexlink.dynamics.vibration.stability import Gains
-from flexlink.inputs.interpolation import held_knots, pieces_of
-from flexlink.inputs.references import constant, reference_arrays
-from flexlink.inputs.static_feedforward import holding_torque
 from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.inputs.drive_torque import drive_slopes
 from flexlink.kernels.inputs.laws import COMPUTED_TORQUE, PD, PD_GRAVITY, TABLE
 from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial
 from flexlink.kernels.layout import BODY, HINGE
+from flexlink.motion.inputs.interpolation import held_knots, pieces_of
+from flexlink.motion.inputs.references import constant, reference_arrays
+from flexlink.motion.inputs.static_feedforward import holding_torque
 
 NUDGE = 1e-5
 """Angle [rad], or rate, of the central differences of a law; of a linear one they are exact but for rounding."""
