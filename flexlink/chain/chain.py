@@ -31,7 +31,7 @@ from flexlink.common.types import Array, Indices
 from flexlink.common.wording import short_list, truncated
 from flexlink.describe.links import link_number
 from flexlink.kernels.bodies.kinematics import forward_kinematics
-from flexlink.kernels.layout import COUPLING, DRAG, SLIDES, ChainArrays
+from flexlink.kernels.layout import COUPLING, DRAG, SLIDES, ChainArrays, Rare
 
 _OF_LAYOUT = {
     "active", "slides", "is_serial", "is_serial_revolute", "has_free_base", "joint_units", "bending", "axes",
@@ -148,7 +148,9 @@ class Chain:
     @functools.cached_property
     def arrays(self) -> ChainArrays:
         """The kernels' view of this chain."""
-        return ChainArrays(self.bodies, self.hinges, self.gravity, self.couplings)
+        forces = len(self.couplings) or len(self.drag) or self.has_rotation_springs
+        rare = Rare(self.couplings, self.drag) if forces or not self.is_serial_revolute else None
+        return ChainArrays(self.bodies, self.hinges, self.gravity, rare)
 
     @property
     def n(self) -> int:

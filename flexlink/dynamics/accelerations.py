@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Sequence
 from typing import Any
@@ -20,6 +21,7 @@ from flexlink.dynamics.drag import drag_torque
 from flexlink.dynamics.singularity import base_without_rates, no_acceleration
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.forward import solvers
+from flexlink.kernels.layout import Rare
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import LANES
 
@@ -87,8 +89,6 @@ def forward_dynamics(
     wrench = world_wrench(chain, q, tip_wrench, frame)
     if error := base_without_rates(chain, q):
         raise error
-    if len(chain.drag):
-        tau = tau - drag_torque(chain, q, qd)
     qdd: Array = kernel.accelerations(chain.arrays, wrench, q, qd, tau)
     if is_finite(qdd):
         return qdd
@@ -124,6 +124,7 @@ def _forward_dynamics_of_many(
         q, qd, tau = states
         one = len(chains) == 1
         states[2] = tau - (drag_torque(chains[0], q, qd) if one else np.array([*map(drag_torque, chains, q, qd)]))
+        chains = [dataclasses.replace(each, drag=each.drag[:0]) for each in chains]
     for k, q in enumerate(states[0] if chains[0].has_free_base else ()):
         if error := base_without_rates(chains[k % len(chains)], q):
             raise about_state(k, error)
@@ -150,13 +151,15 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
 
 
 def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
-    """Scratch of eight chains of one layout side by side; the last one given fills up the eight."""
+    """Scratch of eight chains of one layout side by side, without drag; the last one given fills up the eight."""
     if solver.lanes_workspace is None:
         raise ArgumentError("solver: several chains at once need solver 'articulated'")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
     bodies, hinges = _stacked([c.bodies for c in eight]), _stacked([c.hinges for c in eight])
-    couplings = _stacked([c.couplings for c in eight])
-    return solver.lanes_workspace(bodies, hinges, np.array([c.gravity for c in eight]), couplings)
+    rare = None
+    if any(c.arrays.rare is not None for c in eight):
+        rare = Rare(_stacked([c.couplings for c in eight]), _stacked([c.drag[:0] for c in eight]))
+    return solver.lanes_workspace(bodies, hinges, np.array([c.gravity for c in eight]), rare)
 
 
 def _stacked(records: Sequence[NDArray[np.void]]) -> NDArray[np.void]:

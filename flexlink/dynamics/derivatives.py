@@ -15,7 +15,6 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics, lanes_workspace, solver_for
 from flexlink.dynamics.batches import each, is_batch, rows, wrench_rows
-from flexlink.dynamics.drag import drag_slopes, drag_torque
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.dynamics.wrench import turns_with_tip, world_wrench
@@ -165,7 +164,7 @@ def forward_dynamics_derivatives(
         write = functools.partial(forward_derivatives_of_many, require_type("chain", chain, Chain).arrays)
         if chain.is_planar:
             work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-            write = functools.partial(planar_derivatives_of_many, chain.hinges, chain.couplings, work)
+            write = functools.partial(planar_derivatives_of_many, chain.arrays, work)
         many = _of_many(write, chain.n, state, tip_wrench, frame)
         if many is None:
             return each(forward_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
@@ -175,17 +174,12 @@ def forward_dynamics_derivatives(
     tau = vector("tau", tau, n, many=True, finite=False)
     wrench = world_wrench(chain, q, tip_wrench, frame)
     found, write = np.empty((3, n, n)), planar_derivatives if chain.is_planar else forward_derivatives
-    left = tau - drag_torque(chain, q, qd) if len(chain.drag) else tau
-    if not write(*chain.arrays, wrench, q, qd, left, found):
+    if not write(*chain.arrays, wrench, q, qd, tau, found):
         forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises where there is no q̈
         raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
-    if frame == "tip" or len(chain.drag):
+    if frame == "tip":
         free = np.flatnonzero(chain.hinges["prescribed"] == 0)
-        by_angle, by_rate = drag_slopes(chain, q, qd)
-        if frame == "tip":
-            by_angle += _of_turning(chain, q, qd, wrench, tip_wrench)
-        found[0] -= found[2][:, free] @ by_angle[free]
-        found[1] -= found[2][:, free] @ by_rate[free]
+        found[0] -= found[2][:, free] @ _of_turning(chain, q, qd, wrench, tip_wrench)[free]
     found.setflags(write=False)  # and with it the parts
     return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
 

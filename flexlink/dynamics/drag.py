@@ -10,7 +10,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import is_batch, rows
-from flexlink.kernels.forces.drag import add_drag_slopes, drag_torques_of_many
+from flexlink.kernels.forces.drag import add_slopes_along, drag_torques_of_many
 from flexlink.kernels.tools.finite import is_finite
 
 
@@ -49,7 +49,7 @@ def drag_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
     qs, qds = rows(n, {"q": q, "qd": qd}) if many else (vector(k, x, n)[None] for k, x in (("q", q), ("qd", qd)))
     found = np.zeros((len(qs), n))
     if len(chain.drag):
-        drag_torques_of_many(chain.arrays, chain.drag, qs, qds, found)
+        drag_torques_of_many(chain.arrays, qs, qds, found)
         if not is_finite(found.reshape(-1)):
             raise beyond_float64(f"the drag of {chain.name!r}", q=qs, qd=qds)
     return found if many else found[0]
@@ -59,7 +59,7 @@ def drag_slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
     """∂T_DRAG/∂q [N m/rad] and ∂T_DRAG/∂q̇ [N m s/rad] of one state, shape (n, n) each, exact up to rounding."""
     by_angle, by_rate = np.zeros((2, chain.n, chain.n))
     if len(chain.drag) and qd.any():
-        add_drag_slopes(chain.arrays, chain.drag, q, qd, by_angle, by_rate)
+        add_slopes_along(chain.arrays, q, qd, by_angle, by_rate)
     return by_angle, by_rate
 
 

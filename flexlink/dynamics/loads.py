@@ -114,7 +114,7 @@ def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> Intern
         tip = chain.loaded
         F[tip], N[tip] = -wrench[:3], -wrench[3:]  # the tip frame has no inertia
         if len(chain.drag):
-            drag = drag_loads(chain.arrays, chain.drag, q, qd)
+            drag = drag_loads(chain.arrays, q, qd)
             F, N = F - drag[:, 0], N - drag[:, 1]
         spans, parents = spans_of(chain.bodies), bodies["parent"]
         f = sums_inward(spans, F)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.kernels.forces.couplings import give_way
-from flexlink.kernels.forces.rotation_springs import add_excess_energies, excess_torque, rotation_vectors
+from flexlink.kernels.forces.rotation_springs import excess_torque, rotation_vectors
 from flexlink.kernels.forces.rotation_tangent import excess_stiffness
 from flexlink.kernels.layout import COUPLING
 
@@ -19,12 +19,6 @@ def spring_torque(chain: Chain, q: Array) -> Array:
     if chain.has_rotation_springs:
         torque += excess_torque(chain.bodies, chain.hinges, chain.couplings, q)
     return torque
-
-
-def add_spring_energies(chain: Chain, q: Array, elastic: Array) -> None:
-    """Add to ½ (θ − θ₀)·K (θ − θ₀) (samples,) [J] what springs of rotation vectors hold more at angles (samples, n)."""
-    if chain.has_rotation_springs:
-        add_excess_energies(chain.bodies, chain.hinges, chain.couplings, q, elastic)
 
 
 def held_angles(chain: Chain, q: Array) -> Array:

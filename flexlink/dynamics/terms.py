@@ -22,7 +22,7 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch, rows
 from flexlink.dynamics.result import Result
-from flexlink.dynamics.springs import add_spring_energies, spring_torque
+from flexlink.dynamics.springs import spring_torque
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.bodies import mass
 from flexlink.kernels.bodies.energy import energies
@@ -363,7 +363,6 @@ def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
     n = require_type("chain", chain, Chain).n
     q, qd = vector("q", q, n, many=True), vector("qd", qd, n, many=True)
     parts = np.array(energies(chain.arrays, q, qd))
-    add_spring_energies(chain, q[None], parts[2:])
     found = Energy(*parts.tolist())
     if not math.isfinite(found.total):
         name = next((name for name, value in vars(found).items() if not math.isfinite(value)), "total")

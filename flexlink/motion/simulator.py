@@ -15,7 +15,6 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.whole_steps import parts, whole
 from flexlink.dynamics.sensors.readings import Readings
-from flexlink.dynamics.springs import add_spring_energies
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.stepping.samples import tips_and_energies
@@ -226,7 +225,6 @@ class Simulator:
         (q, qd, *_, done), record, run = self._steps.state, self._record, self._run
         tip, energy = np.empty((1, 3)), np.empty((3, 1))
         tips_and_energies(self._record.chain.arrays, q[None], qd[None], tip, energy)
-        add_spring_energies(self.chain, q[None], energy[2])
         work = done[:1] + (tip - record.tip[0]) @ record.inputs.potential_force
         explicit = method(self._steps.steps.method).explicit
         allowed = allowed_imbalance(run, self.chain, record.least_tolerance, explicit, compared=False)

@@ -14,7 +14,7 @@ from flexlink.dynamics import rounding
 from flexlink.dynamics.floating_base import FAR
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
-from flexlink.kernels.forces.rotation_springs import NO_ROTATION, rotation_springs
+from flexlink.kernels.forces.elements import forces_of
 from flexlink.kernels.forward.mass_plus_cells import columns
 from flexlink.kernels.forward.mass_plus_diagonal_plane import PlanePosture, plane_posture, plane_postures
 from flexlink.kernels.forward.mass_plus_diagonal_space import SpacePosture, space_posture, space_postures
@@ -61,12 +61,9 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers[STEPPER.wait] = 0.0 if with_error else np.inf
     numbers[STEPPER.turning] = OF_A_TURNING_STEP if with_error and len(turning.joints) == len(turning.dry) else 0.0
     postures = (plane_postures if chain.is_planar else space_postures)(s, posture)
-    rotation = NO_ROTATION
-    if chain.has_rotation_springs:
-        rotation = rotation_springs(arrays.bodies, arrays.hinges, arrays.couplings)
     return ImplicitWork(
         coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
-        rotation, posture, numbers, new,
+        forces_of(arrays) if arrays.rare is not None else None, posture, numbers, new,
         np.zeros((6, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs, saturation,
         np.zeros((r, n, width)), np.zeros((2, n), complex), np.zeros((p, n, width), complex),
         postures, np.zeros((s, n, width)), turning,

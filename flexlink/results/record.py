@@ -13,7 +13,6 @@ from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.momentum import Momentum, momentum_of_states
-from flexlink.dynamics.springs import add_spring_energies
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
@@ -115,7 +114,6 @@ class Record:
                 self._prescribe(part)
             if self._placed is not None:
                 self._placed[part] = judged_path(self.chain, self.q[part])
-        add_spring_energies(self.chain, self.q[first:stop], self.energy[2, first:stop])
 
     def _prescribe(self, rows: slice) -> None:
         t, q, qd, tau = (part[rows] for part in self.samples[:4])

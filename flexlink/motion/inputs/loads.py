@@ -1,4 +1,4 @@
-"""A scene's tip wrench and drag as the arrays that the kernels read."""
+"""A scene's tip wrench as the arrays that the kernels read."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.describe.scene import Scene
 from flexlink.kernels.bodies.branches import loaded_body, path_to
-from flexlink.kernels.forces.drag import drag_workspace
 from flexlink.kernels.inputs.record import Loads
 from flexlink.motion.inputs.interpolation import held_knots, pieces_of
 
 
 def loads_of(scene: Scene, chain: Chain) -> Loads | None:
-    """Drag of the links, and the tip wrench, None where there is no drag and a constant wrench on the arm's tip.
+    """The tip wrench; None of a constant one on the arm's tip.
 
     The motion of that tip tells the work of such a one, in frame 0.
 
@@ -23,7 +22,7 @@ def loads_of(scene: Scene, chain: Chain) -> Loads | None:
         It changes by more than float64 can hold.
     """
     wrench = scene.wrench
-    if not len(chain.drag) and not wrench.varies and (not wrench.acts or chain.loaded == len(chain.bodies) - 1):
+    if not wrench.varies and (not wrench.acts or chain.loaded == len(chain.bodies) - 1):
         return None
     times = np.array(wrench.times or (0.0,))
     tables = {"forces": wrench.forces or (wrench.force,), "moments": wrench.moments or (wrench.moment,)}
@@ -35,5 +34,4 @@ def loads_of(scene: Scene, chain: Chain) -> Loads | None:
         parts = [pieces_of(f"wrench.{name}", times, table, smooth=wrench.smooth) for name, table in rows.items()]
     coefficients = np.ascontiguousarray(np.concatenate(parts, axis=2))
     path = path_to(chain.bodies, loaded_body(chain.bodies))
-    dragged = chain.drag, *np.empty((2, chain.n)), drag_workspace(chain.arrays)
-    return Loads(wrench.frame == "tip", knots, coefficients, chain.arrays, path, *dragged)
+    return Loads(wrench.frame == "tip", knots, coefficients, chain.arrays, path)
