@@ -152,6 +152,12 @@ class Chain:
         rare = Rare(self.couplings, self.drag) if forces or not self.is_serial_revolute else None
         return ChainArrays(self.bodies, self.hinges, self.gravity, rare)
 
+    def as_full(self) -> Chain:
+        """The same chain for loops that know all features, whether it has them or not."""
+        other = dataclasses.replace(self)
+        vars(other).update(vars(self) | {"arrays": self.arrays._replace(rare=Rare(self.couplings, self.drag))})
+        return other
+
     @property
     def n(self) -> int:
         """Number of degrees of freedom."""

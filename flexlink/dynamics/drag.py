@@ -10,7 +10,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import is_batch, rows
-from flexlink.kernels.forces.drag import add_slopes_along, drag_torques_of_many
+from flexlink.kernels.forces.drag import drag_slopes_at, drag_torques_of_many
 from flexlink.kernels.tools.finite import is_finite
 
 
@@ -59,7 +59,7 @@ def drag_slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
     """∂T_DRAG/∂q [N m/rad] and ∂T_DRAG/∂q̇ [N m s/rad] of one state, shape (n, n) each, exact up to rounding."""
     by_angle, by_rate = np.zeros((2, chain.n, chain.n))
     if len(chain.drag) and qd.any():
-        add_slopes_along(chain.arrays, q, qd, by_angle, by_rate)
+        drag_slopes_at(chain.arrays, q, qd, by_angle, by_rate)
     return by_angle, by_rate
 
 

@@ -144,7 +144,8 @@ class TipWrench:
 
     def __init__(self, problem: InitialValueProblem) -> None:
         self.middle: float | None = None
-        self._loads, (self._now, frame) = problem.inputs.loads, wrench_at(problem.inputs, problem.start)
+        self._loads = problem.inputs.loads if problem.inputs.changing else None
+        self._now, frame = wrench_at(problem.inputs, problem.start)
         self.follows = frame == "tip"
         self.constant = problem.scene.wrench.times is None
 

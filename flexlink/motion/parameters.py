@@ -26,9 +26,9 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec, default_of, fields_of
 from flexlink.describe.vary import number_in
 from flexlink.dynamics.tangent import stiffness_matrix
-from flexlink.kernels.layout import ChainArrays as Arrays
 from flexlink.kernels.derivatives.sensitivity import AFFINE, EPSILON, Parametric, torque_derivatives
 from flexlink.kernels.layout import BODY, COUPLING, HINGE
+from flexlink.kernels.layout import ChainArrays as Arrays
 from flexlink.motion.inputs.initial_state import initial_state, spread, stated
 
 POINTS = 9

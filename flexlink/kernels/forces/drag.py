@@ -16,7 +16,7 @@ import numpy as np
 
 from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion, shared, subroutine
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import Turns
 from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, cross, dot, put, scale, sub, vector
 
@@ -24,8 +24,8 @@ EPSILON = 1e-100
 """ε of the imaginary parts."""
 
 
-class Drag(NamedTuple):
-    """Force element: points of the chain's `rare.drag`, with scratch, of floats or of complex numbers."""
+class DragWork(NamedTuple):
+    """Points of a chain's `rare.drag`, with scratch of floats or of complex numbers."""
 
     chain: Any
     placed: KinematicsWork
@@ -34,31 +34,48 @@ class Drag(NamedTuple):
     torque: Any  # (n,) T
 
 
+class Drag(NamedTuple):
+    """Force element: drag of links."""
+
+    real: DragWork
+    complex: DragWork  # for slopes
+    turns: Turns  # complex angles (n,)
+    rates: Any  # (n,) complex
+
+
 @kernel
 def drag_of(chain):
-    """That of a chain."""
-    m, n = len(chain.bodies), len(chain.hinges)
-    placed = KinematicsWork(np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((n, 3)))
-    return Drag(chain, placed, np.empty((m, 2, 3)), np.empty((m, 2, 3)), np.empty(n))
+    """That of a chain; its scratch is empty where no link meets drag."""
+    some = min(1, len(chain.rare.drag))
+    m, n = some * len(chain.bodies), some * len(chain.hinges)
+    angles, rates = np.empty((3, n), np.complex128), np.empty(n, np.complex128)
+    return Drag(drag_work(chain, m, n), complex_drag_work(chain, m, n), Turns(angles[0], angles[1], angles[2]), rates)
 
 
 @kernel
-def complex_drag(chain):
-    """The same for complex numbers."""
-    m, n, c = len(chain.bodies), len(chain.hinges), np.complex128
+def drag_work(chain, m, n):
+    """Scratch for m bodies and n hinges."""
+    placed = KinematicsWork(np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((n, 3)))
+    return DragWork(chain, placed, np.empty((m, 2, 3)), np.empty((m, 2, 3)), np.empty(n))
+
+
+@kernel
+def complex_drag_work(chain, m, n):
+    """Scratch of complex numbers."""
+    c = np.complex128
     placed = KinematicsWork(np.empty((m, 3, 3), c), np.empty((m, 3), c), np.empty((n, 3), c))
-    return Drag(chain, placed, np.empty((m, 2, 3), c), np.empty((m, 2, 3), c), np.empty(n, c))
+    return DragWork(chain, placed, np.empty((m, 2, 3), c), np.empty((m, 2, 3), c), np.empty(n, c))
 
 
 @subroutine
 def drag_torque(element, q, qd, torque):
     """Add T to `torque` (n,), at angles (n,) and rates (n,); returns the power q̇·T that is lost [W]."""
-    power = 0.0
-    if len(element.chain.rare.drag) > 0:
-        find_torques(element, q, qd)
+    work, power = element.real, 0.0
+    if len(work.torque) > 0:
+        find_torques(work, q, qd)
         for k in range(len(torque)):
-            torque[k] += element.torque[k]
-            power += qd[k] * element.torque[k]
+            torque[k] += work.torque[k]
+            power += qd[k] * work.torque[k]
     return power
 
 
@@ -69,10 +86,10 @@ def no_energy(element, q):
 
 
 @inlined
-def find_torques(element, q, qd):
+def find_torques(work, q, qd):
     """T, at angles (n,), or `Turns` of them, and rates (n,)."""
-    put_loads(element, q, qd)
-    add_up(element)
+    put_loads(work, q, qd)
+    add_up(work)
 
 
 @inlined
@@ -147,28 +164,27 @@ def drag_torques_of_many(chain, qs, qds, found):
 @kernel
 def drag_loads(chain, q, qd):
     """Force on every body and moment about its hinge point, frame 0, in a new array (bodies, 2, 3)."""
-    work = drag_of(chain)
+    work = drag_work(chain, len(chain.bodies), len(chain.hinges))
     put_loads(work, q, qd)
     return work.loads
 
 
-@shared
 @kernel
+def drag_slopes_at(chain, q, qd, by_angle, by_rate):
+    """Add ∂T/∂q and ∂T/∂q̇ of a chain to (n, n) each."""
+    drag_slopes(drag_of(chain), q, qd, by_angle, by_rate)
+
+
+@subroutine
 def drag_slopes(element, q, qd, by_angle, by_rate):
     """Add ∂T/∂q and ∂T/∂q̇ to (n, n) each; O(n²) in all."""
-    moves = False
-    for k in range(len(q)):
+    work, turns, rates, moves = element.complex, element.turns, element.rates, False
+    for k in range(len(work.torque)):
         moves = moves or qd[k] != 0.0
-    if len(element.chain.rare.drag) > 0 and moves:
-        add_slopes_along(element.chain, q, qd, by_angle, by_rate)
-
-
-@kernel
-def add_slopes_along(chain, q, qd, by_angle, by_rate):
-    """The same where there is any."""
-    work = complex_drag(chain)
-    rates, torque = qd.astype(np.complex128), work.torque
-    turns = Turns(np.cos(q).astype(np.complex128), np.sin(q).astype(np.complex128), q.astype(np.complex128))
+        turns.cosines[k], turns.sines[k], turns.angles[k] = np.cos(q[k]), np.sin(q[k]), q[k]
+        rates[k] = qd[k]
+    if not moves:
+        return
     for j in range(len(q)):
         turns.cosines[j] = complex(np.cos(q[j]), -EPSILON * np.sin(q[j]))
         turns.sines[j] = complex(np.sin(q[j]), EPSILON * np.cos(q[j]))
@@ -176,9 +192,9 @@ def add_slopes_along(chain, q, qd, by_angle, by_rate):
         find_torques(work, turns, rates)
         turns.cosines[j], turns.sines[j], turns.angles[j] = np.cos(q[j]), np.sin(q[j]), q[j]
         for i in range(len(q)):
-            by_angle[i, j] += torque[i].imag / EPSILON
+            by_angle[i, j] += work.torque[i].imag / EPSILON
         rates[j] = complex(qd[j], EPSILON)
         find_torques(work, turns, rates)
         rates[j] = qd[j]
         for i in range(len(q)):
-            by_rate[i, j] += torque[i].imag / EPSILON
+            by_rate[i, j] += work.torque[i].imag / EPSILON

@@ -17,14 +17,6 @@ FORK_SIZE = 2 * DEMAND.size
 """Numbers of a row: floats, or half as many complex ones."""
 
 
-@inlined
-def rows_as(forks, numbers):
-    """The rows as numbers of the kind that others are, floats or complex ones; None of a plain chain."""
-    if forks is None:
-        return None
-    return forks.view(numbers.dtype)
-
-
 @subroutine
 def clear(forks):
     """Nothing is demanded yet; nobody asks what is demanded of the base, row 0."""

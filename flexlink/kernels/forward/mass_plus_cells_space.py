@@ -19,7 +19,6 @@ from flexlink.kernels.forward.articulated_branches import (
     clear,
     keep_motion,
     motion_of,
-    rows_as,
     with_inertia_of_branches,
     with_load_of_branches,
 )
@@ -44,8 +43,9 @@ def factor_cells_in_space(factors, posture):
     layout, prescribed, es, rs, first = posture.layout, posture.prescribed, posture.e, posture.r, posture.first
     o = factors.dtype.type(0)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
-    forks = rows_as(posture.forks, factors)
+    forks = posture.forks
     if posture.forks is not None:
+        forks = posture.forks.view(factors.dtype)
         clear(forks)
     begin = len(factors)  # hinges from here on that are not out yet have open columns
     for i in range(len(layout) - 1, -1, -1):
@@ -115,8 +115,9 @@ def solve_cells_in_space(factors, r, x, posture):
     for k in range(len(factors)):
         x[k] = r[k]
     n, f = (o, o, o), (o, o, o)
-    forks = rows_as(posture.forks, factors)
+    forks = posture.forks
     if posture.forks is not None:
+        forks = posture.forks.view(factors.dtype)
         clear(forks)
     for i in range(len(layout) - 1, -1, -1):
         n = add(n, cross(vec_of(rs, i + 1, 0), f))

@@ -23,7 +23,6 @@ from flexlink.kernels.forward.articulated_branches import (
     keep_axes,
     keep_motion,
     motion_of,
-    rows_as,
     with_inertia_of_branches,
     with_load_of_branches,
 )
@@ -146,8 +145,9 @@ def factor_in_space(factors, posture):
     layout, prescribed, es = posture.layout, posture.prescribed, posture.e
     o = factors.dtype.type(0)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
-    forks = rows_as(posture.forks, factors)
+    forks = posture.forks
     if posture.forks is not None:
+        forks = posture.forks.view(factors.dtype)
         clear(forks)
     for i in range(len(layout) - 1, -1, -1):
         J, H, M = add_body(posture, i, J, H, M)
@@ -195,8 +195,9 @@ def solve_in_space(factors, r, x, posture):
     layout, prescribed, es, rs = posture.layout, posture.prescribed, posture.e, posture.r
     o = factors.dtype.type(0)
     n, f = (o, o, o), (o, o, o)
-    forks = rows_as(posture.forks, factors)
+    forks = posture.forks
     if posture.forks is not None:
+        forks = posture.forks.view(factors.dtype)
         clear(forks)
     for i in range(len(layout) - 1, -1, -1):
         n = add(n, cross(vec_of(rs, i + 1, 0), f))

@@ -52,7 +52,7 @@ def unlimited_torque(drive, t, middle, q, qd, tau):
             r, rate, _ = reference(drive.reference, t, middle, d)
             torque, _, _ = reference(g, t, middle, d)
             put_at(tau, drive.kp[d] * (r - at(q, k)) + drive.kd[d] * (rate - at(qd, k)) + torque, k)
-    elif q.ndim == 1:  # arms side by side have no model
+    elif drive.model is not None and q.ndim == 1:  # arms side by side have no model
         torques_by_model(drive, t, middle, q, qd, tau)
 
 

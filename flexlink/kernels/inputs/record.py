@@ -38,7 +38,7 @@ class Drive(NamedTuple):
     feedforward: PiecewisePolynomial  # g [N m / s^j]
     kp: Array  # (d,) [N m/rad], of computed torque [1/s²]
     kd: Array  # (d,) [N m s/rad], of computed torque [1/s]
-    model: RigidModel  # of the laws that need one
+    model: RigidModel | None  # of the laws that need one; None in loops for plain chains
     held: Array  # (m, d) what a sampled law gave at its last m instants [N m]
     next_instant: Indices  # (1,) number of the instant of a sampled law that comes next
 
@@ -53,11 +53,12 @@ class MotionTable(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """What is found at every stage: the tip wrench, where it changes or its work has to be.
+    """The tip wrench where it changes, or its work has to be found, at every stage.
 
     F = Σ_j c_j x^j, x = time since the last knot, in axes of frame 0 or, if it follows, of the tip.
     """
 
+    varies: bool  # False: the constant wrench of the inputs acts on the arm's tip, and nothing is to find
     follows: bool
     knots: Array  # (m,) [s]
     coefficients: Array  # (m, order + 1, 6) [N / s^j, N m / s^j]
@@ -89,21 +90,26 @@ class Inputs(NamedTuple):
     drive: Drive
     motion: MotionTable
     wrench: Array  # (6,) [N, N m] on the tip, frame 0; constant, or what every stage writes there from
-    loads: Loads | None
+    loads: Loads | None  # None in loops for plain chains
+
+    @property
+    def changing(self) -> bool:
+        """Whether the tip wrench has to be found at every stage."""
+        return self.loads is not None and self.loads.varies
 
     def given_wrench(self, t: float) -> GivenWrench:
         """The wrench at time t [s], in the axes that it is given in."""
-        return GivenWrench(self.wrench, False) if self.loads is None else given_at(self.loads, t)
+        return given_at(self.loads, t) if self.changing else GivenWrench(self.wrench, False)
 
     @property
     def potential_force(self) -> Array:
         """A constant force, which has a potential and whose work runs do not integrate, shape (3,); else zero."""
-        return self.wrench[:3] if self.loads is None else np.zeros(3)
+        return np.zeros(3) if self.changing else self.wrench[:3]
 
     def tip_wrenches(self, t: Array, q: Array, qd: Array) -> Array:
         """Force and moment in frame 0 at samples (rows,) with states (rows, n), shape (rows, 6)."""
         found = np.empty((len(t), 6))
         found[:] = self.wrench
-        if self.loads is not None:
+        if self.changing:
             wrenches(self.loads, t, q, qd, found)
         return found

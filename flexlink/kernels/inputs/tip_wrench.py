@@ -5,12 +5,9 @@ A constant force has a potential. One that changes, or turns with the tip, has n
     f·ṗ = f · Σ (ω_i × r_i + e_k q̇_k)            along the path to the tip, e_k of hinges that slide
 """
 
-from numba import types
-from numba.extending import overload
-
 from flexlink.kernels.inputs.references import locate
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import INLINED, entry, kernel, recursion
+from flexlink.kernels.tools.compiler import entry, kernel, recursion
 from flexlink.kernels.tools.lanes import vec
 from flexlink.kernels.tools.vec3 import (
     ZERO,
@@ -31,19 +28,16 @@ from flexlink.kernels.tools.vec3 import (
 )
 
 
+@recursion
 def put_wrench(loads, t, middle, q, qd, wrench):
     """Write force and moment at time t and state q, q̇ (n,) into `wrench` (6,), frame 0; returns their f·ṗ [W].
 
-    `middle` of the step that t belongs to. Without loads, None, nothing is to do: `wrench` is constant.
+    `middle` of the step that t belongs to. Of a constant one nothing is to do; arms side by side have no other.
     """
-    return 0.0 if loads is None else put_acting(loads, t, middle, q, qd, wrench)
-
-
-@overload(put_wrench, jit_options=INLINED)
-def _put_wrench(loads, t, middle, q, qd, wrench):
-    if isinstance(loads, types.NoneType):
-        return lambda loads, t, middle, q, qd, wrench: 0.0
-    return lambda loads, t, middle, q, qd, wrench: put_acting(loads, t, middle, q, qd, wrench)  # noqa: PLW0108
+    if q.ndim == 1:  # noqa: SIM102  to the compiler
+        if loads is not None and loads.varies:
+            return put_acting(loads, t, middle, q, qd, wrench)
+    return 0.0
 
 
 @recursion

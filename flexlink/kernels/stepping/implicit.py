@@ -255,7 +255,9 @@ def tells_work(moved, q, allowed, work):
 def does_work(inputs, work):
     """Whether anything has power that has no potential: drives, dampers, friction, prescribed motions, the wrench."""
     hinges = work.chain.hinges
-    works = len(inputs.drive.joints) + len(inputs.motion.joints) > 0 or inputs.loads is not None
+    works = len(inputs.drive.joints) + len(inputs.motion.joints) > 0
+    if inputs.loads is not None:
+        works = works or inputs.loads.varies
     works = works or work.forces is not None
     for k in range(3, len(inputs.wrench)):
         works = works or inputs.wrench[k] != 0.0

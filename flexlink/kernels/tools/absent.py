@@ -53,6 +53,9 @@ def _type_of(func_ir: Any, arguments: Any, variable: Any) -> Any:
         whole = _type_of(func_ir, arguments, value.value)
         if isinstance(whole, types.BaseNamedTuple) and value.attr in whole.fields:
             return whole[whole.fields.index(value.attr)]
+    if isinstance(value, ir.Expr) and value.op in ("getitem", "static_getitem"):
+        whole = _type_of(func_ir, arguments, value.value)
+        return whole.dtype if isinstance(whole, types.UniTuple | types.NamedUniTuple) else None
     return None
 
 

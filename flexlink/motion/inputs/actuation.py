@@ -14,8 +14,8 @@ from flexlink.describe.actions import PrescribedMotion
 from flexlink.describe.own_units import in_si
 from flexlink.describe.scene import Scene
 from flexlink.kernels.inputs.record import Drive, Inputs, MotionTable
-from flexlink.motion.inputs.drives import drive_arrays, gains_of
-from flexlink.motion.inputs.loads import loads_of
+from flexlink.motion.inputs.drives import drive_arrays, gains_of, no_model
+from flexlink.motion.inputs.loads import loads_of, no_loads
 from flexlink.motion.inputs.tip_wrench import wrench_at
 
 
@@ -28,7 +28,22 @@ def inputs_with(drive: Drive, scene: Scene, chain: Chain) -> Inputs:
     """Those of a scene with another drive; errors as in `motion_arrays` and `loads_of`."""
     loads = loads_of(scene, chain)
     wrench = scene.tip_wrench if loads is None else np.full(6, np.nan)  # until a stage writes it
+    if chain.arrays.rare is not None:
+        loads = loads or no_loads(chain)
+        drive = drive._replace(model=drive.model or no_model())
     return Inputs(drive, motion_arrays(scene, chain), wrench, loads)
+
+
+def of_kind(scene: Scene, chain: Chain) -> Chain:
+    """The chain for the kind of compiled loops that a scene takes.
+
+    There are two kinds, in a plane and in space each. *Plain*: springs and friction of joints, prescribed motions, laws
+    without a model, a constant wrench on the arm's tip. *Full*: all else, too: branches, joints that slide, a free
+    base, force elements (`kernels.forces.elements`), laws that ask a rigid model, wrenches that change or act on
+    another tip. A plain chain with one of the last two takes the full loops.
+    """
+    modelled = scene.drive.kind == "computed_torque" or scene.drive.gravity == "rigid"
+    return chain.as_full() if chain.arrays.rare is None and (modelled or loads_of(scene, chain)) else chain
 
 
 def acting_at(inputs: Inputs, chain: Chain, t: float, q: Array, qd: Array) -> dict[str, Any]:

@@ -61,7 +61,7 @@ def drive_of(joints: Indices, **parts: Any) -> Drive:
     nothing = PiecewisePolynomial(np.zeros(1), np.zeros((1, 2, d)))
     blank = Drive(
         TABLE, 0.0, joints, np.full(d, np.inf), np.empty((2, d)), nothing, nothing, np.zeros(d), np.zeros(d),
-        no_model(), np.zeros((0, d)), np.zeros(1, np.int64),
+        None, np.zeros((0, d)), np.zeros(1, np.int64),
     )  # fmt: skip
     return limited(blank._replace(**parts))
 
@@ -178,7 +178,7 @@ def _sampled(scene: Scene, law: Drive) -> Drive:
 
 def rigid_model(chain: Chain) -> RigidModel:
     """A chain with the motion that a law asks it about, and scratch."""
-    arrays = chain.arrays
+    arrays = chain.as_full().arrays
     return RigidModel(arrays, rne_workspace(arrays), np.zeros(6), *np.zeros((4, chain.n)))
 
 

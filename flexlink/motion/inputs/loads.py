@@ -34,4 +34,9 @@ def loads_of(scene: Scene, chain: Chain) -> Loads | None:
         parts = [pieces_of(f"wrench.{name}", times, table, smooth=wrench.smooth) for name, table in rows.items()]
     coefficients = np.ascontiguousarray(np.concatenate(parts, axis=2))
     path = path_to(chain.bodies, loaded_body(chain.bodies))
-    return Loads(wrench.frame == "tip", knots, coefficients, chain.arrays, path)
+    return Loads(True, wrench.frame == "tip", knots, coefficients, chain.arrays, path)
+
+
+def no_loads(chain: Chain) -> Loads:
+    """Those of a constant wrench on the tip of an arm."""
+    return Loads(False, False, np.zeros(1), np.zeros((1, 1, 6)), chain.arrays, np.empty(0, np.int64))

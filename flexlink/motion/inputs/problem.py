@@ -13,7 +13,7 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.floating_base import FloatingBase
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.sensors.placement import check_placements
-from flexlink.motion.inputs.actuation import input_arrays
+from flexlink.motion.inputs.actuation import input_arrays, of_kind
 from flexlink.motion.inputs.initial_state import state_under
 from flexlink.motion.inputs.references import check_start
 
@@ -26,7 +26,7 @@ def problem_of(scene: Scene, chain: Chain | None = None) -> InitialValueProblem:
     SceneError, ConvergenceError, DataFileError
         As in `lump`, `input_arrays` and `initial_state`.
     """
-    chain = lump(scene) if chain is None else chain
+    chain = of_kind(scene, lump(scene) if chain is None else chain)
     base = FloatingBase(chain) if chain.has_free_base else None
     chain = chain if base is None else base.chain
     check_placements(scene)
@@ -38,11 +38,12 @@ def problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | FlexlinkE
     """The problem of every scene as `problem_of` makes it, or the error that it raises; free arms share inputs."""
     found: list[InitialValueProblem | FlexlinkError] = []
     before: InitialValueProblem | None = None
-    for scene, chain in zip(scenes, lump_many(scenes), strict=True):
+    for scene, lumped in zip(scenes, lump_many(scenes), strict=True):
         try:
-            if isinstance(chain, FlexlinkError):
-                found.append(chain)
+            if isinstance(lumped, FlexlinkError):
+                found.append(lumped)
                 continue
+            chain = of_kind(scene, lumped)
             if chain.has_free_base:
                 found.append(problem_of(scene, chain))
                 continue
