@@ -36,6 +36,7 @@ from flexlink.dynamics.loads import internal_loads
 from flexlink.dynamics.momentum import momentum
 from flexlink.dynamics.placement import frames, jacobian, tip_position
 from flexlink.dynamics.point_motion import point_motion
+from flexlink.dynamics.sensors.outputs import SensorOutputs
 from flexlink.dynamics.strain import beam_strain
 from flexlink.dynamics.terms import (
     bias_torque,
@@ -62,26 +63,17 @@ from flexlink.results.settling import overshoot, residual_vibration, settling_ti
 from flexlink.results.trajectory import Trajectory
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.robots.importing import import_urdf
-from flexlink.sensors.outputs import SensorOutputs
 
 if TYPE_CHECKING:
-    from flexlink.on_demand import (
-        FitModes,
-        FitParameter,
-        FitProblem,
-        FitRun,
-        FitStatic,
-        Fitted,
-        Sweep,
-        check_fit,
-        compare,
-        compare_trajectories,
-        fit,
-        load_fit,
-        load_sweep,
-        report,
-        sweep,
-    )
+    from flexlink.diagnosis.comparison import compare
+    from flexlink.diagnosis.trajectories import compare_trajectories
+    from flexlink.identification.fit import check_fit, fit
+    from flexlink.identification.fitted import Fitted
+    from flexlink.identification.loading import load_fit
+    from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic
+    from flexlink.scene_report.report import report
+    from flexlink.sweeps.plan import Sweep, load_sweep
+    from flexlink.sweeps.run import sweep
 
 
 __all__ = [
@@ -181,9 +173,21 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """What is public but not loaded yet."""
-    if name in __all__:
-        return getattr(importlib.import_module("flexlink.on_demand"), name)
+    """What is public but loaded when it is used: it brings other engines, pages and workers."""
+    later = {
+        "diagnosis.comparison": ["compare"],
+        "diagnosis.trajectories": ["compare_trajectories"],
+        "identification.fit": ["check_fit", "fit"],
+        "identification.fitted": ["Fitted"],
+        "identification.loading": ["load_fit"],
+        "identification.problem": ["FitModes", "FitParameter", "FitProblem", "FitRun", "FitStatic"],
+        "scene_report.report": ["report"],
+        "sweeps.plan": ["Sweep", "load_sweep"],
+        "sweeps.run": ["sweep"],
+    }
+    for module, names in later.items():
+        if name in names:
+            return getattr(importlib.import_module(f"flexlink.{module}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

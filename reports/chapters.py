@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from flexlink.describe.data_files import read_toml
+from flexlink.data.documents import read_toml
 from flexlink.describe.spec import Spec, decode
 
 FILE = Path(__file__).parent / "sections.toml"

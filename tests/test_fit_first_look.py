@@ -13,6 +13,7 @@ from conftest import ROOT, make_scene
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.data.measured import measured_from
 from flexlink.describe.units import unit_of
 from flexlink.identification.block import Block
 from flexlink.identification.colour import Colour
@@ -21,7 +22,6 @@ from flexlink.identification.fitted import Estimate
 from flexlink.identification.profile import HALVINGS, _Floor
 from flexlink.identification.remarks import ranges_apart
 from flexlink.pages.page import sentence_case
-from flexlink.results.measured import measured_from
 
 T = np.linspace(0.0, 1.0, 101)
 

@@ -12,8 +12,8 @@ from conftest import make_scene
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.describe.csv_table import read_csv
-from flexlink.describe.smoothing import smoothed
+from flexlink.data.csv_table import read_csv
+from flexlink.data.smoothing import smoothed
 
 HUB = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
 LINKS = (

@@ -11,7 +11,7 @@ import pytest
 from conftest import ROOT
 
 import flexlink as fl
-from flexlink.results.measured import Measured, read_measured
+from flexlink.data.measured import Measured, read_measured
 from flexlink.scene_report.fitting import Comparison, numbers_of
 
 KNOWN = ("t [s]", "tip x [m]", "q upper [rad]", "qd upper [rad/s]")

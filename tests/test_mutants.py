@@ -163,7 +163,7 @@ def test_rooms_that_were_judged_are_rooms_of_the_project() -> None:
 
 
 def test_a_source_file_has_mistakes_to_make() -> None:
-    file = "flexlink/sensors/placement.py"
+    file = "flexlink/dynamics/sensors/placement.py"
     found = mutants(file, (generator.ROOT / file).read_bytes())
     assert {"arguments", "axis", "comparison", "condition", "count", "statement"} <= {each.kind for each in found}
     ast.parse(found[0].planted((generator.ROOT / file).read_bytes()))

@@ -9,7 +9,7 @@ import pytest
 from conftest import ALUMINIUM, SQUARE, flexible, make_scene
 
 import flexlink as fl
-from flexlink.describe.csv_table import UNITS, read_csv
+from flexlink.data.csv_table import UNITS, read_csv
 from flexlink.describe.plausibility.hints import hints
 from flexlink.errors import SceneError
 

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import flexlink as fl
 from flexlink.describe.sensor import Sensor
-from flexlink.sensors.columns import coarse_samples
-from flexlink.sensors.instrument import Signal
+from flexlink.dynamics.sensors.columns import coarse_samples
+from flexlink.dynamics.sensors.instrument import Signal
 
 STILL = fl.RunSettings(duration=0.0, sample=0.01)
 

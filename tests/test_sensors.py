@@ -12,12 +12,12 @@ from conftest import MODELS, SQUARE, flexible, make_scene
 from scipy import signal
 
 import flexlink as fl
+from flexlink.data.measured import read_measured
 from flexlink.describe.sensor import Sensor
 from flexlink.dynamics.notes import notes
-from flexlink.results.measured import read_measured
-from flexlink.sensors.instrument import Instrument, noise
-from flexlink.sensors.low_pass import butterworth
-from flexlink.sensors.signals import signal_of, slopes_of
+from flexlink.dynamics.sensors.instrument import Instrument, noise
+from flexlink.dynamics.sensors.low_pass import butterworth
+from flexlink.dynamics.sensors.signals import signal_of, slopes_of
 
 LENGTH, WIDTH = 1.25, 0.04
 TURN = {"times": (0.0, 2.0), "rate_deg": (90.0, 90.0), "acceleration_deg": (0.0, 0.0), "angle_deg": (0.0, 180.0)}

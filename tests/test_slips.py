@@ -17,10 +17,11 @@ import flexlink as fl
 from flexlink.advice.goal import Goal, TipErrorNorm
 from flexlink.advice.verdict import time
 from flexlink.cli import fit, import_robot
-from flexlink.describe.smoothing import smoothed
+from flexlink.data.smoothing import smoothed
 from flexlink.diagnosis.diagnosis import _missing
 from flexlink.diagnosis.differences import _differing
 from flexlink.diagnosis.matching import Match
+from flexlink.dynamics.sensors.instrument import Instrument
 from flexlink.engines.read_back import of_chain
 from flexlink.formats.features import not_held
 from flexlink.identification.coordinates import coordinate_of
@@ -31,7 +32,6 @@ from flexlink.results.pictures import stress
 from flexlink.results.samples import Steps
 from flexlink.robots.collection import KnownArm
 from flexlink.robots.kinematic_tree import Mimic, Robot
-from flexlink.sensors.instrument import Instrument
 from reports.measurements import Group
 
 ROD = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))

@@ -12,7 +12,7 @@ import msgspec
 
 from flexlink.chain.arguments import require_one_of
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
-from flexlink.describe import data_files
+from flexlink.data import documents
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Positive, Spec, decode
 from validation.facts import Facts
@@ -185,7 +185,7 @@ def load_case(path: Path) -> Case:
         The message names the file, the key path, the value and what is allowed.
     """
     try:
-        raw = data_files.read_toml(path)
+        raw = documents.read_toml(path)
         for key in ("name", "whole"):
             if key in raw:
                 raise SceneError(f"{key} = {raw[key]!r}: unknown key; the name of a case is its file's")

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlink.common.errors import EngineError, MissingDependencyError
-from flexlink.describe.data_files import read_toml
+from flexlink.data.documents import read_toml
 from flexlink.describe.writing import toml_of
 
 ROOT = Path(__file__).parent.parent

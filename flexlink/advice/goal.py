@@ -10,8 +10,8 @@ import numpy as np
 from flexlink.chain.arguments import positive, real
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe.run_settings import RunSettings
-from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
 from flexlink.results.tip_motion import largest_so_far
 

@@ -10,9 +10,9 @@ from msgspec.structs import replace
 
 from flexlink.advice.families import GAUSS, rule_of
 from flexlink.common.errors import SceneError
+from flexlink.common.wording import truncated
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import truncated
 
 FLEX = ("rigid", "z", "yz", "xyz")
 """Axes of a link that bend, each choice with those of the one before it."""

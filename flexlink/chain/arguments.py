@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, T
-from flexlink.describe.spec import did_you_mean, numbers, to_builtin, truncated
+from flexlink.common.wording import did_you_mean, truncated
+from flexlink.describe.spec import numbers, to_builtin
 from flexlink.kernels.tools.finite import is_finite
 
 FLOAT64 = np.dtype(np.float64)

@@ -28,8 +28,8 @@ from flexlink.chain.spans import spans_of, sums_outward
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Indices
+from flexlink.common.wording import short_list, truncated
 from flexlink.describe.links import link_number
-from flexlink.describe.spec import short_list, truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.layout import COUPLING, DRAG, SLIDES, ChainArrays
 

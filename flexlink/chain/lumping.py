@@ -26,8 +26,8 @@ from flexlink.chain.table_beam import TableBeam
 from flexlink.common.errors import SceneError
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
+from flexlink.data.documents import is_user_file
 from flexlink.describe.arm import AXES, Arm, Link
-from flexlink.describe.data_files import is_user_file
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.root import ROOT_AXES
 from flexlink.describe.scene import Scene

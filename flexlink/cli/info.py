@@ -18,10 +18,11 @@ from flexlink.chain.lumping import lump
 from flexlink.cli.modes import first_elastic, print_modes
 from flexlink.cli.shared import prefix_errors, print_notes, varied_scene
 from flexlink.common.types import Array, Complex
+from flexlink.common.wording import short_list
 from flexlink.describe import data_files
 from flexlink.describe.own_units import in_words
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import short_list
+from flexlink.dynamics.sensors.signals import column_names
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
@@ -29,7 +30,6 @@ from flexlink.motion.evaluation_cost import machine_factor, step_cost
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.tip_wrench import initial_wrench
-from flexlink.sensors.signals import column_names
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

@@ -12,9 +12,10 @@ import shlex
 import sys
 from pathlib import Path
 
+import flexlink as fl
 from flexlink.cli.shared import prefix_errors, varied_scene
 from flexlink.common.output import make_folder
-from flexlink.scene_report.report import building, report
+from flexlink.pages.builders import require_pages
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -33,10 +34,10 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run_command(options: argparse.Namespace) -> int:
     """Write the report, a line a chapter on stderr; 1 if something in it is known to be wrong."""
     scene = varied_scene(options.scene, options)
-    building()  # what is missing is said before the work
+    require_pages("report")
     make_folder(options.out)
     with prefix_errors(options.scene):
-        page = report(
+        page = fl.report(
             scene, options.out, against=options.against, command=_command(),
             progress=lambda line: print(line, file=sys.stderr, flush=True),
         )  # fmt: skip

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 from flexlink.common.errors import SceneError
+from flexlink.common.wording import truncated
 from flexlink.describe.own_units import TWINS, Row
 from flexlink.describe.reference import Reference
 from flexlink.describe.spec import (
@@ -17,7 +18,6 @@ from flexlink.describe.spec import (
     Spec,
     Vector3,
     require_increasing,
-    truncated,
 )
 
 OF_MOTION = "angle_deg", "rate_deg", "acceleration_deg"

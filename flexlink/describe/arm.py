@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 
 from flexlink.common.errors import SceneError
-from flexlink.describe import data_files
+from flexlink.common.wording import did_you_mean, short_list, truncated
+from flexlink.data import documents
 from flexlink.describe.directions import Line, line_of, unit
 from flexlink.describe.drag import Drag
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
@@ -21,7 +22,7 @@ from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.root import ROOT_AXES, RootDamping, RootStiffness
 from flexlink.describe.sections import BREADTHS, SHAPES, SectionProperties
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, did_you_mean, link_key, short_list, truncated
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
@@ -273,7 +274,7 @@ class Link(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        msgspec.structs.force_setattr(self, "lumping", data_files.absolute(self.lumping))
+        msgspec.structs.force_setattr(self, "lumping", documents.absolute(self.lumping))
         if not self.name:
             raise SceneError("name = '': must not be empty")
         if (self.material is None) != (self.section is None):

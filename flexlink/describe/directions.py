@@ -10,7 +10,8 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.products import dot
 from flexlink.common.types import Array
-from flexlink.describe.spec import Vector3, truncated
+from flexlink.common.wording import truncated
+from flexlink.describe.spec import Vector3
 
 
 def unit(key: str, vector: Vector3 | Array) -> Array:

@@ -11,14 +11,14 @@ from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array, T
+from flexlink.common.wording import short_list
+from flexlink.data.csv_table import CsvTable, head_of, read_csv
+from flexlink.data.smoothing import smoothed
 from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm, Link
-from flexlink.describe.csv_table import CsvTable, head_of, read_csv
 from flexlink.describe.initial import InitialState
 from flexlink.describe.own_units import IN_METRES, TORQUE, UNIT, Row
 from flexlink.describe.reference import TABLES, Reference
-from flexlink.describe.smoothing import smoothed
-from flexlink.describe.spec import short_list
 
 WRENCH = {"forces": ("force", "N"), "moments": ("moment", "N m")}
 """What of a wrench stands in heads "force x [N]", "moment z [N m]"."""

@@ -9,11 +9,11 @@ import numpy as np
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
+from flexlink.data.documents import is_user_file
 from flexlink.describe.arm import Arm, Link
-from flexlink.describe.data_files import is_user_file
 from flexlink.describe.root import ROOT_AXES
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
-from flexlink.describe.spec import truncated
 
 
 def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:

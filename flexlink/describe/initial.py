@@ -8,8 +8,9 @@ import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe.own_units import Row, Slides, together
-from flexlink.describe.spec import NonNegative, PerLink, Spec, Vector3, truncated
+from flexlink.describe.spec import NonNegative, PerLink, Spec, Vector3
 
 
 class BaseState(Spec, frozen=True):

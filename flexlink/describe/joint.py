@@ -7,8 +7,9 @@ from typing import Literal
 
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe.directions import unit
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, truncated
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3
 
 
 class Joint(Spec, frozen=True):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.spec import did_you_mean, short_list, to_builtin, truncated
+from flexlink.common.wording import did_you_mean, short_list, truncated
+from flexlink.describe.spec import to_builtin
 
 
 def link_number(argument: str, value: object, names: Sequence[str]) -> int:

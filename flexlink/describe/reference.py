@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe import profiles
 from flexlink.describe.joint import Joint
 from flexlink.describe.own_units import IN_METRES, KIND, UNIT, Row, Slides, in_own, in_si, together
@@ -24,7 +25,6 @@ from flexlink.describe.spec import (
     Spec,
     require_increasing,
     require_positive,
-    truncated,
 )
 
 LIMITS = ("max_rate_deg", "max_acceleration_deg", "max_jerk_deg")

@@ -7,7 +7,8 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.products import dot, product
 from flexlink.common.types import Array
-from flexlink.describe.spec import NonNegative, Spec, Vector3, truncated
+from flexlink.common.wording import truncated
+from flexlink.describe.spec import NonNegative, Spec, Vector3
 
 ROUNDING = 32 * np.finfo(float).eps
 """How far, as a part of the largest, principal moments may miss what a body can have: an eps for each of three

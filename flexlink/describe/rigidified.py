@@ -5,9 +5,9 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError
+from flexlink.common.wording import truncated
 from flexlink.describe.arm import Link
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import truncated
 
 OF_BASE = 6
 """Coordinates of a free base, the first of a chain."""

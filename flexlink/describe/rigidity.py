@@ -13,8 +13,9 @@ import numpy as np
 
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.describe.csv_table import head_of, read_csv
-from flexlink.describe.spec import NonNegative, Positive, Spec, truncated
+from flexlink.common.wording import truncated
+from flexlink.data.csv_table import head_of, read_csv
+from flexlink.describe.spec import NonNegative, Positive, Spec
 
 COLUMNS = {"ei_y": "N m²", "ei_z": "N m²", "gj": "N m²", "rho_a": "kg/m", "rho_i_y": "kg m", "rho_i_z": "kg m"}
 """What stands in a table beside x, with its unit."""

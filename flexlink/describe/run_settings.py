@@ -10,9 +10,11 @@ import msgspec
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
+from flexlink.data import documents
 from flexlink.describe import data_files
 from flexlink.describe.schemes.methods import method
-from flexlink.describe.spec import NonNegative, Positive, Spec, truncated
+from flexlink.describe.spec import NonNegative, Positive, Spec
 from flexlink.describe.whole_steps import is_whole, multiples, whole
 
 AUTO = "auto"  # in place of a method's name
@@ -85,7 +87,7 @@ class RunSettings(Spec, frozen=True):
         if not self.method:
             fixed = self.step is not None and not self.has_tolerance
             msgspec.structs.force_setattr(self, "method", "RK4" if fixed else AUTO)
-        msgspec.structs.force_setattr(self, "method", data_files.absolute(self.method))
+        msgspec.structs.force_setattr(self, "method", documents.absolute(self.method))
         if self.controlled:
             self._check_tolerance()
         elif self.sample is None:

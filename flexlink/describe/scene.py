@@ -16,7 +16,8 @@ from flexlink.common.memo import Memo
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
-from flexlink.describe import data_files
+from flexlink.common.wording import truncated
+from flexlink.data import documents
 from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.drag import SEA_LEVEL
@@ -39,17 +40,7 @@ from flexlink.describe.scene_checks import (
     wrong_lists,
 )
 from flexlink.describe.sensor import Sensor, sensor_mistakes
-from flexlink.describe.spec import (
-    Positive,
-    Spec,
-    Vector3,
-    build_validated,
-    check_keys,
-    decode,
-    fields_of,
-    key_mistakes,
-    truncated,
-)
+from flexlink.describe.spec import Positive, Spec, Vector3, build_validated, check_keys, decode, fields_of, key_mistakes
 from flexlink.describe.vary import apply_changes, to_document, top_level_keys, values_at
 from flexlink.describe.writing import Inline, toml_of, without_defaults
 
@@ -205,7 +196,7 @@ class Scene(Spec, frozen=True):
         reference, start, slides = self.drive.reference, self.starts, self.arm.slides
         free = tuple(k for k, link in enumerate(self.arm.links) if not link.joint.locked)
         try:
-            if reference.shaper is not None and data_files.is_user_file(reference.shaper.kind):  # which may change
+            if reference.shaper is not None and documents.is_user_file(reference.shaper.kind):  # which may change
                 return reference.course(start, free, slides)
             return COURSES(reference, (start, free, slides), lambda: reference.course(start, free, slides))
         except (SceneError, DataFileError) as error:
@@ -336,7 +327,7 @@ class Scene(Spec, frozen=True):
         >>> print(fl.load_scene(scene.save("two_links.toml")) == scene)
         True
         """
-        path = data_files.require_path("path", path)
+        path = documents.require_path("path", path)
         write_text(path, self.to_toml())
         return path
 
@@ -375,8 +366,8 @@ def load_scene(path: str | Path) -> Scene:
     >>> print(scene.name, scene.run.duration)
     three_links 8.0
     """
-    path = data_files.require_path("path", path)
-    raw = data_files.beside(path.parent, data_files.read_toml(path))
+    path = documents.require_path("path", path)
+    raw = documents.beside(path.parent, documents.read_toml(path))
     try:
         scene = scene_from(raw)
         check_named(scene)
@@ -482,7 +473,7 @@ def _of_run(change: tuple[object, object]) -> bool:
     """Whether a change is one of a run, to a value that means the same everywhere, as a user's file does not."""
     path, value = change
     plain = value is None or isinstance(value, str | int | float)
-    return plain and isinstance(path, str) and path.startswith("run.") and not data_files.is_user_file(value)
+    return plain and isinstance(path, str) and path.startswith("run.") and not documents.is_user_file(value)
 
 
 RUNS = Memo(256)

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.actions import OF_MOTION, Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import BASE, Arm, Link
 from flexlink.describe.initial import BaseState, InitialState
@@ -16,7 +17,7 @@ from flexlink.describe.own_units import KIND, misplaced
 from flexlink.describe.reference import refuse_beyond
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings
-from flexlink.describe.spec import did_you_mean, link_key, truncated
+from flexlink.describe.spec import link_key
 from flexlink.describe.whole_steps import whole
 
 

@@ -20,8 +20,10 @@ from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
+from flexlink.data import documents
 from flexlink.describe import data_files
-from flexlink.describe.spec import NonNegative, Positive, Spec, truncated
+from flexlink.describe.spec import NonNegative, Positive, Spec
 
 Ratio = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 
@@ -94,7 +96,7 @@ class InputShaper(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        msgspec.structs.force_setattr(self, "kind", data_files.absolute(self.kind))
+        msgspec.structs.force_setattr(self, "kind", documents.absolute(self.kind))
         if (self.frequency_hz is None) == (self.poles is None):
             raise SceneError(
                 f"frequency_hz = {truncated(self.frequency_hz)}, poles = {truncated(self.poles)}: give exactly one "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import itertools
 import math
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array, T
+from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.not_supported import LOOPS, why_not
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -269,13 +269,6 @@ def _as_written(where: str, value: object) -> str:
     return expected if given is kind else ""
 
 
-def did_you_mean(value: object, allowed: Iterable[str]) -> str:
-    """The end of a message that names the one of `allowed` that `value` looks like; empty if none does."""
-    by_case = {name.casefold(): name for name in reversed(list(allowed))}
-    close = difflib.get_close_matches(value.casefold(), by_case, n=1) if isinstance(value, str) else []
-    return f"; did you mean {by_case[close[0]]!r}?" if close else ""
-
-
 def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:
     """The path of an item, as `Scene.varied` and `--set` take it.
 
@@ -430,17 +423,3 @@ def _lower(reason: str) -> str:
     """msgspec's reason in the words of TOML."""
     words = (reason[:1].lower() + reason[1:]).replace("`", "")
     return words.replace(" | null", "").replace("object", "table").replace("array", "a list")
-
-
-def truncated(value: object) -> str:
-    """`repr` in one line, cut to a length that fits into a message."""
-    try:
-        text = " ".join(repr(value).split())
-    except Exception as error:  # whatever the class of the value raises, and an int of 5000 digits
-        return "…" if isinstance(error, RecursionError) else f"<{type(value).__name__}>"
-    return text if len(text) <= 60 else text[:57] + "…"
-
-
-def short_list(items: Sequence[str]) -> str:
-    """Items with commas, those in the middle of many left out."""
-    return ", ".join(items if len(items) <= 8 else [*items[:5], "…", *items[-2:]])

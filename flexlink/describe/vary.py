@@ -17,18 +17,9 @@ from typing import Any, NamedTuple, get_origin
 import msgspec
 
 from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.own_units import IN_METRES, TWINS
-from flexlink.describe.spec import (
-    Spec,
-    Vector3,
-    bare_type,
-    did_you_mean,
-    fields_of,
-    is_per_link,
-    to_builtin,
-    truncated,
-    type_below,
-)
+from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, to_builtin, type_below
 
 PATH = re.compile(r"""(?:"[^"]+"|'[^']+'|[^."']+)(?:\.(?:"[^"]+"|'[^']+'|[^."']+))*""")
 PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")

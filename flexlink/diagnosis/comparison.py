@@ -14,7 +14,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import html_lines, html_table
 from flexlink.common.types import Array
-from flexlink.describe.data_files import require_path
+from flexlink.data.documents import require_path
 from flexlink.describe.scene import Scene
 from flexlink.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_file
 from flexlink.diagnosis.foreign_files import load_file

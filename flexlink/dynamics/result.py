@@ -11,7 +11,7 @@ import numpy as np
 
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.output import write_whole
-from flexlink.describe.data_files import require_path
+from flexlink.data.documents import require_path
 
 
 class Result:

@@ -9,8 +9,8 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
+from flexlink.common.wording import short_list
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.springs import deflections
 from flexlink.dynamics.tangent import stiffness_matrix

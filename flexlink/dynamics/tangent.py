@@ -11,7 +11,7 @@ from flexlink.chain.chain import Chain, Joints
 from flexlink.chain.spans import spans_of
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.spec import truncated
+from flexlink.common.wording import truncated
 from flexlink.dynamics import rounding
 from flexlink.dynamics.drag import drag_slopes, drag_torque
 from flexlink.dynamics.placement import hinge_bodies

@@ -10,8 +10,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from flexlink.common.output import make_folder, write_text
+from flexlink.common.wording import truncated
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import truncated
 from flexlink.describe.writing import toml_of, without_defaults
 from flexlink.identification.identifiability import WIDE, Check
 from flexlink.identification.problem import FitProblem

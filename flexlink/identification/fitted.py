@@ -12,7 +12,7 @@ from typing import Any
 from flexlink.common.notebook import html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
-from flexlink.describe.data_files import require_path
+from flexlink.data.documents import require_path
 from flexlink.describe.scene import Scene
 from flexlink.identification.block import unit_in
 from flexlink.identification.identifiability import Check

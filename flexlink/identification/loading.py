@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from flexlink.common.errors import DataFileError, SceneError
-from flexlink.describe import data_files
+from flexlink.data import documents
+from flexlink.data.documents import paths_of
 from flexlink.describe.mistakes import mistakes, raise_together
 from flexlink.describe.scene import scene_named
 from flexlink.describe.spec import check_keys, decode, fields_of
 from flexlink.identification.problem import FitProblem
-from flexlink.sweeps.plan import paths_of
 
 
 def load_fit(path: str | Path) -> FitProblem:
@@ -43,15 +43,15 @@ def load_fit(path: str | Path) -> FitProblem:
     >>> print(problem.scene.name, [parameter.path for parameter in problem.parameter])
     three_links ['material.aluminium.young', 'tip.mass']
     """
-    path = data_files.require_path("path", path)
-    raw = data_files.read_toml(path)
+    path = documents.require_path("path", path)
+    raw = documents.read_toml(path)
     try:
         fields = {field.encode_name: field for field in fields_of(FitProblem)}
         check_keys(raw, fields, required=("scene", "parameter"))
         scene = scene_named(raw, path.parent)
         for part in ("run", "modes", "static"):
             if isinstance(raw.get(part), list):
-                raw[part] = data_files.beside(path.parent, [_as_paths(table) for table in raw[part]])
+                raw[part] = documents.beside(path.parent, [_as_paths(table) for table in raw[part]])
         raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
         parts = {key: decode(value, fields[key].type, key) for key, value in raw.items()}
         return FitProblem(scene=scene, **parts)

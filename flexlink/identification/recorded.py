@@ -15,15 +15,15 @@ from scipy.interpolate import CubicSpline
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import DataFileError
 from flexlink.common.types import Array
+from flexlink.common.wording import did_you_mean
+from flexlink.data.measured import Measured, measured_from, named, read_measured
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import did_you_mean
+from flexlink.dynamics.sensors.signals import column_names
 from flexlink.identification.block import Block
 from flexlink.identification.problem import FitProblem, FitRun, Use
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
 from flexlink.results.columns import sources_of
-from flexlink.results.measured import Measured, measured_from, named, read_measured
 from flexlink.results.trajectory import Trajectory
-from flexlink.sensors.signals import column_names
 
 
 @dataclasses.dataclass(eq=False)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexlink.common.errors import SceneError
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
-from flexlink.describe.data_files import is_user_file
+from flexlink.data.documents import is_user_file
 from flexlink.describe.own_units import in_words
 from flexlink.describe.run_settings import AUTO, DEFAULT_TOLERANCE, RunSettings
 from flexlink.describe.schemes.methods import Method, method

@@ -12,8 +12,8 @@ from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import did_you_mean, short_list, truncated
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import did_you_mean, short_list, truncated
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.trajectory import Trajectory

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.describe.data_files import read_toml
+from flexlink.data.documents import read_toml
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import NonNegative, Spec, decode
 from flexlink.dynamics.initial_value_problem import InitialValueProblem

@@ -21,8 +21,9 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Spec, default_of, fields_of, truncated
+from flexlink.describe.spec import Spec, default_of, fields_of
 from flexlink.describe.vary import number_in
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.kernels.derivatives.inverse_derivatives import Arrays

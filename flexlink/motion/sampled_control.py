@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike
 from flexlink.chain.arguments import positive, require_callable
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import method
-from flexlink.describe.spec import truncated
 from flexlink.describe.whole_steps import multiples, parts, whole
 from flexlink.dynamics.floating_base import ANGLES, FAR
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.dynamics.sensors.readings import Readings
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.runge_kutta import integrate, stage
 from flexlink.kernels.tools.finite import is_finite
@@ -27,7 +28,6 @@ from flexlink.motion.inputs.drives import effort_of, held_torques
 from flexlink.motion.sensing import sample_at
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import LawFailure
-from flexlink.sensors.readings import Readings
 
 Law = Callable[..., ArrayLike]
 """T_EX of the driven joints (d,), `chain.active`, in N m, from t [s], q [rad] and q̇ [rad/s], both (n,), and, if it has

@@ -15,7 +15,7 @@ from flexlink.chain.arguments import require_callable, require_type
 from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.common.memo import Kept, Memo
-from flexlink.describe.data_files import is_user_file
+from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable, check_method
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import build_validated

@@ -14,6 +14,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.whole_steps import parts, whole
+from flexlink.dynamics.sensors.readings import Readings
 from flexlink.dynamics.springs import add_spring_energies
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.judgement import SEEN, WRONG
@@ -29,7 +30,6 @@ from flexlink.results import balance
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
 from flexlink.results.stop_reasons import DivergenceError, Failure, ended_early
-from flexlink.sensors.readings import Readings
 
 OFTEN = 128
 """Calls of `step` from one look at the power balance to the next; of the first ones, those of number 1, 2, 4, …"""

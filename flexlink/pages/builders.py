@@ -23,3 +23,9 @@ def builder(module: str, page: str) -> ModuleType:
             f"a {page} needs matplotlib and jinja2 ({error}); install them with: "
             "python -m pip install 'flexlink[report]'"
         ) from None
+
+
+def require_pages(page: str) -> None:
+    """Refuse a `page`, before the work, where what builds pages is not installed; errors as in `builder`."""
+    for module in ("page", "picture"):
+        builder(f"flexlink.pages.{module}", page)

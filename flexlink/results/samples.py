@@ -23,10 +23,10 @@ from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
+from flexlink.dynamics.sensors.columns import coarse_samples, sensor_columns
+from flexlink.dynamics.sensors.signals import column_names
 from flexlink.dynamics.terms import Energy
 from flexlink.results import balance
-from flexlink.sensors.columns import coarse_samples, sensor_columns
-from flexlink.sensors.signals import column_names
 
 
 class Steps(NamedTuple):

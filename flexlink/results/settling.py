@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from flexlink.chain.arguments import positive, real, require_type, vector
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.spec import truncated
+from flexlink.common.wording import truncated
 from flexlink.results.tip_motion import centre_of_motion, distances, largest_distance
 from flexlink.results.trajectory import Trajectory
 

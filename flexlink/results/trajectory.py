@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_whole
 from flexlink.common.types import Array
-from flexlink.describe.data_files import require_path
+from flexlink.data.documents import require_path
 from flexlink.results import tables
 from flexlink.results.columns import Columns
 from flexlink.results.files import Writer, output_format

@@ -13,12 +13,13 @@ from flexlink.chain.rigid import Pose
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import short_list, truncated
 from flexlink.describe.arm import BASE, Arm, Base, Link
 from flexlink.describe.initial import BaseState, InitialState
 from flexlink.describe.joint import Joint, Mount
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Vector3, short_list, truncated
+from flexlink.describe.spec import Vector3
 from flexlink.robots.flexible import FlexibleLink, ImportedLink, bent, payload
 from flexlink.robots.paths import Part, Paths
 

@@ -10,8 +10,9 @@ from pathlib import Path
 import msgspec
 
 from flexlink.common.errors import ArgumentError, MissingDependencyError
-from flexlink.describe.data_files import read_toml
-from flexlink.describe.spec import Spec, decode, did_you_mean, short_list, truncated
+from flexlink.common.wording import did_you_mean, short_list, truncated
+from flexlink.data.documents import read_toml
+from flexlink.describe.spec import Spec, decode
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.robots.importing import ImportResult, import_urdf
 

@@ -11,10 +11,11 @@ import numpy as np
 from flexlink.chain.rigid import Pose, SpatialInertia, body_with
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe.arm import Damping, Link, Material, Section
 from flexlink.describe.directions import Line, line_of
 from flexlink.describe.rigid_body import ROUNDING, RigidBody
-from flexlink.describe.spec import Positive, Spec, Vector3, truncated
+from flexlink.describe.spec import Positive, Spec, Vector3
 from flexlink.robots.cut import cut, largest_mass
 from flexlink.robots.paths import Part
 

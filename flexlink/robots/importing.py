@@ -10,8 +10,9 @@ from typing import Any
 
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import html_lines
+from flexlink.common.wording import short_list, truncated
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Vector3, short_list, truncated
+from flexlink.describe.spec import Vector3
 from flexlink.robots.assembly import assembled
 from flexlink.robots.flexible import FlexibleLink, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Robot

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 
 from flexlink.common.errors import DataFileError, SceneError
-from flexlink.describe.spec import truncated
+from flexlink.common.wording import truncated
 from flexlink.robots.flexible import payload
 from flexlink.robots.kinematic_tree import Robot
 from flexlink.robots.paths import Part, Paths, paths

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from flexlink.chain.rigid import HERE, Pose, SpatialInertia
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.spec import short_list, truncated
+from flexlink.common.wording import short_list, truncated
 from flexlink.robots.kinematic_tree import Robot, TreeJoint
 from flexlink.robots.positions import check_stated, known, positions_of
 

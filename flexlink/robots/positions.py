@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping
 
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.spec import did_you_mean, short_list, to_builtin, truncated
+from flexlink.common.wording import did_you_mean, short_list, truncated
+from flexlink.describe.spec import to_builtin
 from flexlink.robots.kinematic_tree import Robot, TreeJoint
 
 

@@ -20,9 +20,9 @@ from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.files import read_regular
 from flexlink.common.types import Array
-from flexlink.describe.data_files import require_path
+from flexlink.common.wording import did_you_mean, truncated
+from flexlink.data.documents import require_path
 from flexlink.describe.directions import unit
-from flexlink.describe.spec import did_you_mean, truncated
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
 
 LARGEST = 1e9  # SI: no robot has more of anything, and all that is made of it is a number of float64

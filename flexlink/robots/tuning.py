@@ -12,8 +12,8 @@ import numpy as np
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
+from flexlink.common.wording import truncated
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import truncated
 from flexlink.dynamics.vibration.modal import natural_frequencies
 
 

@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
+from flexlink.data.measured import Measured
 from flexlink.describe.own_units import UNIT
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
@@ -29,7 +30,6 @@ from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Search
 from flexlink.identification.stacking import parts_of
 from flexlink.motion.simulate import simulate
-from flexlink.results.measured import Measured
 from flexlink.results.trajectory import Trajectory
 
 TOLERANCE = 1e-6

@@ -8,7 +8,7 @@ from types import ModuleType
 
 from flexlink.chain.arguments import require_callable, require_type
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.data_files import require_path
+from flexlink.data.documents import require_path
 from flexlink.describe.scene import Scene
 from flexlink.pages.builders import builder
 from flexlink.pages.verdict import Report

@@ -12,8 +12,8 @@ from typing import Any
 import msgspec
 
 from flexlink.common.versions import __version__
-from flexlink.describe.data_files import is_user_file
-from flexlink.describe.spec import truncated
+from flexlink.common.wording import truncated
+from flexlink.data.documents import is_user_file
 from flexlink.sweeps.plan import Sweep
 
 Fingerprint = dict[str, Any]

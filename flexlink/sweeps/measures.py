@@ -9,7 +9,8 @@ import numpy as np
 
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.common.types import Array
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, did_you_mean, short_list, truncated
+from flexlink.common.wording import did_you_mean, short_list, truncated
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.placement import tip_position
 from flexlink.motion.side_by_side import Block

@@ -5,16 +5,16 @@ from __future__ import annotations
 import functools
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from flexlink.common.errors import DataFileError, FlexlinkError, SceneError
-from flexlink.describe import data_files
+from flexlink.common.wording import did_you_mean, truncated
+from flexlink.data import documents
 from flexlink.describe.scene import FIELDS, Scene, scene_named
-from flexlink.describe.spec import Spec, check_keys, decode, did_you_mean, fields_of, truncated
+from flexlink.describe.spec import Spec, check_keys, decode, fields_of
 from flexlink.describe.variants import Variants
 from flexlink.describe.vary import apply_changes, top_level_keys
 from flexlink.engines import ENGINES
@@ -204,8 +204,8 @@ def load_sweep(path: str | Path) -> Sweep:
     >>> print(plan.scene.name, list(plan.quantity))
     paper_fig5 ['tip_z', 'bend', 'swing', 'error']
     """
-    path = data_files.require_path("path", path)
-    raw = data_files.read_toml(path)
+    path = documents.require_path("path", path)
+    raw = documents.read_toml(path)
     try:
         fields = {field.encode_name: field for field in fields_of(Sweep)}
         check_keys(raw, fields, required=("scene", "quantity"))
@@ -213,24 +213,17 @@ def load_sweep(path: str | Path) -> Sweep:
         scene = scene_named(raw, folder)
         for table, leaf in (("set", ()), ("grid", ("between",)), ("together", ("between",))):
             if isinstance(raw.get(table), dict):
-                raw[table] = data_files.beside(folder, dict(paths_of(raw[table], leaf)))
+                raw[table] = documents.beside(folder, dict(documents.paths_of(raw[table], leaf)))
         sample = raw.get("sample")
         if isinstance(sample, dict) and isinstance(sample.get("keys"), dict):
-            sample["keys"] = data_files.beside(folder, dict(paths_of(sample["keys"], ("between", "mean", "deviation"))))
+            sample["keys"] = documents.beside(
+                folder, dict(documents.paths_of(sample["keys"], ("between", "mean", "deviation")))
+            )
         sweep = Sweep(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})
         Plan(sweep)
         return sweep
     except (SceneError, DataFileError) as error:
         raise type(error)(f"{path}: {error}") from None
-
-
-def paths_of(table: Mapping[str, Any], leaf: tuple[str, ...] = (), above: str = "") -> Iterator[tuple[str, Any]]:
-    """Keys that TOML has taken apart at their dots, as paths again; a table with one of `leaf` is a value."""
-    for key, value in table.items():
-        if isinstance(value, dict) and value and not any(name in value for name in leaf):
-            yield from paths_of(value, leaf, f"{above}{key}.")
-        else:
-            yield f"{above}{key}", value
 
 
 def _is_slow(axis: Axis) -> bool:

@@ -6,7 +6,7 @@ import contextlib
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
-from flexlink.describe.spec import did_you_mean, truncated
+from flexlink.common.wording import did_you_mean, truncated
 from flexlink.engines import load
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.results.record import trajectory_from_states

@@ -15,7 +15,8 @@ import msgspec
 import numpy as np
 
 from flexlink.common.errors import SceneError
-from flexlink.describe.spec import Positive, Spec, decode, truncated
+from flexlink.common.wording import truncated
+from flexlink.describe.spec import Positive, Spec, decode
 from flexlink.sweeps.sample_points import LATIN, point
 
 Spacing = Literal["linear", "log"]

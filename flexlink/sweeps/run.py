@@ -10,7 +10,7 @@ from pathlib import Path
 from flexlink.chain.arguments import integer, require_bool, require_callable
 from flexlink.common.errors import InterruptedSweepError
 from flexlink.common.interruption import Stop, deferred, word
-from flexlink.describe.data_files import require_path
+from flexlink.data.documents import require_path
 from flexlink.sweeps.execution import Execution
 from flexlink.sweeps.fingerprint import fingerprint
 from flexlink.sweeps.plan import Plan, Sweep, load_sweep

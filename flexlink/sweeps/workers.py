@@ -14,7 +14,7 @@ from typing import Any
 
 from flexlink.common.errors import ArgumentError, EngineError, MissingDependencyError
 from flexlink.common.processes import exit_when_closed
-from flexlink.describe.spec import truncated
+from flexlink.common.wording import truncated
 
 TASKS_PER_WORKER = 2
 """So that a worker has its next task when one is done."""

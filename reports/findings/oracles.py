@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-from flexlink.describe.data_files import read_toml
+from flexlink.data.documents import read_toml
 from flexlink.describe.spec import Spec, decode
 from flexlink.pages.tables import Table
 from reports.results import Results

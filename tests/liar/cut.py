@@ -10,7 +10,7 @@ import pytest
 
 from flexlink import engines
 from flexlink.chain.chain import Chain
-from flexlink.describe import data_files
+from flexlink.data import documents
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.engines import Engine
@@ -91,7 +91,7 @@ class Cut(Spec, frozen=True):
 
 def load() -> list[Cut]:
     """All of them."""
-    raw = data_files.read_toml(FILE)
+    raw = documents.read_toml(FILE)
     return [
         decode({"kind": kind} | {"case": kind} | each, Cut, kind)
         for kind, cuts in raw.items()
@@ -102,5 +102,5 @@ def load() -> list[Cut]:
 
 def not_lied_to() -> dict[str, str]:
     """Kinds that nobody lies to yet, and why."""
-    found: dict[str, str] = data_files.read_toml(FILE)["not_lied_to"]
+    found: dict[str, str] = documents.read_toml(FILE)["not_lied_to"]
     return found

@@ -16,7 +16,7 @@ import numpy as np
 from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe import data_files
+from flexlink.data import documents
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.dynamics.placement import tip_position, unbent
@@ -44,7 +44,7 @@ class Varied(Spec, frozen=True):
 @functools.cache
 def scenes() -> dict[str, Varied]:
     """What the file says, by name."""
-    return {name: decode(raw, Varied, name) for name, raw in data_files.read_toml(FILE).items()}
+    return {name: decode(raw, Varied, name) for name, raw in documents.read_toml(FILE).items()}
 
 
 @functools.cache

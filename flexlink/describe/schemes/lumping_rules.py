@@ -16,9 +16,10 @@ import numpy as np
 
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe import data_files
 from flexlink.describe.schemes.cells import Cells, no_multiple
-from flexlink.describe.spec import NonNegative, Positive, Spec, truncated
+from flexlink.describe.spec import NonNegative, Positive, Spec
 
 Exponent = Annotated[float, msgspec.Meta(ge=0, le=100)]
 

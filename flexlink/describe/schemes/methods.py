@@ -14,9 +14,10 @@ import numpy as np
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.polynomials import dot, float64
 from flexlink.common.types import Array, Complex
+from flexlink.common.wording import truncated
 from flexlink.describe import data_files
 from flexlink.describe.schemes import collocation
-from flexlink.describe.spec import Spec, truncated
+from flexlink.describe.spec import Spec
 
 CLOSE = Fraction(1, 10**15)
 """How far sums of coefficients may be from what they must be: decimals are rounded."""

@@ -16,8 +16,8 @@ from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe.actions import Frame
-from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
 from flexlink.dynamics.equilibrium import Equilibrium, solve_static
 from flexlink.dynamics.placement import unbent

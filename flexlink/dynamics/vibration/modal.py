@@ -21,8 +21,8 @@ from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError, SingularMassError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Complex
+from flexlink.common.wording import short_list
 from flexlink.describe.actions import Frame
-from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.rounding import EPS, largest_load_stiffness

@@ -10,8 +10,8 @@ from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import truncated
 from flexlink.dynamics.static_postures import static_posture
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import Inputs, MotionTable

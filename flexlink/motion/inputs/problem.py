@@ -12,10 +12,10 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.floating_base import FloatingBase
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.dynamics.sensors.placement import check_placements
 from flexlink.motion.inputs.actuation import input_arrays
 from flexlink.motion.inputs.initial_state import state_under
 from flexlink.motion.inputs.references import check_start
-from flexlink.sensors.placement import check_placements
 
 
 def problem_of(scene: Scene, chain: Chain | None = None) -> InitialValueProblem:

@@ -15,7 +15,7 @@ from flexlink.chain.arguments import integer, positive, require_callable, requir
 from flexlink.common.errors import ArgumentError, MissingDependencyError
 from flexlink.common.interruption import deferred, word
 from flexlink.common.output import write_or_keep
-from flexlink.describe.data_files import require_path
+from flexlink.data.documents import require_path
 from flexlink.results.pictures.colouring import Colour
 from flexlink.results.pictures.film import Film, film_of
 from flexlink.results.pictures.page import page

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexlink.data.measured import read_measured
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
 from flexlink.pages.numbers import number, plural
 from flexlink.pages.part import Part
@@ -13,7 +14,6 @@ from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over, stacked_axes
 from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.pages.verdict import Verdict
-from flexlink.results.measured import read_measured
 from flexlink.scene_report.fitting import Comparison, Fit
 from flexlink.scene_report.study import Study
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from flexlink.common.wording import short_list
 from flexlink.describe.arm import Link
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.own_units import in_own
 from flexlink.describe.plausibility.hints import hints
-from flexlink.describe.spec import short_list
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import frames
 from flexlink.pages.numbers import number, plural

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from flexlink.common.types import Array, Complex
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.whole_steps import is_whole
-from flexlink.sensors.low_pass import LowPass, butterworth
+from flexlink.dynamics.sensors.low_pass import LowPass, butterworth
 
 ON_TIME = 1e-9
 """Part of the time between two instants by which a sample may be early and still be at the later one."""

@@ -10,12 +10,12 @@ from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
+from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor
-from flexlink.describe.spec import did_you_mean, truncated
+from flexlink.dynamics.sensors.low_pass import butterworth
+from flexlink.dynamics.sensors.signals import column_names, joint_of, signal_of, slopes_of
 from flexlink.dynamics.vibration.outputs import Output
-from flexlink.sensors.low_pass import butterworth
-from flexlink.sensors.signals import column_names, joint_of, signal_of, slopes_of
 
 
 class SensorOutputs:

@@ -11,8 +11,8 @@ from msgspec.structs import replace
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor
-from flexlink.sensors.instrument import Instrument
-from flexlink.sensors.signals import States, column_names, signal_of
+from flexlink.dynamics.sensors.instrument import Instrument
+from flexlink.dynamics.sensors.signals import States, column_names, signal_of
 
 
 class Samples(States, Protocol):

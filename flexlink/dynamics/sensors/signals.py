@@ -13,8 +13,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import OF_THE_DRIVE, Sensor
 from flexlink.dynamics.point_motion import point_motion
 from flexlink.dynamics.point_slopes import point_slopes
-from flexlink.sensors.gauge import gauge_slope, gauge_strain
-from flexlink.sensors.placement import placement_of
+from flexlink.dynamics.sensors.gauge import gauge_slope, gauge_strain
+from flexlink.dynamics.sensors.placement import placement_of
 
 
 class States(Protocol):

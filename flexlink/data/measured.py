@@ -10,8 +10,8 @@ import numpy as np
 
 from flexlink.common.errors import DataFileError
 from flexlink.common.types import Array
-from flexlink.describe.csv_table import TIME, conversion, head_of, in_si, read_csv, units_like
-from flexlink.describe.spec import did_you_mean, short_list
+from flexlink.common.wording import did_you_mean, short_list
+from flexlink.data.csv_table import TIME, conversion, head_of, in_si, read_csv, units_like
 
 
 class Measured(NamedTuple):

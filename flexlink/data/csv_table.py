@@ -14,7 +14,7 @@ import numpy as np
 from flexlink.common.errors import DataFileError
 from flexlink.common.files import read_regular
 from flexlink.common.types import Array
-from flexlink.describe.spec import did_you_mean, short_list, truncated
+from flexlink.common.wording import did_you_mean, short_list, truncated
 
 TIME = "t [s]"
 UNITS = {

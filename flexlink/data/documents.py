@@ -1,0 +1,98 @@
+"""Documents from files: parsed TOML, paths, and the names in a document that are paths of the user's own files."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.files import read_regular
+from flexlink.common.types import T
+from flexlink.common.wording import truncated
+
+
+def require_path(name: str, value: object) -> Path:
+    """`value`, a str or a Path, as a Path.
+
+    Raises
+    ------
+    ArgumentError
+        It is neither; the message says what it is.
+    """
+    if not isinstance(value, str | os.PathLike):
+        raise ArgumentError(f"{name} = {truncated(value)}: expected a str or a Path, got {type(value).__name__}")
+    return Path(value)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Parse a TOML file, with one-line errors.
+
+    Raises
+    ------
+    SceneError
+        The file is missing, unreadable, a pipe (which may never say anything), larger than 1 MB, empty, not UTF-8 or
+        not TOML.
+    """
+    data = read_regular(path, largest=1_000_000, error=SceneError)
+    try:
+        text = data.decode("utf-8-sig")  # some editors put a byte order mark in front
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path}: not UTF-8 at byte {error.start}; save the file as UTF-8") from None
+    if not text.strip():
+        raise SceneError(f"{path}: empty; expected a TOML file")
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits
+        raise SceneError(f"{path}: not TOML: {error}") from None
+
+
+def is_user_file(name: object) -> bool:
+    """Whether `name` is a path to the user's own file, not the name of a description that comes with flexlink."""
+    return isinstance(name, str) and name.endswith(".toml")
+
+
+def absolute(name: str, folder: Path = Path()) -> str:
+    """An own file's path, which starts from `folder`, wherever the program moves to; a name stays as it is."""
+    return str((folder / name).absolute()) if is_user_file(name) else name
+
+
+NAMED = {"method", "lumping", "kind"}
+"""Keys whose values are names of descriptions, or paths of the user's own."""
+
+
+def beside(folder: Path, document: T) -> T:
+    """A parsed file, its files named from its folder, wherever the program moves; tables and lists change in place.
+
+    These are all values of `file`, and those of `method`, `lumping` and `kind` that are own files. A key may be a path
+    such as "run.method", a value a list of several. However deep a file is nested, no recursion is.
+    """
+    left: list[tuple[str, Any]] = [("", document)]
+    while left:
+        above, node = left.pop()
+        keys = list(node) if isinstance(node, dict) else range(len(node)) if isinstance(node, list) else ()
+        for key in keys:
+            value = node[key]
+            name = key.rpartition(".")[2] if isinstance(key, str) else above
+            if isinstance(value, str):
+                node[key] = _from(folder, name, value)
+            else:
+                left.append((name, value))
+    return document
+
+
+def _from(folder: Path, key: str, value: str) -> str:
+    if key == "file" and value:
+        return str((folder / value).absolute())
+    return absolute(value, folder) if key in NAMED else value
+
+
+def paths_of(table: Mapping[str, Any], leaf: tuple[str, ...] = (), above: str = "") -> Iterator[tuple[str, Any]]:
+    """Keys that TOML has taken apart at their dots, as paths again; a table with one of `leaf` is a value."""
+    for key, value in table.items():
+        if isinstance(value, dict) and value and not any(name in value for name in leaf):
+            yield from paths_of(value, leaf, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
