@@ -9,9 +9,10 @@ import pytest
 from conftest import ALUMINIUM, SQUARE
 
 import flexlink as fl
+from flexlink.common.errors import ArgumentError
 from flexlink.describe.arm import Base
 from flexlink.dynamics.rounding import of_mass_matrix
-from flexlink.dynamics.terms import MASS_ALGORITHMS
+from flexlink.dynamics.terms import algorithms_of
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.forward.articulated import articulated
 from flexlink.kernels.forward.articulated_rows import articulated_lanes_workspace, articulated_workspace
@@ -170,12 +171,16 @@ def test_inverse_dynamics_gives_back_the_torques(rng) -> None:
         assert abs(powers[0] - powers[1]) <= 1e-8 * np.abs(state[1] * state[2]).sum(), seed
 
 
-def test_four_mass_methods_agree(rng) -> None:
+def test_mass_methods_agree_and_those_for_serial_arms_are_refused(rng) -> None:
     for seed in SEEDS:
         chain = random_tree(seed)
         q = rng.uniform(-1, 1, chain.n)
-        one, *others = (fl.mass_matrix(chain, q, algorithm=method) for method in MASS_ALGORITHMS)
+        one, *others = (fl.mass_matrix(chain, q, algorithm=method) for method in algorithms_of(chain))
         assert all(np.abs(other - one).max() <= of_mass_matrix(chain, q) for other in others), seed
+        if not chain.is_serial_revolute:
+            for method in ("columns", "lower"):
+                with pytest.raises(ArgumentError, match=f"algorithm = '{method}': for arms without branches"):
+                    fl.mass_matrix(chain, q, algorithm=method)
 
 
 def test_eight_states_and_eight_chains_side_by_side(rng) -> None:

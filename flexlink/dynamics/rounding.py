@@ -46,9 +46,8 @@ from flexlink.chain.spans import spans_of, sums_inward, sums_outward
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.kernels.bodies.kinematics import forward_kinematics
+from flexlink.kernels.bodies.kinematics import arm_length, forward_kinematics
 from flexlink.kernels.bodies.rotation_springs import stretches
-from flexlink.kernels.derivatives.load_derivatives import arm_length
 
 EPS = float(np.finfo(np.float64).eps)
 ROUNDINGS = 10
@@ -253,7 +252,7 @@ def of_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
 def of_load_stiffness(chain: Chain) -> float:
     """Of ∂T_GC,i/∂q_j, as a part of `largest_loads` of i, for changes by `scales` of j.
 
-    The four weights of Riesz's formula add up to 2: twice `of_loads`, |δK_ij| ≤ 16 b eps · load_i.
+    A change of q_j changes force and moment, each rounded as they are: twice `of_loads`, |δK_ij| ≤ 16 b eps · load_i.
     """
     return 16 * len(chain.bodies) * EPS
 

@@ -18,8 +18,8 @@ from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import about
 from flexlink.dynamics.terms import bias_torque
-from flexlink.kernels.bodies.kinematics import forward_kinematics
-from flexlink.kernels.derivatives.load_derivatives import add_gyroscopic, add_load_stiffness, turned_with_tip
+from flexlink.kernels.bodies.kinematics import forward_kinematics, turned_with_tip
+from flexlink.kernels.derivatives.inverse_derivatives import load_slopes
 
 
 class Stiffness(NamedTuple):
@@ -93,8 +93,15 @@ def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower:
     Elastic + gravity + load + centrifugal stiffness; not symmetric under a follower wrench or a spatial moment.
     """
     K = about(chain, q).matrix("stiffness")
-    add_load_stiffness(chain.arrays, wrench, follower, q, qd, K)
+    K += load_matrices(chain, q, qd, wrench, follower)[0]
     return K + drag_slopes(chain, q, qd)[0] if len(chain.drag) else K
+
+
+def load_matrices(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
+    """∂T_GC/∂q [N m/rad], ∂T_GC/∂q̇ [N m s/rad] and M [kg m²] at constant rates, shape (3, n, n)."""
+    found = np.empty((3, chain.n, chain.n))
+    load_slopes(chain.arrays, wrench, follower, q, qd, np.zeros(chain.n), found)
+    return found
 
 
 def tangent(
@@ -159,7 +166,7 @@ def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
     """G = ∂(T_GC + T_DRAG)/∂q̇, shape (n, n) [N m s/rad]; zero at rest, since both are quadratic in the rates."""
     G = np.zeros((chain.n, chain.n))
     if qd.any():
-        add_gyroscopic(chain.arrays, q, qd, G)
+        G += load_matrices(chain, q, qd, np.zeros(6))[1]
         if len(chain.drag):
             G += drag_slopes(chain, q, qd)[1]
     return G

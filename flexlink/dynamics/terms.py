@@ -38,6 +38,11 @@ MASS_ALGORITHMS = {
 }
 
 
+def algorithms_of(chain: Chain) -> tuple[str, ...]:
+    """Names of the algorithms for the mass matrix of a chain."""
+    return tuple(MASS_ALGORITHMS) if chain.is_serial_revolute else ("upper", "composite")
+
+
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Energy(Result):
     """Energies [J]: scalars for one state, arrays over states or the samples of a `Trajectory`."""
@@ -284,7 +289,8 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
         Angles [rad], shape (n,), or (b, n) for b states, of which "composite" takes eight side by side: equal to the
         single calls up to rounding (`rounding.of_mass_matrix`).
     algorithm
-        "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper;
+        "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper; the first two for
+        arms without branches whose joints all turn;
         "composite": composite rigid bodies in inertial axes (Featherstone 2008, section 6.2), the fastest.
         Every element is right to eps of the largest; relative to √(M_jj M_kk), of a twist j that moves next to no
         inertia in a slender arm that is nearly straight, only those of methods 1 to 3 are, in body axes.
@@ -297,7 +303,8 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     Raises
     ------
     ArgumentError
-        `q` has the wrong shape, is not real or not finite, the algorithm is unknown, or M is beyond float64.
+        `q` has the wrong shape, is not real or not finite, the algorithm is unknown or not for this chain, or M is
+        beyond float64.
 
     Examples
     --------
@@ -306,6 +313,11 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     (6, 6) 12.181
     """
     n, kernel = require_type("chain", chain, Chain).n, require_one_of("algorithm", algorithm, MASS_ALGORITHMS)
+    if algorithm not in algorithms_of(chain):
+        allowed = " or ".join(map(repr, algorithms_of(chain)))
+        raise ArgumentError(
+            f"algorithm = {algorithm!r}: for arms without branches whose joints all turn; take {allowed}"
+        )
     if is_batch(q):
         if kernel is mass.mass_composite:
             found: Array = mass.mass_of_many(chain.arrays, *rows(n, {"q": q}))

@@ -26,7 +26,7 @@ from flexlink.diagnosis.states import State, random_states
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_mass_matrix
-from flexlink.dynamics.terms import MASS_ALGORITHMS
+from flexlink.dynamics.terms import algorithms_of
 from validation.case import Case, Measured
 
 TRIGONOMETRIC_STENCIL = {
@@ -62,7 +62,7 @@ def _smallest_eigenvalue(chain: Chain, s: State) -> float:
 
 
 def _methods(chain: Chain, s: State) -> float:
-    M = np.array([fl.mass_matrix(chain, s.q, algorithm=name) for name in MASS_ALGORITHMS])
+    M = np.array([fl.mass_matrix(chain, s.q, algorithm=name) for name in algorithms_of(chain)])
     return float(in_units(np.ptp(M, axis=0), of_mass_matrix(chain, s.q)).max())
 
 

@@ -24,14 +24,13 @@ from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.drag import drag_slopes
 from flexlink.dynamics.rounding import scales
 from flexlink.dynamics.springs import about, damping_along, damping_matrix
-from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix
+from flexlink.dynamics.tangent import gyroscopic_matrix, load_matrices, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.extremes import inertia_alone
 from flexlink.dynamics.vibration.modal import factored_mass, first_order_matrix, regular_mass
 from flexlink.dynamics.vibration.stability_function import stable_reach
 from flexlink.dynamics.wrench import turns_with_tip
 from flexlink.kernels.bodies.mass import mass_upper
-from flexlink.kernels.derivatives.load_derivatives import add_load_stiffness
 from flexlink.kernels.tools.finite import is_finite
 
 DENSE = 100
@@ -170,14 +169,16 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
     held, each = np.zeros((count, n), dtype=bool), np.arange(n)
     for k, ((chain, q, qd), acts) in enumerate(zip(abouts, acting, strict=True)):
         K[k], C[k] = about(chain, q).matrix("stiffness"), damping_matrix(chain)
-        add_load_stiffness(chain.arrays, acts["tip_wrench"], turns_with_tip(acts["frame"]), q, qd, K[k])
+        by_angle, by_rate, _ = load_matrices(chain, q, qd, acts["tip_wrench"], turns_with_tip(acts["frame"]))
+        K[k] += by_angle
         mass_upper(chain.arrays, q, M[k])
         gains: Gains = acts["gains"]
         if qd.any() or gains.kp.any() or gains.kd.any():
             kp, kd = gains.matrices()
-            K[k], C[k] = K[k] + kp, C[k] + gyroscopic_matrix(chain, q, qd) + kd
+            K[k], C[k] = K[k] + kp, C[k] + by_rate + kd
             if len(chain.drag):
-                K[k] += drag_slopes(chain, q, qd)[0]
+                drag = drag_slopes(chain, q, qd)
+                K[k], C[k] = K[k] + drag[0], C[k] + drag[1]
         held[k] = chain.hinges["prescribed"] != 0
     if held.any():
         for A in (C, K, M):

@@ -3,10 +3,12 @@
 p ← p + R r        R ← R R_mount        axis_k = R e_k        R ← R R_k(q_k), of a joint that slides p ← p + axis_k q_k
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.bodies.branches import loaded_body
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import at, cos_sin_of, position_of, put_vec_of, vec_of, zero_of
@@ -15,7 +17,9 @@ from flexlink.kernels.tools.vec3 import (
     ZERO,
     add,
     add_scaled,
+    apply,
     cross,
+    dot,
     pick,
     place,
     place_axes,
@@ -118,3 +122,22 @@ def motion_of(chain, body, qd, placed):
                 ω, v = add_scaled(ω, qd[k], e), add(v, scale(qd[k], cross(e, lever)))
         i = chain.bodies[i].parent - 1
     return ω, v
+
+
+@kernel
+def arm_length(bodies):
+    """How far along all bodies [m], 1 where that is nothing: what a slide by as much compares with a turn by 1 rad."""
+    length = 0.0
+    for i in range(len(bodies)):
+        r = vector(bodies[i].translation)
+        length += math.sqrt(dot(r, r))
+    return length if length > 0.0 else 1.0
+
+
+@kernel
+def turned_with_tip(chain, wrench, q):
+    """A wrench (6,) given in axes of the tip frame that it acts on, in frame 0."""
+    tip, turned = forward_kinematics(chain, q).rotations[loaded_body(chain.bodies)], np.empty(6)
+    put(turned[:3], apply(tip, vector(wrench)))
+    put(turned[3:], apply(tip, vector(wrench[3:])))
+    return turned

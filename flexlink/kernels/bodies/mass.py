@@ -5,7 +5,7 @@ lower       the same, inward to the moving joint only: the part of the column on
 upper       the bodies beyond the joint move as one rigid body: the part on and above the diagonal, in body frames
 composite   the same bodies in inertial axes: a row needs only the joints' axes and points (Featherstone 2008, 6.2)
 
-All write M (n, n) and return its trace. One source of the last serves one state and eight side by side (`lanes`).
+The first two are for what the paper has, serial arms of hinges. All write M (n, n) and return its trace. One source of the last serves one state and eight side by side (`lanes`).
 """
 
 from typing import Any, NamedTuple
@@ -82,11 +82,10 @@ def column(chain, start, j, last, M, turns, loads):
     """Column j of M, rows n − 1 … `last`: Newton-Euler with q̈_j = 1, hinge j on body `start`, and nothing else.
 
     What is zero is not there: gravity, rates and with them gyroscopic terms, springs, the tip wrench, and whatever lies
-    inward of hinge j, which is at rest. `turns` are those of q; `loads` is scratch, force and moment of every body, and
-    its α and a.
+    inward of hinge j, which is at rest. `turns` are those of q; `loads` is scratch, force and moment of every body.
     """
     bodies, hinges = chain.bodies, chain.hinges
-    α, a = (ZERO, unit(hinges[j].axis - SLIDES)) if hinges[j].axis >= SLIDES else (unit(hinges[j].axis), ZERO)
+    α, a = unit(hinges[j].axis), ZERO
     for i in range(start):
         put(loads[i, 0], ZERO)
         put(loads[i, 1], ZERO)
@@ -95,21 +94,12 @@ def column(chain, start, j, last, M, turns, loads):
         first = j + 1
         if i > start:
             first = b.first
-            if b.begins:
-                α = a = ZERO
-                if b.parent > start:
-                    α, a = vector(loads[b.parent - 1, 2]), vector(loads[b.parent - 1, 3])
             a = add(a, cross(α, vector(b.translation)))
             if b.turned:
                 α, a = apply_transposed(b.rotation, α), apply_transposed(b.rotation, a)
         for k in range(first, b.stop):
             axis, c, s = hinges[k].axis, turns[k, 0], turns[k, 1]
-            if axis >= SLIDES:
-                a = behind_slide(axis, turns[k, 2], α, a)
-            else:
-                α, a = turn(axis, c, -s, α), turn(axis, c, -s, a)
-        put(loads[i, 2], α)
-        put(loads[i, 3], a)
+            α, a = turn(axis, c, -s, α), turn(axis, c, -s, a)
         F = scale(b.mass, add(a, cross(α, vector(b.center))))
         put(loads[i, 0], F)
         put(loads[i, 1], add(apply(b.inertia, α), cross(vector(b.center), F)))
@@ -119,28 +109,14 @@ def column(chain, start, j, last, M, turns, loads):
         f, n = add(f, vector(loads[i, 0])), add(n, vector(loads[i, 1]))
         for k in range(b.stop - 1, max(b.first, last) - 1, -1):
             axis, c, s = hinges[k].axis, turns[k, 0], turns[k, 1]
-            if axis >= SLIDES:
-                M[k, j], n = f[axis - SLIDES], before_slide(axis, turns[k, 2], f, n)
-            else:
-                M[k, j] = n[axis]
-                f, n = turn(axis, c, s, f), turn(axis, c, s, n)
+            M[k, j] = n[axis]
+            f, n = turn(axis, c, s, f), turn(axis, c, s, n)
         if b.first <= last:
             break
         if b.turned:
             f, n = apply(b.rotation, f), apply(b.rotation, n)
         n = add(n, cross(vector(b.translation), f))
-        if b.begins:
-            if b.parent > 0:
-                put(loads[b.parent - 1, 0], add(vector(loads[b.parent - 1, 0]), f))
-                put(loads[b.parent - 1, 1], add(vector(loads[b.parent - 1, 1]), n))
-            f = n = ZERO
     M[j, j] += hinges[j].armature
-
-
-@subroutine
-def behind_slide(axis, q, α, a):
-    """Acceleration of the point to which a joint slides, where α and a are those of the point before it."""
-    return add(a, scale(q, cross_unit(α, axis - SLIDES, 0.0)))
 
 
 @subroutine
@@ -165,7 +141,7 @@ def slid(axis, q, m, h, J):
 @kernel
 def mass_columns(chain, q, M):
     """M by n columns (Walker-Orin method 1)."""
-    turns, loads = turns_of(q), np.empty((len(chain.bodies), 4, 3))
+    turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
     for start in range(len(chain.bodies)):
         for j in range(chain.bodies[start].first, chain.bodies[start].stop):
             column(chain, start, j, 0, M, turns, loads)
@@ -175,7 +151,7 @@ def mass_columns(chain, q, M):
 @kernel
 def mass_lower(chain, q, M):
     """M by columns from the diagonal down (Walker-Orin method 2)."""
-    turns, loads = turns_of(q), np.empty((len(chain.bodies), 4, 3))
+    turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
     for start in range(len(chain.bodies)):
         for j in range(chain.bodies[start].first, chain.bodies[start].stop):
             column(chain, start, j, j, M, turns, loads)

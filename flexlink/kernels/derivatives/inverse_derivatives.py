@@ -150,15 +150,27 @@ def all_inverse_derivatives(bodies, hinges, gravity, couplings, wrench, q, qd, q
 
     The chain's arrays come one by one: to tell the type of them as one tuple takes half a microsecond of each call.
     """
-    chain = Arrays(bodies, hinges, gravity, couplings)
-    work = derivatives_workspace(chain)
-    return inverse_derivatives(chain, wrench, q, qd, qdd, (found[0], found[1], found[2]), work)
+    return load_slopes(Arrays(bodies, hinges, gravity, couplings), wrench, False, q, qd, qdd, found)
+
+
+@kernel
+def load_slopes(chain, wrench, follower, q, qd, qdd, found):
+    """The same under a wrench (6,) in frame 0, or, a follower, in axes of the tip frame."""
+    return slopes_under(
+        chain, wrench, follower, q, qd, qdd, (found[0], found[1], found[2]), derivatives_workspace(chain)
+    )
 
 
 @subroutine
 def inverse_derivatives(chain, wrench, q, qd, qdd, found, work):
     """Write three arrays (n, n), on scratch that serves many states; whether all is finite."""
-    force, moment = outward(chain, wrench, False, q, qd, qdd, None, work.motion)
+    return slopes_under(chain, wrench, False, q, qd, qdd, found, work)
+
+
+@recursion
+def slopes_under(chain, wrench, follower, q, qd, qdd, found, work):
+    """The same under a wrench that may be a follower."""
+    force, moment = outward(chain, wrench, follower, q, qd, qdd, None, work.motion)
     inward(chain, force, moment, work)
     keep_slopes(work.by_angle, work.by_angle_inner, found[0])
     keep_slopes(work.by_rate, work.by_rate_inner, found[1])

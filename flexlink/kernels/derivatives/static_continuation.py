@@ -9,9 +9,10 @@ import math
 import numpy as np
 
 from flexlink.kernels.bodies.couplings import add_couplings
+from flexlink.kernels.bodies.kinematics import arm_length
 from flexlink.kernels.bodies.rne import rne, rne_workspace
 from flexlink.kernels.bodies.rotation_springs import add_excess, rotation_springs
-from flexlink.kernels.derivatives.load_derivatives import add_load_stiffness, arm_length
+from flexlink.kernels.derivatives.inverse_derivatives import derivatives_workspace, inverse_derivatives
 from flexlink.kernels.derivatives.rotation_tangent import add_tangent, rotation_tangent
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import kernel, recursion
@@ -31,6 +32,7 @@ def follow_equilibria(chain, held, free, angles, q, postures):
     springs = rotation_springs(chain.bodies, chain.hinges, chain.couplings)
     tangent = rotation_tangent(springs)
     K, L, known = np.zeros((n, n)), np.zeros((f, f)), False
+    slopes, found = derivatives_workspace(chain), np.empty((3, n, n))
     sizes, length = np.ones(f), arm_length(chain.bodies)
     for i in range(f):
         if chain.hinges[free[i]].axis >= SLIDES:
@@ -49,7 +51,10 @@ def follow_equilibria(chain, held, free, angles, q, postures):
                     K[pair.inner, pair.outer] = K[pair.outer, pair.inner] = pair.stiffness
                 if len(springs.hinges) > 0:
                     add_tangent(q, springs, tangent, K)
-                add_load_stiffness(chain, none, False, q, zero, K)
+                inverse_derivatives(chain, none, q, zero, zero, (found[0], found[1], found[2]), slopes)
+                for i in range(n):
+                    for j in range(n):
+                        K[i, j] += found[0, i, j]
                 known = factor_block(K, free, L)
                 last = math.inf
             if not known or correction == most:
