@@ -15,7 +15,6 @@ from flexlink.common.interruption import Stop
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.rounding import EPS, of_mass_matrix, of_residual
 from flexlink.dynamics.terms import algorithms_of
-
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.monitor import RunMonitor

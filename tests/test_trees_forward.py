@@ -22,7 +22,7 @@ from flexlink.kernels.forward.mass_plus_diagonal import displacement, factor, pl
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue
 from flexlink.kernels.forward.solvers import dense, dense_workspace
-from flexlink.kernels.layout import SLIDES
+from flexlink.kernels.layout import SLIDES, Rare
 from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.lanes import LANES
 from validation.random_arms import Dice
@@ -96,7 +96,7 @@ def state_of(chain: fl.Chain, rng: np.random.Generator) -> np.ndarray:
 @kernel
 def by_articulated_bodies(chain, wrench, state):
     """q̈ and τ take the places of τ and q̈; returns the power."""
-    work = articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.couplings)
+    work = articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
     return articulated(wrench, state[0], state[1], state[2], state[3], work)
 
 
@@ -125,7 +125,7 @@ def solved(q, factors, u, v, r, posture):
 
 @kernel
 def solved_on_articulated(chain, wrench, state, r, x):
-    work = articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.couplings)
+    work = articulated_workspace(chain.bodies, chain.hinges, chain.gravity, chain.rare)
     articulated(wrench, state[0], state[1], state[2], state[3], work)
     solve_on_articulated(r, np.zeros((len(chain.bodies), 6, LANES)), x, work)
 
@@ -187,7 +187,8 @@ def test_eight_states_and_eight_chains_side_by_side(rng) -> None:
     for seed in SEEDS[:12]:
         chain = moved(random_tree(seed), rng, 0.1)
         chains = [heavier(chain, factor) for factor in rng.uniform(1, 2, LANES)]
-        arrays = [np.stack(part) for part in zip(*(one.arrays for one in chains), strict=True)]
+        *arrays, rare = zip(*(one.arrays for one in chains), strict=True)
+        arrays = [*map(np.stack, arrays), None if rare[0] is None else Rare(*map(np.stack, zip(*rare, strict=True)))]
         wrench, state = rng.normal(size=(6, LANES)), np.stack([state_of(chain, rng) for _ in chains], axis=2)
         side_by_side(articulated_lanes_workspace(*arrays), wrench, state)
         for lane, one in enumerate(chains):

@@ -78,9 +78,6 @@ def advise(
     return Advisor(scene, goal, positive("budget", budget)).advice()
 
 
-FREE_FALL = "none: this is a free fall; give the scene its drive, or lock its joints, for advice on its task"
-
-
 class Advisor:
     """Finds the advice on one scene."""
 
@@ -232,6 +229,7 @@ class Advisor:
         self, model: Model, outcome: Outcome, error: float, tolerance: float, travel: float, limit: Limit | None,
         holds: float, lines: list[str],
     ) -> Advice:  # fmt: skip
+        free_fall = "none: this is a free fall; give the scene its drive, or lock its joints, for advice on its task"
         part = "" if self.goal.metres else f"{self.goal} of {'the deflection' if self.goal.deflection else 'it'} = "
         first = line("motion", f"tip travels {length(travel)}; tolerance {part}{length(tolerance)}")
         own = f", including {length(limit.error)} uncertainty of the reference" if limit else ", at most"
@@ -242,7 +240,7 @@ class Advisor:
             line("error", f"{length(error)}{own}"),
             line("cost", f"{cost}; advice took {self.runner.count} runs, {time(took)}"),
         )
-        falls = [line("drive", FREE_FALL)] if is_free_fall(self.scene) else []
+        falls = [line("drive", free_fall)] if is_free_fall(self.scene) else []
         return Advice(
             error <= tolerance, self.runner.scene_of(model, outcome.stepping), error, tolerance, travel, one.whole,
             one.again, limit, holds, self.runner.count, took, (first, *falls, *self.lines, *lines, *last),

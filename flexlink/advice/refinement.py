@@ -17,18 +17,15 @@ from flexlink.results.convergence import Limit, change_of_limit, extrapolated
 from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
 
-LEVELS = (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
-"""Hinges of each link that bends."""
-
 STRICT = 0.1
 """Tolerance of steps that measure the step errors of levels, over their tolerance."""
 
 SCATTER = 5.0
 """Step errors at the finest level over those at a coarser one, at most, where motion is sensitive."""
 
-LIMIT_FALL, LEVEL_FALL = 4.0, 2.0
-"""By how much the orders by which errors of the limit, and of a level, are believed to fall exceed that of the rule, at
-most: two limits can agree by chance."""
+LIMIT_FALL = 4.0
+"""By how much the order by which errors of the limit are believed to fall exceeds that of the rule, at most: two limits
+can agree by chance."""
 
 
 class Level(NamedTuple):
@@ -65,7 +62,8 @@ class RefinementStudy:
 
     def refine(self) -> None:
         """Run levels until the error of the limit is a tenth of the tolerance, or more hinges do not help."""
-        for hinges in LEVELS:
+        # hinges of each link that bends
+        for hinges in (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128):
             if self._is_known(hinges):
                 continue
             if self._beyond_budget(hinges):
@@ -177,7 +175,7 @@ class RefinementStudy:
                 errors = np.maximum(errors, limits[-1].errors * (Na / Nb) ** (order + LIMIT_FALL))
             limit = limit._replace(errors=errors)
             if Na >= 4:
-                itself = np.maximum(itself, self._itself[family] * (Na / Nb) ** (order + LEVEL_FALL))
+                itself = np.maximum(itself, self._itself[family] * (Na / Nb) ** (order + LIMIT_FALL / 2))
         limits.append(limit)
         self._itself[family] = itself
         return min(limit, Limit(b, itself), key=self._rank)

@@ -12,12 +12,6 @@ from typing import NamedTuple
 from flexlink.describe.scene import Scene
 from flexlink.motion.simulate import simulate
 
-FEWEST, MOST = 2, 5
-"""Times that a run is made: the first one may load or compile code."""
-
-ENOUGH = 0.05
-"""CPU time [s] after which it is not made more often: other programs disturb a long run less."""
-
 
 class RunTime(NamedTuple):
     """CPU time of `simulate(scene)` [s]."""
@@ -32,7 +26,9 @@ def run_time(scene_of: Callable[[], Scene]) -> RunTime:
     Errors as in `simulate`.
     """
     whole, again = list[float](), list[float]()
-    while len(whole) < FEWEST or (len(whole) < MOST and sum(whole[1:] + again) < ENOUGH):
+    # From two to five times: the first run may load or compile code. Not more often after 0.05 s of CPU time: other
+    # programs disturb a long run less.
+    while len(whole) < 2 or (len(whole) < 5 and sum(whole[1:] + again) < 0.05):
         scene = scene_of()
         for times in (whole, again):
             started = thread_time()

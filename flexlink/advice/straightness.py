@@ -17,22 +17,18 @@ from flexlink.describe.arm import Arm, Link
 from flexlink.results.samples import picked
 from flexlink.results.trajectory import Trajectory
 
-SAMPLES = 40
-"""At which loads are looked at."""
-
-PAYS = 5.0
-"""(γ + 2 θ) N² from which cells may be cheaper: where the two errors above are about alike. The study's case
-advice_axial judges the family that is taken by it."""
-
 
 def may_pay(arm: Arm, run: Trajectory, hinges: int) -> bool:
     """Whether cells of coupled springs may be cheaper than so many hinges with a spring each, by a run of such."""
-    return load_and_bend(arm, run) * hinges**2 > PAYS
+    # (γ + 2 θ) N² from which cells may be cheaper: where the two errors above are about alike. The study's case
+    # advice_axial judges the family that is taken by it
+    return load_and_bend(arm, run) * hinges**2 > 5.0
 
 
 def load_and_bend(arm: Arm, run: Trajectory) -> float:
     """γ + 2 θ of the link where it is largest, along a run."""
-    chain, few = run.chain, picked(run, np.unique(np.linspace(0, len(run.t) - 1, SAMPLES).astype(int)))
+    # at which loads are looked at
+    chain, few = run.chain, picked(run, np.unique(np.linspace(0, len(run.t) - 1, 40).astype(int)))
     force = np.abs(few.loads.force[..., 0])
     found = [0.0]
     for number, link in enumerate(arm.links, 1):

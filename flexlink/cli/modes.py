@@ -68,10 +68,6 @@ def first_elastic(scene: Scene, chain: Chain, q: Array) -> str:
     return f"first elastic frequency: {value}, at rest with the driven joints locked"
 
 
-UNITS = {"rpm": 2 * np.pi / 60, "deg/s": np.pi / 180, "rad/s": 1.0, "m/s": 1.0}
-"""Units of `--rate`, in rad/s, or m/s."""
-
-
 def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
     """Rates [rad/s, m/s] of joints by their names, of NAME=500rpm.
 
@@ -80,19 +76,21 @@ def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
     ArgumentError
         A text is none of that form, or its unit does not fit the joint.
     """
+    # units of `--rate`, in rad/s, or m/s
+    units = {"rpm": 2 * np.pi / 60, "deg/s": np.pi / 180, "rad/s": 1.0, "m/s": 1.0}
     rates = {}
     for text in texts:
         name, _, rate = text.partition("=")
         found = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(rpm|deg/s|rad/s|m/s)\s*", rate)
         if not found:
             raise ArgumentError(
-                f"--rate {text}: expected NAME=RATE with a unit, such as hub=500rpm; {', '.join(UNITS)}"
+                f"--rate {text}: expected NAME=RATE with a unit, such as hub=500rpm; {', '.join(units)}"
             )
         slides = bool(chain.slides[steady_joint(chain, name)])
         if slides != (found[2] == "m/s"):
             allowed = "m/s" if slides else "rpm, deg/s, rad/s"
             raise ArgumentError(f"--rate {text}: {name} {'slides' if slides else 'turns'}; allowed are {allowed}")
-        rates[name] = float(found[1]) * UNITS[found[2]]
+        rates[name] = float(found[1]) * units[found[2]]
     return rates
 
 

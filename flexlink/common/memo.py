@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
+from functools import wraps
 from threading import Lock
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from flexlink.common.types import T
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class Memo:
@@ -41,6 +44,21 @@ class Memo:
     def calling(self, find: Callable[..., T], of: object, *given: object) -> T:
         """What `find(of, *given)` returns, kept by the contents of all that it is given: nothing can be left out."""
         return self(of, (find, contents(given)), lambda: find(of, *given))
+
+
+def keep_last(size: int) -> Callable[[Function], Function]:
+    """Keep the last results of a function by the identity of its first argument, and by the others, as `Memo` does."""
+
+    def with_memo(find: Function) -> Function:
+        memo = Memo(size)
+
+        @wraps(find)
+        def found(of: object, *given: Hashable) -> Any:
+            return memo(of, given, lambda: find(of, *given))
+
+        return cast("Function", found)
+
+    return with_memo
 
 
 def contents(given: object) -> Hashable:

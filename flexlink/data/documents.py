@@ -59,10 +59,6 @@ def absolute(name: str, folder: Path = Path()) -> str:
     return str((folder / name).absolute()) if is_user_file(name) else name
 
 
-NAMED = {"method", "lumping", "kind"}
-"""Keys whose values are names of descriptions, or paths of the user's own."""
-
-
 def beside(folder: Path, document: T) -> T:
     """A parsed file, its files named from its folder, wherever the program moves; tables and lists change in place.
 
@@ -84,9 +80,11 @@ def beside(folder: Path, document: T) -> T:
 
 
 def _from(folder: Path, key: str, value: str) -> str:
+    # keys whose values are names of descriptions, or paths of the user's own
+    named = {"method", "lumping", "kind"}
     if key == "file" and value:
         return str((folder / value).absolute())
-    return absolute(value, folder) if key in NAMED else value
+    return absolute(value, folder) if key in named else value
 
 
 def paths_of(table: Mapping[str, Any], leaf: tuple[str, ...] = (), above: str = "") -> Iterator[tuple[str, Any]]:

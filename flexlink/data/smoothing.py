@@ -16,9 +16,6 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 
-FEWEST = 5
-"""Samples that a smoothing spline of more than a parabola needs."""
-DEGREE, PENALTY = 5, 3
 NEAR = 0.2
 """Part of 1 / (2π cutoff) that knots need not be closer than: accelerations of what is passed are then off by 1e-5, and
 the equations, whose condition is up to NEAR⁻⁶, keep eleven digits."""
@@ -32,8 +29,10 @@ def smoothed(t: Array, y: Array, cutoff: float) -> tuple[Array, Array, Array]:
     SceneError
         Samples are fewer than five, or too far apart for the cutoff.
     """
-    if len(t) < FEWEST:
-        raise SceneError(f"cutoff = {cutoff!r}: {len(t)} samples are too few; expected {FEWEST} or more")
+    # samples that a smoothing spline of more than a parabola needs
+    fewest = 5
+    if len(t) < fewest:
+        raise SceneError(f"cutoff = {cutoff!r}: {len(t)} samples are too few; expected {fewest} or more")
     apart = float(np.diff(t).max())
     if 2 * apart * cutoff >= 1:
         raise SceneError(
@@ -43,17 +42,17 @@ def smoothed(t: Array, y: Array, cutoff: float) -> tuple[Array, Array, Array]:
     from scipy.interpolate import BSpline  # noqa: PLC0415  0.1 s that few scenes need
     from scipy.linalg import solveh_banded  # noqa: PLC0415
 
-    unit = 1 / (2 * math.pi * cutoff)
+    unit, degree, penalty = 1 / (2 * math.pi * cutoff), 5, 3
     sites = _sites(t / unit, NEAR)
-    knots = np.concatenate([[sites[0]] * DEGREE, sites, [sites[-1]] * DEGREE])
+    knots = np.concatenate([[sites[0]] * degree, sites, [sites[-1]] * degree])
     weights = np.gradient(t / unit)
     weights[[0, -1]] /= 2
-    B = BSpline.design_matrix(t / unit, knots, DEGREE)
-    matrix = B.T @ B.multiply(weights[:, None]) + _penalty(knots, sites)
-    bands = np.zeros((DEGREE + 1, matrix.shape[0]))
-    for k in range(DEGREE + 1):
+    B = BSpline.design_matrix(t / unit, knots, degree)
+    matrix = B.T @ B.multiply(weights[:, None]) + _penalty(knots, sites, degree, penalty)
+    bands = np.zeros((degree + 1, matrix.shape[0]))
+    for k in range(degree + 1):
         bands[k, : matrix.shape[0] - k] = matrix.diagonal(-k)
-    spline = BSpline(knots, solveh_banded(bands, B.T @ (weights * y), lower=True), DEGREE)
+    spline = BSpline(knots, solveh_banded(bands, B.T @ (weights * y), lower=True), degree)
     return tuple(np.asarray(spline(t / unit, nu=k)) / unit**k for k in range(3))  # type: ignore[return-value]
 
 
@@ -66,19 +65,19 @@ def _sites(t: Array, near: float) -> Array:
     return np.append(sites, t[-1])
 
 
-def _penalty(knots: Array, sites: Array):  # type: ignore[no-untyped-def]  # of SciPy's sparse matrices
+def _penalty(knots: Array, sites: Array, highest: int, penalty: int):  # type: ignore[no-untyped-def]  # of SciPy's sparse matrices
     """∫ B_i‴ B_j‴ dt, exact by three Gauss points of every piece: third derivatives are parabolas."""
     from scipy.interpolate import BSpline  # noqa: PLC0415
     from scipy.sparse import diags_array  # noqa: PLC0415
 
     slopes, inner = None, knots
-    for degree in range(DEGREE, DEGREE - PENALTY, -1):
+    for degree in range(highest, highest - penalty, -1):
         count = len(inner) - degree - 1  # coefficients of the spline that is differentiated
         each = degree / (inner[degree + 1 : degree + count] - inner[1:count])
         step = diags_array([-each, each], offsets=[0, 1], shape=(count - 1, count))
         slopes, inner = step if slopes is None else step @ slopes, inner[1:-1]
-    nodes, weights = np.polynomial.legendre.leggauss(PENALTY)
+    nodes, weights = np.polynomial.legendre.leggauss(penalty)
     half = np.diff(sites)[:, None] / 2
     x = (sites[:-1, None] + half * (1 + nodes)).ravel()
-    third = BSpline.design_matrix(x, inner, DEGREE - PENALTY) @ slopes
+    third = BSpline.design_matrix(x, inner, highest - penalty) @ slopes
     return third.T @ third.multiply((half * weights).ravel()[:, None])

@@ -358,8 +358,6 @@ def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | Non
     return beam
 
 
-SAME_LENGTH = 1e-6
-"""Part of a beam's length by which its table may end beside it: the rounding of what was written."""
 BETWEEN = (
     "a branch begins or a joint slides between the links that have it; give it to one link, or take law = "
     "'proportional'"
@@ -483,7 +481,8 @@ class Arm(Spec, frozen=True):
         path = f"{self.path(k)}.rigidity = {link.rigidity!r}"
         for column in table.lacks(link.flex):
             yield f"{path}: has no {column}; flex = {link.flex!r} needs it"
-        if abs(table.x[-1] - link.beam.length) > SAME_LENGTH * link.beam.length:
+        # part of a beam's length by which its table may end beside it: the rounding of what was written
+        if abs(table.x[-1] - link.beam.length) > 1e-6 * link.beam.length:
             yield f"{path}: ends at x = {table.x[-1]!r} m; the beam ends at {link.beam.length!r} m, and so must it"
 
     def _wrong_drag(self, k: int, link: Link) -> Iterator[str]:

@@ -31,7 +31,6 @@ def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
     return HINGES(arm.links, None, lambda: _of_all(arm))
 
 
-DEFAULT = Link(name="any").lumping  # of a link that names no rule
 HINGES = Memo(64)
 """Nodes and weights of arms by their links, which variants of a material or a payload share."""
 
@@ -95,11 +94,13 @@ def _stands_alone(link: Link) -> bool:
 
 
 def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:
+    # of a link that names no rule
+    default = Link(name="any").lumping
     count = link.segments - 1
     try:
         return _placed(rule, count)
     except ArgumentError as error:
-        rule_said = f"{link.lumping!r}{', the default,' if link.lumping == DEFAULT else ''}"
+        rule_said = f"{link.lumping!r}{', the default,' if link.lumping == default else ''}"
         raise SceneError(f"segments = {link.segments}, so {count} hinges: rule {rule_said} {error}") from None
 
 

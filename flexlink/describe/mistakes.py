@@ -10,8 +10,6 @@ import msgspec
 from flexlink.common.errors import SceneError
 from flexlink.describe.spec import TOO_DEEP, bare_type, decode, fields_of, key_mistakes, path_to, type_below
 
-MOST = 20
-"""How many mistakes are told; a file with more is of another kind."""
 ALSO = "; also "
 """Between two mistakes in one message."""
 
@@ -52,11 +50,13 @@ def raise_together(found: Iterable[str]) -> None:
     SceneError
         The first one, and after "; also " each other one.
     """
+    # how many mistakes are told; a file with more is of another kind
+    most = 20
     told = list(found)
     if told:
         told = list(dict.fromkeys(told))
-        more = [f"{len(told) - MOST} more"] if len(told) > MOST else []
-        raise SceneError(ALSO.join([*told[:MOST], *more]))
+        more = [f"{len(told) - most} more"] if len(told) > most else []
+        raise SceneError(ALSO.join([*told[:most], *more]))
 
 
 def check_all(checks: Sequence[Callable[[], None]]) -> None:

@@ -9,9 +9,6 @@ from flexlink.common.wording import truncated
 from flexlink.describe.arm import Link
 from flexlink.describe.scene import Scene
 
-OF_BASE = 6
-"""Coordinates of a free base, the first of a chain."""
-
 
 def rigidified(scene: Scene) -> Scene:
     """The same scene with all links, their roots and gears rigid, so that its chain has the driven joints only.
@@ -45,7 +42,8 @@ def rigidified(scene: Scene) -> Scene:
         raise ArgumentError(f"scene = {truncated(scene)}: expected a Scene, got {type(scene).__name__}")
     links, given = scene.arm.links, scene.initial
     free = [place for place, link in zip(scene.joint_positions.tolist(), links, strict=True) if not link.joint.locked]
-    of_base = (given.q or ())[: OF_BASE if scene.arm.base.free else 0]
+    # coordinates of a free base, the first of a chain
+    of_base = (given.q or ())[: 6 if scene.arm.base.free else 0]
     q = None if given.q is None else (*of_base, *free)  # then the angles may lie beyond the limits
     initial = replace(given, q=q, qd=None, passive="zero")
     arm = replace(scene.arm, links=tuple(map(_rigid, links)))

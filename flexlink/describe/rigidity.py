@@ -19,11 +19,6 @@ from flexlink.describe.spec import NonNegative, Positive, Spec
 
 COLUMNS = {"ei_y": "N m²", "ei_z": "N m²", "gj": "N m²", "rho_a": "kg/m", "rho_i_y": "kg m", "rho_i_z": "kg m"}
 """What stands in a table beside x, with its unit."""
-HEADS = {"EI_y": "ei_y", "EI_z": "ei_z", "GJ": "gj", "rhoA": "rho_a", "rhoI_y": "rho_i_y", "rhoI_z": "rho_i_z"}
-"""Heads of a CSV file, and the columns that they are."""
-ROUNDING = 1e-9
-"""Part of a beam's length that two places may differ by and be one."""
-TINY = float(np.finfo(np.float64).tiny)
 HELD = {"z": ("ei_z",), "yz": ("ei_y", "ei_z"), "xyz": ("ei_y", "ei_z", "gj")}
 """Rigidities that a link needs, by its flex."""
 
@@ -109,7 +104,8 @@ class Rigidity(Spec, frozen=True):
         """Where a rigidity that a link of this flex needs jumps, if that is at x [m], but for rounding."""
         for k in range(1, len(self.x)):
             columns = (getattr(self, name) or () for name in HELD[flex])
-            if self.x[k] == self.x[k - 1] and abs(x - self.x[k]) <= ROUNDING * self.x[-1]:
+            # part of a beam's length that two places may differ by and be one
+            if self.x[k] == self.x[k - 1] and abs(x - self.x[k]) <= 1e-9 * self.x[-1]:
                 return self.x[k] if any(column[k] != column[k - 1] for column in columns if column) else None
         return None
 
@@ -121,16 +117,19 @@ class Rigidity(Spec, frozen=True):
 
 def _columns(file: Path) -> dict[str, tuple[float, ...]]:
     """Columns of a file by their keys; an unknown head is refused, since what is not read is not in the beam."""
+    tiny = float(np.finfo(np.float64).tiny)
+    # heads of a CSV file, and the columns that they are
+    heads = {"EI_y": "ei_y", "EI_z": "ei_z", "GJ": "gj", "rhoA": "rho_a", "rhoI_y": "rho_i_y", "rhoI_z": "rho_i_z"}
     table = read_csv(file)
     given = [head_of(head).quantity for head in table.heads]
     for head, quantity in zip(table.heads, given, strict=True):
-        if quantity != "x" and quantity not in HEADS:
-            known = [f"{known} [{COLUMNS[name]}]" for known, name in HEADS.items()]
+        if quantity != "x" and quantity not in heads:
+            known = [f"{known} [{COLUMNS[name]}]" for known, name in heads.items()]
             raise DataFileError(f"{file}: column {head!r}: not known; expected {', '.join(['x [m]', *known])}")
     found = {"x": table.column("x", "m"), "rho_a": table.column("rhoA", COLUMNS["rho_a"])}
-    found |= {name: table.column(head, COLUMNS[name]) for head, name in HEADS.items() if head in given}
+    found |= {name: table.column(head, COLUMNS[name]) for head, name in heads.items() if head in given}
     for name, column in found.items():
-        low = 0.0 if name in {"x", "rho_i_y", "rho_i_z"} else TINY
+        low = 0.0 if name in {"x", "rho_i_y", "rho_i_z"} else tiny
         if not (column >= low).all():
             raise DataFileError(f"{file}: line {int(np.argmax(column < low)) + 2}: {name} must be positive")
     return {name: tuple(column.tolist()) for name, column in found.items()}

@@ -20,11 +20,7 @@ from flexlink.describe.whole_steps import is_whole, multiples, whole
 AUTO = "auto"  # in place of a method's name
 DEFAULT_TOLERANCE = 1e-3
 """Part of the arm's reach that any body may be off by at the end of a run that says nothing of its steps."""
-DEFAULT_STEP = 1e-4
-"""Length of the fixed steps of a run that names a method alone [s]."""
 DEFAULT_DURATION = 5.0  # s
-SAMPLE = 0.005
-"""Time between stored samples where it fits the run [s]."""
 ForwardSolver = Literal["articulated", "lu", "cholesky"]
 """Solvers of forward dynamics."""
 Unstable = Literal["refuse", "allow"]
@@ -154,7 +150,8 @@ class RunSettings(Spec, frozen=True):
     @property
     def fixed_step(self) -> float:
         """Length of fixed steps [s]."""
-        return DEFAULT_STEP if self.step is None else self.step
+        # length of the fixed steps of a run that names a method alone [s]
+        return 1e-4 if self.step is None else self.step
 
     @property
     def spacing(self) -> float:
@@ -191,11 +188,13 @@ class RunSettings(Spec, frozen=True):
 @functools.lru_cache(maxsize=256)
 def default_sample(duration: float, step: float | None) -> float:
     """Time between stored samples [s] where none is given: a part of the duration near 0.005 s, of whole steps."""
-    if _fits(duration, SAMPLE) and (step is None or _fits(SAMPLE, step)):
-        return SAMPLE
+    # time between stored samples where it fits the run [s]
+    sample = 0.005
+    if _fits(duration, sample) and (step is None or _fits(sample, step)):
+        return sample
     if step is None:
-        return duration / max(1, round(duration / SAMPLE))
-    near, total, tries = max(1, round(min(SAMPLE / step, 2**53))), round(duration / step), 10_000
+        return duration / max(1, round(duration / sample))
+    near, total, tries = max(1, round(min(sample / step, 2**53))), round(duration / step), 10_000
     fitting = (number for number in range(near, max(0, near - tries), -1) if total % number == 0)
     return next(fitting, total) * step
 

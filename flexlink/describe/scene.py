@@ -9,10 +9,10 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from msgspec.structs import replace
+from msgspec.structs import FieldInfo, replace
 
 from flexlink.common.errors import DataFileError, SceneError
-from flexlink.common.memo import Memo
+from flexlink.common.memo import Memo, keep_last
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
@@ -26,6 +26,7 @@ from flexlink.describe.hinges import hinges_of
 from flexlink.describe.initial import InitialState
 from flexlink.describe.mistakes import check_all, mistakes, raise_together
 from flexlink.describe.own_units import UNIT, Row, in_si, together
+from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, check_method, implied
 from flexlink.describe.scene_checks import (
@@ -198,7 +199,7 @@ class Scene(Spec, frozen=True):
         try:
             if reference.shaper is not None and documents.is_user_file(reference.shaper.kind):  # which may change
                 return reference.course(start, free, slides)
-            return COURSES(reference, (start, free, slides), lambda: reference.course(start, free, slides))
+            return _course(reference, start, free, slides)
         except (SceneError, DataFileError) as error:
             raise type(error)(f"drive.reference.{error}") from None
 
@@ -420,8 +421,22 @@ def _seen(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _seen(item) for key, item in value.items()}
     if isinstance(value, Spec | tuple):
-        return DOCUMENTS(value, None, lambda: to_document(value))
+        return _document(value)
     return to_document(value)
+
+
+@keep_last(64)
+def _document(part: Spec | tuple[Any, ...]) -> Any:
+    """A part of scenes as a TOML parser returns it."""
+    return to_document(part)
+
+
+@keep_last(64)
+def _course(
+    reference: Reference, start: tuple[float, ...], free: tuple[int, ...], slides: tuple[bool, ...]
+) -> ReferenceTrajectory:
+    """A reference's trajectory, which runs of one scene share."""
+    return reference.course(start, free, slides)
 
 
 def _parts(spec: Spec) -> dict[str, Any]:
@@ -437,7 +452,7 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
     SceneError
         The message names the key path, the value and what is allowed.
     """
-    required = [key for key in REQUIRED if key not in kept]
+    required = [field.encode_name for field in _fields() if field.required and field.encode_name not in kept]
     try:
         check_keys(raw, FIELDS, required)
         values = {**kept, **{key: decode(value, FIELDS[key], key) for key, value in raw.items()}}
@@ -445,7 +460,7 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
     except SceneError:
         raise_together(_mistakes(raw, kept, required))
         raise
-    own = {key: value for key, value in values.items() if key in _OWN}
+    own = {key: value for key, value in values.items() if key in FIELDS and key not in OF_ARM}
     return build_validated(Scene, arm=arm, **own)
 
 
@@ -476,14 +491,13 @@ def _of_run(change: tuple[object, object]) -> bool:
     return plain and isinstance(path, str) and path.startswith("run.") and not documents.is_user_file(value)
 
 
+def _fields() -> list[FieldInfo]:
+    """Fields of what a scene's file holds."""
+    return [field for field in (*fields_of(Scene), *fields_of(Arm)) if field.name != "arm"]
+
+
 RUNS = Memo(256)
 """Settings of runs by those that they are variants of, and the changes: scenes share them."""
-DOCUMENTS = Memo(64)
-"""Parts of scenes as a TOML parser returns them."""
-COURSES = Memo(64)
-"""Trajectories of references: runs of one scene share them."""
-_OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}
 OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
-REQUIRED = [key for key, field in (_OWN | OF_ARM).items() if field.required]
-FIELDS: dict[str, Any] = {key: field.type for key, field in (_OWN | OF_ARM).items()}
+FIELDS: dict[str, Any] = {field.encode_name: field.type for field in _fields()}
 """What stands at each key of a scene's file, which is flat: the arm's keys stand beside the scene's own."""

@@ -38,21 +38,10 @@ KINDS: dict[str, KindOfSensor] = {
     "torque": KindOfSensor((), (), ""),
     "current": KindOfSensor(("torque_constant",), (), "A"),
 }
-OF_KINDS = ("x", "point", "fibre", "axis", "torque_constant")
 ON_A_BASE = ("accelerometer", "gyroscope", "position")
 """Kinds that a free base can carry."""
 OF_THE_DRIVE = ("joint", "torque", "current")
 """Kinds that sit at a link's joint."""
-INSTRUMENTS = {
-    ("µm/m", "1"): 1e-6, ("um/m", "1"): 1e-6, ("µε", "1"): 1e-6, ("ppm", "1"): 1e-6, ("%", "1"): 1e-2,
-    ("g", "m/s²"): 9.80665, ("mA", "A"): 1e-3,
-}  # fmt: skip
-"""Sizes of units of instruments in units of what they measure, besides those of angles, lengths, forces and torques."""
-TAKEN = (
-    "t", "tip", "kinetic", "gravity", "elastic", "work", "imbalance", "attitude", "spin", "momentum",
-    "angular momentum", "deflection",
-)  # fmt: skip
-"""Names of other columns of a run; those that begin with "q ", "qd " and "tau " are taken, too."""
 
 
 class Sensor(Spec, frozen=True):
@@ -122,15 +111,16 @@ class Sensor(Spec, frozen=True):
     """Which noise: a sensor of this name has the same in every run of the same seed. Default: 0."""
 
     def __post_init__(self) -> None:
+        of_kinds = ("x", "point", "fibre", "axis", "torque_constant")
         super().__post_init__()
         self._check_name()
         needs, may, _ = KINDS[self.kind]
-        for key in OF_KINDS:
+        for key in of_kinds:
             value = getattr(self, key)
             if value is None and key in needs:
                 raise SceneError(f"{key}: missing; kind {self.kind!r} needs it")
             if value is not None and key not in (*needs, *may):
-                takes = ", ".join((*needs, *may)) or "none of " + ", ".join(OF_KINDS)
+                takes = ", ".join((*needs, *may)) or "none of " + ", ".join(of_kinds)
                 raise SceneError(f"{key} = {truncated(value)}: kind {self.kind!r} takes {takes}")
         if self.x is not None and self.point is not None:
             raise SceneError(f"point = {truncated(self.point)}: x = {self.x!r} is given, too; give only one")
@@ -147,17 +137,28 @@ class Sensor(Spec, frozen=True):
 
     def _check_name(self) -> None:
         """Columns are told apart, and from others, by it."""
+        # names of other columns of a run; those that begin with "q ", "qd " and "tau " are taken, too
+        taken = (
+            "t", "tip", "kinetic", "gravity", "elastic", "work", "imbalance", "attitude", "spin", "momentum",
+            "angular momentum", "deflection",
+        )  # fmt: skip
         for key, text in (("name", self.name), ("unit", self.unit)):
             if text is not None and (not text or text != text.strip() or re.search(r"[\[\]\n\r\t]", text)):
                 raise SceneError(f"{key} = {text!r}: expected a text without brackets, and without spaces at its ends")
-        if self.name in TAKEN or re.match(r"(q|qd|tau) ", self.name):
+        if self.name in taken or re.match(r"(q|qd|tau) ", self.name):
             raise SceneError(f"name = {self.name!r}: columns of a run are called so; give another name")
 
     def _check_unit(self) -> None:
         """A column in a unit of what is measured, such as deg, has a gain; of others, such as V, it may be 1."""
+        # sizes of units of instruments in units of what they measure, besides those of angles, lengths, forces and
+        # torques
+        instruments = {
+            ("µm/m", "1"): 1e-6, ("um/m", "1"): 1e-6, ("µε", "1"): 1e-6, ("ppm", "1"): 1e-6, ("%", "1"): 1e-2,
+            ("g", "m/s²"): 9.80665, ("mA", "A"): 1e-3,
+        }  # fmt: skip
         own = {KINDS[self.kind].unit} - {""} or set((SI if self.kind == "joint" else TORQUE).values())
         for unit_ in own if self.unit is not None and self.gain == 1 else ():
-            size = INSTRUMENTS.get((self.unit or "", unit_)) or conversion(self.unit or "", unit_)
+            size = instruments.get((self.unit or "", unit_)) or conversion(self.unit or "", unit_)
             if size is not None and size != 1:
                 raise SceneError(
                     f"unit = {self.unit!r}: the column would be in {unit_}; give gain = {1 / size:.10g}, {self.unit} "

@@ -10,7 +10,7 @@ import reprlib
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
+from typing import Annotated, Any, Union, cast, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array, T
 from flexlink.common.wording import did_you_mean, truncated
-from flexlink.describe.not_supported import LOOPS, why_not
+from flexlink.describe.expected import expected, why_not
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -170,11 +170,8 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     missing = re.search(r"missing required field `(.*)`", reason)
     if missing:
         return _missing(f"{where}.{missing[1]}".lstrip("."))
-    expected = (
-        _allowed(kind, value) or _three_numbers(str(where), kind, value) or _as_written(str(where), value)
-        or _lower(reason)
-    )  # fmt: skip
-    return f"{where} = {truncated(value)}: {expected}{why_not('', value)}".removeprefix(" = ")
+    wanted = expected(str(where), kind, value) or _lower(reason)
+    return f"{where} = {truncated(value)}: {wanted}{why_not('', value)}".removeprefix(" = ")
 
 
 def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterable[str]) -> None:
@@ -219,54 +216,6 @@ def _fits(value: object, kind: Any) -> bool:
     except msgspec.ValidationError:
         return False
     return True
-
-
-def _allowed(kind: Any, value: object) -> str:
-    """What a `Literal` annotation allows, and which of it was likely meant; empty for others."""
-    allowed = get_args(kind) if get_origin(kind) is Literal else ()
-    return "allowed are " + ", ".join(map(repr, allowed)) + did_you_mean(value, allowed) if allowed else ""
-
-
-EXAMPLES = {
-    "gravity": ("m/s²", (0.0, 0.0, -9.81)), "axis": ("", (0.0, 0.0, 1.0)), "up": ("", (0.0, 0.0, 1.0)),
-    "xyz": ("m", (0.0, 0.0, 0.5)), "rpy_deg": ("deg", (0.0, 90.0, 0.0)), "rpy": ("rad", (0.0, 1.57, 0.0)),
-    "force": ("N", (0.0, 0.0, -10.0)), "moment": ("N m", (0.0, 0.0, 1.0)), "center": ("m", (0.0, 0.0, 0.1)),
-}  # fmt: skip
-"""Of keys that take three numbers: their unit, and how it looks."""
-DIRECTIONS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-
-
-def _three_numbers(where: str, kind: Any, value: object) -> str:
-    """What a vector's key takes, and an example, of an axis the one that is meant; empty for others."""
-    unit, example = EXAMPLES.get(where.rpartition(".")[2], ("", ()))
-    if kind != Vector3 or not example:
-        return ""
-    named = DIRECTIONS.get(value.strip("+- ").casefold(), example) if isinstance(value, str) and not unit else example
-    length = f", got {len(value)}" if isinstance(value, list | tuple) else ""
-    return f"expected three numbers{f' [{unit}]' if unit else ''}, such as {list(named)}{length}"
-
-
-WRITTEN = {
-    "link": (dict, "expected [[link]], a table for each link, in two pairs of brackets"),
-    "motion": (dict, "expected [[motion]], a table for each motion, in two pairs of brackets"),
-    "sensor": (dict, "expected [[sensor]], a table for each sensor, in two pairs of brackets"),
-    "damping": (float, "expected a table, such as { ratio = 0.01, at_hz = 5.0 }"),
-    "kp": (float, "expected a list of one gain per link, such as [300.0, 300.0]"),
-    "kd": (float, "expected a list of one gain per link, such as [30.0, 30.0]"),
-    "torque": (float, "expected a list of one torque per link [N m], such as [10.0, 5.0]"),
-    "joint_deg": (float, "expected a list of one angle per link [deg], such as [0.0, 30.0]"),
-    "joint_m": (float, "expected a list of one position per link [m], such as [0.0, 0.5]"),
-    "on": (list, f"expected the name of one link; {LOOPS}"),
-    "base": (str, 'expected a table, such as { kind = "free", mass = 100.0, inertia = [10.0, 10.0, 10.0] }'),
-}
-"""What is often written in place of a list or a table, by key: its type, and how it looks."""
-
-
-def _as_written(where: str, value: object) -> str:
-    """How a key's list or table is written, where a single one was given; empty for others."""
-    kind, expected = WRITTEN.get(where.rpartition(".")[2], (None, ""))
-    given = float if isinstance(value, int | float) else type(value)
-    return expected if given is kind else ""
 
 
 def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:

@@ -21,12 +21,6 @@ from flexlink.describe.scene import FIELDS, OF_ARM, Scene
 from flexlink.describe.spec import Spec, bare_type, build_validated, decode, fields_of, to_builtin
 from flexlink.describe.vary import Keys, parts_of, routes_to, to_document
 
-ELSEWHERE = {"run.tolerance", "run.relative_tolerance"}
-"""Numbers that take others' place."""
-
-BESIDE_LINKS = {"tip", "material", "section", "rigidity", "gravity", "run"}
-"""Tables whose paths lead where they do whatever the links are."""
-
 Tree = dict[Any, Any]
 
 
@@ -34,11 +28,14 @@ class Variants:
     """Variants of a scene by values at the same paths, most of them numbers."""
 
     def __init__(self, scene: Scene, paths: Sequence[str]) -> None:
+        # tables whose paths lead where they do whatever the links are
+        beside_links = {"tip", "material", "section", "rigidity", "gravity", "run"}
         self.scene = scene
-        numbers = [path for path in paths if path not in ELSEWHERE and _is_number(scene, path)]
+        elsewhere = {"run.tolerance", "run.relative_tolerance"}  # numbers that take others' place
+        numbers = [path for path in paths if path not in elsewhere and _is_number(scene, path)]
         tops = {parts_of(path)[:1] for path in paths if path not in numbers}
         if ("link",) in tops or ("motion",) in tops:
-            numbers = [path for path in numbers if parts_of(path)[0] in BESIDE_LINKS]
+            numbers = [path for path in numbers if parts_of(path)[0] in beside_links]
             tops = {parts_of(path)[:1] for path in paths if path not in numbers}
         self.numbers = tuple(path for path in numbers if parts_of(path)[:1] not in tops)
         self._base: tuple[list[object], _Base | None] | None = None  # of the last values that are no numbers

@@ -24,10 +24,6 @@ from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_l
 PATH = re.compile(r"""(?:"[^"]+"|'[^']+'|[^."']+)(?:\.(?:"[^"]+"|'[^']+'|[^."']+))*""")
 PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")
 
-NAMED = {"motion": "link", "sensor": "name"}
-"""Lists of tables other than links, and the key that names each."""
-AXES = ("x", "y", "z")
-"""What the components of a vector are called."""
 
 Keys = tuple[Any, ...]
 """Of tables, and numbers of items from 0."""
@@ -181,6 +177,10 @@ class _Change:
 
     def _keys(self, node: Any, kind: Any, depth: int) -> Sequence[Any]:
         """Keys of the table, or numbers of the list's items from 0, that this part of the path stands for."""
+        # what the components of a vector are called
+        axes = ("x", "y", "z")
+        # lists of tables other than links, and the key that names each
+        named = {"motion": "link", "sensor": "name"}
         part = self.parts[depth]
         if isinstance(kind, dict):
             return [self._one_of(part, kind)]
@@ -190,14 +190,14 @@ class _Change:
         if isinstance(node, dict) and get_origin(kind) is dict:
             new = depth == len(self.parts) - 1  # a material or section as a whole
             return list(node) if part == "*" else [part if new else self._one_of(part, node)]
-        if isinstance(node, list) and above in NAMED:
-            return self._numbers(part, [str(get_in(item, NAMED[above])) for item in node], [True] * len(node))
+        if isinstance(node, list) and above in named:
+            return self._numbers(part, [str(get_in(item, named[above])) for item in node], [True] * len(node))
         if isinstance(node, list) and (above == "link" or per_link):
             return self._numbers(
                 part, [str(get_in(link, "name")) for link in self.links], self._concerned(above, depth)
             )
-        if isinstance(node, list) and kind == Vector3 and len(node) == len(AXES):
-            return [AXES.index(self._one_of(part, AXES))]
+        if isinstance(node, list) and kind == Vector3 and len(node) == len(axes):
+            return [axes.index(self._one_of(part, axes))]
         raise self.error(f"{above} is one value; set it as a whole")
 
     def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str]) -> str:

@@ -15,7 +15,7 @@ from flexlink.describe.scene import Scene
 from flexlink.diagnosis.differences import Finding, differences
 from flexlink.diagnosis.foreign_files import LoadedFile
 from flexlink.diagnosis.matching import Match
-from flexlink.diagnosis.mistakes import FIELDS
+from flexlink.diagnosis.mistakes import table
 from flexlink.diagnosis.native import NativeEngine
 from flexlink.diagnosis.quantities import QUANTITIES, Difference, compare_engines
 from flexlink.diagnosis.reordered import Reordered
@@ -179,7 +179,9 @@ def _with_step(chain: Chain, read: ReadBack) -> ReadBack:
 def _missing(ours: ReadBack, read: ReadBack, match: Match) -> dict[str, Array]:
     """Our numbers for what the file does not specify, in the engine's order."""
     fields = {
-        field: getattr(ours, field) for field in FIELDS if field in read.unspecified and field not in ACTUATOR_FIELDS
+        field: getattr(ours, field)
+        for field in table().fields
+        if field in read.unspecified and field not in ACTUATOR_FIELDS
     }
     inverse = np.argsort(match.order)
     return {f: values if f == "gravity" else values[np.ix_(*[inverse] * values.ndim)] for f, values in fields.items()}
@@ -189,7 +191,7 @@ def _notes(ours: ReadBack, match: Match, read: ReadBack) -> list[str]:
     notes = [] if match.by_name else ["joint names differ; joints are matched by their order"]
     fields = (read.unspecified - set(ACTUATOR_FIELDS)) | taken_from_scene(ours, read)
     fields -= {field for field in COUPLED_FIELDS if not getattr(ours, field).any()}
-    labels = [words.label for field, words in FIELDS.items() if field in fields]
+    labels = [words.label for field, words in table().fields.items() if field in fields]
     return notes + ([f"not in the file, taken from the scene: {', '.join(labels)}"] if labels else [])
 
 

@@ -13,16 +13,7 @@ from numpy.typing import NDArray
 from flexlink.common.types import Array, Indices
 from flexlink.diagnosis.joint_axes import Displacement, Realigned, deviations, reach, undo_displacements
 from flexlink.diagnosis.matching import Match, match_joints
-from flexlink.diagnosis.mistakes import (
-    FIELDS,
-    LENGTH_UNITS,
-    MISPLACED,
-    MISTAKES,
-    SETTINGS,
-    SLIDING_UNITS,
-    Field,
-    Mistake,
-)
+from flexlink.diagnosis.mistakes import Field, Mistake, table
 from flexlink.diagnosis.shapes import Discrepancy, fewer_digits, moments
 from flexlink.engines.actuators import limits
 from flexlink.engines.couplings import COUPLED_FIELDS
@@ -88,7 +79,7 @@ def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | 
         findings = [*_order(match), *numbers]
     settings = [
         Finding(what.format(value=theirs.settings[name]), "", remedy, counts=counts)
-        for name, (what, remedy, counts) in SETTINGS.items()
+        for name, (what, remedy, counts) in table().settings.items()
         if name in theirs.settings and name not in theirs.unspecified
     ]
     return match, [*findings, *settings]
@@ -123,11 +114,11 @@ def _shared(read: ReadBack, field: str) -> Array:
 
 
 def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:
-    realigned = undo_displacements(ours, theirs, PLACED, tuple(LENGTH_UNITS))
+    realigned = undo_displacements(ours, theirs, PLACED, tuple(table().length_units))
     fields = _differing(ours, realigned.theirs)
     everything = _differing(ours, theirs)
     if len(realigned.displacements) + len(fields) > 1 and all(fewer_digits(diff) for diff in everything.values()):
-        labels = ", ".join(FIELDS[field].label for field in everything)
+        labels = ", ".join(table().fields[field].label for field in everything)
         digits = -np.log10(max(map(_relative_error, everything.values())))
         what, likely = f"{labels}: correct to only about {digits:.0f} digits", "digits were lost in writing"
         return [Finding(what, likely, "write numbers with all 17 digits (repr, %.17g)", faulty=theirs)]
@@ -153,8 +144,8 @@ def _joined(ours: ReadBack, group: list[Finding]) -> Finding:
 def _displacements(realigned: Realigned, theirs: ReadBack, format: str) -> Iterator[Finding]:
     """One finding for each kind of displaced axes."""
     L, shown = reach(realigned.theirs), 3
-    ref = next((FIELDS["lines"], row.likely, row.remedy) for row in MISTAKES if row.setting == "ref")
-    for kind, words in MISPLACED.items():
+    ref = next((table().fields["lines"], row.likely, row.remedy) for row in table().mistakes if row.setting == "ref")
+    for kind, words in table().misplaced.items():
         displaced = [each for each in realigned.displacements if _kind(each, L) == kind]
         if not displaced:
             continue
@@ -168,11 +159,11 @@ def _displacements(realigned: Realigned, theirs: ReadBack, format: str) -> Itera
 
 
 def _kind(displacement: Displacement, L: float) -> str:
-    """The key of `MISPLACED`."""
+    """The key of `Table.misplaced`."""
     if displacement.axes is not None:
         return "position" if displacement.offset > PLACED * L else "axis"
     if displacement.unit_factor is not None:
-        return LENGTH_UNITS[displacement.unit_factor]
+        return table().length_units[displacement.unit_factor]
     return "far" if displacement.offset > 3 * L else "frame"  # a wrong sign or rotation displaces by up to 2 L
 
 
@@ -193,7 +184,7 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
     between = _between(ours, theirs)
     pairs = {
         field: (_values(ours, field, ours), _values(theirs, field, ours))
-        for field in FIELDS
+        for field in table().fields
         if field not in COUPLED_FIELDS
     }
     pairs |= {f: (getattr(ours, f)[*rows.T], getattr(theirs, f)[*rows.T]) for f, rows in between.items()}
@@ -224,7 +215,7 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
     bad["coulomb_width"] &= (ours.coulomb != 0) & (theirs.coulomb != 0)
     return {
         field: Discrepancy(a[mask], b[mask], between.get(field, np.arange(len(mask)))[mask], ours, theirs)
-        for field, (a, b) in ((field, pairs[field]) for field in FIELDS if field in pairs)
+        for field, (a, b) in ((field, pairs[field]) for field in table().fields if field in pairs)
         if (mask := bad[field]).any()
     }
 
@@ -271,7 +262,7 @@ def _norm(rows: Array) -> Array:
 def _mistake(field: str, diff: Discrepancy, theirs: ReadBack) -> Mistake:
     """The first row of the table that fits."""
     settings = {"", *theirs.settings}
-    return next(row for row in MISTAKES if row.field == field and row.setting in settings and row.shape(diff))
+    return next(row for row in table().mistakes if row.field == field and row.setting in settings and row.shape(diff))
 
 
 def _explained(field: str, diff: Discrepancy, format: str) -> Finding:
@@ -308,7 +299,7 @@ def _with_rows(ours: Array, theirs: Array, rows: Indices) -> Array:
 
 def _subject(field: str, where: str) -> str:
     """The field of these joints in words."""
-    label = FIELDS[field].label
+    label = table().fields[field].label
     if field in COUPLED_FIELDS:
         return f"{label.removesuffix(' joints')} {where}"
     return f"{label} of {where}" if where else label
@@ -348,10 +339,10 @@ def _instead(field: str, diff: Discrepancy) -> str:
 
 def _of_joints(field: str, diff: Discrepancy) -> Field:
     """The field in words, with the unit of joints that slide where all of these do."""
-    words = FIELDS[field]
+    words = table().fields[field]
     of_joints = field in OF_JOINTS and diff.rows.ndim == 1
     if of_joints and diff.our_record.slides[diff.rows].all():
-        return words._replace(unit=SLIDING_UNITS.get(words.unit, words.unit))
+        return words._replace(unit=table().sliding_units.get(words.unit, words.unit))
     return words
 
 

@@ -78,8 +78,9 @@ def scaled_by(*factors: float) -> Shape:
     return lambda diff: any(_each_close(diff.theirs, factor * diff.ours) for factor in factors)
 
 
-def sliding(shape: Shape) -> Shape:
-    """The shape, of joints that all slide."""
+def scaled_where_sliding(factor: float) -> Shape:
+    """All scaled by a factor, of joints that all slide."""
+    shape = scaled_by(factor)
     return lambda diff: bool(diff.our_record.slides[diff.rows].all()) and shape(diff)
 
 

@@ -42,7 +42,6 @@ from flexlink.formats.document import loaded_tip, tips
 from flexlink.formats.sdf import sdf_names, to_sdf
 from flexlink.formats.sdf_reading import read_sdf
 
-FLOATING = Floating(velocity_in_base=False, spin_in_base=False, turn_first=True, scalar_first=True)
 OWN = "{urn:flexlink}"
 
 
@@ -100,6 +99,7 @@ class DrakeEngine:
 
     def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", reference: Array | None = None) -> None:
         """Load a document, with joints in the order of their names, Drake's by default."""
+        floating = Floating(velocity_in_base=False, spin_in_base=False, turn_first=True, scalar_first=True)
         self.text, root = text, ET.fromstring(text)
         width, model = f"{OWN}coulomb_width", root.find(".//model")
         gravity = root.findtext("world/gravity")
@@ -121,7 +121,7 @@ class DrakeEngine:
         if reference is None:
             reference = np.reshape([float(x) for x in said.split()], (3, 3)) if said else np.eye(3)
         order = np.array([degrees[name] for name in self.names])
-        self.coordinates = Coordinates(order, reference if floats else None, FLOATING)
+        self.coordinates = Coordinates(order, reference if floats else None, floating)
         self.couplings = couplings.of_elements(root.iter(f"{OWN}coupling"), self.names)
         self.rest = self.read_back().rest
         frames = root.findall(".//model/frame")

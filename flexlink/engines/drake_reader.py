@@ -22,7 +22,6 @@ from flexlink.engines.coordinates import BASE_JOINTS, Coordinates
 from flexlink.engines.read_back import ReadBack, merge_bodies, no_actuators, require_joints
 
 ONE_AXIS = (RevoluteJoint, PrismaticJoint)
-KNOWN = (*ONE_AXIS, QuaternionFloatingJoint)
 
 
 def moving_joints(plant: Any) -> list[Any]:
@@ -33,9 +32,10 @@ def moving_joints(plant: Any) -> list[Any]:
     ArgumentError
         A joint is of another type than `require_joints` allows.
     """
+    known = (*ONE_AXIS, QuaternionFloatingJoint)
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     moving = sorted((joint for joint in joints if joint.num_velocities()), key=lambda joint: joint.velocity_start())
-    require_joints([(joint.name(), "" if isinstance(joint, KNOWN) else joint.type_name()) for joint in moving])
+    require_joints([(joint.name(), "" if isinstance(joint, known) else joint.type_name()) for joint in moving])
     return moving
 
 

@@ -47,8 +47,6 @@ from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import loaded_tip, places
 
 METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}  # of those that we have
-LARGEST_TURN = 1.2
-"""Of a free base about any of its three angles [rad]; about Y they are at an end at 90°."""
 TorqueFunction = Callable[..., Array]
 LoadFunction = Callable[..., Array]
 
@@ -104,6 +102,8 @@ class ExudynEngine:
 
     def integrate(self, scene: Scene) -> base.Samples:
         """Exudyn's own Runge-Kutta method, sample by sample."""
+        # of a free base about any of its three angles [rad]; about Y they are at an end at 90°
+        largest_turn = 1.2
         run = scene.run
         problem = base.fixed_steps_problem(scene)
         base.refuse_prescribed_motion("Exudyn", problem.chain)
@@ -118,9 +118,9 @@ class ExudynEngine:
                 q[row], qd[row] = whole.advance(q[row - 1], qd[row - 1], begin, run)
                 if not np.isfinite([q[row], qd[row]]).all():
                     raise base.divergence_error(self.name, problem, samples, row)
-                if problem.base is not None and np.abs(q[row, ANGLES]).max() > LARGEST_TURN:
+                if problem.base is not None and np.abs(q[row, ANGLES]).max() > largest_turn:
                     raise ArgumentError(
-                        f"{scene.name}: the base has turned by more than {np.degrees(LARGEST_TURN):.0f}° at t = "
+                        f"{scene.name}: the base has turned by more than {np.degrees(largest_turn):.0f}° at t = "
                         f"{t[row]:.6g} s, where Exudyn's three angles no longer say how; use another engine, or a "
                         "shorter run"
                     )

@@ -14,19 +14,18 @@ from flexlink.engines import mujoco_actuators, mujoco_tendons
 from flexlink.engines.coordinates import BASE_JOINTS, Coordinates, Floating
 from flexlink.engines.read_back import ReadBack, merge_bodies, require_joints
 
-FLOATING = Floating(velocity_in_base=False, spin_in_base=True, turn_first=False, scalar_first=True)
-
 
 def coordinates(model: Any, order: Indices, reference: Array | None = None) -> Coordinates:
     """How those of a model follow from ours, its joints in this order.
 
     A free base turns from its `reference`, by default from how it starts.
     """
+    floating = Floating(velocity_in_base=False, spin_in_base=True, turn_first=False, scalar_first=True)
     if not floats(model):
         return Coordinates(order)
     if reference is None:
         reference = matrix_from_quaternion(model.qpos0[3:7].tolist())
-    return Coordinates(order, reference, FLOATING)
+    return Coordinates(order, reference, floating)
 
 
 def floats(model: Any) -> bool:
@@ -145,7 +144,7 @@ def _tip(model: Any, data: Any) -> Array | None:
 
 
 def _active_settings(model: Any) -> Iterator[tuple[str, str]]:
-    """Settings that act when the model runs, by the names in `mistakes.SETTINGS`."""
+    """Settings that act when the model runs, by the names in `diagnosis/data/mistakes.toml`."""
     opt = model.opt
     if _on(model, "CONSTRAINT"):
         yield from _active_constraints(model)
@@ -184,7 +183,7 @@ def _active_constraints(model: Any) -> Iterator[tuple[str, str]]:
 
 
 def _changing_settings(model: Any, spec: Any) -> Iterator[tuple[str, str]]:
-    """Settings that change numbers between file and model, by the names in `mistakes.MISTAKES`."""
+    """Settings that change numbers between file and model, by the names in `diagnosis/data/mistakes.toml`."""
     if not _on(model, "SPRING"):
         yield "no springs", ""
     if not _on(model, "DAMPER"):

@@ -19,9 +19,6 @@ import numpy as np
 from flexlink.common.types import Array, Indices
 from flexlink.engines.couplings import COUPLED_FIELDS
 
-ROUNDING = 8 * float(np.finfo(np.float64).eps)
-"""Of the length of a tendon at the rest angles of its joints."""
-
 
 def add_tendons(model: Any, joints: dict[str, Array]) -> dict[str, Any]:
     """Stiffness, damping and rest angles of joints with those of tendons over two of them, and `COUPLED_FIELDS`."""
@@ -47,12 +44,14 @@ def slack_elsewhere(model: Any) -> bool:
 
 def _apart(model: Any) -> Array:
     """L₀ less the length at the rest angles of the joints, of tendons over two of them, shape (tendons,) [rad]."""
+    # of the length of a tendon at the rest angles of its joints
+    rounding = 8 * float(np.finfo(np.float64).eps)
     apart = np.zeros(model.ntendon)
     for number in np.flatnonzero(_between_two(model)):
         pair, c = _ends(model, number)
         rest = model.qpos_spring[model.jnt_qposadr[model.dof_jntid[pair]]]
         apart[number] = model.tendon_lengthspring[number, 0] - c @ rest
-        if abs(apart[number]) <= ROUNDING * (np.abs(c) @ np.abs(rest)):
+        if abs(apart[number]) <= rounding * (np.abs(c) @ np.abs(rest)):
             apart[number] = 0.0
     return apart
 

@@ -36,9 +36,6 @@ from flexlink.formats.document import loaded_tip, xml_joint_names
 from flexlink.formats.urdf import LIMIT, to_urdf
 from flexlink.formats.urdf_reading import read_urdf
 
-FLOATING = Floating(velocity_in_base=True, spin_in_base=True, turn_first=False, scalar_first=False)
-NOT_IN_URDF = ("stiffness", "rest", "coulomb_width", "armature")  # attributes of our own elements
-
 
 class PinocchioEngine:
     """A chain in Pinocchio.
@@ -98,6 +95,9 @@ class PinocchioEngine:
 
         A base floats that is given, or of which the document says so.
         """
+        # attributes of our own elements
+        not_in_urdf = ("stiffness", "rest", "coulomb_width", "armature")
+        floating = Floating(velocity_in_base=True, spin_in_base=True, turn_first=False, scalar_first=False)
         robot = ET.fromstring(text)
         own_element = robot.find("flexlink")
         said = "" if own_element is None else own_element.get(BASE, "")
@@ -115,16 +115,16 @@ class PinocchioEngine:
         degrees = pinocchio_reader.degrees_of_freedom(model)
         self.names = tuple(names or degrees)
         order = np.array([degrees[name] for name in self.names])
-        self.coordinates = Coordinates(order, base, FLOATING)
+        self.coordinates = Coordinates(order, base, floating)
         own = {joint.get("name"): joint.find("flexlink") for joint in robot.findall("joint")}
         elements = [own.get(name) for name in self.names]
-        self.stiffness, self.rest, self.coulomb_width, armature = (_own(elements, key) for key in NOT_IN_URDF)
+        self.stiffness, self.rest, self.coulomb_width, armature = (_own(elements, key) for key in not_in_urdf)
         self.coulomb_width[[name in BASE_JOINTS for name in self.names]] = 1.0
         self.damping, self.coulomb = np.array(model.damping)[order], np.array(model.friction)[order]
         self.gear = pinocchio_reader.transmissions(robot, self.names)
         self.couplings = couplings.of_elements(robot.findall("flexlink/coupling"), self.names)
         plain = all(element is None for element in elements)
-        self.unspecified = frozenset((*NOT_IN_URDF, *couplings.COUPLED_FIELDS) if plain else ())
+        self.unspecified = frozenset((*not_in_urdf, *couplings.COUPLED_FIELDS) if plain else ())
         if own_element is None:
             self.unspecified |= {"gravity"}
         else:

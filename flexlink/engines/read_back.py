@@ -29,8 +29,6 @@ BODY_FIELDS = ("masses", "centers", "inertias")
 JOINT_FIELDS = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")  # also of a chain's hinges
 ACTUATOR_FIELDS = ("gear", "servo_stiffness", "servo_damping", "constant_torque", "effort")
 
-OF_JOINTS = (*AXIS_FIELDS, "frames", "slides", *BODY_FIELDS, *JOINT_FIELDS, *ACTUATOR_FIELDS)
-
 
 class Parts(NamedTuple):
     """Bodies that are welded together: the joint that moves each, and its inertia in frame 0, shape (b, 3, 3)."""
@@ -79,7 +77,7 @@ class ReadBack:
     unspecified
         Fields that the file does not specify, such as the springs of a URDF; they are not compared.
     settings
-        Active settings, by the names in `mistakes.SETTINGS`, and their values in words.
+        Active settings, by the names in `diagnosis/data/mistakes.toml`, and their values in words.
     integrator, step
         Integrator of the file, by MuJoCo's names, and its time step [s]; None if the file has none.
     drive_range
@@ -128,8 +126,9 @@ class ReadBack:
 
     def in_order(self, order: Indices) -> ReadBack:
         """The record with joint `order[k]` as joint k, and body k behind it."""
+        of_joints = (*AXIS_FIELDS, "frames", "slides", *BODY_FIELDS, *JOINT_FIELDS, *ACTUATOR_FIELDS)
         place = np.append(np.argsort(order), -1)  # of −1, the base: −1
-        fields: dict[str, Any] = {field: getattr(self, field)[order] for field in OF_JOINTS}
+        fields: dict[str, Any] = {field: getattr(self, field)[order] for field in of_joints}
         fields |= {field: getattr(self, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
         fields["parts"] = self.parts._replace(owner=place[self.parts.owner])
         names = tuple(self.names[k] for k in order)

@@ -63,7 +63,6 @@ JOINT_ATTRIBUTES = {
 }  # fmt: skip
 """Attribute of <joint>: field of the hinge."""
 SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL
-NEAR = 4e-6  # of rotations and centres [m]: more than MuJoCo neglects
 USER_FIELDS = sorted(
     {*(HINGE.names or ())} - {*JOINT_ATTRIBUTES.values(), "lower", "upper"},
     key=lambda name: (name != "coulomb_width", name),
@@ -340,7 +339,8 @@ def _principal(body: np.void) -> tuple[Array, Array]:
     I, center = body["inertia"], np.abs(body["center"]).max()
     moments, axes = (np.diag(I), np.eye(3)) if np.array_equal(I, np.diag(np.diag(I))) else principal_axes(I)
     away = np.abs(axes - np.eye(3)).max()
-    if away < NEAR and (away or 0 < center < NEAR):
+    near = 4e-6  # of rotations and centres [m]: more than MuJoCo neglects
+    if away < near and (away or 0 < center < near):
         return moments[[1, 2, 0]], axes[:, [1, 2, 0]]
     return moments, axes
 

@@ -19,8 +19,6 @@ from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.formats.document import base_joints
 
-OF_BODY = "mass", "center", "inertia"
-
 
 def with_small_mass(chain: Chain, *, mass: float) -> Chain:
     """The chain with a body at every hinge; massless bodies get the mass m and the inertia m r².
@@ -92,7 +90,8 @@ def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
     bodies, numbers, own = list[Body](), [0], base_joints(chain)
     for body in chain.bodies:
         k, stop, on = int(body["first"]), int(body["stop"]), numbers[body["parent"]]
-        place, rigid = Pose(body["rotation"], body["translation"]), SpatialInertia(*(body[name] for name in OF_BODY))
+        place = Pose(body["rotation"], body["translation"])
+        rigid = SpatialInertia(body["mass"], body["center"], body["inertia"])
         while own <= k < stop - 1:
             bodies.append(Body(place, k, k + 1, on, light))
             k, on, place = k + 1, len(bodies), HERE

@@ -6,9 +6,6 @@ import time
 from typing import NamedTuple
 
 BREATH = 0.1  # time between two looks at the samples, at signals and the terminal [s]
-GROW = (
-    8.0  # from one piece to the next at most: short runs take few, and a clock that stands does not end it all in one
-)
 
 
 class Reached(NamedTuple):
@@ -19,7 +16,7 @@ class Reached(NamedTuple):
 
 
 class ChunkSize:
-    """Number of steps that take about `BREATH`: `size`, at first few for `n` joints, at most `GROW` times the last."""
+    """Number of steps that take about `BREATH`: `size`, at first few for `n` joints, at most eight times the last."""
 
     def __init__(self, n: int) -> None:
         evaluations = 2000  # of one joint, and of a step of any method: 20 ms at most
@@ -39,7 +36,8 @@ class ChunkSize:
     def end(self) -> bool:
         """`size` steps have been taken; returns whether it is time to look at them."""
         now = time.perf_counter()
-        self.size = max(1, int(self.size * min(GROW, BREATH / max(now - self._started, 1e-9))))
+        # short runs take few pieces, and a clock that stands does not end it all in one
+        self.size = max(1, int(self.size * min(8.0, BREATH / max(now - self._started, 1e-9))))
         due = not 0 < now - self._looked < BREATH / 4  # 0: the clock stands
         if due:
             self._looked = now

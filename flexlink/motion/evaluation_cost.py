@@ -24,10 +24,6 @@ from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 Bodies = NDArray[np.intp]
 """Number of bodies with 0, 1, 2, 3 hinges, shape (4,)."""
 
-NEWTON_PASSES = {"plane": 2.0, "space": 5.0}
-"""Typical passes of Newton's iteration a step: a step costs 2.7 to 6.8 explicit evaluations a stage in a plane and 4.9
-to 15 in space, measured on the trade's 16 scenes with 7 tolerances; most where dry friction changes its direction."""
-
 
 class Rate(Spec, frozen=True):
     """Cost of one evaluation [µs]: `start`, `body` for each body with 0, 1, … hinges, `coupling` for each of those."""
@@ -65,7 +61,10 @@ def run_cost(chain: Chain, name: str, evaluations: float) -> float:
 def step_cost(chain: Chain, name: str) -> float:
     """CPU time of one step [s]; of an implicit method within about a factor of two."""
     rule = method(name)
-    passes = 1.0 if rule.explicit else NEWTON_PASSES["plane" if chain.is_planar else "space"]
+    # Typical passes of Newton's iteration a step: a step costs 2.7 to 6.8 explicit evaluations a stage in a plane and
+    # 4.9 to 15 in space, measured on the trade's 16 scenes with 7 tolerances; most where dry friction changes its
+    # direction.
+    passes = 1.0 if rule.explicit else 2.0 if chain.is_planar else 5.0
     return run_cost(chain, name, passes * rule.stages)
 
 

@@ -12,22 +12,8 @@ from typing import Any, Protocol
 from flexlink.describe.schemes.methods import method
 from flexlink.kernels.stepping.adaptive import OUTCOME
 
-METHODS = "Radau5", "Radau9", "DOP853"
-
 FIRST = 100
 """Tries of steps before the first stretch; the next is after twice as many, and so on."""
-
-LEAST_TRIES, OF_ALL = 10, 16
-"""Tries of steps that a stretch has at least, and all tries so far over those of a stretch."""
-
-CLEARLY = 0.7
-"""Part of the cost of a stretch by which another method must do: in the next stretch the first may be the cheaper."""
-
-LONGEST = 6.0
-"""|h ω| of an explicit method up to which steps may be stable: that of DOP853 ends there, or before."""
-
-AT_ONCE = 4
-"""Tries between which the cost of another method is looked at."""
 
 
 class Stepping(Protocol):
@@ -80,19 +66,22 @@ def go_on_with_the_cheapest(steps: Stepping) -> int:
     """Take a stretch of a run by its method and by each that may be cheaper; stay with the cheapest; an OUTCOME."""
     row, begin, end = steps.row, steps.time, steps.end
     start, first, before = steps.saved(row), steps.name, steps.evaluations
-    how = steps.take(max(LEAST_TRIES, steps.tries // OF_ALL))
+    how = steps.take(max(10, steps.tries // 16))
     if how != OUTCOME.goes_on or steps.time == begin:
         return how
     until, least, best, all_evaluations = steps.time, _cost(steps, before), steps.saved(row), steps.evaluations
     angle = (until - begin) * steps.fastest
-    for name in METHODS:
-        if name == first or _least_cost(steps, name, angle) > CLEARLY * least:
+    clearly = (
+        0.7  # part of the cost with which another method must do: in the next stretch the first may be the cheaper
+    )
+    for name in ("Radau5", "Radau9", "DOP853"):
+        if name == first or _least_cost(steps, name, angle) > clearly * least:
             continue
         steps.restore(start)
         steps.go_on_with(name, until)
-        cost = _cost_up_to_the_end(steps, CLEARLY * least)
+        cost = _cost_up_to_the_end(steps, clearly * least)
         all_evaluations += steps.evaluations - before
-        if cost < CLEARLY * least:
+        if cost < clearly * least:
             least, best = cost, steps.saved(row)
     steps.restore(best)
     steps.evaluations_before += all_evaluations - steps.evaluations
@@ -105,7 +94,8 @@ def _cost_up_to_the_end(steps: Stepping, most: float) -> float:
     """Cost of going to the end of the piece [s]; infinite if it is more than `most`."""
     before, how = steps.evaluations, int(OUTCOME.goes_on)
     while how == OUTCOME.goes_on and _cost(steps, before) < most:
-        how = steps.take(AT_ONCE)
+        # tries between which the cost of another method is looked at
+        how = steps.take(4)
     return _cost(steps, before) if how == OUTCOME.ended else math.inf
 
 
@@ -117,4 +107,5 @@ def _cost(steps: Stepping, before: int) -> float:
 def _least_cost(steps: Stepping, name: str, angle: float) -> float:
     """What a method costs at least [s] in a time in which the fastest motion turns by an angle [rad]."""
     explicit = method(name).explicit
-    return steps.cost(name, method(name).stages * angle / LONGEST) if explicit else 0.0
+    # |h ω| of an explicit method up to which steps may be stable: that of DOP853 ends there, or before
+    return steps.cost(name, method(name).stages * angle / 6.0) if explicit else 0.0

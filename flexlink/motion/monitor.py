@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.memo import Memo
+from flexlink.common.memo import keep_last
 from flexlink.common.types import Array, Indices
 from flexlink.describe.own_units import in_words
 from flexlink.describe.run_settings import AUTO, RunSettings
@@ -35,12 +35,6 @@ A_DEGREE = float(np.radians(1.0))
 
 AT_LIMIT = 1e-9
 """How far past a limit an angle still counts as at it [rad]: rounding of a run that starts or is led there."""
-
-WRONG_SAMPLES = {
-    WRONG.kinetic: "the kinetic energy is negative: M is not positive definite",
-    WRONG.finite: "energies or torques overflow float64",
-}
-NEGATIVE_ROTORS = Memo(64)
 
 TIP_SHARE = 0.05
 """Error of the tip, as a part of its motion, that counts as wrong: the same 5 % as in `balance.SHARE`."""
@@ -120,7 +114,7 @@ class RunMonitor:
             chain, record.inputs.potential_force, insisted=run.unstable == "allow", bend=FAR, near=AT_LIMIT,
             kept=record.kept,
         )  # fmt: skip
-        self.negative_rotors = NEGATIVE_ROTORS(chain, None, lambda: bool((chain.hinges["armature"] < 0).any()))
+        self.negative_rotors = _negative_rotors(chain)
         self.n_valid, self.failure = 0, ""
         self.warnings = list(warnings)
         self.confirmed = False
@@ -218,6 +212,10 @@ class RunMonitor:
 
     def _look(self, first: int, stop: int, methods: Sequence[tuple[int, str, str]]) -> None:
         """Judge samples: numbers are finite, the kinetic energy is positive, energy balances, hinges bend, limits."""
+        wrong_samples = {
+            WRONG.kinetic: "the kinetic energy is negative: M is not positive definite",
+            WRONG.finite: "energies or torques overflow float64",
+        }
         seen, wrong = self._balance.seen, int(WRONG.nothing)
         if first == 0:
             self._balance.start(self.record.energy[:, 0], self.record.tip[0])
@@ -232,7 +230,7 @@ class RunMonitor:
             self._warn(key, row, text)
         if seen[SEEN.garbage] >= 0 and self.run.unstable != "allow":
             self.failure = f"{self._unbalanced()} (at most {balance.SHARE:.0%} allowed)"
-        self.failure = WRONG_SAMPLES.get(wrong, self.failure)
+        self.failure = wrong_samples.get(wrong, self.failure)
 
     def _findings(self, rows: slice) -> Iterator[tuple[int, str, str]]:
         """What a reader of these samples should know: rows, what it is about, and texts."""
@@ -363,3 +361,9 @@ class RunMonitor:
         if key not in self._warned:
             self._warned.add(key)
             self.warnings.append(f"t = {self.record.t[row]:.6g} s: {text}")
+
+
+@keep_last(64)
+def _negative_rotors(chain: Chain) -> bool:
+    """Whether a rotor has a negative inertia."""
+    return bool((chain.hinges["armature"] < 0).any())

@@ -7,8 +7,8 @@ import dataclasses
 from flexlink.chain.arguments import require_type, sequence
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
+from flexlink.common.wording import did_you_mean, short_list, truncated
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import did_you_mean, short_list, truncated
 from flexlink.dynamics.result import Result
 from flexlink.motion.slopes_of_runs import RunSlopes, slopes_of_runs
 from flexlink.results.trajectory import Trajectory
@@ -103,10 +103,10 @@ class Sensitivities(Result):
 def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     """How a run changes with numbers of its scene: differences between runs side by side, their error estimated.
 
-    Three runs beside the scene's own one for each number give slopes of third order, at a distance of 1e-5 of the number
-    (of 1 where it is 0), to one side of a number at its least or largest. The estimated error is what another order
-    changes; where it is more than 3e-6 of the largest slope, other distances are tried, with five runs. With fixed steps
-    slopes are off by 1e-7 to 1e-9 of the largest one. With a tolerance, for which runs of a relative tolerance of 1e-9
+    Three runs beside the scene's own one for each number give slopes of third order, at a distance of 1e-5 of the
+    number (of 1 where it is 0), to one side of a number at its least or largest. The estimated error is what another
+    order changes; where it is more than 3e-6 of the largest slope, other distances are tried, with five runs. With
+    fixed steps slopes are off by 1e-7 to 1e-9 of the largest one. With a tolerance, for which runs of a relative tolerance of 1e-9
     are compared, it is 1e-5. Where the motion is so sensitive that rounding grows it is more. The errors of the run's
     own steps are not counted.
 

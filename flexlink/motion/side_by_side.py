@@ -39,8 +39,6 @@ from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError, 
 from flexlink.results.trajectory import Trajectory
 
 Ended = Trajectory | DivergenceError | InterruptedRunError
-NEARLY = 0.9
-"""Part of a limit from which a member is looked at by itself: what is found together may differ in its last digits."""
 
 
 class Member(NamedTuple):
@@ -183,18 +181,21 @@ class Block:
 
     def _passed(self) -> NDArray[np.bool_]:
         """Whose samples pass every look without a word."""
+        # part of a limit from which a member is looked at by itself: what is found together may differ in its last
+        # digits
+        nearly = 0.9
         chains = [record.chain for record in self.records]
         rounded = rounding.of_reach(1.0) * np.array([chain.size for chain in chains])
         seen, good = self._look()
-        least = NEARLY * DOUBT * balance.SHARE * seen[:, SEEN.exchanged]
+        least = nearly * DOUBT * balance.SHARE * seen[:, SEEN.exchanged]
         good &= (seen[:, SEEN.unbalanced] <= least) & (seen[:, SEEN.excused] <= least / DOUBT)
-        good &= seen[:, SEEN.travelled] <= NEARLY * FAR_TURNED
+        good &= seen[:, SEEN.travelled] <= nearly * FAR_TURNED
         good &= np.array([not chain.hinges["armature"].min() < 0 for chain in chains])
         if self.rows > 1:
             errors = np.where(self.errors < rounded[:, None], 0.0, self.errors)
             tip_error = errors.sum(axis=1) * apart(self.run) * self.run.steps_per_sample
             extent = np.linalg.norm(np.ptp(self.tip[:, : self.rows], axis=1), axis=1)
-            good &= np.maximum(tip_error, self._rounded_away(chains, rounded)) <= NEARLY * DOUBT * TIP_SHARE * extent
+            good &= np.maximum(tip_error, self._rounded_away(chains, rounded)) <= nearly * DOUBT * TIP_SHARE * extent
         return good
 
     def _look(self) -> tuple[Array, NDArray[np.bool_]]:

@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike
 from flexlink.chain.arguments import require_callable, require_type
 from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.interruption import Stop, deferred
-from flexlink.common.memo import Kept, Memo
+from flexlink.common.memo import Kept, Memo, keep_last
 from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable, check_method
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import build_validated
 from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.machine_code import types_of
 from flexlink.motion.adaptive_steps import AdaptiveSteps
@@ -248,12 +249,6 @@ class Problem:
             self._idle.append((problem, kept))
 
 
-TYPES = Memo(64)
-"""Of drives, which runs share."""
-
-FILES = Memo(64)
-"""Whether scenes name files."""
-
 PROBLEMS = Memo(16)
 """Problems of scenes by the settings of their runs: who simulates a scene again has prepared it already."""
 
@@ -265,12 +260,13 @@ def problem_with(scene: Scene, settings: dict[str, object]) -> Problem:
         return Problem(scene.varied(settings) if settings else scene)
 
     known = all(isinstance(value, str | int | float) for value in settings.values())
-    may_change = FILES(scene, None, lambda: names_files(scene)) or is_user_file(settings.get("run.method"))
+    may_change = names_files(scene) or is_user_file(settings.get("run.method"))
     if may_change or not known:
         return prepared()
     return PROBLEMS(scene, tuple((name, type(value), value) for name, value in settings.items()), prepared)
 
 
+@keep_last(64)
 def names_files(scene: Scene) -> bool:
     """Whether a scene names a method, a lumping rule or a shaper by a user's own file."""
     reference = scene.drive.reference
@@ -461,7 +457,7 @@ def allocate(
     if not record.kept.types:  # all else that kernels are given here is made in one way
         solver = f"{run.solver} {chain.is_planar}".encode()
         drive, *others = problem.inputs
-        record.kept.types = types_of(chain.arrays, *others) + TYPES(drive, None, lambda: types_of(drive)) + solver
+        record.kept.types = types_of(chain.arrays, *others) + _types_of_drive(drive) + solver
     about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
     if warnings is None:
         warnings = record.kept("step", about, lambda: judge_step(problem))
@@ -472,3 +468,9 @@ def allocate(
         except LawFailure as failure:
             raise ControlError(f"{chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
     return monitor
+
+
+@keep_last(64)
+def _types_of_drive(drive: Drive) -> bytes:
+    """Types of the numbers of a drive, which runs share."""
+    return types_of(drive)

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.memo import Memo
+from flexlink.common.memo import keep_last
 from flexlink.common.types import Array, Indices
 from flexlink.describe.schemes.methods import Method
 from flexlink.dynamics import rounding
@@ -26,11 +26,6 @@ from flexlink.kernels.stepping.saturation import Saturation
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.motion.inputs.drives import gains_of
 from flexlink.results.record import Record
-
-OF_A_TURNING_STEP = 4.0
-"""Times that the error counts of a step in which dry friction stops a joint or lets it go: what K jumps by is no small
-part of it, and the rate of the joint keeps what it got. Measured on stick and slip with widths from 1e-1 to 1e-6 rad/s:
-errors at the end are at most 2.5 tolerances, 14 if it counts once."""
 
 FEW_PASSES = 12
 """Newton iterations of a step with a tolerance, after which a shorter step is cheaper."""
@@ -59,7 +54,10 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     r, p = len(method.modes.real), len(method.modes.complex)
     turning, with_error = turning_of(chain, s, r, p), record.run.controlled and method.controlled
     numbers[STEPPER.wait] = 0.0 if with_error else np.inf
-    numbers[STEPPER.turning] = OF_A_TURNING_STEP if with_error and len(turning.joints) == len(turning.dry) else 0.0
+    # times that the error counts of a step in which dry friction stops a joint or lets it go: what K jumps by is no
+    # small part of it, and the rate of the joint keeps what it got. Measured on stick and slip with widths from 1e-1 to
+    # 1e-6 rad/s: errors at the end are at most 2.5 tolerances, 14 if it counts once
+    numbers[STEPPER.turning] = 4.0 if with_error and len(turning.joints) == len(turning.dry) else 0.0
     postures = (plane_postures if chain.is_planar else space_postures)(s, posture)
     return ImplicitWork(
         coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
@@ -122,15 +120,9 @@ def turning_at(dry: Indices, n: int, stages: int, r: int, p: int) -> Turning:
     return Turning(dry, np.zeros(d, np.int64), np.zeros(1, np.int64), G, J, rows, probe, real, pairs)
 
 
+@keep_last(32)
 def coefficients_of(method: Method) -> ImplicitMethod:
     """An implicit method as its kernel takes it."""
-    return COEFFICIENTS(method, None, lambda: _coefficients_of(method))
-
-
-COEFFICIENTS = Memo(32)
-
-
-def _coefficients_of(method: Method) -> ImplicitMethod:
     (A, b, c), modes = method.arrays, method.modes
     γ, d = method.embedded if method.controlled else (0.0, np.zeros(method.stages))
     return ImplicitMethod(

@@ -43,11 +43,6 @@ with errors of more than ten tolerances travelled 29 and more of a thousand that
 motors saturate, which hold nothing meanwhile."""
 
 
-MOSTLY, FEW = 0.8, 50
-"""Rejected steps, as a part of those taken, that call for a verification run, and how many are taken at least: a motor
-that switches between its limits without end. Of 120 arms whose motors saturate none rejected more than 0.7 of them."""
-
-
 class Second(NamedTuple):
     """A verification run, and how it compares."""
 
@@ -108,7 +103,9 @@ def multiplies(monitor: RunMonitor) -> str:
     notable_growth = 10.0
     if monitor.travelled > FAR_TURNED:
         return ": this motion amplifies errors"
-    if monitor.steps.rejected > MOSTLY * max(monitor.steps.taken, FEW):
+    # a motor that switches between its limits without end: of 120 arms whose motors saturate none rejected more than
+    # 0.7 of the steps taken
+    if monitor.steps.rejected > 0.8 * max(monitor.steps.taken, 50):
         return ": steps end at switches of the drive again and again, and each adds an error"
     growth, without = sampled_growth(monitor.record)
     more, rate = growth / max(1.0, without), monitor.record.problem.scene.drive.rate or 0.0

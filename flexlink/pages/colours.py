@@ -32,13 +32,13 @@ ENGINES = {
     "mpmath": Look("50 digits", INK, "X"),
 }
 """Name of an engine in stored results → its look."""
-ALIASES = {"flexlink": "native", "pin": "pinocchio", "scipy": "solvers", "cvode": "solvers", "sundials": "solvers"}
 
 
 def look_of(engine: str) -> Look | None:
     """The look of an engine by its stored name, its own name or its package's; None of what is no engine."""
+    aliases = {"flexlink": "native", "pin": "pinocchio", "scipy": "solvers", "cvode": "solvers", "sundials": "solvers"}
     name = engine.lower()
-    return ENGINES.get(ALIASES.get(name, name))
+    return ENGINES.get(aliases.get(name, name))
 
 
 def engine_name(engine: str) -> str:

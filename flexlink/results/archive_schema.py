@@ -15,14 +15,6 @@ from flexlink.chain.builder import record_branches
 from flexlink.chain.chain import Chain
 
 ONE, JOINTS = 0, -1
-COLUMNS = {
-    "t": ONE, "q": JOINTS, "qd": JOINTS, "tau": JOINTS, "tip": 3, "tip_wrench": 6,
-    "kinetic": ONE, "gravity": ONE, "elastic": ONE, "work": ONE,
-    "attitude": 4, "spin": 3, "momentum_linear": 3, "momentum_angular": 3, "momentum_center": 3,
-}  # fmt: skip
-"""Numbers per sample: one, one for each joint, or so many in a row."""
-UNLIMITED = {"lower", "upper"}
-"""Fields that may be infinite."""
 
 
 def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
@@ -33,9 +25,15 @@ def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
     ValueError
         They are none, not finite, too few or too many, or times do not increase.
     """
+    # numbers per sample: one, one for each joint, or so many in a row
+    columns = {
+        "t": ONE, "q": JOINTS, "qd": JOINTS, "tau": JOINTS, "tip": 3, "tip_wrench": 6, "kinetic": ONE,
+        "gravity": ONE, "elastic": ONE, "work": ONE, "attitude": 4, "spin": 3, "momentum_linear": 3,
+        "momentum_angular": 3, "momentum_center": 3,
+    }  # fmt: skip
     samples = len(arrays["t"]) if arrays["t"].ndim else 0
-    for name in (name for name in COLUMNS if name in arrays):
-        array, width = arrays[name], COLUMNS[name]
+    for name in (name for name in columns if name in arrays):
+        array, width = arrays[name], columns[name]
         wanted = (samples,) if width == ONE else (samples, n if width == JOINTS else width)
         if array.dtype != np.float64:
             raise ValueError(f"{name} is of type {array.dtype}; expected float64")
@@ -55,9 +53,11 @@ def check_chain(chain: Chain) -> None:
     ValueError
         They do not.
     """
+    # fields that may be infinite
+    unlimited = {"lower", "upper"}
     parts = {"bodies": chain.bodies, "hinges": chain.hinges, "couplings": chain.couplings, "drag": chain.drag}
     for part, rows in parts.items():
-        for name in set(rows.dtype.names or ()) - UNLIMITED:
+        for name in set(rows.dtype.names or ()) - unlimited:
             if not np.isfinite(rows[name]).all():
                 raise ValueError(f"its chain's {part} have a {name} that is not finite")
     if chain.gravity.shape != (3,) or chain.gravity.dtype != np.float64 or not np.isfinite(chain.gravity).all():

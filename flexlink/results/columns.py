@@ -16,28 +16,9 @@ from flexlink.results.samples import BaseMotion, RunSamples
 Source = Callable[[Any], Array]
 """Of `RunSamples`, or of what has their fields with runs as a last axis."""
 
-OF_BALANCED: Mapping[str, Source] = {
-    "work [J]": lambda run: np.asarray(run.work),
-    "imbalance [J]": lambda run: run.imbalance,
-}
-"""Of flexlink's own runs."""
-
 
 def _of_base(part: Callable[[BaseMotion], Array], k: int) -> Source:
     return lambda run: part(run.base)[:, k]
-
-
-OF_A_FREE_BASE: Mapping[str, Source] = {
-    f"{name} {axis} [{unit}]": _of_base(part, k)
-    for name, axes, unit, part in (
-        ("attitude", "wxyz", "1", lambda base: base.attitude),
-        ("spin", "xyz", "rad/s", lambda base: base.spin),
-        ("momentum", "xyz", "N s", lambda base: base.momentum.linear),
-        ("angular momentum", "xyz", "N m s", lambda base: base.momentum.angular),
-    )
-    for k, axis in enumerate(axes)
-}
-"""Attitude as a unit quaternion, angular velocity in axes of the base, momentum of all bodies in frame 0."""
 
 
 class Columns(Mapping[str, Array]):
@@ -59,8 +40,19 @@ class Columns(Mapping[str, Array]):
 
 def sources_of(chain: Chain, balanced: bool = True) -> Mapping[str, Source]:
     """Where each column of runs of a chain comes from, in the order of the CSV file; of flexlink's own: `balanced`."""
+    # attitude as a unit quaternion, angular velocity in axes of the base, momentum of all bodies in frame 0
+    of_a_free_base: Mapping[str, Source] = {
+        f"{name} {axis} [{unit}]": _of_base(part, k)
+        for name, axes, unit, part in (
+            ("attitude", "wxyz", "1", lambda base: base.attitude),
+            ("spin", "xyz", "rad/s", lambda base: base.spin),
+            ("momentum", "xyz", "N s", lambda base: base.momentum.linear),
+            ("angular momentum", "xyz", "N m s", lambda base: base.momentum.angular),
+        )
+        for k, axis in enumerate(axes)
+    }
     found = _sources(chain.joint_names, tuple(chain.slides.tolist()), tuple(chain.active.tolist()), balanced)
-    return {**found, **OF_A_FREE_BASE} if chain.has_free_base else found
+    return {**found, **of_a_free_base} if chain.has_free_base else found
 
 
 @functools.lru_cache(maxsize=64)
@@ -68,6 +60,11 @@ def _sources(
     joints: tuple[str, ...], slides: tuple[bool, ...], active: tuple[int, ...], balanced: bool
 ) -> Mapping[str, Source]:
     """Where each column comes from, in the order of the CSV file; runs of one layout share it."""
+    # of flexlink's own runs
+    of_balanced: Mapping[str, Source] = {
+        "work [J]": lambda run: np.asarray(run.work),
+        "imbalance [J]": lambda run: run.imbalance,
+    }
     return {
         "t [s]": lambda run: run.t,
         **{f"q {name} [{SI[slides[k]]}]": _of("q", k) for k, name in enumerate(joints)},
@@ -77,7 +74,7 @@ def _sources(
         "kinetic [J]": lambda run: np.asarray(run.energy.kinetic),
         "gravity [J]": lambda run: np.asarray(run.energy.gravity),
         "elastic [J]": lambda run: np.asarray(run.energy.elastic),
-        **(OF_BALANCED if balanced else {}),
+        **(of_balanced if balanced else {}),
     }
 
 

@@ -24,9 +24,6 @@ from flexlink.results.archive_schema import check_chain, check_samples
 from flexlink.results.samples import BaseMotion, Steps
 from flexlink.results.trajectory import Trajectory
 
-LATER = {"springs", "parent", "begins", "slot", "fork", "loaded"}
-"""Fields that archives of older versions do not have."""
-
 
 def load_trajectory(path: str | Path) -> Trajectory:
     """Read a run from an .npz archive of `Trajectory.save`, with its chain and scene.
@@ -110,8 +107,10 @@ def _records(rows: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.voi
 
     Older ones have bodies without `springs`, which then hold angles, or without what says how they branch.
     """
+    # fields that archives of older versions do not have
+    later = {"springs", "parent", "begins", "slot", "fork", "loaded"}
     there = rows.dtype.names or ()
-    if there != tuple(name for name in dtype.names or () if name not in LATER or name in there):
+    if there != tuple(name for name in dtype.names or () if name not in later or name in there):
         raise ValueError(f"its chain has the fields {rows.dtype.names}, not {dtype.names}")
     found = np.zeros(len(rows), dtype)
     for name in there:

@@ -22,19 +22,18 @@ if TYPE_CHECKING:
     from flexlink.dynamics.vibration.modal import Modes
     from flexlink.results.samples import RunSamples
 
-LEGEND_ENTRIES = 8  # more do not fit beside a panel
-COLOURS = (*CYCLE, GREY, INK)  # of the curves that a legend names, each its own
-
 
 def plot_trajectory(run: RunSamples) -> Figure:
     """All `PANELS` that have something to show, against time, each with its legend beside it."""
+    # of the curves that a legend names, each its own
+    colours = (*CYCLE, GREY, INK)
     panel_height = 1.9  # height [in]
     shown = [panel for panel, has_content in PANELS if has_content(run)]
     figure = Figure(figsize=(8.4, panel_height * len(shown) + 0.7), layout="constrained")
     axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False).ravel()
     figure.suptitle(run.chain.name)
     for draw, panel in zip(shown, axes, strict=True):
-        panel.set_prop_cycle(color=COLOURS)
+        panel.set_prop_cycle(color=colours)
         draw(panel, run)
         panel.grid(alpha=0.3)
         panel.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
@@ -163,10 +162,12 @@ def _since_start(values: ArrayLike) -> NDArray[np.float64]:
 
 def _coordinates(panel: Axes, run: RunSamples, joints: list[int], label: str) -> None:
     """Of joints of one kind."""
+    # more do not fit beside a panel
+    legend_entries = 8
     values = in_own(run.chain.slides[joints].tolist(), run.q[:, joints])
     for place, k in enumerate(joints):
-        name = run.chain.joint_name(k) if place < LEGEND_ENTRIES else None
+        name = run.chain.joint_name(k) if place < legend_entries else None
         panel.plot(run.t, values[:, place], label=name, linewidth=1.0)
-    if len(joints) > LEGEND_ENTRIES:
-        label += f"\n(first {LEGEND_ENTRIES} of {len(joints)} named)"
+    if len(joints) > legend_entries:
+        label += f"\n(first {legend_entries} of {len(joints)} named)"
     panel.set_ylabel(label)

@@ -10,7 +10,6 @@ from flexlink.common.types import Array
 from flexlink.dynamics.vibration.modal import Modes
 
 HINGES_A_HALF_WAVE = 2.0
-SHARE = 0.05  # of a mode's elastic energy: what has less does not matter for its frequency
 
 
 def resolved(found: Modes, chain: Chain) -> tuple[bool, ...]:
@@ -38,7 +37,8 @@ def _resolves(shape: Array, chain: Chain) -> bool:
     energy = moments * shape
     for hinges in _lines(chain):
         waves = _half_waves(moments[hinges])
-        if energy[hinges].sum() > SHARE * energy.sum() and len(hinges) < HINGES_A_HALF_WAVE * waves:
+        # of a mode's elastic energy: what has less does not matter for its frequency
+        if energy[hinges].sum() > 0.05 * energy.sum() and len(hinges) < HINGES_A_HALF_WAVE * waves:
             return False
     return True
 

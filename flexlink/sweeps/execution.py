@@ -20,8 +20,6 @@ from flexlink.sweeps.workers import WorkerPool
 TASK_SECONDS = 0.5
 """Duration of a task [s]: far more than its transfer to a worker and back, and little to lose if the worker dies."""
 
-MOST = 4096
-"""Members of a task: half a second of short runs."""
 
 MAX_WORKER_DEATHS = 3
 """A member that ended so many workers, each time alone in its task, gets a row that says so."""
@@ -115,7 +113,8 @@ class Execution:
         except Exception as error:  # any error of one member
             return self._after_failure(numbers, f"{type(error).__name__}: {error}")
         size = len(numbers) * TASK_SECONDS / max(seconds, 1e-6)
-        self.size = int(min(size, 4 * len(numbers), MOST))  # growth is limited: the first task compiles
+        # members of a task: half a second of short runs
+        self.size = int(min(size, 4 * len(numbers), 4096))  # growth is limited: the first task compiles
         if len(rows) < len(numbers) and not self.stop.asked:  # its worker got a signal, this process did not
             self.suspects.append(sorted({*numbers} - {row.number for row in rows}))
         return rows

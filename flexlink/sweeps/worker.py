@@ -24,9 +24,6 @@ from flexlink.sweeps.fingerprint import version
 from flexlink.sweeps.measures import measured, measured_together
 from flexlink.sweeps.plan import Plan, Sweep
 
-TOGETHER = 512
-"""Members that are prepared at once: their chains take some megabytes."""
-
 
 class Row(NamedTuple):
     """The row of a member."""
@@ -55,12 +52,14 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row]
     EngineError
         flexlink is another version here.
     """
+    # members that are prepared at once: their chains take some megabytes
+    together = 512
     started = time.perf_counter()
     handshake(text, theirs)
     plan = plan_of(text)
     with deferred() as stop:
         rows = []
-        for part in (numbers[first : first + TOGETHER] for first in range(0, len(numbers), TOGETHER)):
+        for part in (numbers[first : first + together] for first in range(0, len(numbers), together)):
             if stop.asked:
                 break
             ends = zip(part, _ends(plan, part, stop), strict=True)

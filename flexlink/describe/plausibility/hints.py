@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexlink.common.memo import Memo
+from flexlink.common.memo import keep_last
 from flexlink.describe.plausibility.angles_and_times import of_angles, of_times
 from flexlink.describe.plausibility.loads import of_bodies, of_gravity, of_joints, of_loads, of_places
 from flexlink.describe.plausibility.sensors import of_sensors
@@ -13,6 +13,7 @@ from flexlink.describe.plausibility.sizes import of_materials, of_sections
 from flexlink.describe.scene import Scene
 
 
+@keep_last(64)
 def hints(scene: Scene) -> tuple[str, ...]:
     """Numbers that are likely mistaken by a factor of units, each with what is plausible and the likely unit.
 
@@ -29,14 +30,6 @@ def hints(scene: Scene) -> tuple[str, ...]:
     tuple of str
         One line each, empty if there is nothing to say.
     """
-    return HINTS(scene, None, lambda: _found(scene))
-
-
-HINTS = Memo(64)
-"""Of scenes that have been looked at."""
-
-
-def _found(scene: Scene) -> tuple[str, ...]:
     try:
         return tuple(_hints(scene))
     except ArithmeticError:  # numbers beyond float64 are refused where the chain is made of them

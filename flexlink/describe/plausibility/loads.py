@@ -13,12 +13,8 @@ from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3
 
-FAR_OFF = 100.0
-"""Place along a sliding joint that is beyond what cranes reach [m]."""
 BRISK = 100.0
 """Angular acceleration that a drive may well give its rotor [rad/s²]."""
-SOFT = 5e9
-"""Young's modulus below which materials bear large strains [Pa]."""
 
 
 def of_gravity(scene: Scene) -> Iterator[str]:
@@ -97,7 +93,8 @@ def _of_sliding_joint(scene: Scene, about: Situation, k: int) -> Iterator[str]:
         yield from told(f"{path}.joint.gear_stiffness", joint.gear_stiffness, "gear_slip", sag, -1.0, f" {sag:.2g} m")
     kept = {f"{path}.joint.limits_m": joint.limits_m or (), arm.path(k + 1, "initial.joint_m"): (scene.starts[k],)}
     for key, places in kept.items():
-        if places and max(map(abs, places)) > FAR_OFF:
+        # place along a sliding joint that is beyond what cranes reach [m]
+        if places and max(map(abs, places)) > 100.0:
             yield from told(key, places if len(places) > 1 else places[0], "place", max(map(abs, places)))
 
 
@@ -124,7 +121,8 @@ def of_loads(scene: Scene, about: Situation) -> Iterator[str]:
         }  # fmt: skip
         own = about.moment(k) - parts["tip.mass"]
         strain = _strain(material.young, section, own + sum(parts.values()))
-        known = ranges()["strain_of_soft" if material.young < SOFT else "strain"]
+        # Young's modulus below which materials bear large strains [Pa]
+        known = ranges()["strain_of_soft" if material.young < 5e9 else "strain"]
         if known.holds(strain):
             continue
         most = max(parts, key=lambda key: parts[key])

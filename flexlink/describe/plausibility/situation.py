@@ -10,9 +10,6 @@ import numpy as np
 from flexlink.describe.arm import Link
 from flexlink.describe.scene import Scene
 
-HANDLING = 0.3
-"""Acceleration [m/s²] that an arm bears where nothing weighs, such as in space."""
-
 
 class Situation(NamedTuple):
     """An arm in round numbers, stretched out straight."""
@@ -30,7 +27,8 @@ class Situation(NamedTuple):
     @property
     def pull(self) -> float:
         """Gravity, or the acceleration of handling [m/s²]."""
-        return max(self.gravity, HANDLING)
+        # acceleration [m/s²] that an arm bears where nothing weighs, such as in space
+        return max(self.gravity, 0.3)
 
     def moment(self, k: int) -> float:
         """Of the weight, or handling, of all from link k (from 0) on, about its joint [N m]."""

@@ -8,14 +8,11 @@ from collections.abc import Iterator
 from flexlink.describe.arm import Arm, Section
 from flexlink.describe.plausibility.ranges import ranges, told
 
-HEAVY = 2500.0, 23000.0
-"""Densities at which no material is soft [kg/m³]: metals, glass and stone."""
-FASTEST = 2.5e4
-"""Speed of sound beyond that of every solid [m/s]; diamond has 1.8e4."""
-
 
 def of_materials(arm: Arm) -> Iterator[str]:
     """Modulus, density and damping of materials; not of those of which only products with a section mean something."""
+    # densities at which no material is soft [kg/m³]: metals, glass and stone
+    heavy = 2500.0, 23000.0
     for name, material in arm.materials.items():
         path, E, ρ = f"material.{name}", material.young, material.density
         if not _is_made_up(arm, name):
@@ -24,9 +21,10 @@ def of_materials(arm: Arm) -> Iterator[str]:
             yield from told(f"{path}.density", ρ, "density", ρ)
             if not known["young"].holds(E):
                 yield from told(f"{path}.young", E, "young", E)
-            elif dense and HEAVY[0] < ρ < HEAVY[1]:
+            elif dense and heavy[0] < ρ < heavy[1]:
                 yield from told(f"{path}.young", E, "young_of_heavy", E)
-            elif dense and math.sqrt(E / ρ) > FASTEST:
+            # speed of sound beyond that of every solid [m/s]; diamond has 1.8e4
+            elif dense and math.sqrt(E / ρ) > 2.5e4:
                 yield from told(f"{path}.density", ρ, "density_of_stiff", ρ)
         yield from told(f"{path}.loss_time", material.loss_time, "loss_time", material.loss_time)
     for k, link in enumerate(arm.links, 1):

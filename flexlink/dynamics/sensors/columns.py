@@ -23,12 +23,6 @@ class Samples(States, Protocol):
         """Times (samples,) [s]."""
 
 
-FEWEST = 8
-"""Samples from which on an error can be told by leaving out every other one."""
-COARSE = 0.01
-"""Part of the range of a column by which half of the samples may change it untold."""
-
-
 def readings_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
     """What a sensor shows in the samples of a run, shape (columns, samples); errors as in `signal_of`."""
     return _shown(sensor, scene, run.t, signal_of(sensor, scene, run).T)
@@ -52,14 +46,16 @@ def coarse_samples(scene: Scene, run: Samples) -> Iterator[str]:
 
     Without every other sample, the error is up to four times as large. Errors as in `signal_of`.
     """
-    for sensor in scene.sensor if len(run.t) > FEWEST else ():
+    # samples from which on an error can be told by leaving out every other one
+    for sensor in scene.sensor if len(run.t) > 8 else ():
         if Instrument(sensor, scene.run.spacing).known_at_samples:
             continue
         plain = replace(sensor, noise=0.0, seed=None, resolution=None)
         signal = signal_of(sensor, scene, run).T
         fine, coarse = _shown(plain, scene, run.t, signal), _shown(plain, scene, run.t[::2], signal[::2])
         off, size = np.abs(fine[:, ::2] - coarse).max(), np.ptp(fine)
-        if off > COARSE * size:
+        # part of the range of a column by which half of the samples may change it untold
+        if off > 0.01 * size:
             yield (
                 f"sensor.{sensor.name}: between samples, {scene.run.spacing:g} s apart, its signal is taken as "
                 f"straight; half of them would change what it shows by {off / size:.1%} of its range; take a smaller "

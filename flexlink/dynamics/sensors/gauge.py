@@ -16,11 +16,6 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor
 from flexlink.dynamics.strain import beam_strain, known_at
 
-NEAREST = 4
-"""Hinges that the strain at a gauge is interpolated from; between hinges h apart it is off by h⁴ ε⁗/24, or so."""
-NUDGE = 1e-3
-"""Angle [rad] of the differences of fourth order: off by 1e-13 and what rounding makes of it."""
-
 
 def gauge_strain(sensor: Sensor, scene: Scene, q: Array) -> Array:
     """ε at the gauge [1], shape (samples,), at angles q (samples, n)."""
@@ -39,13 +34,14 @@ def gauge_strain(sensor: Sensor, scene: Scene, q: Array) -> Array:
 
 
 def interpolation(nodes: Array, x: float) -> tuple[NDArray[np.intp], Array]:
-    """Numbers of the nodes nearest to x, at most `NEAREST`, and Lagrange's weights of their values.
+    """Numbers of the nodes nearest to x, at most four, and Lagrange's weights of their values.
 
     >>> nearest, weights = interpolation(np.array([0.0, 1.0, 2.0, 3.0, 4.0]), 1.0)
     >>> print(nearest, weights)
     [0 1 2 3] [0. 1. 0. 0.]
     """
-    nearest = np.sort(np.argsort(np.abs(nodes - x), kind="stable")[:NEAREST])
+    most = 4  # between hinges h apart the strain at a gauge is off by h⁴ ε⁗/24, or so
+    nearest = np.sort(np.argsort(np.abs(nodes - x), kind="stable")[:most])
     known = nodes[nearest]
     apart = known[:, None] - known
     ratios = (x - known) / np.where(apart == 0, 1.0, apart)
@@ -59,7 +55,8 @@ def gauge_slope(sensor: Sensor, scene: Scene, chain: Chain, q: Array) -> Array:
     ε is linear in the angles of springs that hold them, and exact but for rounding; springs that hold rotation vectors
     make it curved.
     """
-    steps = NUDGE * np.array([1.0, -1.0, 2.0, -2.0])
+    nudge = 1e-3  # angle [rad] of the differences of fourth order: off by 1e-13 and what rounding makes of it
+    steps = nudge * np.array([1.0, -1.0, 2.0, -2.0])
     states = q + steps[:, None, None] * np.eye(chain.n)
     near, nearer, far, farther = gauge_strain(sensor, scene, states.reshape(-1, chain.n)).reshape(4, chain.n)
-    return np.asarray((8 * (near - nearer) - (far - farther)) / (12 * NUDGE))
+    return np.asarray((8 * (near - nearer) - (far - farther)) / (12 * nudge))

@@ -19,8 +19,6 @@ from flexlink.describe.sensor import Sensor
 from flexlink.describe.whole_steps import is_whole
 from flexlink.dynamics.sensors.low_pass import LowPass, butterworth
 
-ON_TIME = 1e-9
-"""Part of the time between two instants by which a sample may be early and still be at the later one."""
 BLOCK = 256
 """Numbers of noise that are made at once."""
 
@@ -83,7 +81,10 @@ class Instrument:
     def readings(self, times: Array) -> Array:
         """What it shows at times [s] up to the last sample of its signal, shape (times, columns)."""
         sensor = self.sensor
-        instants = np.floor(times * self.rate + ON_TIME * np.maximum(1.0, times * self.rate))
+        on_time = (
+            1e-9  # part of the time between two instants by which a sample may be early and still be at the later one
+        )
+        instants = np.floor(times * self.rate + on_time * np.maximum(1.0, times * self.rate))
         asked = times if sensor.rate is None else instants / sensor.rate
         shown = sensor.gain * self.signal.at(asked - sensor.delay) + sensor.bias
         if sensor.noise:

@@ -16,10 +16,6 @@ import numpy as np
 
 from flexlink.common.types import Array, Complex
 
-NEAR = 0.5
-"""Size of x below which φ₂ is summed: eˣ − 1 − x loses digits there."""
-TERMS = 18
-
 
 class LowPass(NamedTuple):
     """Poles of the upper half plane, and what their modes count in the output."""
@@ -72,10 +68,12 @@ def butterworth(hertz: float, order: int) -> LowPass:
 
 def _phi(x: Complex) -> tuple[Complex, Complex]:
     """φ₁ and φ₂, also where x is small."""
-    near = np.abs(x) < NEAR
+    terms = 18
+    # size of x below which φ₂ is summed: eˣ − 1 − x loses digits there
+    near = np.abs(x) < 0.5
     small, large = np.where(near, x, 0.0), np.where(near, 1.0, x)
-    series = np.full_like(small, 1.0 / math.factorial(TERMS + 2))
-    for k in range(TERMS + 1, 1, -1):
+    series = np.full_like(small, 1.0 / math.factorial(terms + 2))
+    for k in range(terms + 1, 1, -1):
         series = series * small + 1.0 / math.factorial(k)
     second = np.where(near, series, (np.exp(large) - 1 - large) / large**2)
     return 1 + x * second, second

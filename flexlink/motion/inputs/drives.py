@@ -27,9 +27,6 @@ from flexlink.motion.inputs.interpolation import held_knots, pieces_of
 from flexlink.motion.inputs.references import constant, reference_arrays
 from flexlink.motion.inputs.static_feedforward import holding_torque
 
-NUDGE = 1e-5
-"""Angle [rad], or rate, of the central differences of a law; of a linear one they are exact but for rounding."""
-
 
 def drive_arrays(scene: Scene, chain: Chain) -> Drive:
     """The scene's drive; without driven joints where the scene has none.
@@ -41,13 +38,20 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
     ConvergenceError
         gravity = "static", and the arm finds no equilibrium at the reference.
     """
+    # by the kind of the drive
+    laws: dict[str, Callable[[Scene, Chain], Drive]] = {
+        "constant": _table,
+        "table": _table,
+        "pd": _pd,
+        "computed_torque": _computed_torque,
+    }
     kind = scene.drive.kind if len(chain.active) else "none"
     if kind == "none":
         return no_drive()
     if kind in {"constant", "table"} and scene.drive.rate is None:  # nothing is written to it
         joints = chain.active.tobytes(), tuple(chain.coordinates[k].link for k in chain.active.tolist())
         return TORQUES(scene.drive, (joints, len(chain.link_names)), lambda: _table(scene, chain))
-    law = LAWS[kind](scene, chain)
+    law = laws[kind](scene, chain)
     return law if scene.drive.rate is None else _sampled(scene, law)
 
 
@@ -115,7 +119,8 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
     slopes = np.zeros((2, n, len(joints)))
     if not drive.rate:
         unlimited = limited(drive, np.full(len(joints), np.inf))
-        drive_slopes(unlimited, t, np.array([q, qd]), NUDGE, np.zeros((2, n)), slopes)
+        # angle [rad], or rate, of the central differences of a law; of a linear one they are exact but for rounding
+        drive_slopes(unlimited, t, np.array([q, qd]), 1e-5, np.zeros((2, n)), slopes)
     own = slopes[:, joints]
     if not np.any(own - own * np.eye(len(joints))):
         diagonal = np.zeros((2, n))
@@ -138,12 +143,14 @@ def _table(scene: Scene, chain: Chain) -> Drive:
 
 def _pd(scene: Scene, chain: Chain) -> Drive:
     """A feed-forward of a reference that stays is computed once, the rigid model's of one that moves at every stage."""
+    # feed-forward of a reference that does not move, by the drive's `gravity`
+    gravity = {"none": _no_gravity, "rigid": _rigid_gravity, "static": _static_gravity}
     feedback = _feedback(scene, chain)
     target = feedback.reference
     still = len(target.knots) == 1 and not target.coefficients[:, 1:].any()
     if scene.drive.gravity == "rigid" and not still:
         return feedback._replace(law=PD_GRAVITY, model=rigid_model(lump(rigidified(scene))))
-    return feedback._replace(law=PD, feedforward=GRAVITY[scene.drive.gravity](scene, chain, target))
+    return feedback._replace(law=PD, feedforward=gravity[scene.drive.gravity](scene, chain, target))
 
 
 def _computed_torque(scene: Scene, chain: Chain) -> Drive:
@@ -156,15 +163,6 @@ def _feedback(scene: Scene, chain: Chain) -> Drive:
     kp, kd = (of_joints(chain, gains) for gains in (scene.drive.kp, scene.drive.kd))
     reference = reference_arrays(scene, chain)
     return drive_of(chain.active.copy(), effort=effort_of(scene, chain), reference=reference, kp=kp, kd=kd)
-
-
-LAWS: dict[str, Callable[[Scene, Chain], Drive]] = {
-    "constant": _table,
-    "table": _table,
-    "pd": _pd,
-    "computed_torque": _computed_torque,
-}
-"""By the kind of the drive."""
 
 
 def _sampled(scene: Scene, law: Drive) -> Drive:
@@ -206,10 +204,6 @@ def _rigid_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> P
 def _static_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     """Of the arm, bent by gravity with its joints at the reference."""
     return holding_torque(chain, target)
-
-
-GRAVITY = {"none": _no_gravity, "rigid": _rigid_gravity, "static": _static_gravity}
-"""Feed-forward of a reference that does not move, by the drive's `gravity`."""
 
 
 def of_joints(chain: Chain, per_link: tuple[float, ...] | None) -> Array:

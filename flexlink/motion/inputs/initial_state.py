@@ -19,10 +19,6 @@ from flexlink.motion.inputs.actuation import inputs_with
 from flexlink.motion.inputs.drives import no_drive
 from flexlink.motion.inputs.tip_wrench import wrench_at
 
-APART = 1e-9
-"""How far a state may be from a prescribed motion [rad, rad/s], as a part where it is more than 1: what a rate or angle
-that was written with ten digits leaves."""
-
 
 def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     """Joint angles q0 [rad] and rates q̇0 [rad/s] with which a scene starts, in sequential order; where they slide [m].
@@ -105,7 +101,9 @@ def _check_followed(motion: MotionTable, scene: Scene, chain: Chain, q: Array, q
     follow(motion, scene.initial.time, *there, np.zeros(chain.n))
     for name, per, state, wanted in (("q", "", q, there[0]), ("qd", "/s", qd, there[1])):
         for k in motion.joints:
-            if abs(state[k] - wanted[k]) > APART * max(1.0, abs(wanted[k])):
+            # how far a state may be from a prescribed motion [rad, rad/s], as a part where it is more than 1: what a
+            # rate or angle that was written with ten digits leaves
+            if abs(state[k] - wanted[k]) > 1e-9 * max(1.0, abs(wanted[k])):
                 joint = chain.joint_name(int(k))
                 raise SceneError(
                     f"initial.{name}[{k}] = {state[k]!r}: joint {joint!r} follows its motion, which is at "

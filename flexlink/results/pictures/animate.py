@@ -65,6 +65,7 @@ def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: fl
 
 def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> PlayedPath:
     """Draw what is wanted of a run and write it; errors as of `Trajectory.animate`."""
+    writers = {".gif": _gif, ".mp4": _mp4, ".html": _html}
     require_callable("progress", progress)
     report, path = progress or (lambda _: None), wanted.path
     film = film_of(run, magnify=wanted.magnify, colour=wanted.colour, fps=wanted.fps, speed=wanted.speed)
@@ -76,7 +77,7 @@ def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> 
             raise InterruptedFilmError(path, stop.signal)
 
     with deferred() as stop:
-        write_or_keep(path, lambda place: WRITERS[path.suffix](film, place, wanted.width, pulse))
+        write_or_keep(path, lambda place: writers[path.suffix](film, place, wanted.width, pulse))
     return PlayedPath(path)
 
 
@@ -128,6 +129,3 @@ def _counted(drawing: Any, film: Film, report: Progress) -> Iterator[NDArray[np.
 def _html(film: Film, place: Path, width: int, report: Progress) -> None:
     place.write_bytes(page(film, width).encode())
     report(1.0)
-
-
-WRITERS = {".gif": _gif, ".mp4": _mp4, ".html": _html}

@@ -17,20 +17,19 @@ from flexlink.results.pictures.projection import Projected, Window
 
 Image = NDArray[np.uint8]
 
-DPI = 100
-
 
 class Drawing:
     """The picture of a film: what stands still is drawn once, what moves is drawn over it."""
 
     def __init__(self, film: Film, width: int) -> None:
+        dpi = 100
         self.film, self.projected = film, Projected(film)
         window = self.projected.window
         aspect = (window.top - window.bottom) / (window.right - window.left)
         self.scene_height = round(width * min(max(aspect, 0.45), 1.0))
         self.size = width, self.scene_height + HEAD + FOOT + (self.scene_height + HEAD + FOOT) % 2  # videos: even
         self.window = window.filled(self.scene_height / width)
-        self.figure = Figure(figsize=(self.size[0] / DPI, self.size[1] / DPI), dpi=DPI, facecolor="white")
+        self.figure = Figure(figsize=(self.size[0] / dpi, self.size[1] / dpi), dpi=dpi, facecolor="white")
         self.canvas = FigureCanvasAgg(self.figure)
         self.axes = self.figure.add_axes((0, FOOT / self.size[1], 1, self.scene_height / self.size[1]))
         self._set_window(self.window)

@@ -12,14 +12,13 @@ if TYPE_CHECKING:
 else:
     Base = type(Path())  # before Python 3.12 only the class of this system's paths has heirs
 
-LARGEST = 20_000_000  # bytes of a file that a cell takes in
-
 
 class PlayedPath(Base):
     """A path like any other."""
 
     def _repr_html_(self) -> str | None:
-        if not self.is_file() or self.stat().st_size > LARGEST:
+        # bytes of a file that a cell takes in
+        if not self.is_file() or self.stat().st_size > 20_000_000:
             return None  # the notebook shows the path
         if self.suffix == ".html":
             page = html.escape(self.read_text(encoding="utf-8"))

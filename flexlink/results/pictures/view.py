@@ -13,8 +13,6 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 
-LYING = 0.7  # cosine between normal and vertical from which on a plane is looked at from above
-
 
 class View(NamedTuple):
     """Parallel projection: what of a vector points to the right, upwards and to the eye in the picture."""
@@ -83,14 +81,15 @@ def _axis_name(direction: Array) -> str:
 def _across(normal: Array, vertical: Array, weighs: bool) -> Array:
     """Axes of a view along the normal of a plane: gravity down, else X right, or Y; a plane that lies, from above."""
     rises, up = float(normal @ vertical), _part_across(vertical, normal)
-    if abs(rises) > LYING and rises < 0:
+    lying = 0.7  # cosine between normal and vertical from which on a plane is looked at from above
+    if abs(rises) > lying and rises < 0:
         normal = -normal
     if not weighs or np.linalg.norm(up) < 1e-3:
         right = _level(normal)
         return np.array([right, np.cross(normal, right), normal])
     up = up / np.linalg.norm(up)
     right = np.cross(up, normal)
-    if abs(rises) <= LYING and right[np.argmax(np.abs(right))] < 0:
+    if abs(rises) <= lying and right[np.argmax(np.abs(right))] < 0:
         normal, right = -normal, -right
     return np.array([right, up, normal])
 
