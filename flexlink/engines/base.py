@@ -144,7 +144,7 @@ class TipWrench:
 
     def __init__(self, problem: InitialValueProblem) -> None:
         self.middle: float | None = None
-        self._loads = problem.inputs.loads if problem.inputs.changing else None
+        self._loads = problem.inputs.changing
         self._now, frame = wrench_at(problem.inputs, problem.start)
         self.follows = frame == "tip"
         self.constant = problem.scene.wrench.times is None

@@ -22,8 +22,8 @@ from msgspec.structs import replace
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.common.interruption import deferred
 from flexlink.common.types import Array
+from flexlink.common.wording import truncated
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import truncated
 from flexlink.describe.variants import Variants
 from flexlink.describe.vary import number_in, parts_of
 from flexlink.dynamics.floating_base import ANGLES

@@ -93,13 +93,13 @@ class Inputs(NamedTuple):
     loads: Loads | None  # None in loops for plain chains
 
     @property
-    def changing(self) -> bool:
-        """Whether the tip wrench has to be found at every stage."""
-        return self.loads is not None and self.loads.varies
+    def changing(self) -> Loads | None:
+        """Those of a tip wrench that has to be found at every stage."""
+        return self.loads if self.loads is not None and self.loads.varies else None
 
     def given_wrench(self, t: float) -> GivenWrench:
         """The wrench at time t [s], in the axes that it is given in."""
-        return given_at(self.loads, t) if self.changing else GivenWrench(self.wrench, False)
+        return given_at(self.changing, t) if self.changing else GivenWrench(self.wrench, False)
 
     @property
     def potential_force(self) -> Array:

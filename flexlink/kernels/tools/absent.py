@@ -59,7 +59,7 @@ def _type_of(func_ir: Any, arguments: Any, variable: Any) -> Any:
     return None
 
 
-class KernelCompiler(CompilerBase):  # type: ignore[misc]
+class KernelCompiler(CompilerBase):
     """Numba's compiler with this pass."""
 
     def define_pipelines(self) -> list[Any]:

@@ -52,7 +52,7 @@ def _acting(problems: Sequence[InitialValueProblem]) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for k, problem in enumerate(problems):
         inputs = problem.inputs
-        if found and inputs is problems[k - 1].inputs and not inputs.changing and not len(inputs.drive.joints):
+        if found and inputs is problems[k - 1].inputs and inputs.changing is None and not len(inputs.drive.joints):
             found.append(found[-1])
         else:
             found.append(acting_at(inputs, problem.chain, problem.start, problem.q, problem.qd))
