@@ -30,8 +30,8 @@ from flexlink.describe.sensor import Sensor
 from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
-from flexlink.dynamics.drag import drag_torque
 from flexlink.dynamics.equilibrium import buckling_loads, solve_static
+from flexlink.dynamics.forces import drag_torque
 from flexlink.dynamics.loads import internal_loads
 from flexlink.dynamics.momentum import momentum
 from flexlink.dynamics.placement import frames, jacobian, tip_position

@@ -22,7 +22,7 @@ from flexlink.advice.model_runner import PERTURBATION, PROPORTIONAL, ModelRunner
 from flexlink.advice.release import release
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.dynamics.drag import drag_torque
+from flexlink.dynamics.forces import force_torque
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.springs import deflections
 from flexlink.dynamics.terms import inverse_dynamics
@@ -107,7 +107,7 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     assert run is not None
     chain = runner.chain(model)
     q, qd, qdd = (_spread(run.chain, chain, values) for values in (run.q, run.qd, run.qdd))
-    loads = inverse_dynamics(chain, q, qd, qdd, tip_wrench=run.tip_wrench) + drag_torque(chain, q, qd)
+    loads = inverse_dynamics(chain, q, qd, qdd, tip_wrench=run.tip_wrench) + force_torque(chain, q, qd)
     bent = np.array([c.segment > 0 for c in chain.coordinates])
     θ = np.zeros_like(q)
     θ[:, bent] = np.clip(deflections(chain, -loads)[:, bent], -1.0, 1.0)  # [rad]; beyond, just large

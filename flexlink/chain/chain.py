@@ -31,7 +31,7 @@ from flexlink.common.types import Array, Indices
 from flexlink.common.wording import short_list, truncated
 from flexlink.describe.links import link_number
 from flexlink.kernels.bodies.kinematics import forward_kinematics
-from flexlink.kernels.layout import COUPLING, DRAG, SLIDES, ChainArrays, Rare
+from flexlink.kernels.layout import COUPLING, FORCES, SLIDES, ChainArrays, Rare
 
 _OF_LAYOUT = {
     "active", "slides", "is_serial", "is_serial_revolute", "has_free_base", "joint_units", "bending", "axes",
@@ -61,8 +61,9 @@ class Chain:
         Names of the arm's links; `Coordinate.link` counts them from 1.
     couplings
         Springs and dampers between two hinges, structured array of dtype `COUPLING`, read-only; none by default.
-    drag
-        Points at which the links meet drag of the air, structured array of dtype `DRAG`, read-only; none by default.
+    forces
+        Other force elements by name, structured arrays of dtype `FORCES[name]`, read-only; none by default. "drag":
+        points at which the links meet drag of the air.
     tips
         Number in `bodies` of the tip frame of every link that no other hangs on, by the link's name; the last one is
         the arm's tip. By default the last body is the only one.
@@ -86,12 +87,12 @@ class Chain:
     link_names: tuple[str, ...]
     couplings: NDArray[np.void] = dataclasses.field(default_factory=lambda: np.zeros(0, COUPLING))
     tips: dict[str, int] = dataclasses.field(default_factory=dict)
-    drag: NDArray[np.void] = dataclasses.field(default_factory=lambda: np.zeros(0, DRAG))
+    forces: dict[str, NDArray[np.void]] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.tips and self.link_names:
             object.__setattr__(self, "tips", {self.link_names[-1]: len(self.bodies) - 1})
-        for array in (self.bodies, self.hinges, self.gravity, self.couplings, self.drag):
+        for array in (self.bodies, self.hinges, self.gravity, self.couplings, *self.forces.values()):
             array.flags.writeable = False
 
     def __reduce__(self) -> tuple[type[Chain], tuple[object, ...]]:
@@ -140,7 +141,8 @@ class Chain:
         couplings: NDArray[np.void],
     ) -> Chain:
         """A chain whose hinges stand as they do here; what has been found of that is not sought again."""
-        other = Chain(name, bodies, hinges, gravity, self.coordinates, self.link_names, couplings, self.tips, self.drag)
+        names = self.coordinates, self.link_names
+        other = Chain(name, bodies, hinges, gravity, *names, couplings, self.tips, self.forces)
         known = vars(self)
         vars(other).update((name, known[name]) for name in _OF_LAYOUT if name in known)
         return other
@@ -148,14 +150,34 @@ class Chain:
     @functools.cached_property
     def arrays(self) -> ChainArrays:
         """The kernels' view of this chain."""
-        forces = len(self.couplings) or len(self.drag) or self.has_rotation_springs
-        rare = Rare(self.couplings, self.drag) if forces or not self.is_serial_revolute else None
+        forces = len(self.couplings) or self.forces or self.has_rotation_springs
+        rare = self._rare if forces or not self.is_serial_revolute else None
         return ChainArrays(self.bodies, self.hinges, self.gravity, rare)
+
+    @property
+    def _rare(self) -> Rare:
+        return Rare(*(self.force(name) for name in Rare._fields))
+
+    def force(self, name: str) -> NDArray[np.void]:
+        """The force elements of a name, "couplings", "drag", ...; an empty array where there are none."""
+        if name == "couplings":
+            return self.couplings
+        found = self.forces.get(name)
+        return np.zeros(0, FORCES[name]) if found is None else found
+
+    def without_forces(self) -> Chain:
+        """The chain without the elements of `forces`; itself where it has none."""
+        return dataclasses.replace(self, forces={}) if self.forces else self
+
+    @property
+    def drag(self) -> NDArray[np.void]:
+        """Points at which the links meet drag, structured array of dtype `DRAG`."""
+        return self.force("drag")
 
     def as_full(self) -> Chain:
         """The same chain for loops that know all features, whether it has them or not."""
         other = dataclasses.replace(self)
-        vars(other).update(vars(self) | {"arrays": self.arrays._replace(rare=Rare(self.couplings, self.drag))})
+        vars(other).update(vars(self) | {"arrays": self.arrays._replace(rare=self._rare)})
         return other
 
     @property

@@ -40,7 +40,7 @@ def with_drag(chain: Chain, scene: Scene, pieces: Sequence[Piece]) -> Chain:
     drag = np.array(rows, dtype=DRAG)
     if not np.isfinite(drag["drag"]).all():
         raise SceneError(f"{scene.name}: drag of a link overflows float64; expected a smaller density or breadth")
-    return dataclasses.replace(chain, drag=drag)
+    return dataclasses.replace(chain, forces=chain.forces | {"drag": drag})
 
 
 def _of_piece(piece: Piece, link: Link, arm: Arm, count: int, density: float) -> list[tuple[object, ...]]:

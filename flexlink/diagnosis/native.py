@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.common.versions import __version__
@@ -21,7 +19,7 @@ class NativeEngine:
     version = __version__
 
     def __init__(self, chain: Chain) -> None:
-        self.chain = dataclasses.replace(chain, drag=chain.drag[:0]) if len(chain.drag) else chain
+        self.chain = chain.without_forces()
         self.n = chain.n
 
     def mass_matrix(self, q: Array) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Sequence
 from typing import Any
@@ -17,7 +16,7 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, is_batch, rows
-from flexlink.dynamics.drag import drag_torque
+from flexlink.dynamics.forces import force_torque
 from flexlink.dynamics.singularity import base_without_rates, no_acceleration
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.forward import solvers
@@ -120,11 +119,11 @@ def _forward_dynamics_of_many(
     if b == 0:
         return np.zeros((b, n))
     wrenches = world_wrenches(chains, states[0], tip_wrench, frame)
-    if any(len(each.drag) for each in chains):
+    if any(each.forces for each in chains):
         q, qd, tau = states
         one = len(chains) == 1
-        states[2] = tau - (drag_torque(chains[0], q, qd) if one else np.array([*map(drag_torque, chains, q, qd)]))
-        chains = [dataclasses.replace(each, drag=each.drag[:0]) for each in chains]
+        states[2] = tau - (force_torque(chains[0], q, qd) if one else np.array([*map(force_torque, chains, q, qd)]))
+        chains = [each.without_forces() for each in chains]
     for k, q in enumerate(states[0] if chains[0].has_free_base else ()):
         if error := base_without_rates(chains[k % len(chains)], q):
             raise about_state(k, error)
@@ -158,7 +157,7 @@ def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     bodies, hinges = _stacked([c.bodies for c in eight]), _stacked([c.hinges for c in eight])
     rare = None
     if any(c.arrays.rare is not None for c in eight):
-        rare = Rare(_stacked([c.couplings for c in eight]), _stacked([c.drag[:0] for c in eight]))
+        rare = Rare(*(_stacked([c.force(name) for c in eight]) for name in Rare._fields))
     return solver.lanes_workspace(bodies, hinges, np.array([c.gravity for c in eight]), rare)
 
 

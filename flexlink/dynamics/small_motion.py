@@ -9,7 +9,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.couplings import add_products
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
-from flexlink.dynamics.drag import refuse_drag
+from flexlink.dynamics.forces import refuse_forces
 from flexlink.dynamics.springs import about, damping_slope
 from flexlink.kernels.derivatives.small_motion import HINGE, factor, mass_products, multiply, place, small_motion, solve
 from flexlink.kernels.derivatives.small_motion_cells import factor_in_cells, small_motion_in_cells, solve_in_cells
@@ -37,7 +37,7 @@ class SmallMotion:
     def __init__(
         self, chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool, locked: NDArray[np.bool_]
     ) -> None:
-        refuse_drag("equilibria at given rates, and steady motions of more than 100 joints,", chain, qd)
+        refuse_forces("equilibria at given rates, and steady motions of more than 100 joints,", chain, qd)
         sprung = about(chain, q)
         self._diagonals = np.array([sprung.stiffness, damping_slope(chain), chain.hinges["armature"]])
         self._chain, self._state, self._couplings = chain, (wrench, follower, qd), sprung.couplings

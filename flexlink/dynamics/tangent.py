@@ -13,7 +13,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.dynamics import rounding
-from flexlink.dynamics.drag import drag_slopes, drag_torque
+from flexlink.dynamics.forces import force_slopes, force_torque
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import about
@@ -84,7 +84,7 @@ def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool
     if follower:
         wrench = turned_with_tip(chain.arrays, wrench, q)
     load = bias_torque(chain, q, qd, tip_wrench=wrench)
-    return load + drag_torque(chain, q, qd) if len(chain.drag) else load
+    return load + force_torque(chain, q, qd) if chain.forces else load
 
 
 def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
@@ -94,7 +94,7 @@ def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower:
     """
     K = about(chain, q).matrix("stiffness")
     K += load_matrices(chain, q, qd, wrench, follower)[0]
-    return K + drag_slopes(chain, q, qd)[0] if len(chain.drag) else K
+    return K + force_slopes(chain, q, qd)[0] if chain.forces else K
 
 
 def load_matrices(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
@@ -167,8 +167,8 @@ def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
     G = np.zeros((chain.n, chain.n))
     if qd.any():
         G += load_matrices(chain, q, qd, np.zeros(6))[1]
-        if len(chain.drag):
-            G += drag_slopes(chain, q, qd)[1]
+        if chain.forces:
+            G += force_slopes(chain, q, qd)[1]
     return G
 
 

@@ -15,10 +15,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError
+from flexlink.common.errors import ArgumentError, EngineError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.drag import drag_torque
+from flexlink.dynamics.forces import drag_torque
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.engines.read_back import ReadBack
 from flexlink.kernels.inputs.drive_torque import drive_torque, sample_law
@@ -126,6 +126,8 @@ def drive_function(problem: InitialValueProblem) -> DriveTorque | None:
 def drag_function(problem: InitialValueProblem) -> Callable[[Array, Array], Array] | None:
     """The drag of the scene's links as T_DRAG(q, q̇), by flexlink, which engines take as torques; None without any."""
     chain = problem.chain
+    if unknown := chain.forces.keys() - {"drag"}:
+        raise EngineError(f"{chain.name}: engines know no {', '.join(sorted(unknown))}; leave them out of the scene")
     return (lambda q, qd: drag_torque(chain, q, qd)) if len(chain.drag) else None
 
 

@@ -74,8 +74,12 @@ SLIDES = 3
 """Hinges whose axis is as large slide; a body's hinges either all turn, or all slide."""
 
 
+FORCES = {"couplings": COUPLING, "drag": DRAG}
+"""Force elements of a chain by name; fields `hinge`, `inner` and `outer` are numbers of hinges, `body` of bodies."""
+
+
 class Rare(NamedTuple):
-    """What a plain chain has not: here its force elements; each may be empty, where another is there."""
+    """What a plain chain has not: its force elements, each of which may be empty, by the names of `FORCES`."""
 
     couplings: NDArray[np.void]
     drag: NDArray[np.void]

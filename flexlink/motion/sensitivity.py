@@ -106,9 +106,9 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     Three runs beside the scene's own one for each number give slopes of third order, at a distance of 1e-5 of the
     number (of 1 where it is 0), to one side of a number at its least or largest. The estimated error is what another
     order changes; where it is more than 3e-6 of the largest slope, other distances are tried, with five runs. With
-    fixed steps slopes are off by 1e-7 to 1e-9 of the largest one. With a tolerance, for which runs of a relative tolerance of 1e-9
-    are compared, it is 1e-5. Where the motion is so sensitive that rounding grows it is more. The errors of the run's
-    own steps are not counted.
+    fixed steps slopes are off by 1e-7 to 1e-9 of the largest one. With a tolerance, for which runs of a relative
+    tolerance of 1e-9 are compared, it is 1e-5. Where the motion is so sensitive that rounding grows it is more. The
+    errors of the run's own steps are not counted.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ class Member(NamedTuple):
 def goes_along(problem: InitialValueProblem) -> bool:
     """Whether the compiled loop takes it with others, or alone in its lanes."""
     solver = solver_for(problem.chain, problem.run.solver)
-    acts = problem.inputs.changing is not None or len(problem.chain.drag) > 0 or not acts_on_many(problem.inputs.drive)
+    acts = problem.inputs.changing is not None or bool(problem.chain.forces) or not acts_on_many(problem.inputs.drive)
     alone = not problem.explicit or acts
     return solver.lanes_workspace is not None and not alone and problem.base is None and problem.chain.has_levers
 

@@ -41,7 +41,9 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers[STEPPER.max_iterations] = FEW_PASSES if record.run.controlled else of_fixed_step
     numbers[STEPPER.far] = FAR if chain.has_free_base else 0.0
     gains = drive_gains(chain, record.inputs)
-    springs = Springs(*gains, np.zeros((n, width)), *np.zeros((2, n)))
+    kp, kd, kick = gains
+    brakes, forces = (None, None) if arrays.rare is None else (np.zeros(n), forces_of(arrays))
+    springs = Springs(kp, kd, brakes, kick, np.zeros((n, width)), *np.zeros((2, n)))
     saturation = Saturation(*(gain.copy() for gain in gains[:2]), *np.zeros((5, n)))
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error)
@@ -49,7 +51,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
         Q, tau = np.zeros((2, n))
         e = np.zeros((2, n))
         return EmbeddedWork(
-            coefficients, arrays, record.scratch, posture, numbers, new, K, L, Q, tau, e, springs, saturation
+            coefficients, arrays, record.scratch, posture, numbers, new, K, L, Q, tau, e, springs, saturation, forces
         )
     r, p = len(method.modes.real), len(method.modes.complex)
     turning, with_error = turning_of(chain, s, r, p), record.run.controlled and method.controlled
@@ -61,7 +63,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     postures = (plane_postures if chain.is_planar else space_postures)(s, posture)
     return ImplicitWork(
         coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
-        forces_of(arrays) if arrays.rare is not None else None, posture, numbers, new,
+        forces, posture, numbers, new,
         np.zeros((6, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs, saturation,
         np.zeros((r, n, width)), np.zeros((2, n), complex), np.zeros((p, n, width), complex),
         postures, np.zeros((s, n, width)), turning,
@@ -88,7 +90,8 @@ def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
 
 def carried(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
     """What steps remember from one to the next; all else is scratch within one."""
-    return work.stepper, *work.springs[:3], *work.saturation[:2], *stages_of(work)
+    springs = work.springs
+    return work.stepper, springs.kp, springs.kd, springs.impulse, *work.saturation[:2], *stages_of(work)
 
 
 def stages_of(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.builder import record_branches
 from flexlink.chain.chain import Chain
+from flexlink.kernels.layout import FORCES
 
 ONE, JOINTS = 0, -1
 
@@ -46,7 +47,7 @@ def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
 
 
 def check_chain(chain: Chain) -> None:
-    """Its numbers are finite, and bodies, hinges, couplings and drag belong to one another.
+    """Its numbers are finite, and bodies, hinges and force elements belong to one another.
 
     Raises
     ------
@@ -55,7 +56,8 @@ def check_chain(chain: Chain) -> None:
     """
     # fields that may be infinite
     unlimited = {"lower", "upper"}
-    parts = {"bodies": chain.bodies, "hinges": chain.hinges, "couplings": chain.couplings, "drag": chain.drag}
+    forces = {name: chain.force(name) for name in FORCES}
+    parts = {"bodies": chain.bodies, "hinges": chain.hinges, **forces}
     for part, rows in parts.items():
         for name in set(rows.dtype.names or ()) - unlimited:
             if not np.isfinite(rows[name]).all():
@@ -64,7 +66,8 @@ def check_chain(chain: Chain) -> None:
         raise ValueError("its chain's gravity is not three finite numbers")
     if len(chain.coordinates) != chain.n or any(not 0 <= c.link <= len(chain.link_names) for c in chain.coordinates):
         raise ValueError("its chain's coordinates are not those of its hinges and links")
-    for part, good in (("bodies", _is_tree(chain)), ("couplings", _are_pairs(chain)), ("drag", _is_on_bodies(chain))):
+    belong = {name: _are_within(chain, rows) for name, rows in forces.items()}
+    for part, good in ({"bodies": _is_tree(chain)} | belong).items():
         if not good:
             raise ValueError(f"its chain's {part} do not belong together")
 
@@ -81,10 +84,9 @@ def _is_tree(chain: Chain) -> bool:
     return in_order and bool(known) and on and again.tobytes() == bodies.tobytes()
 
 
-def _are_pairs(chain: Chain) -> bool:
-    inner, outer = chain.couplings["inner"], chain.couplings["outer"]
-    return bool(((inner >= 0) & (inner < outer) & (outer < chain.n)).all())
-
-
-def _is_on_bodies(chain: Chain) -> bool:
-    return bool(((chain.drag["body"] >= 0) & (chain.drag["body"] < len(chain.bodies))).all())
+def _are_within(chain: Chain, rows: NDArray[np.void]) -> bool:
+    """Whether the hinges and bodies that force elements name are there, of couplings in ascending order."""
+    names = set(rows.dtype.names or ())
+    ends = {"hinge": chain.n, "inner": chain.n, "outer": chain.n, "body": len(chain.bodies)}
+    there = all(((rows[name] >= 0) & (rows[name] < ends[name])).all() for name in names & ends.keys())
+    return bool(there and ("inner" not in names or (rows["inner"] < rows["outer"]).all()))

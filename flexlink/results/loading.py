@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from flexlink.describe.scene import scene_from
 from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.result import read_archive
 from flexlink.dynamics.terms import Energy
-from flexlink.kernels.layout import BODY, COUPLING, DRAG, HINGE
+from flexlink.kernels.layout import BODY, COUPLING, FORCES, HINGE
 from flexlink.results.archive_schema import check_chain, check_samples
 from flexlink.results.samples import BaseMotion, Steps
 from flexlink.results.trajectory import Trajectory
@@ -98,8 +98,15 @@ def _chain(arrays: Mapping[str, Any]) -> Chain:
         link_names=tuple(links),
         couplings=_records(arrays.get("chain_couplings", np.zeros(0, COUPLING)), COUPLING),
         tips={links[link]: body for link, body in tips.tolist()},
-        drag=_records(arrays.get("chain_drag", np.zeros(0, DRAG)), DRAG),
+        forces=dict(_forces(arrays)),
     )
+
+
+def _forces(arrays: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[np.void]]]:
+    """Force elements of the chain, but for couplings, that are there."""
+    for name, dtype in FORCES.items():
+        if name != "couplings" and len(rows := arrays.get(f"chain_{name}", ())):
+            yield name, _records(rows, dtype)
 
 
 def _records(rows: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:

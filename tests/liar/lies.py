@@ -120,7 +120,7 @@ LIES = {
     "energies": Function(f"{TERMS}:energy"),
     "q̈": Function("flexlink.dynamics.accelerations:forward_dynamics"),
     "∂q̈": Function("flexlink.dynamics.derivatives:forward_dynamics_derivatives"),
-    "drag": Function("flexlink.dynamics.drag:drag_torque"),
+    "drag": Function("flexlink.dynamics.forces:drag_torque"),
     "loads": Function("flexlink.dynamics.loads:internal_loads"),
     "strain": Function("flexlink.dynamics.strain:beam_strain"),
     "momentum": Function("flexlink.dynamics.momentum:momentum"),

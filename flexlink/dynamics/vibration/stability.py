@@ -21,7 +21,7 @@ from flexlink.common.types import Array, Complex
 from flexlink.describe.actions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
-from flexlink.dynamics.drag import drag_slopes
+from flexlink.dynamics.forces import force_slopes
 from flexlink.dynamics.rounding import scales
 from flexlink.dynamics.springs import about, damping_along, damping_matrix
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_matrices, load_torque, stiffness_matrix
@@ -176,9 +176,9 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
         if qd.any() or gains.kp.any() or gains.kd.any():
             kp, kd = gains.matrices()
             K[k], C[k] = K[k] + kp, C[k] + by_rate + kd
-            if len(chain.drag):
-                drag = drag_slopes(chain, q, qd)
-                K[k], C[k] = K[k] + drag[0], C[k] + drag[1]
+            if chain.forces:
+                of_angle, of_rate = force_slopes(chain, q, qd)
+                K[k], C[k] = K[k] + of_angle, C[k] + of_rate
         held[k] = chain.hinges["prescribed"] != 0
     if held.any():
         for A in (C, K, M):

@@ -5,34 +5,8 @@ Row 0 is that of the base; a body's is its `fork`, and of one with which a branc
 
 import numpy as np
 
-from flexlink.kernels.layout import ChainArrays, Rare
 from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.lanes import empty_lanes
-
-
-@kernel
-def one_of(bodies, hinges, gravity, rare, lane):
-    """One of eight chains, arrays (8, …)."""
-    return ChainArrays(bodies[lane], hinges[lane], gravity[lane], one_rare(rare, lane))
-
-
-@kernel
-def one_rare(rare, lane):
-    """What is rare of it."""
-    if rare is None:
-        return None
-    return Rare(rare.couplings[lane], rare.drag[lane])
-
-
-@kernel
-def eight_of(bodies, hinges, gravity, rare):
-    """All of them."""
-    return (
-        one_of(bodies, hinges, gravity, rare, 0), one_of(bodies, hinges, gravity, rare, 1),
-        one_of(bodies, hinges, gravity, rare, 2), one_of(bodies, hinges, gravity, rare, 3),
-        one_of(bodies, hinges, gravity, rare, 4), one_of(bodies, hinges, gravity, rare, 5),
-        one_of(bodies, hinges, gravity, rare, 6), one_of(bodies, hinges, gravity, rare, 7),
-    )  # fmt: skip
 
 
 @kernel

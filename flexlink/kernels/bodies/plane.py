@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.branches import eight_of
-from flexlink.kernels.forces.elements import forces_of, forces_side_by_side
+from flexlink.kernels.forces.elements import eight_of, forces_of, forces_side_by_side
 from flexlink.kernels.forces.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
 from flexlink.kernels.layout import ChainArrays
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion

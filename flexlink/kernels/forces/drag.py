@@ -16,7 +16,7 @@ import numpy as np
 
 from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics
 from flexlink.kernels.layout import SLIDES
-from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
+from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
 from flexlink.kernels.tools.lanes import Turns
 from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, cross, dot, put, scale, sub, vector
 
@@ -77,12 +77,6 @@ def drag_torque(element, q, qd, torque):
             torque[k] += work.torque[k]
             power += qd[k] * work.torque[k]
     return power
-
-
-@recursion
-def no_energy(element, q):
-    """Drag keeps none [J]."""
-    return 0.0
 
 
 @inlined
@@ -167,12 +161,6 @@ def drag_loads(chain, q, qd):
     work = drag_work(chain, len(chain.bodies), len(chain.hinges))
     put_loads(work, q, qd)
     return work.loads
-
-
-@kernel
-def drag_slopes_at(chain, q, qd, by_angle, by_rate):
-    """Add ∂T/∂q and ∂T/∂q̇ of a chain to (n, n) each."""
-    drag_slopes(drag_of(chain), q, qd, by_angle, by_rate)
 
 
 @subroutine

@@ -4,8 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.branches import eight_of, fork_lanes, fork_rows
-from flexlink.kernels.forces.elements import forces_of, forces_side_by_side
+from flexlink.kernels.bodies.branches import fork_lanes, fork_rows
+from flexlink.kernels.forces.elements import eight_of, forces_of, forces_side_by_side
 from flexlink.kernels.forces.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
 from flexlink.kernels.forward.articulated_branches import DEMAND, FORK_SIZE
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT, common_layout, layout_of

@@ -11,6 +11,7 @@ Wanner, Solving Ordinary Differential Equations I, II.10).
 import math
 from typing import Any, NamedTuple
 
+from flexlink.kernels.forces.elements import find_brakes
 from flexlink.kernels.forward.mass_plus_diagonal import place_bodies
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, stage_torque
@@ -45,6 +46,7 @@ class EmbeddedWork(NamedTuple):
     e: Any  # (2, n)
     springs: Any  # see `error_norm`
     saturation: Any  # see `saturation`
+    forces: Any  # force elements; None of a plain chain
 
 
 @recursion
@@ -65,6 +67,8 @@ def embedded_step(t, h, inputs, state, allowed, work):
     for k in range(len(q)):
         work.new[1, k], work.new[2, k] = L[s, k], K[s, k]
     place_bodies(work.new[0], work.posture)
+    if work.forces is not None:
+        find_brakes(work.forces, work.new[0], work.new[1], work.springs.brakes)
     ε = error_by(0, h, work)
     if len(d) == 1 or ε == 0.0:
         return ε, 1

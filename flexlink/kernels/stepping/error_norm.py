@@ -31,6 +31,7 @@ class Springs(NamedTuple):
 
     kp: Any  # (n,) a drive's gains, and so kd
     kd: Any
+    brakes: Any  # (n,) slopes of force elements by each joint's own rate; None of a plain chain
     impulse: Any  # (n,) T k_d of a sampled law
     factors: Any  # (n, 8)
     r: Any  # (n,), and so δ
@@ -117,4 +118,7 @@ def thrown(τ, work):
 def implicit_rotor(τ, k, work):
     """τ D + τ² K of a joint, its own and its drive's."""
     hinge, springs = work.chain.hinges[k], work.springs
-    return τ * (hinge.damping + springs.kd[k] + τ * (hinge.stiffness + springs.kp[k]))
+    d = hinge.damping + springs.kd[k]
+    if springs.brakes is not None:
+        d += springs.brakes[k]
+    return τ * (d + τ * (hinge.stiffness + springs.kp[k]))

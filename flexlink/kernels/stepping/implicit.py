@@ -22,7 +22,7 @@ Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀
 import math
 
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
-from flexlink.kernels.forces.elements import add_torques
+from flexlink.kernels.forces.elements import add_torques, find_brakes
 from flexlink.kernels.forces.joint_torques import elastic, friction
 from flexlink.kernels.forward.mass_plus_cells import add_products
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, place_bodies, solve
@@ -69,6 +69,8 @@ def implicit_step(t, h, inputs, state, allowed, work):
         angles[k], rates[k] = q[k] + 0.5 * h * qd[k], qd[k]
     follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[VECTOR.tau])
     place_bodies(angles, work.posture)
+    if work.forces is not None:
+        find_brakes(work.forces, angles, rates, work.springs.brakes)
     by_stage = work.stepper[STEPPER.by_stage] > 0.0
     if by_stage:
         accurate *= 0.3  # what is left of K counts more in the error than at the end of the step

@@ -40,6 +40,8 @@ def slope(work, k, rate):
     """D of one joint: dampers, a drive's gain and the slope of the chord of dry friction, which does not overshoot."""
     hinge = work.chain.hinges[k]
     d = hinge.damping + work.springs.kd[k]
+    if work.springs.brakes is not None:
+        d += work.springs.brakes[k]
     if hinge.coulomb > 0.0:
         x = abs(rate) / hinge.coulomb_width
         d += hinge.coulomb / hinge.coulomb_width * (math.tanh(x) / x if x > 1e-8 else 1.0)

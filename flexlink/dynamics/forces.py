@@ -1,6 +1,8 @@
-"""Torque of the drag that links meet in air, and its slopes (see `terms` for shapes and units)."""
+"""Torques of force elements in motion, such as the drag of links, and their slopes."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +12,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import is_batch, rows
-from flexlink.kernels.forces.drag import drag_slopes_at, drag_torques_of_many
+from flexlink.kernels.forces.elements import motion_slopes, motion_torques
 from flexlink.kernels.tools.finite import is_finite
 
 
@@ -45,31 +47,42 @@ def drag_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
     >>> print(f"{rates @ fl.drag_torque(in_air, q, rates):.2f} W")
     1.09 W
     """
+    own = {"drag": require_type("chain", chain, Chain).drag} if len(chain.drag) else {}
+    return force_torque(dataclasses.replace(chain, forces=own), q, qd)
+
+
+def force_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
+    """T of all force elements of `chain.forces`, T_DRAG among them, shape (n,), or (b, n) [N m]; errors as above."""
     n, many = require_type("chain", chain, Chain).n, is_batch(q, qd)
     qs, qds = rows(n, {"q": q, "qd": qd}) if many else (vector(k, x, n)[None] for k, x in (("q", q), ("qd", qd)))
     found = np.zeros((len(qs), n))
-    if len(chain.drag):
-        drag_torques_of_many(chain.arrays, qs, qds, found)
+    if chain.forces:
+        motion_torques(chain.arrays, qs, qds, found)
         if not is_finite(found.reshape(-1)):
-            raise beyond_float64(f"the drag of {chain.name!r}", q=qs, qd=qds)
+            raise beyond_float64(f"{names_of(chain)} of {chain.name!r}", q=qs, qd=qds)
     return found if many else found[0]
 
 
-def drag_slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
-    """∂T_DRAG/∂q [N m/rad] and ∂T_DRAG/∂q̇ [N m s/rad] of one state, shape (n, n) each, exact up to rounding."""
+def force_slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
+    """∂T/∂q [N m/rad] and ∂T/∂q̇ [N m s/rad] of `force_torque` at one state, (n, n) each, exact up to rounding."""
     by_angle, by_rate = np.zeros((2, chain.n, chain.n))
-    if len(chain.drag) and qd.any():
-        drag_slopes_at(chain.arrays, q, qd, by_angle, by_rate)
+    if chain.forces:
+        motion_slopes(chain.arrays, q, qd, by_angle, by_rate)
     return by_angle, by_rate
 
 
-def refuse_drag(what: str, chain: Chain, qd: Array | None = None) -> None:
-    """For what does not count drag; at rest there is none.
+def names_of(chain: Chain) -> str:
+    """The force elements of a chain, for messages."""
+    return ", ".join(chain.forces)
+
+
+def refuse_forces(what: str, chain: Chain, qd: Array | None = None) -> None:
+    """For what does not count force elements; at rest there are none.
 
     Raises
     ------
     ArgumentError
-        The links of the chain meet drag, and it moves.
+        The chain has some, and moves.
     """
-    if len(chain.drag) and (qd is None or qd.any()):
-        raise ArgumentError(f"{chain.name}: {what} do not count drag; leave out link.drag")
+    if chain.forces and (qd is None or qd.any()):
+        raise ArgumentError(f"{chain.name}: {what} do not count {names_of(chain)}; leave out link.drag")
