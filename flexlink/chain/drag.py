@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
 from collections.abc import Sequence
 
@@ -10,37 +9,24 @@ import numpy as np
 
 from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.scene import Scene
-from flexlink.kernels.layout import DRAG
 
 FEWEST, OF_LINK = 2, 8
 """Gauss points of a piece, and of a link. Two integrate the moment of a drag that does not change sign exactly, in a
 plane and of constant breadth; 8 points of a link put 1e-4 of the torque right where it does, or the link tapers."""
 
 
-def with_drag(chain: Chain, scene: Scene, pieces: Sequence[Piece]) -> Chain:
-    """The chain with the points at which its links meet drag, at hand of their pieces; itself where none does.
-
-    Raises
-    ------
-    SceneError
-        A drag is beyond float64.
-    """
+def drag_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> list[tuple[object, ...]]:
+    """The points at which links meet drag, rows of dtype `DRAG`, at hand of the pieces of the links."""
     arm, counts = scene.arm, Counter(piece.link for piece in pieces)
     rows = []
     for piece in pieces:
         link = arm.links[piece.link - 1]
         if link.drag is not None and piece.body and piece.length:
             rows += _of_piece(piece, link, arm, max(FEWEST, -(-OF_LINK // counts[piece.link])), scene.fluid_density)
-    if not rows:
-        return chain
-    drag = np.array(rows, dtype=DRAG)
-    if not np.isfinite(drag["drag"]).all():
-        raise SceneError(f"{scene.name}: drag of a link overflows float64; expected a smaller density or breadth")
-    return dataclasses.replace(chain, forces=chain.forces | {"drag": drag})
+    return rows
 
 
 def _of_piece(piece: Piece, link: Link, arm: Arm, count: int, density: float) -> list[tuple[object, ...]]:

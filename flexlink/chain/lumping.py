@@ -18,7 +18,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.compliance import cell_constants, spring_constants
 from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
 from flexlink.chain.coordinates import ROOT, Coordinate
-from flexlink.chain.drag import with_drag
+from flexlink.chain.forces import with_forces
 from flexlink.chain.free_base import reference_rotation
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.chain.section_beam import SectionBeam
@@ -110,7 +110,7 @@ def _lumped(scene: Scene) -> Chain:
     for array in (bodies, hinges, couplings):
         _check_finite(scene.name, array)
     chain = frame.chain = frame.chain.with_numbers(scene.name, bodies, hinges, np.array(scene.gravity), couplings)
-    return with_drag(with_constant_ratios(chain, scene), scene, frame.builder.pieces)
+    return with_forces(with_constant_ratios(chain, scene), scene, frame.builder.pieces)
 
 
 def pieces(scene: Scene) -> list[Piece]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from flexlink.chain.beam_springs import Springs
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of
+from flexlink.chain.forces import with_forces
 from flexlink.chain.lumping import Frame, frame_of, has_own_rules, lump, situation
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import FlexlinkError
@@ -51,7 +52,7 @@ def _same_frame(before: Scene, scene: Scene) -> bool:
 
 def _frame(scene: Scene) -> Frame | None:
     try:
-        return None if has_own_rules(scene) or posture_of(scene) or scene.arm.has_drag else frame_of(scene)
+        return None if has_own_rules(scene) or posture_of(scene) else frame_of(scene)
     except FlexlinkError:
         return None
 
@@ -86,7 +87,7 @@ def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
             continue
         gravity = np.array(scene.gravity)
         frame.chain = frame.chain.with_numbers(scene.name, bodies[k], hinges[k], gravity, couplings[k])
-        chains.append(frame.chain)
+        chains.append(with_forces(frame.chain, scene, frame.builder.pieces))
     return chains
 
 

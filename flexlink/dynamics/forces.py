@@ -71,6 +71,12 @@ def force_slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
     return by_angle, by_rate
 
 
+def of_single_joints(chain: Chain) -> Chain:
+    """The chain with those force elements alone that act on one joint each by its rate, and belong to T_FR."""
+    own = {name: rows for name, rows in chain.forces.items() if "hinge" in (rows.dtype.names or ())}
+    return chain if len(own) == len(chain.forces) else dataclasses.replace(chain, forces=own)
+
+
 def names_of(chain: Chain) -> str:
     """The force elements of a chain, for messages."""
     return ", ".join(chain.forces)

@@ -62,7 +62,6 @@ def _acts_alike(one: Scene, scene: Scene) -> bool:
     free = (
         not (one.motion or scene.motion or one.wrench.varies or one.wrench.on)
         and one.drive.kind == scene.drive.kind == "none"
-        and not (one.arm.has_drag or scene.arm.has_drag)
     )
     return free and one.wrench == scene.wrench
 

@@ -1,0 +1,42 @@
+"""Force elements of a chain beyond springs between its hinges: what the scene asks for, as rows of `layout.FORCES`."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.builder import Piece
+from flexlink.chain.chain import Chain
+from flexlink.chain.drag import drag_rows
+from flexlink.common.errors import SceneError
+from flexlink.describe.scene import Scene
+from flexlink.kernels.layout import FORCES
+
+Rows = list[tuple[object, ...]]
+ROWS: dict[str, Callable[[Scene, Chain, Sequence[Piece]], Rows]] = {"drag": drag_rows}
+"""Rows of each kind of force element that a scene asks for, at hand of the straight pieces of its links."""
+
+
+def with_forces(chain: Chain, scene: Scene, pieces: Sequence[Piece]) -> Chain:
+    """The chain with its force elements; itself where there are none.
+
+    Raises
+    ------
+    SceneError
+        A number of an element is beyond float64.
+    """
+    forces = {}
+    for name, rows_of in ROWS.items():
+        if rows := rows_of(scene, chain, pieces):
+            forces[name] = np.array(rows, dtype=FORCES[name])
+            _check_finite(scene, name, forces[name])
+    return dataclasses.replace(chain, forces=forces) if forces else chain
+
+
+def _check_finite(scene: Scene, name: str, rows: NDArray[np.void]) -> None:
+    for field in rows.dtype.names or ():
+        if not np.isfinite(rows[field]).all():
+            raise SceneError(f"{scene.name}: the {field} of {name} overflows float64; expected smaller numbers")
