@@ -16,7 +16,15 @@ from flexlink.describe.scene import Scene
 from flexlink.kernels.layout import FORCES
 
 Rows = list[tuple[object, ...]]
-ROWS: dict[str, Callable[[Scene, Chain, Sequence[Piece]], Rows]] = {"drag": drag_rows}
+
+
+def damper_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
+    """Quadratic dampers of the joints, rows of dtype `DAMPER`."""
+    dampers = {link.name: link.joint.quadratic for link in scene.arm.links if link.joint.quadratic}
+    return [(chain.joint_index("dampers", link), c) for link, c in dampers.items()]
+
+
+ROWS: dict[str, Callable[[Scene, Chain, Sequence[Piece]], Rows]] = {"drag": drag_rows, "dampers": damper_rows}
 """Rows of each kind of force element that a scene asks for, at hand of the straight pieces of its links."""
 
 

@@ -39,6 +39,8 @@ class Joint(Spec, frozen=True):
     """Whether the joint stays where it starts."""
     viscous: NonNegative = 0.0
     """Viscous friction torque per rate [N m s/rad]; of a prismatic joint [N s/m]."""
+    quadratic: NonNegative = 0.0
+    """Torque c |q̇| q̇ per squared rate, as of a hydraulic damper [N m s²/rad²]; of a prismatic joint [N s²/m²]."""
     coulomb: NonNegative = 0.0
     """Dry friction torque c [N m], as c tanh(q̇ / coulomb_width); of a prismatic joint a force [N]."""
     coulomb_width: Positive = 0.01

@@ -16,7 +16,7 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.describe.run_settings import ForwardSolver
 from flexlink.dynamics.batches import about_state, is_batch, rows
-from flexlink.dynamics.forces import force_torque
+from flexlink.dynamics.forces import force_torque, names_of
 from flexlink.dynamics.singularity import base_without_rates, no_acceleration
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.forward import solvers
@@ -150,7 +150,9 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
 
 
 def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
-    """Scratch of eight chains of one layout side by side, without drag; the last one given fills up the eight."""
+    """Scratch of eight chains of one layout side by side, without `forces`; the last one given fills up the eight."""
+    if any(chain.forces for chain in chains):
+        raise ArgumentError(f"{chains[0].name}: chains with {names_of(chains[0])} go one by one")
     if solver.lanes_workspace is None:
         raise ArgumentError("solver: several chains at once need solver 'articulated'")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]

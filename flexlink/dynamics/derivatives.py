@@ -159,7 +159,7 @@ def forward_dynamics_derivatives(
     """
     if is_batch(q, qd, tau):
         state = {"q": q, "qd": qd, "tau": tau}
-        if len(require_type("chain", chain, Chain).drag):
+        if require_type("chain", chain, Chain).forces:
             return each(forward_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
         write = functools.partial(forward_derivatives_of_many, require_type("chain", chain, Chain).arrays)
         if chain.is_planar:

@@ -74,7 +74,14 @@ SLIDES = 3
 """Hinges whose axis is as large slide; a body's hinges either all turn, or all slide."""
 
 
-FORCES = {"couplings": COUPLING, "drag": DRAG}
+DAMPER = record(
+    [
+        ("hinge", np.int64),
+        ("quadratic", np.float64),  # c: torque c |q̇| q̇ resists [N m s²/rad²]
+    ]
+)
+
+FORCES = {"couplings": COUPLING, "drag": DRAG, "dampers": DAMPER}
 """Force elements of a chain by name; fields `hinge`, `inner` and `outer` are numbers of hinges, `body` of bodies."""
 
 
@@ -83,6 +90,7 @@ class Rare(NamedTuple):
 
     couplings: NDArray[np.void]
     drag: NDArray[np.void]
+    dampers: NDArray[np.void]
 
 
 class ChainArrays(NamedTuple):

@@ -25,6 +25,7 @@ from flexlink.kernels.forces.couplings import (
     couplings_of,
     couplings_side_by_side,
 )
+from flexlink.kernels.forces.dampers import Dampers, damper_brakes, damper_slopes, damper_torque, dampers_of
 from flexlink.kernels.forces.drag import Drag, drag_of, drag_slopes, drag_torque
 from flexlink.kernels.forces.rotation_tangent import (
     Rotation,
@@ -57,22 +58,24 @@ class Forces(NamedTuple):
     torque: Any  # (n,) scratch, or (n, 8)
 
 
-@of_each({Couplings: coupling_torque, Rotation: rotation_torque, Drag: drag_torque})
+@of_each({Couplings: coupling_torque, Rotation: rotation_torque, Drag: drag_torque, Dampers: damper_torque})
 def add_torques(elements, q, qd, torque):
     """Add T of all elements to `torque` (n,), or (n, 8); returns the power that is lost [W]."""
 
 
-@of_each({Couplings: coupling_energy, Rotation: rotation_energy, Drag: no_energy})
+@of_each({Couplings: coupling_energy, Rotation: rotation_energy, Drag: no_energy, Dampers: no_energy})
 def elastic_energy(elements, q):
     """Energy that all elements hold [J]."""
 
 
-@of_each({Couplings: coupling_slopes, Rotation: rotation_slopes, Drag: drag_slopes}, summed=False)
+@of_each(
+    {Couplings: coupling_slopes, Rotation: rotation_slopes, Drag: drag_slopes, Dampers: damper_slopes}, summed=False
+)
 def add_slopes(elements, q, qd, by_angle, by_rate):
     """Add the slopes of all elements' T to (n, n) each."""
 
 
-@of_each({Couplings: no_brake, Rotation: no_brake, Drag: no_brake}, summed=False)
+@of_each({Couplings: no_brake, Rotation: no_brake, Drag: no_brake, Dampers: damper_brakes}, summed=False)
 def add_brakes(elements, q, qd, brakes):
     """Add to (n,) the slopes of T by each joint's own rate that implicit steps and their errors are to count."""
 
@@ -96,7 +99,7 @@ def forces_of(chain):
 @kernel
 def in_motion(chain):
     """Those that are no springs between hinges, nor dampers."""
-    return (drag_of(chain),)
+    return drag_of(chain), dampers_of(chain)
 
 
 @kernel
@@ -124,7 +127,7 @@ def one_rare(rare, lane):
     """What is rare of it."""
     if rare is None:
         return None
-    return Rare(rare.couplings[lane], rare.drag[lane])
+    return Rare(rare.couplings[lane], rare.drag[lane], rare.dampers[lane])
 
 
 @kernel

@@ -1,0 +1,82 @@
+"""Quadratic dampers of joints, c |q̇| q̇: closed forms, other integrators, and what does not know them says so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import random_state
+from scipy.integrate import solve_ivp
+
+import flexlink as fl
+
+WAYS = [("RK4", None), ("Gauss4", None), ("Radau5", 1e-6), ("DOP853", 1e-6), ("Radau9", 1e-8), ("auto", 1e-5)]
+
+
+def wheel(**changes: object) -> fl.Scene:
+    """1 kg m² that turns at 3 rad/s, damped by 0.5 N m s²/rad²: q̇ = 3 / (1 + 1.5 t)."""
+    joint = fl.Joint(quadratic=0.5, armature=1.0)
+    arm = fl.Arm(links=(fl.Link(name="wheel", joint=joint, hub=fl.RigidBody(mass=1.0)),))
+    run = fl.RunSettings(duration=4.0, sample=1.0, step=1e-3)
+    return fl.Scene(name="wheel", arm=arm, run=run, initial=fl.InitialState(q=(0.0,), qd=(3.0,))).varied(changes)
+
+
+def damped(name: str = "t2_spatial", **changes: object) -> fl.Scene:
+    scene = fl.load_scene(f"models/{name}.toml")
+    return scene.varied({"link.*.joint.quadratic": 20.0, "run.duration": 0.3, "run.sample": 0.1, **changes})
+
+
+@pytest.mark.parametrize(("method", "tolerance"), WAYS)
+def test_a_wheel_slows_down_as_one_over_time(method: str, tolerance: float | None) -> None:
+    run = fl.simulate(
+        wheel(**{"run.method": method, "run.relative_tolerance": tolerance} if tolerance else {"run.method": method})
+    )
+    np.testing.assert_allclose(run.qd[:, 0], 3 / (1 + 1.5 * run.t), rtol=20 * (tolerance or 1e-7))
+    assert np.abs(run.imbalance).max() <= 4.5 * 20 * (tolerance or 1e-7)
+
+
+def test_a_bending_arm_moves_as_by_another_integrator() -> None:
+    scene = damped()
+    chain, run = fl.lump(scene), fl.simulate(scene.varied({"run.method": "Radau9", "run.relative_tolerance": 1e-8}))
+    c = np.isin(np.arange(chain.n), chain.active) * 20.0
+    bare = fl.lump(scene.varied({"link.*.joint.quadratic": 0.0}))
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        q, qd = y.reshape(2, -1)
+        return np.concatenate([qd, fl.forward_dynamics(bare, q, qd, -c * np.abs(qd) * qd)])
+
+    end = solve_ivp(rates, (0.0, 0.3), np.concatenate([run.q[0], run.qd[0]]), "Radau", rtol=1e-8, atol=1e-10).y[:, -1]
+    np.testing.assert_allclose(run.q[-1], end[: chain.n], atol=2e-6)
+
+
+def test_torques_and_slopes_are_those_of_the_law(rng) -> None:
+    chain = fl.lump(damped())
+    q, qd = random_state(chain, rng)
+    bare = fl.lump(damped(**{"link.*.joint.quadratic": 0.0}))
+    more = np.zeros(chain.n)
+    more[chain.active] = 20.0 * np.abs(qd[chain.active]) * qd[chain.active]
+    np.testing.assert_allclose(fl.friction_torque(chain, qd), fl.friction_torque(bare, qd) + more, rtol=1e-14)
+    slopes, h = fl.forward_dynamics_derivatives(chain, q, qd, np.zeros(chain.n)).dqd, 1e-6
+    by_steps = [
+        fl.forward_dynamics(chain, q, qd + s * h * e, np.zeros(chain.n)) for e in np.eye(chain.n) for s in (1, -1)
+    ]
+    numeric = (np.array(by_steps[::2]) - np.array(by_steps[1::2])).T / (2 * h)
+    np.testing.assert_allclose(slopes, numeric, atol=1e-7 * np.abs(slopes).max())
+
+
+def test_archives_continued_runs_and_sweeps_know_them(tmp_path) -> None:
+    whole = fl.simulate(damped())
+    whole.save(tmp_path / "run.npz")
+    assert fl.load_trajectory(tmp_path / "run.npz").chain.forces["dampers"]["quadratic"].tolist() == [20.0, 20.0]
+    again = fl.simulate(
+        damped(**{"run.duration": 0.2, "initial.q": tuple(whole.q[1]), "initial.qd": tuple(whole.qd[1])})
+    )
+    np.testing.assert_allclose(again.q[-1], whole.q[-1], atol=1e-12)
+    many = fl.simulate_many([damped(**{"link.*.joint.quadratic": c}) for c in (10.0, 20.0)])
+    np.testing.assert_array_equal(many[1].q, whole.q)
+
+
+def test_files_and_engines_name_what_they_lack() -> None:
+    scene = damped()
+    assert "quadratic dampers" in fl.formats.not_held(scene, fl.lump(scene), format="mjcf")
+    with pytest.raises(fl.FlexlinkError, match="engines know no dampers"):
+        fl.compare_trajectories(scene, ["mujoco"])
