@@ -1,5 +1,5 @@
-"""Fit a model to a measurement: exact derivatives for SciPy
-=========================================================
+"""Fit a model to a measurement: derivatives of runs for SciPy
+===========================================================
 
 A strip is let go from straight, its tip is filmed. Which Young's modulus, payload and damping explain the film?
 ``fl.sensitivities`` gives the run and its derivatives along these numbers at once: the Jacobian that SciPy's least
@@ -64,7 +64,7 @@ def residual(x: np.ndarray) -> np.ndarray:
 
 
 def jacobian(x: np.ndarray) -> np.ndarray:
-    """Its exact derivatives along the numbers."""
+    """Its derivatives along the numbers."""
     return fl.sensitivities(found_with(x), list(numbers)).tip[:, 1] * units / NOISE
 
 

@@ -114,16 +114,15 @@ def test_a_refused_step_names_a_tolerance_as_the_first_way_out() -> None:
     assert "--insist" in then
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda s: fl.sensitivities(s, ("tip.mass",)), "need fixed steps of an explicit method; give run.step"),
-        (lambda s: fl.simulate(s, control=lambda t, q, qd: [0.0]), "with the default tolerance, .* give rate, or take"),
-    ],
-)  # fmt: skip
-def test_what_needs_fixed_steps_says_how_to_have_them(call: Any, message: str) -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=message):
-        call(arm(duration=0.01))
+def test_a_law_needs_fixed_steps_and_says_how_to_have_them() -> None:
+    with pytest.raises(fl.errors.ArgumentError, match=r"with the default tolerance, .* give rate, or take"):
+        fl.simulate(arm(duration=0.01), control=lambda t, q, qd: [0.0])
+
+
+def test_slopes_of_a_run_with_the_default_tolerance_are_those_with_small_fixed_steps() -> None:
+    scene = arm(duration=0.05)
+    found, fixed = (fl.sensitivities(s, ("tip.mass",)) for s in (scene, scene.varied({"run.step": 2e-5})))
+    assert np.abs(found.tip - fixed.tip).max() <= min(4 * found.tip_error[0], 1e-4 * np.abs(fixed.tip).max())
 
 
 def test_simulators_sweeps_and_engines_take_the_default(tmp_path: Path) -> None:

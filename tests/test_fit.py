@@ -18,7 +18,8 @@ from flexlink.identification.colour import Colour, colour_of
 from flexlink.identification.coordinates import coordinate_of, coordinates_of
 from flexlink.identification.data import sources_of
 from flexlink.identification.interval import Part, spread_of
-from flexlink.identification.signals import FOUR, STEP, Signals
+from flexlink.identification.signals import STEP, Signals
+from flexlink.motion.slopes_of_runs import CENTRAL_4
 from validation.case import CASES, load_case
 from validation.kinds.planted_fits import held
 
@@ -106,9 +107,9 @@ class TestSlopes:
         problem = problem_of(scene.varied({"run.duration": 0.1}), ("tip.mass", "link.upper.joint.armature"), run)
         alone, ahead = (Signals(sources_of(problem, "fit"), coordinates_of(problem)) for _ in range(2))
         x = np.array([one.x(one.start) for one in alone.coordinates])
-        ahead.ahead([*ahead.around(x, FOUR), *ahead.around(x, FOUR, STEP / 2)])
+        ahead.ahead([*ahead.around(x, CENTRAL_4), *ahead.around(x, CENTRAL_4, STEP / 2)])
         for step in (STEP, STEP / 2):
-            assert np.array_equal(ahead.slopes(x, FOUR, step), alone.slopes(x, FOUR, step))
+            assert np.array_equal(ahead.slopes(x, CENTRAL_4, step), alone.slopes(x, CENTRAL_4, step))
         assert np.array_equal(ahead.model(x), alone.model(x))
         assert ahead.runs == 1 + 2 * 6  # ±½, ±1 and ±2 steps of both
         assert alone.runs > 2 * (1 + 2 * 4)

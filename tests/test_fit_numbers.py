@@ -32,9 +32,10 @@ from flexlink.identification.interval import Part, Spread, spread_of
 from flexlink.identification.linear_reference import _given, _modes, _poles, _shapes
 from flexlink.identification.recorded import Recorded, _noise_of_sensors, _with_noise, at_times, recorded
 from flexlink.identification.residuals import row_of
-from flexlink.identification.signals import DOWN, FOUR, TWO, UP, Signals, Stencil
+from flexlink.identification.signals import Signals
 from flexlink.identification.single import Sagged
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods
+from flexlink.motion.slopes_of_runs import CENTRAL, CENTRAL_4, FORWARD, Places, mirrored, weights
 
 Array = np.ndarray
 E, MASS, YOUNG = 2e11, "tip.mass", "material.steel.young"
@@ -260,18 +261,18 @@ class TestSearch:
         assert np.linalg.norm(x - weighed) < 0.01 * np.linalg.norm(alike - weighed)
         assert [one.noise for one in fitted.columns] == pytest.approx([1.0, 0.01], rel=0.3)
 
-    @pytest.mark.parametrize(("stencil", "order"), [(TWO, 2), (FOUR, 4), (UP, 2), (DOWN, 2)])
-    def test_slopes_are_exact_of_powers_up_to_their_order(self, stencil: Stencil, order: int) -> None:
-        for power in range(order + 1):
-            slope = sum(w * at**power for at, w in zip(stencil.at, stencil.weights, strict=True))
+    @pytest.mark.parametrize(("places", "order"), [(CENTRAL, 2), (CENTRAL_4, 4), (FORWARD, 2), (mirrored(FORWARD), 2)])
+    def test_slopes_are_exact_of_powers_up_to_their_order(self, places: Places, order: int) -> None:
+        for power in range(1, order + 1):
+            slope = sum(w * at**power for at, w in zip(places, weights(places), strict=True))
             assert slope == pytest.approx(float(power == 1), abs=1e-15)
 
     def test_slopes_are_asked_for_inside_the_bounds_only(self) -> None:
         mass = Coordinate(MASS, "", 1.0, False, 1.0, (0.5, 2.0), None)
         signals = Signals([film(np.zeros(3), 1.0)], [mass])
-        for at, sides in ((0.5, {0, 1}), (1.0, {-1, 1}), (2.0, {-1, 0})):
-            for stencil in (TWO, FOUR):
-                _, *points = signals.around(np.array([at]), stencil)
+        for at, sides in ((0.5, {1}), (1.0, {-1, 1}), (2.0, {-1})):
+            for places in (CENTRAL, CENTRAL_4):
+                _, *points = signals.around(np.array([at]), places)
                 assert {int(np.sign(point[0] - at)) for point in points} == sides
 
     def test_the_likelihood_of_noise_pays_for_each_coefficient(self) -> None:

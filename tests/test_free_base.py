@@ -168,13 +168,26 @@ def test_momentum_is_what_the_mass_matrix_makes_of_the_rates() -> None:
     assert np.abs(found.center - chain.com(q)).max() < 1e-15
 
 
-def test_derivatives_of_a_run_go_as_far_as_its_angles_do() -> None:
-    short = scene(**{"run.duration": 0.1, "initial.base.spin_deg": (30.0, 60.0, 20.0)})
-    found, h = fl.sensitivities(short, ["tip.mass"]), 1e-5
-    ahead, behind = (fl.simulate(short.varied({"tip.mass": 0.2 + side * h})).tip for side in (1, -1))
-    assert np.abs((ahead - behind) / (2 * h) - found.tip[:, :, 0]).max() < 1e-7
-    with pytest.raises(fl.errors.ArgumentError, match=r"turns to base.ry = \d+° from where it starts"):
-        fl.sensitivities(scene(), ["tip.mass"])
+def test_slopes_of_a_run_go_through_all_turns_of_its_base() -> None:
+    for changes in ({"run.duration": 0.1, "initial.base.spin_deg": (30.0, 60.0, 20.0)}, {}):
+        changed = scene(**changes)
+        found, h = fl.sensitivities(changed, ["tip.mass"]), 1e-5
+        ahead, behind = (fl.simulate(changed.varied({"tip.mass": 0.2 + side * h})).tip for side in (1, -1))
+        error = np.abs((ahead - behind) / (2 * h) - found.tip[:, :, 0]).max()
+        assert error < 1e-6 * np.abs(found.tip).max() + found.tip_error[0]
+    assert np.abs(found.run.q[:, 4]).max() > np.radians(70)
+
+
+def test_slopes_of_an_angle_that_is_half_a_turn_are_those_of_any_other() -> None:
+    """Beside it the angle is told from the next turn."""
+    spun = fl.InitialState(base=fl.BaseState(spin_deg=(0.0, 0.0, 180.0)))
+    alone = fl.Arm(
+        links=(fl.Link(name="a", joint=fl.Joint(locked=True), end=fl.RigidBody(mass=1.0)),),
+        base=fl.Base(kind="free", mass=3.0, inertia=(0.2, 0.25, 0.3)),
+    )
+    found = fl.sensitivities(replace(scene(), arm=alone, initial=spun), ["initial.base.spin_deg.z"])
+    np.testing.assert_allclose(np.abs(found.run.q[-1, 5]), np.pi, rtol=1e-6)
+    np.testing.assert_allclose(found.q[:, 5, 0], np.radians(found.run.t), atol=1e-4)
 
 
 def test_six_modes_of_a_free_base_are_rigid() -> None:

@@ -22,9 +22,10 @@ from flexlink.identification.profile import profiled, widened
 from flexlink.identification.reasons import with_reasons
 from flexlink.identification.remarks import notes, ranges_apart, warnings
 from flexlink.identification.residuals import row_of
-from flexlink.identification.signals import FOUR, STEP, Signals
+from flexlink.identification.signals import STEP, Signals
 from flexlink.identification.solve import Found, Search, start_points
 from flexlink.identification.stacking import large_changes, linear_names, parts_of, priors_of, stacked
+from flexlink.motion.slopes_of_runs import CENTRAL_4
 
 
 def check_fit(problem: FitProblem) -> Check:
@@ -165,8 +166,8 @@ def _searched(search: Search, points: Sequence[Array], tell: Callable[[str], Non
 
 def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], told: Sequence[str]) -> Check:
     """Slopes twice, with two steps: their difference is how well they are known."""
-    signals.ahead([*signals.around(x, FOUR), *signals.around(x, FOUR, STEP / 2)])
-    slopes, finer = signals.slopes(x, FOUR), signals.slopes(x, FOUR, STEP / 2)
+    signals.ahead([*signals.around(x, CENTRAL_4), *signals.around(x, CENTRAL_4, STEP / 2)])
+    slopes, finer = signals.slopes(x, CENTRAL_4), signals.slopes(x, CENTRAL_4, STEP / 2)
     J = _of_all(signals, x, blocks, slopes)
     error = float(np.linalg.norm(J - _of_all(signals, x, blocks, finer), 2))
     check = checked(J, error, _names(signals), [*told, *ranges_apart(signals.sources, signals.model(x))])

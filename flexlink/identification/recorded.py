@@ -20,6 +20,7 @@ from flexlink.describe.spec import did_you_mean
 from flexlink.identification.block import Block
 from flexlink.identification.problem import FitProblem, FitRun, Use
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
+from flexlink.motion.slopes_of_runs import smooth
 from flexlink.results.columns import sources_of
 from flexlink.results.measured import Measured, measured_from, named, read_measured
 from flexlink.results.trajectory import Trajectory
@@ -175,10 +176,9 @@ def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
 
 
 def exact(scene: Scene, tolerance: float) -> Scene:
-    """The scene with runs that have slopes: sensors without noise and steps, a tolerance as small as that."""
-    sensors = [replace(one, noise=0.0, seed=None, resolution=None, rate=None) for one in scene.sensor]
-    plain = replace(scene, sensor=tuple(sensors)) if sensors else scene
-    return plain.varied({"run.relative_tolerance": tolerance}) if scene.run.controlled else plain
+    """The scene with runs that have slopes (`smooth`), of sensors that are asked at every sample."""
+    sensors = tuple(replace(one, rate=None) for one in scene.sensor)
+    return smooth(replace(scene, sensor=sensors) if sensors else scene, tolerance)
 
 
 def _noise_of_sensors(scene: Scene) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from flexlink.identification.recorded import Recorded
 from flexlink.identification.single import Sagged, Tapped
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
+from flexlink.motion.slopes_of_runs import CENTRAL, FORWARD, Places, mirrored, moved, neighbours
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
@@ -25,20 +27,6 @@ Model = list[list[Array]]
 """Of every source, of every block of it, what the scene gives."""
 STEP = 1e-3
 """Step of differences in x, a part of the number or of its unit."""
-
-
-class Stencil(NamedTuple):
-    """Where a slope is taken from, in steps, and with which weights over the step."""
-
-    at: tuple[int, ...]
-    weights: tuple[float, ...]
-
-
-TWO = Stencil((-1, 1), (-0.5, 0.5))
-FOUR = Stencil((-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12))
-"""Errors of order 2 and 4."""
-UP, DOWN = Stencil((0, 1, 2), (-1.5, 2.0, -0.5)), Stencil((0, -1, -2), (1.5, -2.0, 0.5))
-"""At a bound, of order 2."""
 
 
 KEPT = 4
@@ -98,10 +86,11 @@ class Signals:
         parts = [self._many([(number, x) for x in new.values()]) for number in range(len(self.sources))]
         self._most = KEPT + len(new)
         for x, *model in zip(new.values(), *parts, strict=True):
-            if not any(isinstance(values, FlexlinkError) for values in model):
-                self._points[x.tobytes()] = _Point(_good(model), [])
+            good = [values for values in model if not isinstance(values, FlexlinkError)]
+            if len(good) == len(model):
+                self._points[x.tobytes()] = _Point(good, [])
 
-    def slopes(self, x: Array, stencil: Stencil = TWO, step: float = STEP) -> list[list[Array]]:
+    def slopes(self, x: Array, places: Places = CENTRAL, step: float = STEP) -> list[list[Array]]:
         """∂(what the scene gives)/∂x of every block, shape (n, coordinates).
 
         Raises
@@ -109,8 +98,8 @@ class Signals:
         FlexlinkError
             The scene gives nothing next to this point.
         """
-        if stencil is not TWO:
-            return [self._of_source(number, x, stencil, step)[1] for number in range(len(self.sources))]
+        if places != CENTRAL:
+            return [self._of_source(number, x, places, step)[1] for number in range(len(self.sources))]
         return self._kept(x, slopes=True).slopes
 
     def _kept(self, x: Array, *, slopes: bool) -> _Point:
@@ -118,51 +107,37 @@ class Signals:
         key = x.tobytes()
         point = self._points.get(key)
         if point is None or (slopes and not point.slopes):
-            parts = [self._of_source(k, x, TWO if slopes else None, STEP) for k in range(len(self.sources))]
+            parts = [self._of_source(k, x, CENTRAL if slopes else None, STEP) for k in range(len(self.sources))]
             point = _Point([values for values, _ in parts], [of_part for _, of_part in parts] if slopes else [])
             self._points[key] = point
             while len(self._points) > self._most:
                 self._points.pop(next(iter(self._points)))
         return point
 
-    def around(self, x: Array, stencil: Stencil, step: float = STEP) -> list[Array]:
+    def around(self, x: Array, places: Places, step: float = STEP) -> list[Array]:
         """The point, and those beside it from which slopes are taken."""
         every = range(len(x))
-        return [x, *(_beside(x, k, step * at) for k in every for at in self._stencil(k, x, stencil, step).at)]
+        return [x, *(moved(x, k, step * at) for k in every for at in self._places(k, x, places, step))]
 
-    def _of_source(
-        self, number: int, x: Array, stencil: Stencil | None, step: float
-    ) -> tuple[list[Array], list[Array]]:
+    def _of_source(self, number: int, x: Array, places: Places | None, step: float) -> tuple[list[Array], list[Array]]:
         """What one source has at a point, and its slopes, all in one batch; errors as in `slopes`."""
-        own = self._own[number] if stencil is not None else []
-        stencils = [self._stencil(k, x, stencil or TWO, step) for k in own]
-        points = [_beside(x, k, step * at) for k, one in zip(own, stencils, strict=True) for at in one.at]
-        middle, *several = self._many([(number, point) for point in (x, *points)])
-        (values,) = _good([middle])
+        own = self._own[number] if places is not None else []
+        steps = np.zeros(len(x))
+        steps[own] = step
+        at = [self._places(k, x, places or CENTRAL, step) for k in range(len(x))]
+        values, beside = neighbours(lambda points: self._many([(number, point) for point in points]), x, steps, at)
         slopes = [np.zeros((len(block.y), len(x))) for block in self.sources[number].blocks]
-        beside = iter(several)
-        for k, one in zip(own, stencils, strict=True):
-            found = self._slope(number, x, k, one, [next(beside) for _ in one.at], step)
-            for slope, column in zip(slopes, found, strict=True):
-                slope[:, k] = column
+        for k, one in zip(own, beside, strict=True):
+            if isinstance(one, FlexlinkError):
+                raise one
+            for j, slope in enumerate(slopes):
+                slope[:, k] = one.slope(values[j], operator.itemgetter(j))
         return values, slopes
 
-    def _slope(
-        self, number: int, x: Array, k: int, stencil: Stencil, values: list[list[Array] | FlexlinkError], step: float
-    ) -> list[Array]:
-        """∂/∂x_k of every block; where the scene gives nothing on one side, from the other side alone."""
-        for other in (DOWN, UP):
-            if any(isinstance(value, FlexlinkError) for value in values) and stencil is not other:
-                stencil = other
-                values = self._many([(number, _beside(x, k, step * at)) for at in other.at])
-        columns = zip(*_good(values), strict=True)
-        weights = np.array(stencil.weights) / step
-        return [np.tensordot(weights, np.array(each), 1) for each in columns]
-
-    def _stencil(self, k: int, x: Array, stencil: Stencil, step: float) -> Stencil:
+    def _places(self, k: int, x: Array, places: Places, step: float) -> Places:
         low, high = self.coordinates[k].bounds
-        far = step * max(stencil.at)
-        return UP if x[k] - far < low else DOWN if x[k] + far > high else stencil
+        far = step * max(places)
+        return FORWARD if x[k] - far < low else mirrored(FORWARD) if x[k] + far > high else places
 
     def _many(self, asked: Sequence[tuple[int, Array]]) -> list[list[Array] | FlexlinkError]:
         """What one source has at several points: points that are kept as they are, runs side by side where they can."""
@@ -187,7 +162,7 @@ class Signals:
         good = [scene for scene in scenes if isinstance(scene, Scene)]
         self.runs += len(good)
         with deferred() as stop:
-            ends = iter(outcomes(good, stop, compared=False))  # warnings of single runs are not told
+            ends = iter(outcomes(good, stop, compared=0))  # warnings of single runs are not told
         return [scene if isinstance(scene, FlexlinkError) else _of_run(source, next(ends)) for scene in scenes]
 
 
@@ -207,16 +182,3 @@ def _of_run(source: Recorded, end: object) -> list[Array] | FlexlinkError:
         return source.model(end)
     assert isinstance(end, FlexlinkError)
     return end
-
-
-def _good(values: Sequence[list[Array] | FlexlinkError]) -> list[list[Array]]:
-    for value in values:
-        if isinstance(value, FlexlinkError):
-            raise value
-    return [value for value in values if not isinstance(value, FlexlinkError)]
-
-
-def _beside(x: Array, k: int, by: float) -> Array:
-    point = x.copy()
-    point[k] += by
-    return point

@@ -85,18 +85,19 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
     return runs
 
 
-def outcomes(scenes: Sequence[Scene], stop: Stop, *, compared: bool = True) -> list[Outcome]:
+def outcomes(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None) -> list[Outcome]:
     """What becomes of every scene, of those that are refused, too; neighbours that are alike run side by side.
 
-    The numbers of one do not depend on which others there are, to the bit; `compared` as in `SingleRun.finish`.
+    The numbers of one do not depend on which others there are, to the bit. As many as `compared`, the first ones, are
+    compared with verification runs where their steps call for it; None: all.
     """
     ends = ends_of(scenes, stop, compared=compared)
     return [end.trajectory() if isinstance(end, Run) else end for end in ends]
 
 
-def ends_of(scenes: Sequence[Scene], stop: Stop, *, compared: bool = True) -> Iterator[Run | Outcome]:
+def ends_of(scenes: Sequence[Scene], stop: Stop, *, compared: int | None = None) -> Iterator[Run | Outcome]:
     """`outcomes`, in whose place those that passed every look beside others stand in their blocks."""
-    members = prepared(scenes)
+    members = prepared(scenes, compared)
     kept, before = Kept(), None
     ends: deque[Run | Outcome] = deque()
     blocks = _blocks(member for member in members if isinstance(member, Member))
@@ -109,17 +110,18 @@ def ends_of(scenes: Sequence[Scene], stop: Stop, *, compared: bool = True) -> It
             first = block[0]
             if before is None or not (first.along and before.along and alike(before.problem, first.problem)):
                 kept, before = Kept(), first
-            ends += _simulated(block, kept, stop, compared=compared)
+            ends += _simulated(block, kept, stop)
         yield ends.popleft()
 
 
-def prepared(scenes: Sequence[Scene]) -> list[Member | FlexlinkError]:
-    """The problems of all scenes, their steps judged, and what is refused."""
+def prepared(scenes: Sequence[Scene], compared: int | None = None) -> list[Member | FlexlinkError]:
+    """The problems of all scenes, their steps judged, and what is refused; `compared` as in `outcomes`."""
+    most = len(scenes) if compared is None else compared
     problems = problems_of(scenes)
     good = [problem for problem in problems if isinstance(problem, InitialValueProblem)]
     judged = iter(judge_steps(good))
     members: list[Member | FlexlinkError] = []
-    for problem in problems:
+    for number, problem in enumerate(problems):
         if isinstance(problem, FlexlinkError):
             members.append(problem)
         else:
@@ -127,7 +129,7 @@ def prepared(scenes: Sequence[Scene]) -> list[Member | FlexlinkError]:
             if isinstance(warnings, FlexlinkError):
                 members.append(warnings)
             else:
-                members.append(Member(problem, warnings, goes_along(problem)))
+                members.append(Member(problem, warnings, goes_along(problem), number < most))
     return members
 
 
@@ -145,19 +147,19 @@ def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
         yield block
 
 
-def _simulated(members: Sequence[Member], kept: Kept, stop: Stop, *, compared: bool = True) -> Sequence[Run | Outcome]:
+def _simulated(members: Sequence[Member], kept: Kept, stop: Stop) -> Sequence[Run | Outcome]:
     """Also one alone goes in lanes: its numbers are those that it has beside any others."""
     if not members[0].along:
-        return [_alone(members[0], stop, compared=compared)]
+        return [_alone(members[0], stop)]
     try:
         block = Block(members, kept)
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
-        return [_alone(member, stop, compared=compared) for member in members]
+        return [_alone(member, stop) for member in members]
     if block.integrate(stop):
         return block.ends(stop)
     if len(members) == 1:  # it diverges; it says so itself
-        return [_alone(members[0], stop, compared=compared)]
-    return [end for member in members for end in _simulated([member], Kept(), stop, compared=compared)]
+        return [_alone(members[0], stop)]
+    return [end for member in members for end in _simulated([member], Kept(), stop)]
 
 
 def _ended(end: Run | Outcome) -> Ended:
@@ -169,12 +171,12 @@ def _ended(end: Run | Outcome) -> Ended:
     return end
 
 
-def _alone(member: Member, stop: Stop, *, compared: bool) -> Outcome:
+def _alone(member: Member, stop: Stop) -> Outcome:
     try:
         monitor = allocate(member.problem, warnings=member.warnings)
     except FlexlinkError as error:
         return error
     try:
-        return SingleRun(monitor).finish(stop, compared=compared, warn=warn)
+        return SingleRun(monitor).finish(stop, compared=member.compared, warn=warn)
     except (DivergenceError, InterruptedRunError) as error:
         return error

@@ -49,6 +49,7 @@ class Member(NamedTuple):
     problem: InitialValueProblem
     warnings: tuple[str, ...]
     along: bool  # with others
+    compared: bool = True  # with a verification run where its steps call for one
 
 
 def goes_along(problem: InitialValueProblem) -> bool:
@@ -173,7 +174,7 @@ class Block:
         if not monitor.check(self.rows, self.steps, self.errors[k]):
             monitor.steps = steps_up_to(self.run, monitor.n_valid * self.run.steps_per_sample)
             return monitor.diverged()
-        if not stop.asked:
+        if self.members[k].compared and not stop.asked:
             monitor.warnings += verify(monitor, self.steps.method, stop)
         if stop.signal is not None:
             return InterruptedRunError(monitor.trajectory(), stop.signal)

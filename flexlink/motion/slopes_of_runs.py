@@ -1,0 +1,341 @@
+"""Slopes of runs along numbers of their scene: differences between runs side by side.
+
+A slope is that of the polynomial through the values at the point and at places beside it, counted in steps h:
+
+    f' ≈ Σ w_i (f(x + a_i h) − f(x)) / h        w_i = L_i'(0), of Lagrange's polynomials
+
+With m places beside the point the error is h^m f^(m+1) times a constant, and that of rounding Σ |w_i| ε / h. Its
+estimate is the difference from the slope of one order less, by the same runs, as in embedded Runge-Kutta methods.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+from msgspec.structs import replace
+
+from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
+from flexlink.common.interruption import deferred
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import truncated
+from flexlink.describe.variants import Variants
+from flexlink.describe.vary import number_in, parts_of
+from flexlink.dynamics.floating_base import ANGLES
+from flexlink.motion.batch import outcomes
+from flexlink.results.stop_reasons import InterruptedRunError
+from flexlink.results.trajectory import Trajectory
+
+Value = TypeVar("Value")
+Places = tuple[int, ...]
+"""Where a function is evaluated beside a point, in steps."""
+CENTRAL: Places = (-1, 1)
+"""Error of order 2."""
+CENTRAL_4: Places = (-2, -1, 1, 2)
+"""Error of order 4."""
+FORWARD: Places = (1, 2)
+"""Error of order 2, at a lower bound; mirrored at an upper one."""
+
+
+@functools.cache
+def weights(at: Places) -> tuple[float, ...]:
+    """Weights of changes at these places, whose sum over the step is the slope.
+
+    >>> print(weights((-1, 1)))
+    (-0.5, 0.5)
+    """
+    factors = [[(Fraction(-y), Fraction(x - y)) for y in (0, *at) if y != x] for x in at]
+    return tuple(
+        float(math.prod(top for top, _ in one if top) / math.prod(bottom for _, bottom in one)) for one in factors
+    )
+
+
+class Neighbours(NamedTuple, Generic[Value]):
+    """What a function is at places beside a point along one coordinate.
+
+    Attributes
+    ----------
+    at
+        The places.
+    step
+        How far apart they are.
+    values
+        What it is at each.
+    """
+
+    at: Places
+    step: float
+    values: list[Value]
+
+    def slope(self, middle: Array, read: Callable[[Value], Array]) -> Array:
+        """The slope of what `read` takes from values, which is `middle` at the point."""
+        return self._slope(self.at, self._changes(middle, read))
+
+    def slope_with_error(self, middle: Array, read: Callable[[Value], Array]) -> tuple[Array, float]:
+        """The same, and an estimate of its largest error: three times what the last place changes.
+
+        Truncation is far less, as the slope is of one order more than the one that it is compared with; rounding is 0.8
+        to 1.6 times as large.
+        """
+        changes = self._changes(middle, read)
+        found, rougher = self._slope(self.at, changes), self._slope(self.at[:-1], changes[:-1])
+        return found, 3 * float(np.abs(found - rougher).max(initial=0.0))
+
+    def _changes(self, middle: Array, read: Callable[[Value], Array]) -> list[Array]:
+        return [read(value) - middle for value in self.values]
+
+    def _slope(self, at: Places, changes: Sequence[Array]) -> Array:
+        return np.tensordot(np.array(weights(at)) / self.step, np.array(changes), 1)
+
+
+def neighbours(
+    many: Callable[[Sequence[Array]], Sequence[Value | FlexlinkError]],
+    x: Array,
+    steps: Array,
+    at: Sequence[Places],
+    one_sided: Places = FORWARD,
+) -> tuple[Value, list[Neighbours[Value] | FlexlinkError]]:
+    """A function of x, and what it is beside x along each coordinate, or why it is not, all in one call of `many`.
+
+    Parameters
+    ----------
+    many
+        The function, at several points at once: values, or why there is none.
+    x, steps
+        The point (p,), and the step along each coordinate (p,); 0: no neighbours.
+    at
+        Of each coordinate the places.
+    one_sided
+        Places that are tried, and their mirror images, where there is no value at one of these.
+
+    Raises
+    ------
+    FlexlinkError
+        There is no value at x.
+    """
+    asked = [k for k in range(len(x)) if steps[k]]
+    points = [moved(x, k, place * steps[k]) for k in asked for place in at[k]]
+    middle, *beside = many([x, *points])
+    if isinstance(middle, FlexlinkError):
+        raise middle
+    found, left = list[Neighbours[Value] | FlexlinkError](), iter(beside)
+    for k in asked:
+        places, values = at[k], [next(left) for _ in at[k]]
+        for other in (mirrored(one_sided), one_sided):
+            if any(isinstance(value, FlexlinkError) for value in values) and places != other:
+                places, values = other, list(many([moved(x, k, place * steps[k]) for place in other]))
+        good = [value for value in values if not isinstance(value, FlexlinkError)]
+        failed = next((value for value in values if isinstance(value, FlexlinkError)), None)
+        found.append(Neighbours(places, float(steps[k]), good) if failed is None else failed)
+    return middle, found
+
+
+def moved(x: Array, k: int, by: float) -> Array:
+    """A point beside x along coordinate k."""
+    point = x.copy()
+    point[k] += by
+    return point
+
+
+def mirrored(at: Places) -> Places:
+    """The same places on the other side."""
+    return tuple(-place for place in at)
+
+
+def smooth(scene: Scene, tolerance: float) -> Scene:
+    """The scene with runs that have slopes: sensors without noise and steps, and this relative tolerance at most."""
+    sensors = [replace(one, noise=0.0, seed=None, resolution=None) for one in scene.sensor]
+    plain = replace(scene, sensor=tuple(sensors)) if sensors else scene
+    return plain.varied({"run.relative_tolerance": tolerance}) if scene.run.controlled else plain
+
+
+class RunSlopes(NamedTuple):
+    """A run, and runs beside it along numbers of its scene.
+
+    Attributes
+    ----------
+    run
+        The run of the scene.
+    middle
+        The same with sensors without noise, and of a small tolerance: what differences are taken from.
+    values
+        The numbers, shape (p,).
+    beside
+        The runs beside it, of each number.
+    """
+
+    run: Trajectory
+    middle: Trajectory
+    values: Array
+    beside: tuple[Neighbours[Trajectory], ...]
+
+    @property
+    def step(self) -> Array:
+        """How far apart the runs are along each number, shape (p,)."""
+        return np.array([one.step for one in self.beside])
+
+    def of(self, read: Callable[[Trajectory], Array]) -> tuple[Array, Array]:
+        """Slopes of what `read` takes from runs, with a last axis of numbers, and estimates of their errors (p,)."""
+        middle = read(self.middle)
+        found = [one.slope_with_error(middle, read) for one in self.beside]
+        return np.stack([slope for slope, _ in found], axis=-1), np.array([error for _, error in found])
+
+    def states(self) -> list[tuple[Array, Array]]:
+        """The same of q, q̇ and the tip; an angle of a free base that is told from another turn is told from its own."""
+        return [self.of(self._turned), self.of(lambda run: run.qd), self.of(_tip)]
+
+    def _turned(self, run: Trajectory) -> Array:
+        if run.base is None:
+            return run.q
+        q, turn = run.q.copy(), 2 * np.pi
+        q[:, ANGLES] -= turn * np.round((q[:, ANGLES] - self.middle.q[:, ANGLES]) / turn)
+        return q
+
+
+def slopes_of_runs(scene: Scene, paths: Sequence[str]) -> RunSlopes:
+    """A run and runs beside it along the numbers at `paths`, so far away as makes the estimated error small.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such number, it is one of the run's own settings, or the scene does not run beside it.
+    SceneError, UnstableStepError, DivergenceError, InterruptedRunError
+        As in `simulate`.
+    """
+    x = np.array([_number(scene, path) for path in paths])
+    runs = _Runs(scene, paths, x)
+    size = np.where(x == 0, 1.0, np.abs(x))
+    third, fifth = (1, -1, 2), (1, -1, 2, -2, 3)  # orders of the error, without the last place one less
+    first, part = (fifth, 1e-2) if scene.run.controlled else (third, 1e-5)  # of numbers
+    rounding = 1e-8 if scene.run.controlled else 1e-13  # of runs, at most where their motion is not sensitive
+    enough = 3e-6  # estimated error of third order from which on others are worth it: mostly far more than the error
+    steps, best = part * size, dict[int, _Judged]()
+    for at in (first, fifth, fifth):
+        asked = np.flatnonzero(steps).tolist()
+        middle, found = neighbours(runs.many, x, steps, [at] * len(x), tuple(range(1, len(at) + 1)))
+        for k, one in zip(asked, found, strict=True):
+            if isinstance(one, FlexlinkError):  # a scene may run nearby alone
+                if k not in best:
+                    raise one
+                steps[k] = 0.0
+                continue
+            judged = _judged(one, middle, size[k], rounding)
+            best[k] = min(judged, best.get(k, judged), key=lambda each: each.error)
+            steps[k] = 0.0 if judged.error <= enough else _other(judged)
+        if not steps.any():
+            break
+    return RunSlopes(runs.known[0], middle, x, tuple(best[k].beside for k in range(len(x))))
+
+
+def _angles(run: Trajectory) -> Array:
+    return run.q
+
+
+def _tip(run: Trajectory) -> Array:
+    return run.tip
+
+
+class _Judged(NamedTuple):
+    """Runs beside another one, the largest error of their slopes, and that of rounding, as parts of the slopes."""
+
+    beside: Neighbours[Trajectory]
+    error: float
+    rounding: float
+
+
+def _judged(beside: Neighbours[Trajectory], middle: Trajectory, size: float, rounding: float) -> _Judged:
+    error = of_rounding = 0.0
+    for read in (_angles, _tip):
+        f = read(middle)
+        slope, off = beside.slope_with_error(f, read)
+        largest = float(np.abs(f).max())
+        most = max(float(np.abs(slope).max()), 1e-10 * largest / size)  # else it has no effect
+        if most > 0 and off / most > error:
+            error, of_rounding = off / most, rounding * largest / (beside.step * most)
+    return _Judged(beside, error, of_rounding)
+
+
+def _other(judged: _Judged) -> float:
+    """A step of fifth order with less error.
+
+    A function that changes by its own size over L has an error of order 2 of (h/L)²/6, told three times. A hundredth
+    of L is taken.
+    """
+    step = judged.beside.step
+    if judged.error <= judged.rounding:
+        return step * max(math.sqrt(judged.error / 1e-8), 5.0)
+    return step * (0.01 / math.sqrt(2 * judged.error) if len(judged.beside.at) == 3 else 0.2)
+
+
+class _Runs:
+    """Runs of a scene, and with other numbers, several at a time side by side."""
+
+    def __init__(self, scene: Scene, paths: Sequence[str], x: Array) -> None:
+        self.paths, self.x, self.plain = paths, x, smooth(scene, 1e-9)
+        self.starts = (scene,) if self.plain == scene else (scene, self.plain)
+        self.known: list[Trajectory] = []  # runs of `starts`
+        self._variants = [Variants(self.plain, [path]) for path in paths]
+
+    def many(self, points: Sequence[Array]) -> list[Trajectory | FlexlinkError]:
+        """Runs at several points, the scene's own among the first.
+
+        Raises
+        ------
+        InterruptedRunError
+            Ctrl-C or SIGTERM.
+        SceneError, UnstableStepError, DivergenceError
+            Of the scene's own run.
+        """
+        new = () if self.known else self.starts
+        numbers = [next(iter(np.flatnonzero(x != self.x).tolist()), None) for x in points]
+        scenes = [None if k is None else self._scene(k, float(x[k])) for k, x in zip(numbers, points, strict=True)]
+        with deferred() as stop:
+            good = [*new, *(one for one in scenes if isinstance(one, Scene))]
+            ends = iter(outcomes(good, stop, compared=min(len(new), 1)))
+        self.known += [_run(next(ends)) for _ in new]
+        found = [next(ends) if isinstance(one, Scene) else one for one in scenes]
+        return [self.known[-1] if k is None else self._checked(k, end) for k, end in zip(numbers, found, strict=True)]
+
+    def _scene(self, k: int, value: float) -> Scene | FlexlinkError:
+        try:
+            return self._variants[k].varied({self.paths[k]: value})
+        except FlexlinkError as error:
+            return error
+
+    def _checked(self, k: int, end: object) -> Trajectory | FlexlinkError:
+        """A run beside the scene's own one, of as many joints, or why there is none."""
+        reason = end if isinstance(end, FlexlinkError) else ""
+        if not reason and not self.known[-1].chain.same_layout(_run(end).chain):
+            reason = "a small change of it changes the number or kind of joints"
+        if not reason:
+            return _run(end)
+        return ArgumentError(
+            f"parameters: {truncated(self.paths[k])} = {float(self.x[k])!r} cannot be varied: {reason}"
+        )
+
+
+def _run(end: object) -> Trajectory:
+    if isinstance(end, FlexlinkError | InterruptedRunError):
+        raise end
+    assert isinstance(end, Trajectory)
+    return end
+
+
+def _number(scene: Scene, path: object) -> float:
+    """The number at a path; those of a run change its steps and its samples."""
+    if not isinstance(path, str):
+        raise ArgumentError(f"parameters: {truncated(path)}: expected a path such as 'tip.mass'")
+    if parts_of(path)[:1] == ("run",) or path == "initial.time":
+        raise ArgumentError(
+            f"parameters: {truncated(path)}: not a parameter; allowed are numbers of anything but the run"
+        )
+    values = scene.values_at(path)
+    try:
+        return number_in(values)
+    except SceneError as error:
+        raise ArgumentError(f"parameters: {truncated(path)} = {error}") from None
