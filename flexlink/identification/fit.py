@@ -145,6 +145,29 @@ def fit(
     )  # fmt: skip
 
 
+def quick_estimates(problem: FitProblem, worth: float) -> tuple[Estimate, ...]:
+    """The numbers of a problem by one rough search from their own values, noise being white; nothing is checked.
+
+    None where the slopes there promise to explain no more than a part `worth` of the sum of squares.
+
+    Raises
+    ------
+    DataFileError, SceneError
+        As in `check_fit`.
+    """
+    coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
+    search, x = Search(Signals(sources, coordinates), problem.loss), np.array([one.x(one.start) for one in coordinates])
+    blocks = [list(source.blocks) for source in sources]
+    rows = [row for part in search.rows(x, blocks) for row in part]
+    r, J = np.concatenate([row.residual for row in rows]), np.vstack([row.slopes for row in rows])
+    explained = J @ np.linalg.lstsq(J, r, rcond=None)[0]
+    if not explained @ explained > worth * (r @ r):
+        return ()
+    x = search.near(x)
+    found = search.rows(x, blocks)
+    return tuple(estimates(coordinates, x, spread_of(parts_of(sources, found), priors_of(coordinates, x, found))))
+
+
 def _values(coordinates: Sequence[Coordinate], x: Array) -> tuple[float, ...]:
     return tuple(one.value(float(at)) for one, at in zip(coordinates, x, strict=True))
 
