@@ -17,10 +17,6 @@ from scipy.stats import chi2
 
 from flexlink.common.types import Array
 
-WHITE = np.ones(1)
-"""Coefficients of white noise."""
-HIGHEST = 40
-"""Largest order."""
 SHARE = 12
 """Samples for each coefficient, at least."""
 
@@ -83,12 +79,13 @@ class Colour(NamedTuple):
 
 def colour_of(e: Array) -> Colour:
     """The model of residuals, shape (n,)."""
+    highest = 40  # order
     n = len(e)
     if n < 3 * SHARE or not e.any():
         return Colour(np.ones(1), e)
     f, b, a, power = e[1:].copy(), e[:-1].copy(), np.ones(1), float(e @ e) / n
     best, least = a, n * np.log(power)
-    for p in range(1, min(n // SHARE, HIGHEST) + 1):
+    for p in range(1, min(n // SHARE, highest) + 1):
         k = -2.0 * float(f @ b) / float(f @ f + b @ b)
         a = np.append(a, 0.0)
         a = a + k * a[::-1]

@@ -16,8 +16,6 @@ from flexlink.describe.units import unit_of
 from flexlink.describe.vary import number_in
 from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 
-FURTHEST = 1e3
-"""Factor from the start that is tried at most of a number that is sought by its logarithm."""
 LARGEST = math.log(sys.float_info.max)
 
 
@@ -105,6 +103,7 @@ def own_coordinates(problem: FitProblem, run: FitRun) -> list[Coordinate]:
 
 def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coordinate:
     """A number of a scene; errors as in `coordinates_of`."""
+    furthest = 1e3  # factor from the start that is tried at most of a logarithm
     value = _value(scene, parameter)
     log = parameter.scale == "log" or (
         parameter.scale == "auto" and value > 0 and not parameter.path.startswith("initial.")
@@ -122,7 +121,7 @@ def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coord
         )
     width = (high - low) / 2
     unit = width if math.isfinite(width) else abs(value) or 1.0
-    ends = (max(low, value / FURTHEST), min(high, value * FURTHEST)) if log else (low, high)
+    ends = (max(low, value / furthest), min(high, value * furthest)) if log else (low, high)
     said = unit_of(scene, parameter.path)
     return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior, said)
 

@@ -63,10 +63,6 @@ class Estimate:
         return (self.high - self.low) / 2
 
 
-ENDS = 1e-7
-"""Part of what was measured that is no difference: searches end 1e-8 beside the least, in parts of the numbers."""
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class FittedColumn:
     """One instrument of one run, or the single numbers of one kind.
@@ -117,7 +113,8 @@ class FittedColumn:
 
     def left(self, model: Array) -> float:
         """The same, but no less than a search can leave: two fits of exact data are as good as each other."""
-        return max(self.off(model), ENDS * float(abs(self.measured).max()))
+        share = 1e-7  # of what was measured: searches end 1e-8 beside the least, in parts of the numbers
+        return max(self.off(model), share * float(abs(self.measured).max()))
 
     def fit(self, model: Array | None) -> float:
         """1 − |difference| / |measured less its mean| [%]; nan of single numbers."""

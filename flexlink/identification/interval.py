@@ -19,9 +19,6 @@ from scipy.stats import t as student
 from flexlink.common.types import Array
 from flexlink.identification.colour import Colour, colour_of
 
-LEVEL = 0.95
-"""Part of all intervals that hold the true value."""
-
 
 class Part(NamedTuple):
     """Blocks whose noise hangs together: residuals, slopes (n, all), and whether they are columns of a run."""
@@ -57,6 +54,7 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
     the numbers, and count with them: k of n make noise to come larger by (n + k)/(n − k) than what is left, in mean
     square (Akaike's final prediction error).
     """
+    level = 0.95  # part of all intervals that hold the true value
     bread = meat = priors.T @ priors
     independent, samples, colours = 0.0, 0, []
     worse = _worse(parts, bread.shape[0] - len(priors))
@@ -74,7 +72,7 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
     if samples:
         meat = meat * (samples + coefficients) / max(samples - coefficients, 1)
     freedom = max(independent - lost, 1.0) if samples else math.inf
-    wide = float(student.ppf((1 + LEVEL) / 2, freedom)) if math.isfinite(freedom) else 1.959963984540054
+    wide = float(student.ppf((1 + level) / 2, freedom)) if math.isfinite(freedom) else 1.959963984540054
     covariance = inverse @ meat @ inverse
     meat = meat + sum(_taken_off(part, covariance) for part in parts if part.is_run)
     return Spread(inverse @ meat @ inverse, wide, colours)

@@ -27,10 +27,6 @@ from flexlink.motion.simulate import simulate
 
 Shapes = dict[tuple[int, bytes], tuple[Array, Array]]
 """By the run's inputs and the times of a block."""
-MOST = 6
-"""Modes."""
-SHOWN = 0.35
-"""Highest frequency of a mode, a part of the rate of the records."""
 
 
 def linear_models(
@@ -76,10 +72,12 @@ def _held(scene: Scene) -> bool:
 
 def _modes(scene: Scene, rate: float) -> Array:
     """The slowest eigenvalues at rest, of those that swing, one of each pair."""
+    shown = 0.35  # highest frequency of a mode, a part of the rate of the records
+    most = 6  # modes
     chain = lump(scene)
     found = modes_at_rest(chain, rest_of(chain, initial_state(scene, chain)[0]))
     λ = found.eigenvalues
-    return np.asarray([one for one in λ if 0 < abs(one.imag) < 2 * np.pi * SHOWN * rate][:MOST])
+    return np.asarray([one for one in λ if 0 < abs(one.imag) < 2 * np.pi * shown * rate][:most])
 
 
 def _poles(p: Array) -> Array:

@@ -19,14 +19,10 @@ from flexlink.common.types import Array
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.solve import Found, Search
 
-FURTHEST = 10.0
-"""Halves of an interval beyond which a start is taken for rejected."""
 HARDLY, FACTOR, OUTWARDS = 0.5, 1.5, 6
 """Part of a parabola's rise that an interval's end must have, and by how much, and how often, it is moved outwards."""
 HALVINGS = 3
 """How often the part of an interval is halved in which its end lies, beyond a start."""
-AT = 0.5, 1.0, 1.6
-"""Where the profile is taken, in halves of the interval."""
 
 
 def profiled(search: Search, best: Found, numbers: Sequence[Estimate], tell: Callable[[str], None]) -> list[Estimate]:
@@ -100,9 +96,10 @@ class _Floor:
 
     def beyond_start(self, k: int, one: Estimate) -> float | None:
         """The first value that the data reject, from a number's start on; None where they reject the start."""
+        furthest = 10.0  # halves of an interval beyond which a start is rejected
         coordinate, x = self.search.coordinates[k], float(self.best.x[k])
         wanted, start = self.wanted(k, one.low if one.start < one.value else one.high), coordinate.x(one.start)
-        if self.wanted(k, one.start) > FURTHEST**2 * wanted or self.rejects(k, start, wanted):
+        if self.wanted(k, one.start) > furthest**2 * wanted or self.rejects(k, start, wanted):
             return None
         held, bounds = start, coordinate.bounds
         for _ in range(OUTWARDS):
@@ -128,11 +125,12 @@ def _end_of(one: Estimate, side: int) -> float:
 
 def _end(search: Search, best: Found, k: int, one: Estimate, side: int, least: float, white: float) -> float:
     """One end of the interval."""
+    at = 0.5, 1.0, 1.6  # places of the profile, in halves of the interval
     coordinate, x = search.coordinates[k], best.x
     half = abs(coordinate.x(_end_of(one, side)) - float(x[k]))
     low, high = coordinate.bounds
     heights, point = [0.0], x.copy()
-    for part in AT:
+    for part in at:
         point[k] = float(x[k]) + side * part * half
         if not low <= point[k] <= high:
             return math.nan
@@ -141,4 +139,4 @@ def _end(search: Search, best: Found, k: int, one: Estimate, side: int, least: f
     wanted = half / white
     if not (np.diff(heights) > 0).all() or heights[-1] < wanted:
         return math.nan
-    return coordinate.value(float(x[k]) + side * half * float(PchipInterpolator(heights, (0.0, *AT))(wanted)))
+    return coordinate.value(float(x[k]) + side * half * float(PchipInterpolator(heights, (0.0, *at))(wanted)))

@@ -104,19 +104,16 @@ def recorded(problem: FitProblem, run: FitRun) -> Recorded:
     return Recorded(run.name, run.use, as_long(smooth, t), _with_noise(blocks), rate, in_periods(t, hertz), doubts)
 
 
-FAR = 20.0
-"""How many times the reach of an arm on the ground its tip can never go: it is measured in another unit."""
-
-
 def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
     """Places of the tip are such as the arm can get to; one that floats, or slides without limits, gets anywhere."""
+    times = 20.0  # the reach of an arm, where its tip can never go: measured in another unit
     chain = lump(scene)
     reach, ends = chain.reach, chain.hinges[["lower", "upper"]][chain.slides]
     if scene.arm.base.free or not all(np.isfinite(ends[end]).all() for end in ("lower", "upper")):
         return
     for block in blocks:
         far = float(np.ptp(block.y))
-        if re.fullmatch(r"tip [xyz] \[m\]", block.name) and far > FAR * reach:
+        if re.fullmatch(r"tip [xyz] \[m\]", block.name) and far > times * reach:
             raise DataFileError(
                 f"run {run.name!r}: {block.name} ranges over {far:.4g} m, but the arm reaches {reach:.2g} m; likely "
                 f"given in mm: the head is then {block.name.replace('[m]', '[mm]')!r}"
@@ -158,18 +155,15 @@ def _block(
     )  # fmt: skip
 
 
-ASSUMED = 0.01
-"""Part of the range of columns of one unit that their noise is taken for at first, where nothing is stated."""
-
-
 def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
     """A first guess of noise that is not stated."""
+    assumed = 0.01  # part of the range of columns of one unit
     range_of: dict[str, float] = {}
     for block in blocks:
         range_of[block.unit] = max(range_of.get(block.unit, 0.0), float(np.ptp(block.y)))
     return tuple(
         block if block.stated else dataclasses.replace(
-            block, σ=np.full(len(block.y), ASSUMED * (range_of[block.unit] or 1.0))
+            block, σ=np.full(len(block.y), assumed * (range_of[block.unit] or 1.0))
         )
         for block in blocks
     )  # fmt: skip

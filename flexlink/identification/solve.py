@@ -19,18 +19,8 @@ from flexlink.identification.recorded import Recorded
 from flexlink.identification.residuals import Row, row_of
 from flexlink.identification.signals import Model, Signals
 
-WINDOWS = 0.0, 0.15, 0.4
-"""Parts of each run that are fitted one after the other before the whole: a long one alone has minima a period apart.
-Single numbers come first, alone, then with each part."""
 ROUNDS = 2
 """How often noise that nobody states is taken anew from what is left."""
-MORE = 1.1
-"""How many times more may be left, in squares, where noise is taken to hang together."""
-ROUGH, FINE, STILL = 1e-4, 1e-12, 1e-8
-"""Relative changes at which a search ends: one on the way to another, and the last; the least part of x that a search
-still goes on for. Sums of squares of runs are known to 1e-11: below that steps are luck."""
-NOWHERE = 1e8
-"""Residual where the scene gives nothing: the search turns back."""
 
 
 class Found(NamedTuple):
@@ -76,12 +66,13 @@ class Search:
         FlexlinkError
             The scene gives nothing at the start.
         """
+        windows = 0.0, 0.15, 0.4  # parts of each run, one after the other: a long one alone has minima a period apart
         self.signals.model(x)
         sources = self.signals.sources
         blocks = [list(source.blocks) for source in sources]
         single = [source for source in sources if not isinstance(source, Recorded)]
         runs = len(single) < len(sources)
-        for part in WINDOWS if runs else ():
+        for part in windows if runs else ():
             cut = [source.first(part) for source in sources if isinstance(source, Recorded)] if part else []
             if part or single:
                 x = Search(Signals([*cut, *single], self.coordinates), self.loss).near(x)
@@ -106,11 +97,12 @@ class Search:
         Where it leaves clearly more than with white noise, the rest is no noise, but something that the scene does not
         have: then what leaves least stays.
         """
+        more = 1.1  # times the sum of squares that autocorrelated noise may leave
         x, blocks = white.x, white.blocks
         for _ in range(ROUNDS):
             blocks = self.weighed(x, blocks, coloured=True)
             x = self.least(x, blocks)
-        if self.cost(x, white.blocks) > MORE * self.cost(white.x, white.blocks):
+        if self.cost(x, white.blocks) > more * self.cost(white.x, white.blocks):
             return white
         return Found(x, white.cost, self.weighed(x, blocks, coloured=True))
 
@@ -164,8 +156,9 @@ class Search:
         if not free.any():
             return x
         bounds = np.array([one.bounds for one in self.coordinates]).T[:, free]
-        end: dict[str, Any] = dict.fromkeys(("ftol", "xtol", "gtol"), ROUGH if rough else FINE)
-        end["xtol"] = max(STILL, end["xtol"])
+        change = 1e-4 if rough else 1e-12  # of a search on the way to another, and of the last
+        smallest = 1e-8  # part of x: sums of squares of runs are known to 1e-11, and smaller steps are luck
+        end: dict[str, Any] = {"ftol": change, "xtol": max(smallest, change), "gtol": change}
 
         def whole(part: Array) -> Array:
             point = x.copy()
@@ -185,11 +178,12 @@ class Search:
         return np.asarray(np.linalg.pinv(J.T @ J))
 
     def _residual(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        nowhere = 1e8  # residual where the scene does not run: the search turns back
         known, _ = prior_rows(self.coordinates, x)
         try:
             rows = _rows(blocks, self.signals.model(x), None)
         except FlexlinkError:
-            return np.full(sum(len(b.y) for part in blocks for b in part) + len(known), NOWHERE)
+            return np.full(sum(len(b.y) for part in blocks for b in part) + len(known), nowhere)
         return np.concatenate([known, *(row.residual for part in rows for row in part)])
 
     def _jacobian(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
