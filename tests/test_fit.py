@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.identification.colour import Colour, colour_of
+from flexlink.identification.block import Colour, colour_of
 from flexlink.identification.coordinates import coordinate_of, coordinates_of
 from flexlink.identification.data import sources_of
 from flexlink.identification.interval import Part, spread_of

@@ -14,8 +14,7 @@ from conftest import ROOT, make_scene
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.describe.units import unit_of
-from flexlink.identification.block import Block
-from flexlink.identification.colour import Colour
+from flexlink.identification.block import Block, Colour
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.profile import HALVINGS, _Floor

@@ -20,20 +20,17 @@ from scipy.stats import t as student
 import flexlink as fl
 from flexlink.identification import fit as fitting
 from flexlink.identification import judge, page, solve
-from flexlink.identification.block import Block
+from flexlink.identification.block import SHARE, Block, Colour, colour_of, whiteness
 from flexlink.identification.checked_page import told
-from flexlink.identification.colour import SHARE, Colour, colour_of, whiteness
 from flexlink.identification.coordinates import Coordinate, coordinate_of, coordinates_of, prior_rows
-from flexlink.identification.data import Source
+from flexlink.identification.data import Recorded, Source, _noise_of_sensors, _with_noise, at_times, recorded, sagged
 from flexlink.identification.estimates import estimates, linear_estimates
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import checked
 from flexlink.identification.interval import Part, Spread, spread_of
 from flexlink.identification.linear_reference import _given, _modes, _poles, _shapes
-from flexlink.identification.recorded import Recorded, _noise_of_sensors, _with_noise, at_times, recorded
 from flexlink.identification.residuals import row_of
 from flexlink.identification.signals import Signals
-from flexlink.identification.single import Sagged
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods
 from flexlink.motion.slopes_of_runs import CENTRAL, CENTRAL_4, FORWARD, Places, mirrored, weights
 
@@ -425,7 +422,7 @@ class TestSingle:
     def test_a_change_of_sag_is_that_of_the_load_that_was_hung_on(self) -> None:
         still = SCENE.varied({"gravity": (0.0, -9.81, 0.0), "link.bar.segments": 9})
         hung = fl.FitStatic(axis="y", value=-1e-3, deviation=1e-5, set={"tip.mass": 0.5}, before={"tip.mass": 0.2})
-        one = Sagged(fl.FitProblem(scene=still, parameter=(fl.FitParameter(path=YOUNG),), static=(hung,)), hung, 1)
+        one = sagged(fl.FitProblem(scene=still, parameter=(fl.FitParameter(path=YOUNG),), static=(hung,)), hung, 1)
         ((change,),) = one.of(one.scene)
         assert change == pytest.approx(-0.3 * 9.81 * 1.0**3 / (3 * E * 0.01**4 / 12), rel=0.02)
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from flexlink.common.types import Array
-from flexlink.identification.colour import Colour, colour_of
+from flexlink.identification.block import Colour, colour_of
 
 
 class Part(NamedTuple):

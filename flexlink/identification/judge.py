@@ -9,14 +9,12 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.identification.block import Block
-from flexlink.identification.colour import whiteness
+from flexlink.identification.block import Block, whiteness
 from flexlink.identification.coordinates import own_coordinates
-from flexlink.identification.data import Source
+from flexlink.identification.data import Recorded, Source
 from flexlink.identification.fitted import FittedColumn
 from flexlink.identification.linear_reference import linear_models
 from flexlink.identification.problem import FitProblem
-from flexlink.identification.recorded import Recorded
 from flexlink.identification.residuals import Row, row_of
 from flexlink.identification.signals import Signals
 from flexlink.identification.solve import Found, Search, white

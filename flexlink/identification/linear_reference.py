@@ -21,7 +21,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.at_rest import modes_at_rest, rest_of
-from flexlink.identification.recorded import Recorded, at_times
+from flexlink.identification.data import Recorded, at_times
 from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 

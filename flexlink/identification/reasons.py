@@ -12,8 +12,8 @@ from flexlink.describe.arm import Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.vary import parts_of
 from flexlink.identification.block import unit_in
+from flexlink.identification.data import Recorded
 from flexlink.identification.identifiability import Direction
-from flexlink.identification.recorded import Recorded
 from flexlink.identification.signals import Signals
 from flexlink.motion.simulate import simulate
 

@@ -8,10 +8,9 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Source
+from flexlink.identification.data import Recorded, Source
 from flexlink.identification.fitted import Estimate, FittedColumn
 from flexlink.identification.identifiability import Check
-from flexlink.identification.recorded import Recorded
 from flexlink.identification.signals import Model
 from flexlink.identification.solve import Found
 from flexlink.pages.numbers import plural

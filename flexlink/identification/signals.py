@@ -14,9 +14,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.variants import Variants
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Source
-from flexlink.identification.recorded import Recorded
-from flexlink.identification.single import Sagged, Tapped
+from flexlink.identification.data import Recorded, Single, Source
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
 from flexlink.motion.slopes_of_runs import CENTRAL, FORWARD, Places, mirrored, moved, neighbours
@@ -166,7 +164,7 @@ class Signals:
         return [scene if isinstance(scene, FlexlinkError) else _of_run(source, next(ends)) for scene in scenes]
 
 
-def _single(source: Tapped | Sagged, scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
+def _single(source: Single, scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
     if isinstance(scene, FlexlinkError):
         return scene
     try:

@@ -12,10 +12,9 @@ from scipy.stats import qmc
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.identification.block import Block
-from flexlink.identification.colour import colour_of
+from flexlink.identification.block import Block, colour_of
 from flexlink.identification.coordinates import Coordinate, prior_rows
-from flexlink.identification.recorded import Recorded
+from flexlink.identification.data import Recorded
 from flexlink.identification.residuals import Row, row_of
 from flexlink.identification.signals import Model, Signals
 

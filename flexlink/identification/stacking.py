@@ -9,9 +9,8 @@ import numpy as np
 from flexlink.common.types import Array
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, prior_rows
-from flexlink.identification.data import Source
+from flexlink.identification.data import Recorded, Source
 from flexlink.identification.interval import Part
-from flexlink.identification.recorded import Recorded
 from flexlink.identification.residuals import Row
 
 
