@@ -8,6 +8,7 @@ holds at its ends where the sum of squares is a parabola; where it is not, the e
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -18,11 +19,6 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.solve import Found, Search
-
-HARDLY, FACTOR, OUTWARDS = 0.5, 1.5, 6
-"""Part of a parabola's rise that an interval's end must have, and by how much, and how often, it is moved outwards."""
-HALVINGS = 3
-"""How often the part of an interval is halved in which its end lies, beyond a start."""
 
 
 def profiled(search: Search, best: Found, numbers: Sequence[Estimate], tell: Callable[[str], None]) -> list[Estimate]:
@@ -81,18 +77,21 @@ class _Floor:
 
     def far(self, k: int, one: Estimate, side: int) -> float | None:
         """An end farther out, the others where a parabola has them; None where the interval's own will do."""
-        coordinate, wanted = self.search.coordinates[k], self.wanted(k, _end_of(one, side))
-        for times in range(OUTWARDS + 1):
-            point = self.beside(k, one, side, times)
-            if not self.rise(point) < HARDLY * wanted:
-                return coordinate.value(float(point[k])) if times else None
-        return coordinate.value(float(point[k]))
+        hardly = 0.5  # part of a parabola's rise
+        wanted = hardly * self.wanted(k, _end_of(one, side))
 
-    def beside(self, k: int, one: Estimate, side: int, times: int = 0) -> Array:
-        """An end, moved outwards so many times, the others where a parabola has them."""
+        def rejected(times: float) -> bool:
+            return not self.rise(self.beside(k, one, side, times)) < wanted
+
+        if rejected(1.0):
+            return None
+        return self.search.coordinates[k].value(float(self.beside(k, one, side, _rejected(rejected, OUTWARDS))[k]))
+
+    def beside(self, k: int, one: Estimate, side: int, times: float = 1.0) -> Array:
+        """An end, so many times as far out, the others where a parabola has them."""
         half = self.search.coordinates[k].x(_end_of(one, side)) - float(self.best.x[k])
         bounds = np.array([each.bounds for each in self.search.coordinates]).T
-        return np.asarray(np.clip(self.best.x + half * FACTOR**times * self.C[:, k] / self.C[k, k], *bounds))
+        return np.asarray(np.clip(self.best.x + half * times * self.C[:, k] / self.C[k, k], *bounds))
 
     def beyond_start(self, k: int, one: Estimate) -> float | None:
         """The first value that the data reject, from a number's start on; None where they reject the start."""
@@ -101,22 +100,39 @@ class _Floor:
         wanted, start = self.wanted(k, one.low if one.start < one.value else one.high), coordinate.x(one.start)
         if self.wanted(k, one.start) > furthest**2 * wanted or self.rejects(k, start, wanted):
             return None
-        held, bounds = start, coordinate.bounds
-        for _ in range(OUTWARDS):
-            lost = float(np.clip(x + FACTOR * (held - x), *bounds))
-            if lost in bounds or self.rejects(k, lost, wanted):
-                break
-            held = lost
-        for _ in range(HALVINGS):
-            middle = (held + lost) / 2
-            held, lost = (held, middle) if self.rejects(k, middle, wanted) else (middle, lost)
-        return coordinate.value(lost)
+
+        places = np.clip(x + np.array(OUTWARDS) * (start - x), *coordinate.bounds).tolist()
+        return coordinate.value(
+            _rejected(lambda at: at in coordinate.bounds or self.rejects(k, at, wanted), places, HALVINGS)
+        )
 
     def rejects(self, k: int, at: float, wanted: float) -> bool:
         """Whether the sum of squares is too large with a number held there, all others fitted anew."""
         point = self.best.x.copy()
         point[k] = at
         return not self.rise(self.search.least(point, self.best.blocks, rough=True, held=k)) < wanted
+
+
+OUTWARDS = tuple(1.5**k for k in range(7))
+"""How many times as far out as an end others are tried."""
+HALVINGS = 3
+"""How often the part is halved in which an end beyond a start lies."""
+
+
+def _rejected(rejected: Callable[[float], bool], places: Sequence[float], halvings: int = 0) -> float:
+    """The first of places, farther and farther out, that is rejected, and between it and the one before by halving.
+
+    The first place is not rejected; the last one is taken where none is.
+    """
+    for inside, place in itertools.pairwise(places):  # noqa: B007  where it ended
+        if rejected(place):
+            break
+    else:
+        inside = place
+    for _ in range(halvings):
+        middle = (inside + place) / 2
+        inside, place = (inside, middle) if rejected(middle) else (middle, place)
+    return place
 
 
 def _end_of(one: Estimate, side: int) -> float:
