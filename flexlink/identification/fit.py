@@ -12,19 +12,17 @@ from flexlink.common.types import Array
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
 from flexlink.identification.data import sources_of
-from flexlink.identification.estimates import estimates, linear_estimates, without_ends
 from flexlink.identification.fitted import Estimate, Fitted
 from flexlink.identification.identifiability import Check, checked
-from flexlink.identification.interval import spread_of
+from flexlink.identification.interval import estimates, linear_estimates, parts_of, spread_of, without_ends
 from flexlink.identification.judge import columns_of
+from flexlink.identification.likelihood import large_changes, linear_names, priors_of, row_of, stacked
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.profile import profiled, widened
 from flexlink.identification.reasons import with_reasons
 from flexlink.identification.remarks import notes, ranges_apart, warnings
-from flexlink.identification.residuals import row_of
 from flexlink.identification.signals import STEP, Signals
 from flexlink.identification.solve import Found, Search, start_points
-from flexlink.identification.stacking import large_changes, linear_names, parts_of, priors_of, stacked
 from flexlink.motion.slopes_of_runs import CENTRAL_4
 
 

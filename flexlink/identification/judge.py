@@ -13,11 +13,11 @@ from flexlink.identification.block import Block, whiteness
 from flexlink.identification.coordinates import own_coordinates
 from flexlink.identification.data import Recorded, Source
 from flexlink.identification.fitted import FittedColumn
+from flexlink.identification.likelihood import Row, row_of, white
 from flexlink.identification.linear_reference import linear_models
 from flexlink.identification.problem import FitProblem
-from flexlink.identification.residuals import Row, row_of
 from flexlink.identification.signals import Signals
-from flexlink.identification.solve import Found, Search, white
+from flexlink.identification.solve import Found, Search
 
 
 def columns_of(

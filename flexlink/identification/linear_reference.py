@@ -93,7 +93,7 @@ def _accelerations(scene: Scene) -> tuple[Array, Array]:
 
 
 def _shapes(λ: Array, times: Array, taken: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Of each run its own shapes, and those that inputs give, at the times of a block."""
+    """Basis functions of a run's own, and those of the inputs, at the times of a block."""
     t, u = taken
     free = np.exp(np.outer(times - t[0], λ))
     own = np.hstack([free.real, free.imag, np.ones((len(times), 1))])
@@ -114,9 +114,9 @@ def _stacked(
     name: str, λ: Array, fitted: Sequence[tuple[Recorded, Scene]], inputs: Sequence[tuple[Array, Array]],
     shapes: Shapes,
 ) -> tuple[Array, Array, int]:  # fmt: skip
-    """Of a column in all runs, over its noise, all shapes and what was measured; how many shapes inputs have.
+    """Basis functions and measurements of one column, stacked over all runs and over the noise; how many are of inputs.
 
-    `shapes` keeps those of each run's times, which columns share.
+    `shapes` keeps the basis functions of each run's times, which columns share.
     """
     there = [
         (block, taken)
@@ -139,7 +139,7 @@ def _stacked(
 
 
 def _left(Φ: Array, target: Array) -> Array:
-    """What the best weights leave: by QR, as a search asks hundreds of times, and SVD costs ten times that."""
+    """Residuals with the best weights, by QR: a search asks hundreds of times, and SVD costs ten times that."""
     Q = np.linalg.qr(Φ)[0]
     return np.asarray(Q @ (Q.T @ target) - target)
 
