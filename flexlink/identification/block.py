@@ -131,7 +131,7 @@ class Block:
     t
         Times of a run's column [s], shape (n,); None of single numbers, whose noise is independent.
     colour
-        How the noise hangs together in time; None of white noise. σ is then the size of its innovations.
+        Autocorrelation of the noise; None of white noise. σ is then the size of its innovations.
     gain, bias
         Whether scale and zero are unknown.
     """

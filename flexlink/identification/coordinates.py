@@ -1,4 +1,4 @@
-"""The numbers that are sought as coordinates x of a search: logarithms of positive ones, others over a unit."""
+"""Parameters as coordinates x of a search: logarithms of positive numbers, other numbers over a unit."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ LARGEST = math.log(sys.float_info.max)
 
 @dataclasses.dataclass(frozen=True)
 class Coordinate:
-    """One number that is sought: value = e^x, or unit · x.
+    """A parameter: value = e^x, or unit · x.
 
     Attributes
     ----------
     path
         Its path in the scene.
     run
-        Name of the run for which it is sought alone; "" of one for all.
+        Name of the only run that has it; "" of one for all runs.
     start
         Value where the search begins.
     log
@@ -81,7 +81,7 @@ class Coordinate:
 
 
 def coordinates_of(problem: FitProblem) -> tuple[Coordinate, ...]:
-    """All numbers that are sought, those of single runs last.
+    """All parameters, those of single runs last.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def coordinates_of(problem: FitProblem) -> tuple[Coordinate, ...]:
 
 
 def own_coordinates(problem: FitProblem, run: FitRun) -> list[Coordinate]:
-    """Numbers that are sought for one run alone; errors as in `coordinates_of`."""
+    """Parameters of one run alone; errors as in `coordinates_of`."""
     scene = problem.scene.varied(run.set) if run.set else problem.scene
     return [coordinate_of(scene, parameter, run.name) for parameter in run.parameter]
 

@@ -43,7 +43,7 @@ class Recorded:
     name, use
         As the problem says.
     scene
-        What it is computed from, but for the numbers that are sought.
+        What it is computed from, but for the parameters.
     blocks
         Its columns.
     rate
@@ -212,7 +212,7 @@ class Single:
     name, use
         As the problem says.
     scene
-        What they are computed from, but for the numbers that are sought.
+        What they are computed from, but for the parameters.
     blocks
         The numbers.
     of

@@ -27,10 +27,10 @@ from flexlink.motion.slopes_of_runs import CENTRAL_4
 
 
 def check_fit(problem: FitProblem) -> Check:
-    """What the data can tell of the numbers that are sought, before any are fitted.
+    """Which parameters are identifiable from the data, before any are fitted.
 
     From the slopes of all data at the start, over the noise that the problem states (where it states none, 1 % of the
-    range of the columns of one unit): numbers without effect, combinations that cannot be told apart, expected ±.
+    range of the columns of one unit): parameters without effect, combinations that are not identifiable, expected ±.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def check_fit(problem: FitProblem) -> Check:
     Returns
     -------
     Check
-        Names, singular values, directions that the data do not hold, in words, expected standard deviations.
+        Names, singular values, directions that are not identifiable, in words, expected standard deviations.
 
     Raises
     ------
@@ -69,11 +69,11 @@ def check_fit(problem: FitProblem) -> Check:
 def fit(
     problem: FitProblem, *, starts: int = 1, profile: bool = False, progress: Callable[[str], None] | None = None
 ) -> Fitted:  # fmt: skip
-    """Find the numbers of a scene with which it gives what was measured, and say how well the data hold them.
+    """Estimate numbers of a scene from measurements, with intervals.
 
     Checked first (`check_fit`). Single numbers are fitted first, then runs in growing windows, by
     `scipy.optimize.least_squares` with logarithms of positive numbers; gains and biases are at their best throughout
-    (variable projection). Intervals count how residuals hang together in time.
+    (variable projection). Intervals count the autocorrelation of residuals.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def fit(
     Raises
     ------
     IdentifiabilityError
-        The data cannot hold the numbers: the message names those without effect, or that cannot be told apart.
+        Parameters are not identifiable: the message names those without effect, or the combination.
     DataFileError, SceneError
         As in `check_fit`.
 

@@ -24,7 +24,7 @@ EQUAL = 1e-6
 
 
 class Direction(NamedTuple):
-    """A combination of numbers that the data hold badly.
+    """A combination of numbers that is hardly identifiable.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Direction(NamedTuple):
     deviation
         Expected standard deviation along it, a part of the numbers or of their units.
     lost
-        Whether the data do not hold it at all.
+        Whether it is not identifiable at all.
     why
         What its numbers do move, if that is known; "" else.
     """
@@ -67,11 +67,11 @@ class Check(NamedTuple):
     Attributes
     ----------
     names
-        What is sought: numbers of the scene, then gains and biases.
+        Parameters: numbers of the scene, then gains and biases.
     singular_values
         Of the slopes over the noise, largest first.
     directions
-        Combinations that are held badly, the worst first.
+        Combinations that are hardly identifiable, the worst first.
     expected
         Expected standard deviation of each, a part of the number or of its unit; inf of one that is not held.
     notes
@@ -89,7 +89,7 @@ class Check(NamedTuple):
 
     @property
     def lost(self) -> tuple[Direction, ...]:
-        """Combinations that the data do not hold: the fit is refused."""
+        """Combinations that are not identifiable: the fit is refused."""
         return tuple(one for one in self.directions if one.lost)
 
     @property
@@ -101,7 +101,7 @@ class Check(NamedTuple):
 def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[str] = ()) -> Check:
     """Judge slopes J of all residuals, shape (data, all), known up to `error`, of each column a large change's.
 
-    A number without effect stands alone; of what is left, combinations are as short as they can be. Nothing here
+    A number without effect stands alone; combinations of the others are as short as they can be. Nothing here
     depends on the basis in which rounding gives directions of equal effect, nor on its order and signs.
     """
     nothing_from = 100.0  # half of an expected interval; a search tries ± 6.9 at most, rounding of slopes gives 1e5

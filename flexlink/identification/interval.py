@@ -2,9 +2,9 @@
 
     C = B⁻¹ M B⁻¹,  B = Σ JᵀJ,  M = Σ Jᵀ Γ J,  Γ the covariance of the noise
 
-Γ of a run's columns is that of autoregressive noise fitted to what is left, columns correlated as their innovations are
-(Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, 1997). Single numbers have
-the noise that the problem states. A mean square is as uncertain as its samples are few and dependent: Student's t.
+Γ of a run's columns is that of autoregressive noise fitted to the residuals, columns correlated as their innovations
+are (Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, 1997). Single numbers
+have the noise that the problem states. A mean square is as uncertain as its samples are few and dependent: Student's t.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Spread(NamedTuple):
 
     @property
     def deviations(self) -> Array:
-        """Standard deviation of each number; inf of one that the data do not hold."""
+        """Standard deviation of each number; inf of one that is not identifiable."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
@@ -51,7 +51,7 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
     """How well all numbers are known; `priors` are the slopes of prior knowledge, shape (priors, all).
 
     `coefficients` are those of the noise by which the residuals have been whitened. They come from the same samples as
-    the numbers, and count with them: k of n make noise to come larger by (n + k)/(n − k) than what is left, in mean
+    the numbers, and count with them: k of n make noise to come larger by (n + k)/(n − k) than the residuals, in mean
     square (Akaike's final prediction error).
     """
     level = 0.95  # part of all intervals that hold the true value
@@ -102,7 +102,7 @@ def _absorbed(slopes: Sequence[Array], covariance: Array) -> Array:
 
     Σ J_tᵀ g(t − s) J_s with g(k) = 1/n Σ J_t C J_{t+k}ᵀ, the autocovariance of J δ, δ the error of the numbers, of
     covariance C. Without it a twelfth of the true values lies outside, as noise that is slow, or has the frequencies of
-    what is sought, is absorbed whatever the number of samples; with it a constant comes out up to √(5/3) times as
+    the model, is absorbed whatever the number of samples; with it a constant comes out up to √(5/3) times as
     uncertain as it is.
     """
     values, vectors = np.linalg.eigh(covariance)

@@ -65,7 +65,7 @@ def _with_linear(
 def _kept(
     problem: FitProblem, source: Source, values: dict[str, float], gains: dict[str, float]
 ) -> tuple[list[FittedColumn], Scene]:
-    """A source that was not fitted, and its scene; numbers that are its own are sought first, all others held."""
+    """A source that was not fitted, and its scene; its own parameters are estimated first, all others held."""
     own = next((run for run in problem.run if run.name == source.name), None)
     coordinates = own_coordinates(problem, own) if own is not None else []
     signals, x = Signals([source], coordinates), np.array([one.x(one.start) for one in coordinates])

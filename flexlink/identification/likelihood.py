@@ -206,7 +206,7 @@ def priors_of(coordinates: Sequence[Coordinate], x: Array, rows: Sequence[Sequen
 
 
 def linear_names(sources: Sequence[Source]) -> list[str]:
-    """Gains and biases that are sought, in the order of the slopes' columns."""
+    """Unknown gains and biases, in the order of the slopes' columns."""
     return [
         f"{what} of {block.name} of {source.name!r}"
         for source in sources

@@ -1,4 +1,4 @@
-"""The page of a fit: numbers and their intervals, data beside the scene, what is left and its spectrum."""
+"""The page of a fit: numbers and their intervals, data beside the scene, residuals and their spectrum."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PANELS = 4
 FAILS = 50.0
 """Part of the signal [%] below which a free linear model is no measure."""
 VISIBLE = 5.0
-"""How many times what is left of the fit another curve may be and stand beside it."""
+"""Largest curve that is drawn beside the residuals, over them."""
 
 
 def build(fitted: Fitted, folder: Path, command: str) -> Report:
@@ -123,7 +123,7 @@ def _numbers(fitted: Fitted) -> Part:
     heads += ["profile from", "profile to"] if profile else []
     sentences = (
         "From and to are the ends of intervals that hold the true value in 95 % of cases if the scene is right; they "
-        "count how the residuals hang together in time.",
+        "count the autocorrelation of the residuals.",
         *known_before(fitted.problem),
         *(f"Note: {warning}." for warning in fitted.warnings),
     )

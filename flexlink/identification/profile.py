@@ -68,7 +68,7 @@ class _Floor:
             return rise
         try:
             return min(rise, self.search.unlikelihood(x, self.best.blocks) - self.unlikely)
-        except FlexlinkError:  # the scene gives nothing there
+        except FlexlinkError:  # the scene does not run there
             return math.inf
 
     def wanted(self, k: int, end: float) -> float:

@@ -64,7 +64,7 @@ def _too_far(one: FittedColumn) -> str:
 
 
 def _times_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> float:
-    """What is left of a column that was kept to check, over what is left of the same one where it was fitted."""
+    """Residuals of a column that was kept to check, over those of the same one where it was fitted."""
     left = [other.left(other.after) for other in columns if other.use == "fit" and other.name == one.name]
     return one.off(one.after) / max(left) if one.use == "check" and left and max(left) > 0 else 0.0
 

@@ -38,7 +38,7 @@ class Signals:
     sources
         What was measured.
     coordinates
-        What is sought.
+        The parameters.
     runs
         How many runs have been computed.
     """
@@ -67,13 +67,13 @@ class Signals:
         Raises
         ------
         FlexlinkError
-            It gives nothing there.
+            It does not run there.
         """
         there = self._points.get(x.tobytes())
         return (there or self._kept(x, slopes=self._beside))[0]
 
     def ahead(self, points: Sequence[Array]) -> None:
-        """Compute what the scene gives at several points, side by side, and keep it; nothing where it gives nothing."""
+        """Compute the predictions at several points, side by side, and keep those that succeed."""
         new = {x.tobytes(): x for x in points if x.tobytes() not in self._points}
         parts = [self._many([(number, x) for x in new.values()]) for number in range(len(self.sources))]
         self._most = KEPT + len(new)
@@ -88,7 +88,7 @@ class Signals:
         Raises
         ------
         FlexlinkError
-            The scene gives nothing next to this point.
+            The simulation fails at a neighbouring parameter value.
         """
         if places != CENTRAL:
             return [self._of_source(number, x, places, step)[1] for number in range(len(self.sources))]
@@ -154,7 +154,7 @@ class Signals:
         good = [scene for scene in scenes if isinstance(scene, Scene)]
         self.runs += len(good)
         with deferred() as stop:
-            ends = iter(outcomes(good, stop, compared=0))  # warnings of single runs are not told
+            ends = iter(outcomes(good, stop, compared=0))  # warnings of single runs are not shown
         return [scene if isinstance(scene, FlexlinkError) else _of_run(source, next(ends)) for scene in scenes]
 
 

@@ -1,4 +1,4 @@
-"""The search: single numbers first, then runs in growing windows; weights from what is left; several starts."""
+"""The search: single numbers first, then runs in growing windows; weights from the residuals; several starts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexlink.identification.likelihood import Likelihood
 from flexlink.identification.signals import Signals
 
 ROUNDS = 2
-"""How often noise that nobody states is taken anew from what is left."""
+"""How often noise that is not stated is estimated anew from the residuals."""
 
 
 class Found(NamedTuple):
@@ -46,7 +46,7 @@ class Search(Likelihood):
         Raises
         ------
         FlexlinkError
-            The scene gives nothing at the start.
+            The scene does not run at the initial guess.
         """
         windows = 0.0, 0.15, 0.4  # parts of each run, one after the other: a long one alone has minima a period apart
         self.signals.model(x)
@@ -74,7 +74,7 @@ class Search(Likelihood):
         return self.least(x, [list(source.blocks) for source in self.signals.sources], rough=True)
 
     def _coloured(self, white: Found) -> Found:
-        """The search with noise that hangs together in time.
+        """The search with autocorrelated noise.
 
         Where it leaves clearly more than with white noise, the rest is no noise, but something that the scene does not
         have: then what leaves least stays.
@@ -90,7 +90,7 @@ class Search(Likelihood):
 
     @staticmethod
     def _weighs(blocks: Sequence[Sequence[Block]]) -> bool:
-        """Whether there is noise that nobody states, and that weighs."""
+        """Whether there is noise that is not stated, and that weighs."""
         several = [block for part in blocks for block in part]
         return len(several) > 1 and not all(block.stated for block in several)
 

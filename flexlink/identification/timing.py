@@ -97,7 +97,7 @@ def _swings(scene: Scene, blocks: Sequence[Block], hertz: float, between: float)
     t = np.asarray(scene.initial.time + between / every * np.arange(count), np.float64)
     try:
         run = simulate(as_long(scene, t))
-    except FlexlinkError:  # it is told where the run itself is needed
+    except FlexlinkError:  # reported where the run itself is needed
         return False
     for block in blocks:
         y = CubicSpline(run.t, run.columns[block.name])(t)
