@@ -129,6 +129,8 @@ def test_files_with_small_masses_are_read_by_mujoco_where_nothing_else_would_do_
     pytest.importorskip("mujoco")
     chain = with_small_mass(fl.lump(make_scene(flexible("upper"), fl.Link(name="wrist"))), mass=1e-6)
     for format in FORMATS.values():
+        if format.read is None:
+            continue
         back = format.read(format.write(chain))
         assert back.bodies["mass"].tolist() == chain.bodies["mass"].tolist()
     fl.to_mjcf(chain)

@@ -14,10 +14,10 @@ from scipy.signal import lfilter
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.identification.colour import Colour, colour_of
+from flexlink.identification.block import Colour, colour_of
 from flexlink.identification.coordinates import coordinate_of, coordinates_of
 from flexlink.identification.data import sources_of
-from flexlink.identification.interval import Part, spread_of
+from flexlink.identification.interval import spread_of
 from flexlink.identification.signals import STEP, Signals
 from flexlink.motion.slopes_of_runs import CENTRAL_4
 from validation.case import CASES, load_case
@@ -124,7 +124,7 @@ class TestInterval:
             e = np.zeros(n + 100)
             for k in range(1, n + 100):
                 e[k] = ρ * e[k - 1] + w[k]
-            told.append(spread_of([Part([e[100:] - e[100:].mean()], [np.ones((n, 1))], True)], np.zeros((0, 1))))
+            told.append(spread_of([([e[100:] - e[100:].mean()], [np.ones((n, 1))], True)], np.zeros((0, 1))))
         true = 1 / (1 - ρ) / np.sqrt(n)  # long-run standard deviation over √n
         found = float(np.median([one.deviations[0] for one in told]))
         assert true <= found <= 1.1 * math.sqrt(5 / 3) * true
@@ -132,7 +132,7 @@ class TestInterval:
     def test_white_noise_gives_the_classical_interval(self) -> None:
         e = np.random.default_rng(0).standard_normal(2000)
         J = np.random.default_rng(1).standard_normal((2000, 2))
-        found = spread_of([Part([e], [J], True)], np.zeros((0, 2)))
+        found = spread_of([([e], [J], True)], np.zeros((0, 2)))
         np.testing.assert_allclose(found.covariance, np.linalg.inv(J.T @ J) * e.var(), atol=5e-5)
 
     def test_whitening_is_the_inverse_root_of_the_covariance_to_its_first_sample(self) -> None:

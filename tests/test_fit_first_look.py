@@ -15,8 +15,7 @@ import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.data.measured import measured_from
 from flexlink.describe.units import unit_of
-from flexlink.identification.block import Block
-from flexlink.identification.colour import Colour
+from flexlink.identification.block import Block, Colour
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.profile import HALVINGS, _Floor

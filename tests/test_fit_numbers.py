@@ -20,20 +20,16 @@ from scipy.stats import t as student
 import flexlink as fl
 from flexlink.identification import fit as fitting
 from flexlink.identification import judge, page, solve
-from flexlink.identification.block import Block
+from flexlink.identification.block import SHARE, Block, Colour, colour_of, whiteness
 from flexlink.identification.checked_page import told
-from flexlink.identification.colour import SHARE, Colour, colour_of, whiteness
 from flexlink.identification.coordinates import Coordinate, coordinate_of, coordinates_of, prior_rows
-from flexlink.identification.data import Source
-from flexlink.identification.estimates import estimates, linear_estimates
+from flexlink.identification.data import Recorded, Source, _noise_of_sensors, _with_noise, at_times, recorded, sagged
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import checked
-from flexlink.identification.interval import Part, Spread, spread_of
+from flexlink.identification.interval import Spread, estimates, linear_estimates, spread_of
+from flexlink.identification.likelihood import row_of
 from flexlink.identification.linear_reference import _given, _modes, _poles, _shapes
-from flexlink.identification.recorded import Recorded, _noise_of_sensors, _with_noise, at_times, recorded
-from flexlink.identification.residuals import row_of
 from flexlink.identification.signals import Signals
-from flexlink.identification.single import Sagged
 from flexlink.identification.timing import as_long, doubts_of_times, in_periods
 from flexlink.motion.slopes_of_runs import CENTRAL, CENTRAL_4, FORWARD, Places, mirrored, weights
 
@@ -152,20 +148,20 @@ class TestCoverage:
     def test_few_samples_have_the_quantile_of_students_t_with_as_many_degrees_less_as_numbers_are_sought(self) -> None:
         rng = np.random.default_rng(0)
         for n, sought in ((12, 4), (30, 1), (30, 6)):
-            part = Part([rng.standard_normal(n)], [rng.standard_normal((n, sought))], True)
+            part = ([rng.standard_normal(n)], [rng.standard_normal((n, sought))], True)
             wide = spread_of([part], np.zeros((0, sought))).wide
             assert wide == pytest.approx(student.ppf(0.975, n - sought), rel=1e-12)
 
     def test_samples_that_hang_together_count_as_fewer(self) -> None:
         """Mean squares of noise with ρ_k = a^|k| are as uncertain as those of n (1 − a²)/(1 + a²) samples."""
         e, J = noise(np.random.default_rng(2), 200, (1.0, -0.9)), np.ones((200, 1))
-        found = spread_of([Part([e], [J], True)], np.zeros((0, 1)))
+        found = spread_of([([e], [J], True)], np.zeros((0, 1)))
         (a,) = found.colours[0][0].a[1:]
         assert found.wide == pytest.approx(student.ppf(0.975, 200 * (1 - a**2) / (1 + a**2) - 1), rel=1e-6)
 
     def test_coefficients_of_noise_widen_by_the_final_prediction_error(self) -> None:
         rng = np.random.default_rng(3)
-        part = Part([rng.standard_normal(30)], [rng.standard_normal((30, 2))], True)
+        part = ([rng.standard_normal(30)], [rng.standard_normal((30, 2))], True)
         plain, more = (spread_of([part], np.zeros((0, 2)), k).covariance for k in (0, 5))
         np.testing.assert_allclose(more, plain * (30 + 5) / (30 - 5), rtol=1e-12)
 
@@ -179,20 +175,20 @@ class TestCoverage:
     def test_single_numbers_have_the_noise_that_is_stated_unless_more_is_left(self) -> None:
         J = np.random.default_rng(4).standard_normal((9, 2))
         for size, factor in ((0.1, 1.0), (3.0, 9 * 9.0 / (9 - 2))):  # Σ e² / (n − 2) if that is more than 1
-            found = spread_of([Part([np.full(9, size)], [J], False)], np.zeros((0, 2)))
+            found = spread_of([([np.full(9, size)], [J], False)], np.zeros((0, 2)))
             np.testing.assert_allclose(found.covariance, factor * np.linalg.inv(J.T @ J), rtol=1e-9)
             assert found.wide == pytest.approx(1.96, abs=1e-4)
 
     def test_a_constant_is_told_as_uncertain_as_if_noise_had_followed_it(self) -> None:
         """C = Σ e² / n², and Σ (1 − |k|/n) over all pairs, n (2 n² + 1)/(3 n), of what the fit has taken off."""
         e, n = np.random.default_rng(14).standard_normal(30), 30
-        found = spread_of([Part([e], [np.ones((n, 1))], True)], np.zeros((0, 1))).covariance[0, 0]
+        found = spread_of([([e], [np.ones((n, 1))], True)], np.zeros((0, 1))).covariance[0, 0]
         assert found == pytest.approx(float(e @ e) / n**2 * (1 + (2 * n**2 + 1) / (3 * n**2)), rel=1e-9)
 
     def test_the_same_column_twice_tells_no_more_than_once(self) -> None:
         rng = np.random.default_rng(16)
         e, J = rng.standard_normal(30), rng.standard_normal((30, 1))
-        once, twice = (spread_of([Part([e] * k, [J] * k, True)], np.zeros((0, 1))).covariance for k in (1, 2))
+        once, twice = (spread_of([([e] * k, [J] * k, True)], np.zeros((0, 1))).covariance for k in (1, 2))
         assert twice == pytest.approx(once, rel=0.1)
 
     def test_noise_of_two_columns_is_correlated_as_its_innovations_are(self) -> None:
@@ -425,7 +421,7 @@ class TestSingle:
     def test_a_change_of_sag_is_that_of_the_load_that_was_hung_on(self) -> None:
         still = SCENE.varied({"gravity": (0.0, -9.81, 0.0), "link.bar.segments": 9})
         hung = fl.FitStatic(axis="y", value=-1e-3, deviation=1e-5, set={"tip.mass": 0.5}, before={"tip.mass": 0.2})
-        one = Sagged(fl.FitProblem(scene=still, parameter=(fl.FitParameter(path=YOUNG),), static=(hung,)), hung, 1)
+        one = sagged(fl.FitProblem(scene=still, parameter=(fl.FitParameter(path=YOUNG),), static=(hung,)), hung, 1)
         ((change,),) = one.of(one.scene)
         assert change == pytest.approx(-0.3 * 9.81 * 1.0**3 / (3 * E * 0.01**4 / 12), rel=0.02)
 

@@ -9,7 +9,6 @@ import flexlink as fl
 from flexlink.describe.spec import Spec
 from flexlink.describe.writing import without_defaults
 from flexlink.engines import load
-from flexlink.formats.mjcf_reading import read_mjcf
 from validation.random_arms import random_arm, random_tree
 
 EPS = np.finfo(float).eps
@@ -40,11 +39,10 @@ def test_a_seed_is_an_arm() -> None:
     assert {len(random_arm(seed).arm.links) for seed in range(60)} == {1, 2, 3, 4, 5, 6}
 
 
-def test_a_disc_with_rounding_on_top_is_exported_and_read_back() -> None:
-    """Of 0.1 + 0.2 + ε no more than 0.1 + 0.2 stands in the file; the chain that is read back has the ε again."""
+def test_a_disc_with_rounding_on_top_is_exported() -> None:
+    """Of 0.1 + 0.2 + ε no more than 0.1 + 0.2 stands in the file."""
     disc = fl.RigidBody(mass=1.0, inertia=(0.1, 0.2, np.nextafter(0.1 + 0.2, 1.0)))
     arm = fl.Arm(links=(fl.Link(name="a", hub=disc),))
     chain = fl.lump(fl.Scene(name="disc", arm=arm, initial=fl.InitialState(joint_deg=(0.0,))))
     engine = load("mujoco", chain)
     assert engine.mass_matrix(np.zeros(1))[0, 0] == pytest.approx(0.3, rel=4 * EPS)
-    assert read_mjcf(fl.to_mjcf(chain)).bodies.tobytes() == chain.bodies.tobytes()

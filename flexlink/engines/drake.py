@@ -78,7 +78,7 @@ class DrakeEngine:
         except RuntimeError as error:
             reason = " ".join(str(error).split())  # in one line
             raise ArgumentError(f"Drake cannot load {chain.name!r}: {reason}; use another engine") from error
-        self._excess = excess_of(chain, exported, read_sdf)
+        self._excess = excess_of(chain, lambda: read_sdf(exported))
 
     @classmethod
     def from_file(cls, file: base.ForeignFile) -> Self:

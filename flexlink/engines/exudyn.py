@@ -66,7 +66,8 @@ class ExudynEngine:
     def __init__(self, chain: Chain) -> None:
         base.refuse_prescribed_motion("Exudyn", chain)
         exported = to_urdf(chain, shapes=False)
-        self.read, self._excess = read_urdf(exported), excess_of(chain, exported, read_urdf)
+        self.read = read_urdf(exported)
+        self._excess = excess_of(chain, lambda: self.read)
         self.n = self.read.n
         self._whole = _System(self.read)
         self._bodies = _System(_without(self.read, hinges=("stiffness", "damping")))

@@ -29,7 +29,7 @@ from flexlink.engines import base, couplings, mujoco_reader, mujoco_tendons
 from flexlink.engines.read_back import ReadBack
 from flexlink.engines.rotation_springs import Excess, excess_of, refuse_in_files
 from flexlink.engines.steps import run_in_steps
-from flexlink.formats import read_mjcf, to_mjcf
+from flexlink.formats import to_mjcf
 from flexlink.formats.document import loaded_tip, xml_joint_names
 from flexlink.kernels.layout import COUPLING
 
@@ -69,7 +69,14 @@ class MujocoEngine:
         except ValueError as error:
             raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}; use another engine") from error
         self._use(model, mujoco_reader.read(model), xml_joint_names(chain), loaded_tip(chain).name)
-        self._excess = excess_of(chain, exported, read_mjcf)
+        self._excess = excess_of(chain, lambda: self._with_springs(chain))
+
+    def _with_springs(self, chain: Chain) -> Chain:
+        """The chain with the springs that MuJoCo has read."""
+        hinges, couplings = chain.hinges.copy(), chain.couplings.copy()
+        hinges["stiffness"], hinges["rest"] = self.record.stiffness, self.record.rest
+        couplings["stiffness"] = self.record.coupled_stiffness[couplings["inner"], couplings["outer"]]
+        return dataclasses.replace(chain, hinges=hinges, couplings=couplings)
 
     @classmethod
     def from_file(cls, file: base.ForeignFile) -> Self:

@@ -65,7 +65,7 @@ class PinocchioEngine:
     def __init__(self, chain: Chain) -> None:
         exported = to_urdf(chain, shapes=False)
         self._parse(exported, xml_joint_names(chain), loaded_tip(chain).name)
-        self._excess = excess_of(chain, exported, read_urdf)
+        self._excess = excess_of(chain, lambda: read_urdf(exported))
         self.prescribed = np.flatnonzero(chain.hinges["prescribed"])
 
     @classmethod

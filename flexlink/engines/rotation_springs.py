@@ -16,11 +16,11 @@ from flexlink.kernels.forces.rotation_springs import excess_torque
 Excess = Callable[[Array], Array]
 
 
-def excess_of(chain: Chain, exported: str, read: Callable[[str], Chain]) -> Excess | None:
-    """Torques (n,) of angles (n,), of the chain that `read` makes of the file; None of one without such springs."""
+def excess_of(chain: Chain, held_by: Callable[[], Chain]) -> Excess | None:
+    """Torques (n,) of angles (n,), of the chain that the file holds; None of one without such springs."""
     if not chain.has_rotation_springs:
         return None
-    held = read(exported)
+    held = held_by()
     return lambda q: np.array(excess_torque(held.bodies, held.hinges, held.couplings, np.array(q)))
 
 

@@ -161,11 +161,7 @@ def link_of(node: Node, key: str, links: Sequence[str]) -> int:
     """Number of a link that an attribute says; without it that of the last."""
     if node.element.get(key) is None:
         return len(links)
-    return require_link(node, key, node.number(key), links)
-
-
-def require_link(node: Node, key: str, number: float, links: Sequence[str]) -> int:
-    """The number of a link."""
+    number = node.number(key)
     if number not in range(1, len(links) + 1):
         raise node.error(f"{_plain(key)} = {number:g}: expected a link, 1 … {len(links)}")
     return int(number)
@@ -362,12 +358,11 @@ def _require_sound(hinge: Hinge) -> None:
 
 def read(
     text: str | bytes, what: str, *, tag: str, to_chain: Callable[[Node], Chain], write: Callable[..., str],
-    ignored: frozenset[str], canonical: Callable[[ET.Element], None] = lambda _: None,
+    ignored: frozenset[str],
 ) -> Chain:  # fmt: skip
     """Parse, build the chain, write it again, compare.
 
-    `ignored` are elements and attributes, as "element.attribute", that do not belong to the chain. `canonical` removes
-    from both documents what has been compared elsewhere.
+    `ignored` are elements and attributes, as "element.attribute", that do not belong to the chain.
     """
     root = Node(parse(text, what), what)
     if root.element.tag != tag:
@@ -379,8 +374,6 @@ def read(
         raise
     except FlexlinkError as error:  # the writer refuses the chain
         raise root.error(str(error)) from None
-    for document in (root.element, again):
-        canonical(document)
     _require_same(root, again, ignored)
     return chain
 

@@ -1,11 +1,117 @@
-"""Numbers that were measured with one instrument."""
+"""Numbers that were measured with one instrument, and the autocorrelation of their noise: one model a column.
+
+    e_t = − a₁ e_{t−1} − … − a_p e_{t−p} + w_t,  w white
+
+The order is the one of the least Bayesian information criterion, n ln σ² + p ln n (Schwarz 1978), the coefficients
+Burg's. Criteria that ask less for a coefficient (AICc) take orders of chance, and intervals come out 5 to 10 % narrow.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+from scipy.stats import chi2
 
 from flexlink.common.types import Array
-from flexlink.identification.colour import Colour
+
+SHARE = 12
+"""Samples for each coefficient, at least."""
+
+
+class Colour(NamedTuple):
+    """An autoregressive model of residuals: 1, a₁ … a_p, and the innovations, shape (n,)."""
+
+    a: Array
+    innovations: Array
+
+    def whitened(self, X: Array) -> Array:
+        """Columns X, shape (n, columns), as they come out where the noise comes out white, of the innovations' size.
+
+        The first p samples are predicted from the few before them: none counts more than the noise allows.
+        """
+        if not X.size:
+            return X
+        found, p, a, size = lfilter(self.a, [1.0], X, axis=0), len(self.a) - 1, self.a, 1.0
+        for t in range(p, 0, -1):  # the predictor of order t to that of order t − 1 (Levinson and Durbin)
+            k = a[t]
+            a = (a - k * a[::-1])[:t] / (1 - k * k)
+            size *= math.sqrt(1 - k * k)
+            if t <= len(X):
+                found[t - 1] = size * (a[::-1] @ X[:t])
+        return np.asarray(found)
+
+    @property
+    def share(self) -> float:
+        """Size of the innovations over that of the noise."""
+        a, size = self.a, 1.0
+        for t in range(len(self.a) - 1, 0, -1):
+            k = a[t]
+            a, size = (a - k * a[::-1])[:t] / (1 - k * k), size * math.sqrt(1 - k * k)
+        return size
+
+    def pulled_back(self, J: Array, past: int) -> Array:
+        """Hᵀ J, latest row first, H the pulse response from innovations on, `past` earlier ones, too, (n + past, k)."""
+        return np.asarray(lfilter([1.0], self.a, np.vstack([J[::-1], np.zeros((past, J.shape[1]))]), axis=0))
+
+    @property
+    def price(self) -> float:
+        """What the criterion asks for the coefficients, in units of −2 ln of the likelihood."""
+        return _price(len(self.a) - 1, len(self.innovations))
+
+    @property
+    def memory(self) -> int:
+        """Samples after which a pulse is forgotten to 1e-6, at most 10 000."""
+        if len(self.a) == 1:
+            return 0
+        slowest = float(np.abs(np.roots(self.a)).max())
+        return int(min(np.log(1e-6) / np.log(max(min(slowest, 1 - 1e-9), 1e-9)) + len(self.a), 10_000))
+
+    @property
+    def correlation_length(self) -> float:
+        """Σ ρ² over all lags: a mean square of n samples is as well known as that of n over this many independent."""
+        h = lfilter([1.0], self.a, np.eye(1, self.memory + 1).ravel())
+        full = np.correlate(h, h, "full")
+        return float(np.sum((full / full[len(h) - 1]) ** 2))
+
+
+def colour_of(e: Array) -> Colour:
+    """The model of residuals, shape (n,)."""
+    highest = 40  # order
+    n = len(e)
+    if n < 3 * SHARE or not e.any():
+        return Colour(np.ones(1), e)
+    f, b, a, power = e[1:].copy(), e[:-1].copy(), np.ones(1), float(e @ e) / n
+    best, least = a, n * np.log(power)
+    for p in range(1, min(n // SHARE, highest) + 1):
+        k = -2.0 * float(f @ b) / float(f @ f + b @ b)
+        a = np.append(a, 0.0)
+        a = a + k * a[::-1]
+        power *= 1.0 - k * k
+        if power <= 0 or len(f) < 2:
+            break
+        criterion = n * np.log(power) + _price(p, n)
+        if criterion < least:
+            best, least = a, criterion
+        f, b = (f + k * b)[1:], (b + k * f)[:-1]
+    return Colour(best, np.asarray(lfilter(best, [1.0], e)))
+
+
+def _price(order: int, samples: int) -> float:
+    return order * math.log(samples)
+
+
+def whiteness(e: Array) -> float:
+    """Probability that white noise has autocorrelations as large as these (Ljung and Box), at up to 20 lags."""
+    n, lags = len(e), min(20, len(e) // 5)
+    power = float(e @ e)
+    if lags < 1 or not power:
+        return 1.0
+    ρ = np.array([float(e[lag:] @ e[:-lag]) for lag in range(1, lags + 1)]) / power
+    return float(chi2.sf(n * (n + 2) * np.sum(ρ**2 / (n - np.arange(1, lags + 1))), lags))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -25,7 +131,7 @@ class Block:
     t
         Times of a run's column [s], shape (n,); None of single numbers, whose noise is independent.
     colour
-        How the noise hangs together in time; None of white noise. σ is then the size of its innovations.
+        Autocorrelation of the noise; None of white noise. σ is then the size of its innovations.
     gain, bias
         Whether scale and zero are unknown.
     """

@@ -24,7 +24,6 @@ from flexlink.pages.verdict import Report, Verdict
 
 START, PROBLEM = "start.toml", "problem.toml"
 """Files beside the page: the scene before the fit, and the problem, which names it."""
-HEAD = "± of 95 % [% of it, or of its unit]"
 
 
 def build_check(problem: FitProblem, check: Check, folder: Path, command: str) -> Report:
@@ -68,6 +67,7 @@ def document(check: Check) -> dict[str, object]:
 
 def told(check: Check) -> Part:
     """What the data can tell."""
+    head = "± of 95 % [% of it, or of its unit]"
     lines = tuple(
         (name, 100 * WIDE * float(part) if np.isfinite(part) else None)
         for name, part in zip(check.names, check.expected, strict=True)
@@ -75,7 +75,7 @@ def told(check: Check) -> Part:
     sentences = tuple(f"{one.text}." for one in check.directions) or ("Every number, and every combination, is held.",)
     values = tuple((k, float(s)) for k, s in enumerate(check.singular_values, 1))
     return Part((*sentences, *(f"{note}." for note in check.notes)), tables=(
-        Table("expected", "Expected from slopes and white noise, 95 %", ("number", HEAD), lines),
+        Table("expected", "Expected from slopes and white noise, 95 %", ("number", head), lines),
         Table("singular_values", "Singular values of the slopes over the noise", ("number", "value"), values,
               to_look_up=True),
     ))  # fmt: skip

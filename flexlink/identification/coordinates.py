@@ -1,4 +1,4 @@
-"""The numbers that are sought as coordinates x of a search: logarithms of positive ones, others over a unit."""
+"""Parameters as coordinates x of a search: logarithms of positive numbers, other numbers over a unit."""
 
 from __future__ import annotations
 
@@ -16,21 +16,19 @@ from flexlink.describe.units import unit_of
 from flexlink.describe.vary import number_in
 from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 
-FURTHEST = 1e3
-"""Factor from the start that is tried at most of a number that is sought by its logarithm."""
 LARGEST = math.log(sys.float_info.max)
 
 
 @dataclasses.dataclass(frozen=True)
 class Coordinate:
-    """One number that is sought: value = e^x, or unit · x.
+    """A parameter: value = e^x, or unit · x.
 
     Attributes
     ----------
     path
         Its path in the scene.
     run
-        Name of the run for which it is sought alone; "" of one for all.
+        Name of the only run that has it; "" of one for all runs.
     start
         Value where the search begins.
     log
@@ -83,7 +81,7 @@ class Coordinate:
 
 
 def coordinates_of(problem: FitProblem) -> tuple[Coordinate, ...]:
-    """All numbers that are sought, those of single runs last.
+    """All parameters, those of single runs last.
 
     Raises
     ------
@@ -98,13 +96,14 @@ def coordinates_of(problem: FitProblem) -> tuple[Coordinate, ...]:
 
 
 def own_coordinates(problem: FitProblem, run: FitRun) -> list[Coordinate]:
-    """Numbers that are sought for one run alone; errors as in `coordinates_of`."""
+    """Parameters of one run alone; errors as in `coordinates_of`."""
     scene = problem.scene.varied(run.set) if run.set else problem.scene
     return [coordinate_of(scene, parameter, run.name) for parameter in run.parameter]
 
 
 def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coordinate:
     """A number of a scene; errors as in `coordinates_of`."""
+    furthest = 1e3  # factor from the start that is tried at most of a logarithm
     value = _value(scene, parameter)
     log = parameter.scale == "log" or (
         parameter.scale == "auto" and value > 0 and not parameter.path.startswith("initial.")
@@ -122,7 +121,7 @@ def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coord
         )
     width = (high - low) / 2
     unit = width if math.isfinite(width) else abs(value) or 1.0
-    ends = (max(low, value / FURTHEST), min(high, value * FURTHEST)) if log else (low, high)
+    ends = (max(low, value / furthest), min(high, value * furthest)) if log else (low, high)
     said = unit_of(scene, parameter.path)
     return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior, said)
 

@@ -1,13 +1,281 @@
-"""All that was measured, by what it is for."""
+"""What was measured, block by block, and what a scene gives in its place: recorded runs, and single numbers at rest."""
 
 from __future__ import annotations
 
-from flexlink.common.errors import DataFileError, SceneError
-from flexlink.identification.problem import FitProblem, Use
-from flexlink.identification.recorded import Recorded, recorded
-from flexlink.identification.single import Sagged, Tapped
+import dataclasses
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
-Source = Recorded | Tapped | Sagged
+import numpy as np
+from msgspec.structs import replace
+from scipy.interpolate import CubicSpline
+
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.types import Array
+from flexlink.common.wording import did_you_mean
+from flexlink.data.measured import Measured, measured_from, named, read_measured
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.placement import tip_position
+from flexlink.dynamics.sensors.signals import column_names
+from flexlink.dynamics.vibration.at_rest import rest_of
+from flexlink.dynamics.vibration.modal import modes
+from flexlink.identification.block import Block
+from flexlink.identification.problem import FitModes, FitProblem, FitRun, FitStatic, Use
+from flexlink.identification.timing import as_long, doubts_of_times, in_periods, slowest_mode
+from flexlink.motion.inputs.initial_state import initial_state
+from flexlink.motion.inputs.tip_wrench import initial_wrench
+from flexlink.motion.slopes_of_runs import smooth
+from flexlink.results.columns import sources_of as columns_of
+from flexlink.results.trajectory import Trajectory
+
+
+@dataclasses.dataclass(eq=False)
+class Recorded:
+    """A run that was recorded.
+
+    Attributes
+    ----------
+    name, use
+        As the problem says.
+    scene
+        What it is computed from, but for the parameters.
+    blocks
+        Its columns.
+    rate
+        Samples per second of the file [Hz].
+    shows
+        How long it is, and how much of the slowest mode it shows, in words.
+    doubts
+        What is to be known of its times.
+    """
+
+    name: str
+    use: Use
+    scene: Scene
+    blocks: tuple[Block, ...]
+    rate: float
+    shows: str = ""
+    doubts: tuple[str, ...] = ()
+
+    def first(self, part: float) -> Recorded:
+        """The first part of the run, ten samples at least."""
+        blocks = tuple(_first(block, part) for block in self.blocks)
+        end = max(float(np.asarray(block.t)[-1]) for block in blocks)
+        run = self.scene.run
+        duration = math.ceil((end - self.scene.initial.time) / run.spacing - 1e-6) * run.spacing
+        shorter = {"run.duration": float(f"{duration:.12g}"), "run.sample": run.spacing}
+        scene = self.scene.varied(shorter) if duration < run.duration else self.scene
+        return dataclasses.replace(self, scene=scene, blocks=blocks)
+
+    def model(self, run: Trajectory) -> list[Array]:
+        """What a run has in place of its blocks, by cubic splines through its samples."""
+        columns = run.columns
+        return [at_times(run.t, columns[block.name], np.asarray(block.t)) for block in self.blocks]
+
+
+def recorded(problem: FitProblem, run: FitRun) -> Recorded:
+    """A run of a problem, read.
+
+    Raises
+    ------
+    DataFileError, SceneError
+        Its file or columns, or what it sets, are wrong.
+    """
+    scene = problem.scene.varied(run.set) if run.set else problem.scene
+    known = dict.fromkeys((*columns_of(lump(scene)), *column_names(scene)))
+    measured = _measured(run, known)
+    first, last = run.window or (-math.inf, math.inf)
+    first = max(first, scene.initial.time)
+    inside = (measured.t >= first) & (measured.t <= last)
+    if inside.sum() < 2:
+        raise DataFileError(
+            f"run {run.name!r}: fewer than two samples from {first:g} to {last:g} s; the file goes from "
+            f"{measured.t[0]:g} to {measured.t[-1]:g} s"
+        )
+    t, heads, of_sensors = measured.t[inside], _by_name(run, known, measured.columns), _noise_of_sensors(scene)
+    blocks = tuple(
+        _block(run, name, column[inside], t, heads, known, of_sensors.get(name, 0.0))
+        for name, column in measured.columns.items()
+        if np.isfinite(column[inside]).any()
+    )
+    if not blocks:
+        raise DataFileError(f"run {run.name!r}: no measured values inside its window")
+    _check_reach(run, scene, blocks)
+    rate, smooth, hertz = float((len(t) - 1) / (t[-1] - t[0])), exact(scene, problem.tolerance), slowest_mode(scene)
+    doubts = doubts_of_times(smooth, blocks, t, hertz)
+    return Recorded(run.name, run.use, as_long(smooth, t), _with_noise(blocks), rate, in_periods(t, hertz), doubts)
+
+
+def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
+    """Places of the tip are such as the arm can get to; one that floats, or slides without limits, gets anywhere."""
+    times = 20.0  # the reach of an arm, where its tip can never go: measured in another unit
+    chain = lump(scene)
+    reach, ends = chain.reach, chain.hinges[["lower", "upper"]][chain.slides]
+    if scene.arm.base.free or not all(np.isfinite(ends[end]).all() for end in ("lower", "upper")):
+        return
+    for block in blocks:
+        far = float(np.ptp(block.y))
+        if re.fullmatch(r"tip [xyz] \[m\]", block.name) and far > times * reach:
+            raise DataFileError(
+                f"run {run.name!r}: {block.name} ranges over {far:.4g} m, but the arm reaches {reach:.2g} m; likely "
+                f"given in mm: the head is then {block.name.replace('[m]', '[mm]')!r}"
+            )
+
+
+def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
+    if run.file:
+        return read_measured(Path(run.file), known, run.compare)
+    lengths = {head: len(column) for head, column in run.columns.items()}
+    if len(set(lengths.values())) != 1:
+        raise DataFileError(f"run {run.name!r}: columns of different length: {lengths}")
+    values = np.array(list(run.columns.values())).T
+    return measured_from(f"run {run.name!r}", list(run.columns), values, known, run.compare)
+
+
+def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, object]) -> dict[str, dict[str, str]]:
+    """What the run says of columns: how each was called, by the name of the column of a run."""
+    where, found = f"run {run.name!r}", {}
+    for key in ("noise", "gain", "bias"):
+        found[key] = {named(where, head, known)[0]: head for head in getattr(run, key)}
+        for name, head in found[key].items():
+            if name not in compared:
+                likely = did_you_mean(head, compared)
+                raise DataFileError(f"{where}: {key} of {head!r}: no such column is compared{likely}")
+    return found
+
+
+def _block(
+    run: FitRun, name: str, y: Array, t: Array, heads: Mapping[str, Mapping[str, str]], known: Mapping[str, object],
+    of_sensor: float,
+) -> Block:  # fmt: skip
+    there = np.isfinite(y)
+    head = heads["noise"].get(name)
+    σ = run.noise[head] * named(run.name, head, known)[1] if head is not None else of_sensor
+    return Block(
+        name, y[there], np.full(int(there.sum()), σ), σ > 0, t[there], None,
+        name in heads["gain"], name in heads["bias"],
+    )  # fmt: skip
+
+
+def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
+    """A first guess of noise that is not stated."""
+    assumed = 0.01  # part of the range of columns of one unit
+    range_of: dict[str, float] = {}
+    for block in blocks:
+        range_of[block.unit] = max(range_of.get(block.unit, 0.0), float(np.ptp(block.y)))
+    return tuple(
+        block if block.stated else dataclasses.replace(
+            block, σ=np.full(len(block.y), assumed * (range_of[block.unit] or 1.0))
+        )
+        for block in blocks
+    )  # fmt: skip
+
+
+def exact(scene: Scene, tolerance: float) -> Scene:
+    """The scene with runs that have slopes (`smooth`), of sensors that are asked at every sample."""
+    sensors = tuple(replace(one, rate=None) for one in scene.sensor)
+    return smooth(replace(scene, sensor=sensors) if sensors else scene, tolerance)
+
+
+def _noise_of_sensors(scene: Scene) -> dict[str, float]:
+    """Standard deviation of the readings of a scene's sensors, of noise and resolution, by column."""
+    return {
+        name: math.hypot(one.noise, (one.resolution or 0.0) / math.sqrt(12))
+        for one in scene.sensor
+        for name in column_names(scene, (one,))
+    }
+
+
+def _first(block: Block, part: float) -> Block:
+    n = max(math.ceil(part * len(block.y)), min(10, len(block.y)))
+    return dataclasses.replace(block, y=block.y[:n], σ=block.σ[:n], t=None if block.t is None else block.t[:n])
+
+
+def at_times(t: Array, samples: Array, times: Array) -> Array:
+    """Samples (n, …) at times t as they are where these are asked for, else by cubic splines."""
+    if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
+        return np.asarray(samples[: len(times)])
+    return np.asarray(CubicSpline(t, samples)(times))
+
+
+@dataclasses.dataclass(eq=False)
+class Single:
+    """Single numbers that were measured at rest.
+
+    Attributes
+    ----------
+    name, use
+        As the problem says.
+    scene
+        What they are computed from, but for the parameters.
+    blocks
+        The numbers.
+    of
+        What a scene has in their place.
+    """
+
+    name: str
+    use: Use
+    scene: Scene
+    blocks: tuple[Block, ...]
+    of: Callable[[Scene], list[Array]]
+
+
+def tapped(problem: FitProblem, part: FitModes, number: int) -> Single:
+    """Frequencies, and damping ratios."""
+    name = f"modes {number}"
+    modes_asked = np.array(part.numbers or range(1, len(part.hertz) + 1)) - 1
+    σ = np.broadcast_to(np.array(part.deviation), len(part.hertz)).astype(float)
+    blocks = [Block("frequency [Hz]", np.array(part.hertz), σ, True)]
+    if part.ratios:
+        ratios = np.array(part.ratios)
+        blocks.append(Block("damping ratio [1]", ratios, np.full(len(ratios), part.ratio_deviation), True))
+
+    def of(scene: Scene) -> list[Array]:
+        chain, q, load = _at_rest(scene)
+        held = chain.active.tolist() if part.locked is None else list(part.locked)
+        found = modes(chain, q, **load, locked=held)
+        elastic = np.flatnonzero(np.array(found.kinds) == "elastic")
+        if len(elastic) <= modes_asked.max():
+            raise ArgumentError(
+                f"{name}: mode {modes_asked.max() + 1} is asked for; the arm has {len(elastic)} elastic modes"
+            )
+        which = elastic[modes_asked]
+        return [found.hertz[which], found.damping_ratios[which]][: len(blocks)]
+
+    return Single(name, part.use, problem.scene.varied(part.set) if part.set else problem.scene, tuple(blocks), of)
+
+
+def sagged(problem: FitProblem, part: FitStatic, number: int) -> Single:
+    """One coordinate of the tip, or by how much it differs from another state."""
+
+    def tip(scene: Scene) -> float:
+        chain, q, _ = _at_rest(scene)
+        return float(tip_position(chain, q)["xyz".index(part.axis)])
+
+    def of(scene: Scene) -> list[Array]:
+        before = 0.0 if part.before is None else tip(scene.varied(part.before))
+        return [np.array([tip(scene) - before])]
+
+    scene = problem.scene.varied(part.set) if part.set else problem.scene
+    block = Block(f"tip {part.axis} [m]", np.array([part.value]), np.array([part.deviation]), True)
+    return Single(f"static {number}", part.use, scene, (block,), of)
+
+
+def _at_rest(scene: Scene) -> tuple[Chain, Array, dict[str, Any]]:
+    """The chain of a scene, where it rests, and its load."""
+    chain = lump(scene)
+    wrench, frame = initial_wrench(scene, chain)
+    load: dict[str, Any] = {"tip_wrench": wrench, "frame": frame}
+    return chain, rest_of(chain, initial_state(scene, chain)[0], **load).q, load
+
+
+Source = Recorded | Single
 
 
 def sources_of(problem: FitProblem, use: Use) -> list[Source]:
@@ -26,6 +294,6 @@ def sources_of(problem: FitProblem, use: Use) -> list[Source]:
             except (DataFileError, SceneError) as error:
                 said = str(error)
                 raise type(error)(said if said.startswith("run ") else f"run {run.name!r}: {said}") from None
-    found += [Tapped(problem, one, k) for k, one in enumerate(problem.modes, 1) if one.use == use]
-    found += [Sagged(problem, one, k) for k, one in enumerate(problem.static, 1) if one.use == use]
+    found += [tapped(problem, one, k) for k, one in enumerate(problem.modes, 1) if one.use == use]
+    found += [sagged(problem, one, k) for k, one in enumerate(problem.static, 1) if one.use == use]
     return found

@@ -12,27 +12,25 @@ from flexlink.common.types import Array
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
 from flexlink.identification.data import sources_of
-from flexlink.identification.estimates import estimates, linear_estimates, without_ends
 from flexlink.identification.fitted import Estimate, Fitted
 from flexlink.identification.identifiability import Check, checked
-from flexlink.identification.interval import spread_of
+from flexlink.identification.interval import estimates, linear_estimates, parts_of, spread_of, without_ends
 from flexlink.identification.judge import columns_of
+from flexlink.identification.likelihood import large_changes, linear_names, priors_of, row_of, stacked
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.profile import profiled, widened
 from flexlink.identification.reasons import with_reasons
 from flexlink.identification.remarks import notes, ranges_apart, warnings
-from flexlink.identification.residuals import row_of
 from flexlink.identification.signals import STEP, Signals
 from flexlink.identification.solve import Found, Search, start_points
-from flexlink.identification.stacking import large_changes, linear_names, parts_of, priors_of, stacked
 from flexlink.motion.slopes_of_runs import CENTRAL_4
 
 
 def check_fit(problem: FitProblem) -> Check:
-    """What the data can tell of the numbers that are sought, before any are fitted.
+    """Which parameters are identifiable from the data, before any are fitted.
 
     From the slopes of all data at the start, over the noise that the problem states (where it states none, 1 % of the
-    range of the columns of one unit): numbers without effect, combinations that cannot be told apart, expected ±.
+    range of the columns of one unit): parameters without effect, combinations that are not identifiable, expected ±.
 
     Parameters
     ----------
@@ -42,7 +40,7 @@ def check_fit(problem: FitProblem) -> Check:
     Returns
     -------
     Check
-        Names, singular values, directions that the data do not hold, in words, expected standard deviations.
+        Names, singular values, directions that are not identifiable, in words, expected standard deviations.
 
     Raises
     ------
@@ -71,11 +69,11 @@ def check_fit(problem: FitProblem) -> Check:
 def fit(
     problem: FitProblem, *, starts: int = 1, profile: bool = False, progress: Callable[[str], None] | None = None
 ) -> Fitted:  # fmt: skip
-    """Find the numbers of a scene with which it gives what was measured, and say how well the data hold them.
+    """Estimate numbers of a scene from measurements, with intervals.
 
     Checked first (`check_fit`). Single numbers are fitted first, then runs in growing windows, by
     `scipy.optimize.least_squares` with logarithms of positive numbers; gains and biases are at their best throughout
-    (variable projection). Intervals count how residuals hang together in time.
+    (variable projection). Intervals count the autocorrelation of residuals.
 
     Parameters
     ----------
@@ -96,7 +94,7 @@ def fit(
     Raises
     ------
     IdentifiabilityError
-        The data cannot hold the numbers: the message names those without effect, or that cannot be told apart.
+        Parameters are not identifiable: the message names those without effect, or the combination.
     DataFileError, SceneError
         As in `check_fit`.
 
@@ -143,6 +141,29 @@ def fit(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
         tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, told,
     )  # fmt: skip
+
+
+def quick_estimates(problem: FitProblem, worth: float) -> tuple[Estimate, ...]:
+    """The numbers of a problem by one rough search from their own values, noise being white; nothing is checked.
+
+    None where the slopes there promise to explain no more than a part `worth` of the sum of squares.
+
+    Raises
+    ------
+    DataFileError, SceneError
+        As in `check_fit`.
+    """
+    coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
+    search, x = Search(Signals(sources, coordinates), problem.loss), np.array([one.x(one.start) for one in coordinates])
+    blocks = [list(source.blocks) for source in sources]
+    rows = [row for part in search.rows(x, blocks) for row in part]
+    r, J = np.concatenate([row.residual for row in rows]), np.vstack([row.slopes for row in rows])
+    explained = J @ np.linalg.lstsq(J, r, rcond=None)[0]
+    if not explained @ explained > worth * (r @ r):
+        return ()
+    x = search.near(x)
+    found = search.rows(x, blocks)
+    return tuple(estimates(coordinates, x, spread_of(parts_of(sources, found), priors_of(coordinates, x, found))))
 
 
 def _values(coordinates: Sequence[Coordinate], x: Array) -> tuple[float, ...]:

@@ -32,7 +32,7 @@ class Estimate:
     start, value
         Before and after the fit, in the path's own unit.
     low, high
-        95 % interval, autocorrelation of the residuals counted; without ends where the data hold not every number.
+        95 % interval, autocorrelation of the residuals counted; without ends where a number is not identifiable.
     deviation
         Standard deviation.
     at_bound
@@ -63,10 +63,6 @@ class Estimate:
         return (self.high - self.low) / 2
 
 
-ENDS = 1e-7
-"""Part of what was measured that is no difference: searches end 1e-8 beside the least, in parts of the numbers."""
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class FittedColumn:
     """One instrument of one run, or the single numbers of one kind.
@@ -82,13 +78,13 @@ class FittedColumn:
     gain, bias
         At their best.
     noise
-        Standard deviation of the noise, stated or from what is left.
+        Standard deviation of the noise, stated or of the residuals.
     stated
         Whether the problem states it.
     times_noise
-        Root mean square of what is left over the noise.
+        Root mean square of the residuals over the noise.
     whiteness
-        Probability that white noise looks like what is left; nan of single numbers.
+        Probability that white noise looks like the residuals; nan of single numbers.
     """
 
     source: str
@@ -117,7 +113,8 @@ class FittedColumn:
 
     def left(self, model: Array) -> float:
         """The same, but no less than a search can leave: two fits of exact data are as good as each other."""
-        return max(self.off(model), ENDS * float(abs(self.measured).max()))
+        share = 1e-7  # of what was measured: searches end 1e-8 beside the least, in parts of the numbers
+        return max(self.off(model), share * float(abs(self.measured).max()))
 
     def fit(self, model: Array | None) -> float:
         """1 − |difference| / |measured less its mean| [%]; nan of single numbers."""
@@ -146,7 +143,7 @@ class Fitted:
     columns
         What was measured beside what the scene gives.
     starts
-        Values that each start led to, and half the sum of what is left over its noise, squared, the best first.
+        Values that each initial guess led to, and half the sum of squared residuals over the noise, the best first.
     runs
         How many runs were computed.
     warnings
@@ -191,19 +188,19 @@ class Fitted:
 
     @property
     def better(self) -> bool:
-        """Whether what is left is less than before, over all columns by which the fit is judged."""
+        """Whether residuals are smaller than before, over all columns by which the fit is judged."""
         before = sum((one.left(one.before) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.judged)
         after = sum((one.left(one.after) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.judged)
         return after <= before * (1 + 1e-9)
 
     @property
     def identifiable(self) -> bool:
-        """Whether the data hold every number where the search ended, none of them at a bound."""
+        """Whether every number is identifiable where the search ended, and none of them at a bound."""
         return self.check.passed and not any(one.at_bound for one in self.numbers)
 
     @property
     def passed(self) -> bool:
-        """Whether the data hold every number, and the fitted scene is no worse than the one before."""
+        """Whether every number is identifiable, and the fitted scene is no worse than the one before."""
         return self.identifiable and self.better
 
     def document(self) -> dict[str, Any]:

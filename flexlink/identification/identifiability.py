@@ -15,23 +15,16 @@ import numpy as np
 
 from flexlink.common.types import Array
 
-FREE = 1.0
-"""Expected standard deviation of a direction, a part of its numbers, from which on it is not held."""
-WEAK = 0.1
-"""The same from which on it is told."""
 WIDE = 1.96
 """Half of a 95 % interval over its standard deviation."""
 COUNTS = 0.2
 """Share of the largest effect among a direction's numbers that makes another one part of it."""
-NOTHING = 100.0
-"""Half of an expected 95 % interval, a part of the number, from which on it has no effect: a search tries
-± ln 1000 = 6.9 at most, and what rounding leaves of slopes gives 1e5 and more."""
 EQUAL = 1e-6
 """Relative difference up to which sizes are equal, and the problem's order decides: slopes are known to no more."""
 
 
 class Direction(NamedTuple):
-    """A combination of numbers that the data hold badly.
+    """A combination of numbers that is hardly identifiable.
 
     Attributes
     ----------
@@ -42,7 +35,7 @@ class Direction(NamedTuple):
     deviation
         Expected standard deviation along it, a part of the numbers or of their units.
     lost
-        Whether the data do not hold it at all.
+        Whether it is not identifiable at all.
     why
         What its numbers do move, if that is known; "" else.
     """
@@ -74,11 +67,11 @@ class Check(NamedTuple):
     Attributes
     ----------
     names
-        What is sought: numbers of the scene, then gains and biases.
+        Parameters: numbers of the scene, then gains and biases.
     singular_values
         Of the slopes over the noise, largest first.
     directions
-        Combinations that are held badly, the worst first.
+        Combinations that are hardly identifiable, the worst first.
     expected
         Expected standard deviation of each, a part of the number or of its unit; inf of one that is not held.
     notes
@@ -96,7 +89,7 @@ class Check(NamedTuple):
 
     @property
     def lost(self) -> tuple[Direction, ...]:
-        """Combinations that the data do not hold: the fit is refused."""
+        """Combinations that are not identifiable: the fit is refused."""
         return tuple(one for one in self.directions if one.lost)
 
     @property
@@ -108,11 +101,14 @@ class Check(NamedTuple):
 def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[str] = ()) -> Check:
     """Judge slopes J of all residuals, shape (data, all), known up to `error`, of each column a large change's.
 
-    A number without effect stands alone; of what is left, combinations are as short as they can be. Nothing here
+    A number without effect stands alone; combinations of the others are as short as they can be. Nothing here
     depends on the basis in which rounding gives directions of equal effect, nor on its order and signs.
     """
+    nothing_from = 100.0  # half of an expected interval; a search tries ± 6.9 at most, rounding of slopes gives 1e5
+    weak_from = 0.1  # the same from which on it is reported
+    free = 1.0  # expected deviation of a direction, a part of its numbers, from which on it is lost
     unknown = 10 * error
-    least, nothing = max(1 / FREE, unknown), max(WIDE / NOTHING, unknown)
+    least, nothing = max(1 / free, unknown), max(WIDE / nothing_from, unknown)
 
     def deviation(effect: float) -> float:
         return 1 / effect if effect > nothing else np.inf
@@ -129,7 +125,7 @@ def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[str] =
     for v in _short(V[lost]):
         along = float(np.linalg.norm(some @ v))
         directions.append(_direction(of_some, v, size[moved], deviation(along), lost=True))
-    weak = np.flatnonzero(~lost & (s < 1 / WEAK))[::-1]
+    weak = np.flatnonzero(~lost & (s < 1 / weak_from))[::-1]
     for equal in np.split(weak, np.flatnonzero(np.diff(s[weak]) > EQUAL * s[weak[1:]]) + 1):
         for v in _short(V[equal]):
             directions.append(_direction(of_some, v, size[moved], 1 / float(s[equal[0]]), lost=False))

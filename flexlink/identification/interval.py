@@ -1,14 +1,15 @@
-"""How well numbers are known that a fit has found, where residuals hang together in time.
+"""The numbers that a fit has found, with intervals that count the autocorrelation of residuals.
 
     C = B⁻¹ M B⁻¹,  B = Σ JᵀJ,  M = Σ Jᵀ Γ J,  Γ the covariance of the noise
 
-Γ of a run's columns is that of autoregressive noise fitted to what is left, columns correlated as their innovations are
-(Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, 1997). Single numbers have
-the noise that the problem states. A mean square is as uncertain as its samples are few and dependent: Student's t.
+Γ of a run's columns is that of autoregressive noise fitted to the residuals, columns correlated as their innovations
+are (Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, 1997). Single numbers
+have the noise that the problem states. A mean square is as uncertain as its samples are few and dependent: Student's t.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,18 +18,14 @@ import numpy as np
 from scipy.stats import t as student
 
 from flexlink.common.types import Array
-from flexlink.identification.colour import Colour, colour_of
+from flexlink.identification.block import Colour, colour_of
+from flexlink.identification.coordinates import Coordinate
+from flexlink.identification.data import Recorded, Source
+from flexlink.identification.fitted import Estimate
+from flexlink.identification.likelihood import Row, linear_names, stacked
 
-LEVEL = 0.95
-"""Part of all intervals that hold the true value."""
-
-
-class Part(NamedTuple):
-    """Blocks whose noise hangs together: residuals, slopes (n, all), and whether they are columns of a run."""
-
-    residuals: Sequence[Array]
-    slopes: Sequence[Array]
-    is_run: bool
+Part = tuple[Sequence[Array], Sequence[Array], bool]
+"""Blocks whose noise is correlated: residuals (n,), slopes (n, all), and whether they are columns of a run."""
 
 
 class Spread(NamedTuple):
@@ -40,7 +37,7 @@ class Spread(NamedTuple):
 
     @property
     def deviations(self) -> Array:
-        """Standard deviation of each number; inf of one that the data do not hold."""
+        """Standard deviation of each number; inf of one that is not identifiable."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
@@ -54,44 +51,45 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
     """How well all numbers are known; `priors` are the slopes of prior knowledge, shape (priors, all).
 
     `coefficients` are those of the noise by which the residuals have been whitened. They come from the same samples as
-    the numbers, and count with them: k of n make noise to come larger by (n + k)/(n − k) than what is left, in mean
+    the numbers, and count with them: k of n make noise to come larger by (n + k)/(n − k) than the residuals, in mean
     square (Akaike's final prediction error).
     """
+    level = 0.95  # part of all intervals that hold the true value
     bread = meat = priors.T @ priors
     independent, samples, colours = 0.0, 0, []
     worse = _worse(parts, bread.shape[0] - len(priors))
-    for part in parts:
-        bread = bread + sum(J.T @ J for J in part.slopes)
-        of_part = [colour_of(e) if part.is_run else Colour(np.ones(1), e) for e in part.residuals]
-        meat = meat + (_meat(part, of_part) if part.is_run else worse * sum(J.T @ J for J in part.slopes))
+    for residuals, slopes, is_run in parts:
+        bread = bread + sum(J.T @ J for J in slopes)
+        of_part = [colour_of(e) if is_run else Colour(np.ones(1), e) for e in residuals]
+        meat = meat + (_meat(residuals, slopes, of_part) if is_run else worse * sum(J.T @ J for J in slopes))
         colours.append(of_part)
-        if part.is_run:
-            independent += sum(len(e) / one.correlation_length for e, one in zip(part.residuals, of_part, strict=True))
-            samples += sum(len(e) for e in part.residuals)
+        if is_run:
+            independent += sum(len(e) / one.correlation_length for e, one in zip(residuals, of_part, strict=True))
+            samples += sum(map(len, residuals))
             coefficients += sum(len(one.a) - 1 for one in of_part)
     lost = bread.shape[0] - len(priors)
     inverse = _inverse(bread)
     if samples:
         meat = meat * (samples + coefficients) / max(samples - coefficients, 1)
     freedom = max(independent - lost, 1.0) if samples else math.inf
-    wide = float(student.ppf((1 + LEVEL) / 2, freedom)) if math.isfinite(freedom) else 1.959963984540054
+    wide = float(student.ppf((1 + level) / 2, freedom)) if math.isfinite(freedom) else 1.959963984540054
     covariance = inverse @ meat @ inverse
-    meat = meat + sum(_taken_off(part, covariance) for part in parts if part.is_run)
+    meat = meat + sum(_absorbed(slopes, covariance) for _, slopes, is_run in parts if is_run)
     return Spread(inverse @ meat @ inverse, wide, colours)
 
 
 def _worse(parts: Sequence[Part], sought: int) -> float:
     """Mean square of the residuals of single numbers over their noise where that is more than 1."""
-    single = [e for part in parts if not part.is_run for e in part.residuals]
-    count = sum(map(len, single)) - (sought if len(single) == sum(len(part.residuals) for part in parts) else 0)
+    single = [e for residuals, _, is_run in parts if not is_run for e in residuals]
+    count = sum(map(len, single)) - (0 if any(is_run for _, _, is_run in parts) else sought)
     return max(1.0, sum(float(e @ e) for e in single) / max(count, 1))
 
 
-def _meat(part: Part, colours: Sequence[Colour]) -> Array:
+def _meat(residuals: Sequence[Array], slopes: Sequence[Array], colours: Sequence[Colour]) -> Array:
     past = max(one.memory for one in colours)
-    pulled = [one.pulled_back(J, past) for one, J in zip(colours, part.slopes, strict=True)]
-    lengths = [len(e) for e in part.residuals]
-    total = np.zeros((part.slopes[0].shape[1],) * 2)
+    pulled = [one.pulled_back(J, past) for one, J in zip(colours, slopes, strict=True)]
+    lengths = [len(e) for e in residuals]
+    total = np.zeros((slopes[0].shape[1],) * 2)
     for a, (one, G) in enumerate(zip(colours, pulled, strict=True)):
         for b, (other, H) in enumerate(zip(colours, pulled, strict=True)):
             if a == b or lengths[a] == lengths[b]:
@@ -99,17 +97,18 @@ def _meat(part: Part, colours: Sequence[Colour]) -> Array:
     return total
 
 
-def _taken_off(part: Part, covariance: Array) -> Array:
-    """What the noise has more than what is left, since the fit has followed it, to first order: Σ J_tᵀ g(t − s) J_s.
+def _absorbed(slopes: Sequence[Array], covariance: Array) -> Array:
+    """First-order correction: the fit absorbs part of the noise, so that residuals underestimate its covariance.
 
-    g(k) = 1/n Σ J_t C J_{t+k}ᵀ is the autocovariance of J δ, δ the error of the numbers, of covariance C: a part of
-    noise that is slow, or has the frequencies of what is sought, that no count of samples tells. Without it a twelfth
-    of the true values lies outside; with it a constant comes out up to √(5/3) times as uncertain as it is.
+    Σ J_tᵀ g(t − s) J_s with g(k) = 1/n Σ J_t C J_{t+k}ᵀ, the autocovariance of J δ, δ the error of the numbers, of
+    covariance C. Without it a twelfth of the true values lies outside, as noise that is slow, or has the frequencies of
+    the model, is absorbed whatever the number of samples; with it a constant comes out up to √(5/3) times as
+    uncertain as it is.
     """
     values, vectors = np.linalg.eigh(covariance)
     half = vectors * np.sqrt(np.maximum(values, 0.0))
     total = np.zeros_like(covariance)
-    for J in part.slopes:
+    for J in slopes:
         n = len(J)
         F = np.fft.rfft(J, 2 * n, axis=0)
         g = (np.abs(F @ half) ** 2).sum(axis=1) / n
@@ -124,3 +123,65 @@ def _inverse(bread: Array) -> Array:
     size = np.sqrt(np.diag(bread))
     size = np.where(size > 0, size, 1.0)
     return np.asarray(np.linalg.pinv(bread / size[:, None] / size, rcond=1e-14, hermitian=True) / size[:, None] / size)
+
+
+def parts_of(sources: Sequence[Source], rows: Sequence[Sequence[Row]]) -> list[Part]:
+    """Every source with the slopes of its residuals to all numbers."""
+    count = rows[0][0].slopes.shape[1]
+    whole = stacked(rows, count, np.zeros((0, count)))
+    parts, at = list[Part](), 0
+    for source, part in zip(sources, rows, strict=True):
+        slopes = []
+        for row in part:
+            slopes.append(whole[at : at + len(row.residual)])
+            at += len(row.residual)
+        parts.append(([row.residual for row in part], slopes, isinstance(source, Recorded)))
+    return parts
+
+
+def without_ends(one: Estimate) -> Estimate:
+    """A number whose interval nobody knows."""
+    return dataclasses.replace(one, low=-math.inf, high=math.inf, deviation=math.inf)
+
+
+def estimates(coordinates: Sequence[Coordinate], x: Array, spread: Spread) -> list[Estimate]:
+    """Numbers of the scene."""
+    found = []
+    for k, one in enumerate(coordinates):
+        at, σ = float(x[k]), float(spread.deviations[k])
+        low, high = (one.value(at + far * spread.wide * σ) for far in (-1, 1))
+        edge = 1e-6 * max(1.0, abs(at))
+        bound = any(math.isfinite(end) and abs(at - end) < edge for end in one.bounds)
+        found.append(
+            Estimate(
+                one.name,
+                one.path,
+                one.start,
+                one.value(at),
+                low,
+                high,
+                one.size(one.value(at)) * σ,
+                bound,
+                unit=one.measured_in,
+            )
+        )
+    return found
+
+
+def linear_estimates(
+    sources: Sequence[Source], rows: Sequence[Sequence[Row]], spread: Spread, count: int
+) -> list[Estimate]:
+    """Gains and biases, which stand behind `count` numbers of the scene."""
+    found = []
+    values = [
+        (row.gain, 1.0, "") if what == "gain" else (row.bias, 0.0, block.unit)
+        for source, part in zip(sources, rows, strict=True)
+        for block, row in zip(source.blocks, part, strict=True)
+        for what in ("gain", "bias")
+        if getattr(block, what)
+    ]
+    for k, (name, (value, start, unit)) in enumerate(zip(linear_names(sources), values, strict=True), count):
+        σ = float(spread.deviations[k])
+        ends = value - spread.wide * σ, value + spread.wide * σ
+        found.append(Estimate(name, "", start, value, *ends, σ, unit=unit))
+    return found

@@ -9,17 +9,15 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.identification.block import Block
-from flexlink.identification.colour import whiteness
+from flexlink.identification.block import Block, whiteness
 from flexlink.identification.coordinates import own_coordinates
-from flexlink.identification.data import Source
+from flexlink.identification.data import Recorded, Source
 from flexlink.identification.fitted import FittedColumn
+from flexlink.identification.likelihood import Row, row_of, white
 from flexlink.identification.linear_reference import linear_models
 from flexlink.identification.problem import FitProblem
-from flexlink.identification.recorded import Recorded
-from flexlink.identification.residuals import Row, row_of
 from flexlink.identification.signals import Signals
-from flexlink.identification.solve import Found, Search, white
+from flexlink.identification.solve import Found, Search
 
 
 def columns_of(
@@ -67,7 +65,7 @@ def _with_linear(
 def _kept(
     problem: FitProblem, source: Source, values: dict[str, float], gains: dict[str, float]
 ) -> tuple[list[FittedColumn], Scene]:
-    """A source that was not fitted, and its scene; numbers that are its own are sought first, all others held."""
+    """A source that was not fitted, and its scene; its own parameters are estimated first, all others held."""
     own = next((run for run in problem.run if run.name == source.name), None)
     coordinates = own_coordinates(problem, own) if own is not None else []
     signals, x = Signals([source], coordinates), np.array([one.x(one.start) for one in coordinates])

@@ -21,16 +21,12 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.at_rest import modes_at_rest, rest_of
-from flexlink.identification.recorded import Recorded, at_times
+from flexlink.identification.data import Recorded, at_times
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 
 Shapes = dict[tuple[int, bytes], tuple[Array, Array]]
 """By the run's inputs and the times of a block."""
-MOST = 6
-"""Modes."""
-SHOWN = 0.35
-"""Highest frequency of a mode, a part of the rate of the records."""
 
 
 def linear_models(
@@ -76,10 +72,12 @@ def _held(scene: Scene) -> bool:
 
 def _modes(scene: Scene, rate: float) -> Array:
     """The slowest eigenvalues at rest, of those that swing, one of each pair."""
+    shown = 0.35  # highest frequency of a mode, a part of the rate of the records
+    most = 6  # modes
     chain = lump(scene)
     found = modes_at_rest(chain, rest_of(chain, initial_state(scene, chain)[0]))
     λ = found.eigenvalues
-    return np.asarray([one for one in λ if 0 < abs(one.imag) < 2 * np.pi * SHOWN * rate][:MOST])
+    return np.asarray([one for one in λ if 0 < abs(one.imag) < 2 * np.pi * shown * rate][:most])
 
 
 def _poles(p: Array) -> Array:
@@ -95,7 +93,7 @@ def _accelerations(scene: Scene) -> tuple[Array, Array]:
 
 
 def _shapes(λ: Array, times: Array, taken: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Of each run its own shapes, and those that inputs give, at the times of a block."""
+    """Basis functions of a run's own, and those of the inputs, at the times of a block."""
     t, u = taken
     free = np.exp(np.outer(times - t[0], λ))
     own = np.hstack([free.real, free.imag, np.ones((len(times), 1))])
@@ -116,9 +114,9 @@ def _stacked(
     name: str, λ: Array, fitted: Sequence[tuple[Recorded, Scene]], inputs: Sequence[tuple[Array, Array]],
     shapes: Shapes,
 ) -> tuple[Array, Array, int]:  # fmt: skip
-    """Of a column in all runs, over its noise, all shapes and what was measured; how many shapes inputs have.
+    """Basis functions and measurements of one column, stacked over all runs and over the noise; how many are of inputs.
 
-    `shapes` keeps those of each run's times, which columns share.
+    `shapes` keeps the basis functions of each run's times, which columns share.
     """
     there = [
         (block, taken)
@@ -141,7 +139,7 @@ def _stacked(
 
 
 def _left(Φ: Array, target: Array) -> Array:
-    """What the best weights leave: by QR, as a search asks hundreds of times, and SVD costs ten times that."""
+    """Residuals with the best weights, by QR: a search asks hundreds of times, and SVD costs ten times that."""
     Q = np.linalg.qr(Φ)[0]
     return np.asarray(Q @ (Q.T @ target) - target)
 

@@ -1,4 +1,4 @@
-"""The page of a fit: numbers and their intervals, data beside the scene, what is left and its spectrum."""
+"""The page of a fit: numbers and their intervals, data beside the scene, residuals and their spectrum."""
 
 from __future__ import annotations
 
@@ -27,9 +27,7 @@ PANELS = 4
 FAILS = 50.0
 """Part of the signal [%] below which a free linear model is no measure."""
 VISIBLE = 5.0
-"""How many times what is left of the fit another curve may be and stand beside it."""
-WHITE = 0.01
-"""Probability below which residuals are no white noise."""
+"""Largest curve that is drawn beside the residuals, over them."""
 
 
 def build(fitted: Fitted, folder: Path, command: str) -> Report:
@@ -56,12 +54,9 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
     return Report(page, tuple(verdicts), chapters)
 
 
-LEVEL = 0.2
-"""Part of half an interval by which its middle may be off the value, and both be told as value ± half."""
-
-
 def _told(one: Estimate) -> str:
     """A number as it is told first: ±, or both ends where they are not alike, and its unit."""
+    level = 0.2  # part of half an interval by which its middle may be off, and ± be printed
     unit = f" {one.unit}" if one.unit else ""
     if not math.isfinite(one.half):
         return f"{number(one.value, 4)}{unit}"
@@ -70,7 +65,7 @@ def _told(one: Estimate) -> str:
         power = math.floor(math.log10(abs(one.value)))
         unit = f"{JOIN}×{JOIN}{number(10.0**power)}{unit}"
     value, half, low, high = (part / 10**power for part in (one.value, one.half, one.low, one.high))
-    if abs((low + high) / 2 - value) > LEVEL * half:
+    if abs((low + high) / 2 - value) > level * half:
         return f"{number(value, 4)} ({number(low)}{JOIN}…{JOIN}{number(high)}){unit}"
     digits = 1 - math.floor(math.log10(half)) if half > 0 else 4  # two of what is not known
     both = f"{value:.{max(digits, 0)}f}{JOIN}±{JOIN}{half:.{max(digits, 0)}f}"
@@ -128,7 +123,7 @@ def _numbers(fitted: Fitted) -> Part:
     heads += ["profile from", "profile to"] if profile else []
     sentences = (
         "From and to are the ends of intervals that hold the true value in 95 % of cases if the scene is right; they "
-        "count how the residuals hang together in time.",
+        "count the autocorrelation of the residuals.",
         *known_before(fitted.problem),
         *(f"Note: {warning}." for warning in fitted.warnings),
     )
@@ -224,13 +219,14 @@ def _panels(
 
 
 def _left(fitted: Fitted) -> Part:
+    white = 0.01  # probability below which residuals are no white noise
     runs = [one for one in fitted.columns if one.t is not None]
-    coloured = [one for one in runs if one.whiteness < WHITE]
+    coloured = [one for one in runs if one.whiteness < white]
     if not runs:
         return Part(("Single numbers only: see the table above.",))
     said = (
         f"{len(coloured)} of {plural(len(runs), 'column')} leave more than white noise (Ljung and Box, 20 lags, "
-        f"p < {WHITE:g}): coloured noise of instruments, or something that the scene does not have."
+        f"p < {white:g}): coloured noise of instruments, or something that the scene does not have."
         if coloured else "What is left looks like white noise in every column (Ljung and Box, 20 lags)."
     )  # fmt: skip
     lines = tuple((one.source, one.name, one.off(one.after), one.noise, one.whiteness) for one in runs)

@@ -1,4 +1,4 @@
-"""A fit as data: a scene, the numbers that are sought, and what was measured; read from TOML."""
+"""A fit as data: a scene, its parameters, and what was measured; read from TOML."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Loss = Literal["linear", "soft_l1", "huber"]
 
 
 class FitParameter(Spec, frozen=True):
-    """A number of the scene that is sought.
+    """A number of the scene that is estimated.
 
     Examples
     --------
@@ -30,14 +30,14 @@ class FitParameter(Spec, frozen=True):
     path: str
     """Path of the number, as `Scene.varied` takes it; `*` for several that are equal."""
     between: tuple[float, float] | None = None
-    """Least and largest value that are tried. Default: a thousandth and a thousand times the start of what is sought by
-    its logarithm, else none."""
+    """Least and largest value that are tried. Default: a thousandth and a thousand times the start where its
+    logarithm is estimated, else none."""
     start: float | None = None
     """Where the search begins. Default: the scene's value."""
     prior: tuple[float, Deviation] | None = None
     """What is known of it already: its value and its standard deviation."""
     scale: Literal["auto", "log", "linear"] = "auto"
-    """Whether its logarithm is sought. Default: of positive numbers, but not of those of the initial state."""
+    """Whether its logarithm is estimated. Default: of positive numbers, but not of those of the initial state."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -84,7 +84,7 @@ class FitRun(Spec, frozen=True):
     window: tuple[float, float] | None = None
     """First and last time that count [s]. Default: all."""
     parameter: tuple[FitParameter, ...] = ()
-    """Numbers that are sought for this run alone, such as where it starts."""
+    """Parameters of this run alone, such as where it starts."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -153,7 +153,7 @@ class FitStatic(Spec, frozen=True):
 
 
 class FitProblem(Spec, frozen=True):
-    """A scene, the numbers of it that are sought, and what was measured.
+    """A scene, its parameters, and what was measured.
 
     Examples
     --------
@@ -169,7 +169,7 @@ class FitProblem(Spec, frozen=True):
     scene: Scene
     """The scene; in a file its path, from the file's folder."""
     parameter: Annotated[tuple[FitParameter, ...], msgspec.Meta(min_length=1)]
-    """Numbers that are sought, `[[parameter]]` in a file."""
+    """Parameters, `[[parameter]]` in a file."""
     run: tuple[FitRun, ...] = ()
     """Runs that were recorded, `[[run]]` in a file."""
     modes: tuple[FitModes, ...] = ()
@@ -181,8 +181,9 @@ class FitProblem(Spec, frozen=True):
     loss: Loss = "linear"
     """How residuals count; soft_l1 and huber bound the effect of outliers."""
     noise: Literal["coloured", "white"] = "coloured"
-    """Whether residuals that hang together in time count by what is new in each (coloured: where they are noise, the
-    least uncertain answer), or all alike (white: the least simulation error). Intervals count it either way."""
+    """Noise model. "coloured": residuals are whitened by an autoregressive model, the least uncertain answer where they
+    are noise; "white": residuals are independent, the least simulation error. Intervals count autocorrelation either
+    way."""
     tolerance: Positive = 1e-8
     """Error of the fit's runs as a part of the reach, of scenes without fixed steps [1]; theirs is too rough for
     slopes."""
@@ -204,7 +205,7 @@ class FitProblem(Spec, frozen=True):
             raise SceneError("run, modes, static: nothing to fit; give at least one with use = 'fit'")
 
     def _check_set(self, paths: Sequence[str]) -> None:
-        """What is sought for all is not set for some."""
+        """A parameter of all runs is not set for some."""
         for key in ("run", "modes", "static"):
             for part in getattr(self, key):
                 for path in (*part.set, *(getattr(part, "before", None) or ())):

@@ -8,6 +8,7 @@ holds at its ends where the sum of squares is a parabola; where it is not, the e
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -18,15 +19,6 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.solve import Found, Search
-
-FURTHEST = 10.0
-"""Halves of an interval beyond which a start is taken for rejected."""
-HARDLY, FACTOR, OUTWARDS = 0.5, 1.5, 6
-"""Part of a parabola's rise that an interval's end must have, and by how much, and how often, it is moved outwards."""
-HALVINGS = 3
-"""How often the part of an interval is halved in which its end lies, beyond a start."""
-AT = 0.5, 1.0, 1.6
-"""Where the profile is taken, in halves of the interval."""
 
 
 def profiled(search: Search, best: Found, numbers: Sequence[Estimate], tell: Callable[[str], None]) -> list[Estimate]:
@@ -76,7 +68,7 @@ class _Floor:
             return rise
         try:
             return min(rise, self.search.unlikelihood(x, self.best.blocks) - self.unlikely)
-        except FlexlinkError:  # the scene gives nothing there
+        except FlexlinkError:  # the scene does not run there
             return math.inf
 
     def wanted(self, k: int, end: float) -> float:
@@ -85,35 +77,34 @@ class _Floor:
 
     def far(self, k: int, one: Estimate, side: int) -> float | None:
         """An end farther out, the others where a parabola has them; None where the interval's own will do."""
-        coordinate, wanted = self.search.coordinates[k], self.wanted(k, _end_of(one, side))
-        for times in range(OUTWARDS + 1):
-            point = self.beside(k, one, side, times)
-            if not self.rise(point) < HARDLY * wanted:
-                return coordinate.value(float(point[k])) if times else None
-        return coordinate.value(float(point[k]))
+        hardly = 0.5  # part of a parabola's rise
+        wanted = hardly * self.wanted(k, _end_of(one, side))
 
-    def beside(self, k: int, one: Estimate, side: int, times: int = 0) -> Array:
-        """An end, moved outwards so many times, the others where a parabola has them."""
+        def rejected(times: float) -> bool:
+            return not self.rise(self.beside(k, one, side, times)) < wanted
+
+        if rejected(1.0):
+            return None
+        return self.search.coordinates[k].value(float(self.beside(k, one, side, _rejected(rejected, OUTWARDS))[k]))
+
+    def beside(self, k: int, one: Estimate, side: int, times: float = 1.0) -> Array:
+        """An end, so many times as far out, the others where a parabola has them."""
         half = self.search.coordinates[k].x(_end_of(one, side)) - float(self.best.x[k])
         bounds = np.array([each.bounds for each in self.search.coordinates]).T
-        return np.asarray(np.clip(self.best.x + half * FACTOR**times * self.C[:, k] / self.C[k, k], *bounds))
+        return np.asarray(np.clip(self.best.x + half * times * self.C[:, k] / self.C[k, k], *bounds))
 
     def beyond_start(self, k: int, one: Estimate) -> float | None:
         """The first value that the data reject, from a number's start on; None where they reject the start."""
+        furthest = 10.0  # halves of an interval beyond which a start is rejected
         coordinate, x = self.search.coordinates[k], float(self.best.x[k])
         wanted, start = self.wanted(k, one.low if one.start < one.value else one.high), coordinate.x(one.start)
-        if self.wanted(k, one.start) > FURTHEST**2 * wanted or self.rejects(k, start, wanted):
+        if self.wanted(k, one.start) > furthest**2 * wanted or self.rejects(k, start, wanted):
             return None
-        held, bounds = start, coordinate.bounds
-        for _ in range(OUTWARDS):
-            lost = float(np.clip(x + FACTOR * (held - x), *bounds))
-            if lost in bounds or self.rejects(k, lost, wanted):
-                break
-            held = lost
-        for _ in range(HALVINGS):
-            middle = (held + lost) / 2
-            held, lost = (held, middle) if self.rejects(k, middle, wanted) else (middle, lost)
-        return coordinate.value(lost)
+
+        places = np.clip(x + np.array(OUTWARDS) * (start - x), *coordinate.bounds).tolist()
+        return coordinate.value(
+            _rejected(lambda at: at in coordinate.bounds or self.rejects(k, at, wanted), places, HALVINGS)
+        )
 
     def rejects(self, k: int, at: float, wanted: float) -> bool:
         """Whether the sum of squares is too large with a number held there, all others fitted anew."""
@@ -122,17 +113,40 @@ class _Floor:
         return not self.rise(self.search.least(point, self.best.blocks, rough=True, held=k)) < wanted
 
 
+OUTWARDS = tuple(1.5**k for k in range(7))
+"""How many times as far out as an end others are tried."""
+HALVINGS = 3
+"""How often the part is halved in which an end beyond a start lies."""
+
+
+def _rejected(rejected: Callable[[float], bool], places: Sequence[float], halvings: int = 0) -> float:
+    """The first of places, farther and farther out, that is rejected, and between it and the one before by halving.
+
+    The first place is not rejected; the last one is taken where none is.
+    """
+    for inside, place in itertools.pairwise(places):  # noqa: B007  where it ended
+        if rejected(place):
+            break
+    else:
+        inside = place
+    for _ in range(halvings):
+        middle = (inside + place) / 2
+        inside, place = (inside, middle) if rejected(middle) else (middle, place)
+    return place
+
+
 def _end_of(one: Estimate, side: int) -> float:
     return one.high if side > 0 else one.low
 
 
 def _end(search: Search, best: Found, k: int, one: Estimate, side: int, least: float, white: float) -> float:
     """One end of the interval."""
+    at = 0.5, 1.0, 1.6  # places of the profile, in halves of the interval
     coordinate, x = search.coordinates[k], best.x
     half = abs(coordinate.x(_end_of(one, side)) - float(x[k]))
     low, high = coordinate.bounds
     heights, point = [0.0], x.copy()
-    for part in AT:
+    for part in at:
         point[k] = float(x[k]) + side * part * half
         if not low <= point[k] <= high:
             return math.nan
@@ -141,4 +155,4 @@ def _end(search: Search, best: Found, k: int, one: Estimate, side: int, least: f
     wanted = half / white
     if not (np.diff(heights) > 0).all() or heights[-1] < wanted:
         return math.nan
-    return coordinate.value(float(x[k]) + side * half * float(PchipInterpolator(heights, (0.0, *AT))(wanted)))
+    return coordinate.value(float(x[k]) + side * half * float(PchipInterpolator(heights, (0.0, *at))(wanted)))

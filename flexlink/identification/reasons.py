@@ -12,21 +12,10 @@ from flexlink.describe.arm import Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.vary import parts_of
 from flexlink.identification.block import unit_in
+from flexlink.identification.data import Recorded
 from flexlink.identification.identifiability import Direction
-from flexlink.identification.recorded import Recorded
 from flexlink.identification.signals import Signals
 from flexlink.motion.simulate import simulate
-
-BY = 0.05
-"""Change of a number, in its coordinate, by which it is tried what it moves."""
-MOVES = 1e-3
-"""Part of the range of a run's columns of one unit by which one of them must then move to be named."""
-ROUNDED = 1e-9
-"""Range, a part of 1 and of its largest number, below which a column stands still: rounding leaves 1e-15."""
-MOST = 2
-"""Columns that are named."""
-DIAGONAL = 0.7
-"""Cosine from which on two axes are one; at 45°, as sections may be turned, too."""
 
 
 def with_reasons(signals: Signals, x: Array, directions: Sequence[Direction]) -> tuple[Direction, ...]:
@@ -46,12 +35,16 @@ def _why(signals: Signals, x: Array, k: int) -> str:
 
 def _moves(signals: Signals, x: Array, k: int) -> str:
     """What the number moves in the first run in which it counts."""
+    count = 2  # columns that are named
+    rounded = 1e-9  # range, a part of 1 and of its largest number, of a column that stands still
+    moves = 1e-3  # part of the range of columns of one unit
+    by = 0.05  # change in the coordinate
     runs = [n for n, one in enumerate(signals.sources)
             if isinstance(one, Recorded) and signals.coordinates[k].run in ("", one.name)]  # fmt: skip
     if not runs:
         return ""
     source, beside = signals.sources[runs[0]], x.copy()
-    beside[k] += BY if x[k] + BY < signals.coordinates[k].bounds[1] else -BY
+    beside[k] += by if x[k] + by < signals.coordinates[k].bounds[1] else -by
     try:
         here, there = (simulate(signals.scene(runs[0], point)).columns for point in (x, beside))
     except FlexlinkError:
@@ -59,26 +52,27 @@ def _moves(signals: Signals, x: Array, k: int) -> str:
     names = [name for name in here if name != "t [s]" and unit_in(name) != "J"]
     ranges: dict[str, float] = {}
     for name in names:
-        still = ROUNDED * (1.0 + float(np.abs(here[name]).max()))
+        still = rounded * (1.0 + float(np.abs(here[name]).max()))
         ranges[unit_in(name)] = max(ranges.get(unit_in(name), 0.0), still, float(np.ptp(here[name])))
     moved = {name: float(np.abs(there[name] - here[name]).max()) / ranges[unit_in(name)] for name in names}
     measured = {block.name for block in source.blocks}
-    free = (name for name in names if moved[name] > MOVES and name not in measured)
+    free = (name for name in names if moved[name] > moves and name not in measured)
     most = sorted(free, key=lambda name: (name.startswith("q"), -float(f"{moved[name]:.3g}")))  # a beam's hinges last
     data = ", ".join(sorted(measured))
     if most:
-        return f"it moves {' and '.join(most[:MOST])}, the data of {source.name} are {data}"
-    return f"in {source.name} it moves nothing by more than {MOVES:.1%} of its range"
+        return f"it moves {' and '.join(most[:count])}, the data of {source.name} are {data}"
+    return f"in {source.name} it moves nothing by more than {moves:.1%} of its range"
 
 
 def _axis(scene: Scene, path: str) -> str:
     """Of a spring at a root that is about another axis than the bending: both axes."""
+    diagonal = 0.7  # cosine: at 45°, as sections may be turned, both count
     parts = parts_of(path)
     if len(parts) != 4 or parts[0] != "link" or parts[2] not in {"root_stiffness", "root_damping"} or parts[1] == "*":
         return ""
     link = scene.arm.links[scene.arm.number(int(parts[1]) if parts[1].isdigit() else parts[1]) - 1]
     bent = _bending(link)
-    if not bent or max(abs(float(axis["xyz".index(parts[3])])) for axis in bent) > DIAGONAL:
+    if not bent or max(abs(float(axis["xyz".index(parts[3])])) for axis in bent) > diagonal:
         return ""
     about = " and ".join(map(_named, bent))
     return (

@@ -8,10 +8,9 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Source
+from flexlink.identification.data import Recorded, Source
 from flexlink.identification.fitted import Estimate, FittedColumn
 from flexlink.identification.identifiability import Check
-from flexlink.identification.recorded import Recorded
 from flexlink.identification.signals import Model
 from flexlink.identification.solve import Found
 from flexlink.pages.numbers import plural
@@ -42,31 +41,19 @@ def notes(sources: Sequence[Source]) -> list[str]:
 
 def ranges_apart(sources: Sequence[Source], model: Model) -> list[str]:
     """Columns whose range is another one by far than that of the scene at its start: a unit may be wrong."""
+    rounded = 1e-9  # range that is rounding's, a part of what is compared: no unit is so much larger
+    apart = 100.0  # factor
     found = []
     for source, several in zip(sources, model, strict=True):
         for block, y in zip(source.blocks, several, strict=True):
             measured, ours = float(np.ptp(block.y)), float(np.ptp(y))
-            moves = ours > ROUNDED * max(measured, float(np.abs(y).max()))
-            if block.t is not None and not block.gain and moves and not 1 / APART < measured / ours < APART:
+            moves = ours > rounded * max(measured, float(np.abs(y).max()))
+            if block.t is not None and not block.gain and moves and not 1 / apart < measured / ours < apart:
                 found.append(
                     f"{source.name}: {block.name} ranges over {measured:.3g} {block.unit}, the scene at its start over "
                     f"{ours:.3g} {block.unit}: is its unit right?"
                 )
     return found
-
-
-APART = 100.0
-"""Factor by which ranges may differ untold."""
-ROUNDED = 1e-9
-"""Range, a part of what was measured or of the numbers themselves, that is rounding's: no unit is so much larger."""
-EVEN = 0.1
-"""Part of the time between samples by which it may vary untold."""
-FAR = 2.0
-"""How many times the noise that is stated the residuals may be before that is told."""
-AWAY = 10.0
-"""Factor by which a positive number may move from its start untold."""
-STRAYS = 3.0
-"""Standard deviations of its prior that a number may be away from it untold."""
 
 
 def _too_far(one: FittedColumn) -> str:
@@ -77,7 +64,7 @@ def _too_far(one: FittedColumn) -> str:
 
 
 def _times_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> float:
-    """What is left of a column that was kept to check, over what is left of the same one where it was fitted."""
+    """Residuals of a column that was kept to check, over those of the same one where it was fitted."""
     left = [other.left(other.after) for other in columns if other.use == "fit" and other.name == one.name]
     return one.off(one.after) / max(left) if one.use == "check" and left and max(left) > 0 else 0.0
 
@@ -90,15 +77,9 @@ def _worse_than_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> st
 
 
 def _uneven(t: Array) -> bool:
+    even = 0.1  # part of the time between samples by which it may vary
     between = np.diff(t)
-    return bool(np.ptp(between) > EVEN * between.mean())
-
-
-WIDER = (
-    "its interval is wider than slopes say: it ends where the data reject a value, other noise in time being possible "
-    "there, too"
-)
-"""Of a number far from linear."""
+    return bool(np.ptp(between) > even * between.mean())
 
 
 def _times(one: Estimate) -> float:
@@ -115,7 +96,8 @@ def _ran_away(one: Estimate) -> str:
 
 def _strays(one: Estimate, known: Coordinate) -> bool:
     """Whether the data have led a number away from what was known of it."""
-    return known.prior is not None and abs(one.value - known.prior[0]) > STRAYS * known.prior[1]
+    strays = 3.0  # standard deviations of the prior
+    return known.prior is not None and abs(one.value - known.prior[0]) > strays * known.prior[1]
 
 
 def _beside_prior(one: Estimate, known: Coordinate) -> str:
@@ -136,14 +118,20 @@ def warnings(
     sources: Sequence[Source],
 ) -> tuple[str, ...]:
     """Why numbers of a fit, or the scene, may not be what they seem."""
+    wider = (
+        "its interval is wider than slopes say: it ends where the data reject a value, other noise in time being "
+        "possible there, too"
+    )
+    away = 10.0  # factor between a positive number and its start
+    far = 2.0  # times the noise that is stated, or of that of fitted runs
     told = [f"{one.name} ended at its bound, {one.value:.6g}" for one in numbers if one.at_bound]
-    told += [_ran_away(one) for one, by in zip(numbers, coordinates, strict=False) if by.log and _times(one) > AWAY]
-    told += [f"{one.name}: {WIDER}" for one in numbers if one.widened]
+    told += [_ran_away(one) for one, by in zip(numbers, coordinates, strict=False) if by.log and _times(one) > away]
+    told += [f"{one.name}: {wider}" for one in numbers if one.widened]
     told += [_beside_prior(one, known) for one, known in zip(numbers, coordinates, strict=False) if _strays(one, known)]
     told += [one.text for one in check.directions]
-    told += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > FAR]
+    told += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > far]
     told += [f"{source.name}: {doubt}" for source in sources for doubt in getattr(source, "doubts", ())]
-    told += [_worse_than_fitted(one, columns) for one in columns if _times_fitted(one, columns) > FAR]
+    told += [_worse_than_fitted(one, columns) for one in columns if _times_fitted(one, columns) > far]
     if len(found) > 1:
         same = sum(bool(np.allclose(end.x, found[0].x, rtol=0, atol=1e-4)) for end in found)
         if same < len(found):

@@ -1,10 +1,9 @@
-"""What a scene gives in place of the data, at several points of the search at once, and its slopes."""
+"""What a scene predicts in place of the data, at several points of the search at once, and its slopes."""
 
 from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,9 +13,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.variants import Variants
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Source
-from flexlink.identification.recorded import Recorded
-from flexlink.identification.single import Sagged, Tapped
+from flexlink.identification.data import Recorded, Single, Source
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
 from flexlink.motion.slopes_of_runs import CENTRAL, FORWARD, Places, mirrored, moved, neighbours
@@ -24,18 +21,13 @@ from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
 Model = list[list[Array]]
-"""Of every source, of every block of it, what the scene gives."""
+"""What the scene predicts of every block of every source."""
+Slopes = list[list[Array]]
+"""The same of its slopes along all coordinates; empty where nobody has asked for them."""
 STEP = 1e-3
 """Step of differences in x, a part of the number or of its unit."""
-
-
 KEPT = 4
 """Points that are kept: a search asks for numbers, slopes and noise at the same ones."""
-
-
-class _Point(NamedTuple):
-    model: Model
-    slopes: list[list[Array]]
 
 
 class Signals:
@@ -46,7 +38,7 @@ class Signals:
     sources
         What was measured.
     coordinates
-        What is sought.
+        The parameters.
     runs
         How many runs have been computed.
     """
@@ -55,7 +47,7 @@ class Signals:
         self.sources, self.coordinates = sources, coordinates
         self.runs = 0
         self._own = [[k for k, one in enumerate(coordinates) if one.run in ("", source.name)] for source in sources]
-        self._points: dict[bytes, _Point] = {}
+        self._points: dict[bytes, tuple[Model, Slopes]] = {}
         self._most = KEPT
         self._beside = 2 * len(coordinates) < LANES and not any(source.scene.run.controlled for source in sources)
         self._variants = [
@@ -75,40 +67,40 @@ class Signals:
         Raises
         ------
         FlexlinkError
-            It gives nothing there.
+            It does not run there.
         """
         there = self._points.get(x.tobytes())
-        return there.model if there is not None else self._kept(x, slopes=self._beside).model
+        return (there or self._kept(x, slopes=self._beside))[0]
 
     def ahead(self, points: Sequence[Array]) -> None:
-        """Compute what the scene gives at several points, side by side, and keep it; nothing where it gives nothing."""
+        """Compute the predictions at several points, side by side, and keep those that succeed."""
         new = {x.tobytes(): x for x in points if x.tobytes() not in self._points}
         parts = [self._many([(number, x) for x in new.values()]) for number in range(len(self.sources))]
         self._most = KEPT + len(new)
         for x, *model in zip(new.values(), *parts, strict=True):
             good = [values for values in model if not isinstance(values, FlexlinkError)]
             if len(good) == len(model):
-                self._points[x.tobytes()] = _Point(good, [])
+                self._points[x.tobytes()] = good, []
 
-    def slopes(self, x: Array, places: Places = CENTRAL, step: float = STEP) -> list[list[Array]]:
+    def slopes(self, x: Array, places: Places = CENTRAL, step: float = STEP) -> Slopes:
         """∂(what the scene gives)/∂x of every block, shape (n, coordinates).
 
         Raises
         ------
         FlexlinkError
-            The scene gives nothing next to this point.
+            The simulation fails at a neighbouring parameter value.
         """
         if places != CENTRAL:
             return [self._of_source(number, x, places, step)[1] for number in range(len(self.sources))]
-        return self._kept(x, slopes=True).slopes
+        return self._kept(x, slopes=True)[1]
 
-    def _kept(self, x: Array, *, slopes: bool) -> _Point:
+    def _kept(self, x: Array, *, slopes: bool) -> tuple[Model, Slopes]:
         """A point, computed once; of the last few."""
         key = x.tobytes()
         point = self._points.get(key)
-        if point is None or (slopes and not point.slopes):
+        if point is None or (slopes and not point[1]):
             parts = [self._of_source(k, x, CENTRAL if slopes else None, STEP) for k in range(len(self.sources))]
-            point = _Point([values for values, _ in parts], [of_part for _, of_part in parts] if slopes else [])
+            point = [values for values, _ in parts], [of_part for _, of_part in parts] if slopes else []
             self._points[key] = point
             while len(self._points) > self._most:
                 self._points.pop(next(iter(self._points)))
@@ -147,7 +139,7 @@ class Signals:
         if any(there):
             beside = iter(self._many([one for one, point in zip(asked, there, strict=True) if point is None]))
             return [
-                next(beside) if point is None else point.model[number]
+                next(beside) if point is None else point[0][number]
                 for (number, _), point in zip(asked, there, strict=True)
             ]
         source = self.sources[asked[0][0]]
@@ -162,11 +154,11 @@ class Signals:
         good = [scene for scene in scenes if isinstance(scene, Scene)]
         self.runs += len(good)
         with deferred() as stop:
-            ends = iter(outcomes(good, stop, compared=0))  # warnings of single runs are not told
+            ends = iter(outcomes(good, stop, compared=0))  # warnings of single runs are not shown
         return [scene if isinstance(scene, FlexlinkError) else _of_run(source, next(ends)) for scene in scenes]
 
 
-def _single(source: Tapped | Sagged, scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
+def _single(source: Single, scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
     if isinstance(scene, FlexlinkError):
         return scene
     try:

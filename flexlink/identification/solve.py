@@ -1,36 +1,22 @@
-"""The search: single numbers first, then runs in growing windows; weights from what is left; several starts."""
+"""The search: single numbers first, then runs in growing windows; weights from the residuals; several starts."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.identification.block import Block
-from flexlink.identification.colour import colour_of
-from flexlink.identification.coordinates import Coordinate, prior_rows
-from flexlink.identification.recorded import Recorded
-from flexlink.identification.residuals import Row, row_of
-from flexlink.identification.signals import Model, Signals
+from flexlink.identification.coordinates import Coordinate
+from flexlink.identification.data import Recorded
+from flexlink.identification.likelihood import Likelihood
+from flexlink.identification.signals import Signals
 
-WINDOWS = 0.0, 0.15, 0.4
-"""Parts of each run that are fitted one after the other before the whole: a long one alone has minima a period apart.
-Single numbers come first, alone, then with each part."""
 ROUNDS = 2
-"""How often noise that nobody states is taken anew from what is left."""
-MORE = 1.1
-"""How many times more may be left, in squares, where noise is taken to hang together."""
-ROUGH, FINE, STILL = 1e-4, 1e-12, 1e-8
-"""Relative changes at which a search ends: one on the way to another, and the last; the least part of x that a search
-still goes on for. Sums of squares of runs are known to 1e-11: below that steps are luck."""
-NOWHERE = 1e8
-"""Residual where the scene gives nothing: the search turns back."""
+"""How often noise that is not stated is estimated anew from the residuals."""
 
 
 class Found(NamedTuple):
@@ -51,22 +37,8 @@ class Found(NamedTuple):
     blocks: list[list[Block]]
 
 
-class Search:
-    """Least squares of sources over coordinates.
-
-    Parameters
-    ----------
-    signals
-        What the scene gives.
-    loss
-        As `scipy.optimize.least_squares` has it.
-    coloured
-        Whether noise of runs may hang together in time.
-    """
-
-    def __init__(self, signals: Signals, loss: str, *, coloured: bool = False) -> None:
-        self.signals, self.loss, self.coloured = signals, loss, coloured
-        self.coordinates: Sequence[Coordinate] = signals.coordinates
+class Search(Likelihood):
+    """The search for the largest likelihood."""
 
     def from_start(self, x: Array) -> Found:
         """Search from a point.
@@ -74,14 +46,15 @@ class Search:
         Raises
         ------
         FlexlinkError
-            The scene gives nothing at the start.
+            The scene does not run at the initial guess.
         """
+        windows = 0.0, 0.15, 0.4  # parts of each run, one after the other: a long one alone has minima a period apart
         self.signals.model(x)
         sources = self.signals.sources
         blocks = [list(source.blocks) for source in sources]
         single = [source for source in sources if not isinstance(source, Recorded)]
         runs = len(single) < len(sources)
-        for part in WINDOWS if runs else ():
+        for part in windows if runs else ():
             cut = [source.first(part) for source in sources if isinstance(source, Recorded)] if part else []
             if part or single:
                 x = Search(Signals([*cut, *single], self.coordinates), self.loss).near(x)
@@ -101,101 +74,25 @@ class Search:
         return self.least(x, [list(source.blocks) for source in self.signals.sources], rough=True)
 
     def _coloured(self, white: Found) -> Found:
-        """The search with noise that hangs together in time.
+        """The search with autocorrelated noise.
 
         Where it leaves clearly more than with white noise, the rest is no noise, but something that the scene does not
         have: then what leaves least stays.
         """
+        more = 1.1  # times the sum of squares that autocorrelated noise may leave
         x, blocks = white.x, white.blocks
         for _ in range(ROUNDS):
             blocks = self.weighed(x, blocks, coloured=True)
             x = self.least(x, blocks)
-        if self.cost(x, white.blocks) > MORE * self.cost(white.x, white.blocks):
+        if self.cost(x, white.blocks) > more * self.cost(white.x, white.blocks):
             return white
         return Found(x, white.cost, self.weighed(x, blocks, coloured=True))
 
     @staticmethod
     def _weighs(blocks: Sequence[Sequence[Block]]) -> bool:
-        """Whether there is noise that nobody states, and that weighs."""
+        """Whether there is noise that is not stated, and that weighs."""
         several = [block for part in blocks for block in part]
         return len(several) > 1 and not all(block.stated for block in several)
-
-    def rows(self, x: Array, blocks: Sequence[Sequence[Block]], *, slopes: bool = True) -> list[list[Row]]:
-        """All blocks at a point; errors as in `Signals.model`."""
-        model = self.signals.model(x)
-        return _rows(blocks, model, self.signals.slopes(x) if slopes else None)
-
-    def cost(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
-        """Half the sum of squares."""
-        residual = self._residual(x, blocks)
-        return 0.5 * float(residual @ residual)
-
-    def unlikelihood(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
-        """−2 ln of likelihood and priors at a point, the noise of runs being what is left there, up to a constant.
-
-        Coefficients of that noise have their price: a higher order alone makes no point likelier than another.
-        """
-        known, _ = prior_rows(self.coordinates, x)
-        plain, total = [[white(block) for block in part] for part in blocks], float(known @ known)
-        for part, of_part in zip(plain, self.rows(x, plain, slopes=False), strict=True):
-            for block, row in zip(part, of_part, strict=True):
-                if block.t is None:
-                    total += float(row.residual @ row.residual)
-                else:
-                    colour = colour_of(row.residual)
-                    w = colour.whitened(row.residual[:, None])
-                    total += len(w) * float(np.log(np.mean(w**2))) + colour.price
-        return total
-
-    def weighed(self, x: Array, blocks: Sequence[Sequence[Block]], *, coloured: bool = False) -> list[list[Block]]:
-        """The blocks with the noise that is left at a point: its size where the problem states none, its colour."""
-        plain = [[white(block) for block in part] for part in blocks]
-        rows = self.rows(x, plain, slopes=False)
-        return [
-            [_with(block, row, coloured=coloured) for block, row in zip(*part, strict=True)]
-            for part in zip(plain, rows, strict=True)
-        ]
-
-    def least(
-        self, x: Array, blocks: Sequence[Sequence[Block]], *, rough: bool = False, held: int | None = None
-    ) -> Array:
-        """Where the sum of squares is least, from a point on; the coordinate `held` stays."""
-        free = np.arange(len(x)) != held
-        if not free.any():
-            return x
-        bounds = np.array([one.bounds for one in self.coordinates]).T[:, free]
-        end: dict[str, Any] = dict.fromkeys(("ftol", "xtol", "gtol"), ROUGH if rough else FINE)
-        end["xtol"] = max(STILL, end["xtol"])
-
-        def whole(part: Array) -> Array:
-            point = x.copy()
-            point[free] = part
-            return point
-
-        found = least_squares(
-            lambda part: self._residual(whole(part), blocks), np.clip(x[free], *bounds),
-            lambda part: self._jacobian(whole(part), blocks)[:, free], bounds=bounds, loss=self.loss, x_scale=1.0,
-            max_nfev=30 if rough else 100, **end,
-        )  # fmt: skip
-        return whole(np.asarray(found.x))
-
-    def covariance(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
-        """Covariance if all noise were white, of the size that was taken, gains and biases at their best."""
-        J = self._jacobian(x, blocks)
-        return np.asarray(np.linalg.pinv(J.T @ J))
-
-    def _residual(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
-        known, _ = prior_rows(self.coordinates, x)
-        try:
-            rows = _rows(blocks, self.signals.model(x), None)
-        except FlexlinkError:
-            return np.full(sum(len(b.y) for part in blocks for b in part) + len(known), NOWHERE)
-        return np.concatenate([known, *(row.residual for part in rows for row in part)])
-
-    def _jacobian(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
-        _, known = prior_rows(self.coordinates, x)
-        rows = _rows(blocks, self.signals.model(x), self.signals.slopes(x))
-        return np.vstack([known, *(row.slopes for part in rows for row in part)])
 
 
 def start_points(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
@@ -212,29 +109,3 @@ def _around(one: Coordinate) -> tuple[float, float]:
     if one.prior is not None:
         x, far = one.x(one.prior[0]), min(far, 2 * one.prior[1] / one.size(one.prior[0]))
     return max(low, x - far), min(high, x + far)
-
-
-def _rows(blocks: Sequence[Sequence[Block]], model: Model, slopes: Any) -> list[list[Row]]:
-    return [
-        [row_of(block, y, None if slopes is None else slopes[k][b])
-         for b, (block, y) in enumerate(zip(part, model[k], strict=True))]
-        for k, part in enumerate(blocks)
-    ]  # fmt: skip
-
-
-def white(block: Block) -> Block:
-    """The block with noise that does not hang together, as large as before."""
-    if block.colour is None:
-        return block
-    return dataclasses.replace(block, σ=block.σ / block.colour.share, colour=None)
-
-
-def _with(block: Block, row: Row, *, coloured: bool) -> Block:
-    e = row.residual * block.σ
-    if not e.any():
-        return block
-    σ = block.σ if block.stated else np.full(len(e), float(np.sqrt(np.mean(e**2))))
-    if not coloured or block.t is None:
-        return dataclasses.replace(block, σ=σ)
-    colour = colour_of(e)
-    return dataclasses.replace(block, σ=σ * colour.share, colour=colour)

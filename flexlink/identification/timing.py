@@ -21,14 +21,6 @@ from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.inputs.tip_wrench import initial_wrench
 from flexlink.motion.simulate import simulate
 
-SHOWN = 0.1
-"""Part of a period that a record must have at least."""
-PERIODS, MOST, PER_PERIOD, FEW = 20, 400, 20, 8
-"""How many periods, and how finely, the scene is run where samples are too far apart for its slowest mode; for how many
-samples."""
-SWINGS = 0.1
-"""Part of what was measured by which the scene must swing between samples for these to be refused."""
-
 
 def slowest_mode(scene: Scene) -> float:
     """Frequency of the slowest elastic mode at rest, the driven joints held [Hz]; nan where there is none."""
@@ -60,8 +52,9 @@ def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: floa
     DataFileError
         Samples are too far apart to show a mode in which the scene swings as far as was measured.
     """
+    shown = 0.1  # part of a period that a record must have at least
     length, between = float(t[-1] - t[0]), float(np.median(np.diff(t)))
-    if length * hertz < SHOWN:
+    if length * hertz < shown:
         return (
             f"the record is {length:.3g} s long, {length * hertz:.2g} of a period of the slowest mode, {hertz:.3g} Hz; "
             "if its times are in s, their head is 't [s]'",
@@ -96,20 +89,23 @@ def _swings(scene: Scene, blocks: Sequence[Block], hertz: float, between: float)
     For some periods of its slowest mode, and as many samples as are enough for a spline where that is not endless;
     else beside a straight line.
     """
-    every = max(round(between * hertz * PER_PERIOD), 1)
-    count = min(max(PERIODS * PER_PERIOD, FEW * every), MOST * PER_PERIOD)
+    periods, most, per_period = 20, 400, 20  # of the slowest mode, at least and at most; samples of each
+    few = 8  # samples of the record
+    part = 0.1  # of what was measured
+    every = max(round(between * hertz * per_period), 1)
+    count = min(max(periods * per_period, few * every), most * per_period)
     t = np.asarray(scene.initial.time + between / every * np.arange(count), np.float64)
     try:
         run = simulate(as_long(scene, t))
-    except FlexlinkError:  # it is told where the run itself is needed
+    except FlexlinkError:  # reported where the run itself is needed
         return False
     for block in blocks:
         y = CubicSpline(run.t, run.columns[block.name])(t)
-        if count > FEW * every // 2:
+        if count > few * every // 2:
             inside = slice(None, (count - 1) // every * every + 1)
             between_samples = y[inside] - CubicSpline(t[::every], y[::every])(t[inside])
         else:
             between_samples = y - np.polyval(np.polyfit(t - t[0], y, 1), t - t[0])
-        if np.ptp(between_samples) > SWINGS * np.ptp(block.y):
+        if np.ptp(between_samples) > part * np.ptp(block.y):
             return True
     return False

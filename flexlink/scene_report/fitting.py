@@ -2,7 +2,7 @@
 
     min over x of Σ r(x)²        r = (run − measured) / size of the column, at all times
 
-The search is that of fits. The spread is as if what is left were noise, however it hangs together in time.
+A quick fit of one number each, the sizes in place of noise. The spread takes what is left for autocorrelated noise.
 """
 
 from __future__ import annotations
@@ -22,22 +22,10 @@ from flexlink.data.measured import Measured
 from flexlink.describe.own_units import UNIT
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
-from flexlink.identification.block import Block
-from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.interval import spread_of
-from flexlink.identification.recorded import Recorded, exact
-from flexlink.identification.signals import Signals
-from flexlink.identification.solve import Search
-from flexlink.identification.stacking import parts_of
+from flexlink.identification.fit import quick_estimates
+from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 from flexlink.motion.simulate import simulate
 from flexlink.results.trajectory import Trajectory
-
-TOLERANCE = 1e-6
-"""Error of the runs that are tried as a part of the reach, of scenes without fixed steps."""
-LEAST = 0.02
-"""Least part of a positive number that is tried."""
-NOTHING = 0.02
-"""Part of the mean square difference that is not worth a search."""
 
 
 class Tried(NamedTuple):
@@ -56,11 +44,6 @@ class Tried(NamedTuple):
     def sign(self) -> str:
         """Unit of a start, as it follows its number."""
         return " m" if self.path.startswith("initial.joint_m") else "°"
-
-    @property
-    def unit(self) -> float:
-        """The size of a large change."""
-        return (0.01 if self.sign == " m" else 1.0) if self.is_angle else self.value
 
 
 @dataclasses.dataclass(frozen=True)
@@ -194,33 +177,27 @@ class Comparison:
         found = [self.fit(number, before) for number in numbers_of(self.scene)] if self.differs else []
         return tuple(sorted((fit for fit in found if fit is not None), key=lambda fit: -fit.explained))
 
-    @cached_property
-    def _record(self) -> Recorded:
-        blocks = [
-            Block(name, column[there], np.full(int(there.sum()), self.sizes[name]), True, self.t[there])
-            for name, column in self.measured.items()
-            for there in [np.isfinite(column)]
-        ]
-        return Recorded("measured", "fit", exact(self.scene, TOLERANCE), tuple(blocks), math.nan)
-
     def fit(self, number: Tried, before: Array) -> Fit | None:
         """The best value of one number; None where it explains next to nothing, or no run with another value ends."""
-        between = (-math.inf, math.inf) if number.is_angle else (LEAST * number.value, math.inf)
-        sought = Coordinate(number.path, "", number.value, False, number.unit, between, None)
-        search = Search(Signals([self._record], [sought]), "linear")
-        x, blocks = np.array([sought.x(number.value)]), [list(self._record.blocks)]
+        parameter = FitParameter(path=number.path)
+        tolerance, worth = 1e-6, 0.02  # of runs without fixed steps; of the mean square difference
         try:
-            (rows,) = search.rows(x, blocks)
-            r = np.concatenate([row.residual for row in rows])
-            slope = np.concatenate([row.slopes[:, 0] for row in rows])
-            if not slope.any() or (slope @ r) ** 2 < NOTHING * (slope @ slope) * (r @ r):
-                return None
-            x = search.near(x)
-            found = search.rows(x, blocks)
-            run = simulate(self.scene.varied({number.path: sought.value(float(x[0]))}))
+            found = quick_estimates(
+                FitProblem(
+                    scene=self.scene, parameter=(parameter,), run=(self._recorded,), noise="white", tolerance=tolerance
+                ),
+                worth,
+            )
+            run = simulate(self.scene.varied({number.path: found[0].value})) if found else None
         except FlexlinkError:
             return None
-        left = sum(float(row.residual @ row.residual) for part in found for row in part)
-        spread = spread_of(parts_of([self._record], found), np.zeros((0, 1))).deviations[0] * number.unit
-        explained = 1.0 - left / float(before @ before)
-        return Fit(number, sought.value(float(x[0])), float(spread), explained, self.off(run), run)
+        if run is None:
+            return None
+        left = self.residual(run)
+        explained = 1.0 - float(left @ left) / float(before @ before)
+        return Fit(number, found[0].value, found[0].deviation, explained, self.off(run), run)
+
+    @cached_property
+    def _recorded(self) -> FitRun:
+        columns = {"t [s]": self.t} | self.measured
+        return FitRun(name="measured", columns={k: tuple(v.tolist()) for k, v in columns.items()}, noise=self.sizes)
