@@ -147,7 +147,11 @@ def bars(*, skew: float = 0.0) -> Scene:
     """Two soft bars that fall, the joint of the second one turned out of the plane [deg]."""
     links = tuple(
         fl.Link(
-            name=f"bar{k}", length=1.0, material="steel", section="square", mount=fl.Mount(rpy_deg=(k * skew, 0, 0))
+            name=f"bar{k}",
+            length=1.0,
+            material="steel",
+            section="square",
+            mount=fl.Mount(rpy_deg=(k * skew, 0, 0)),
         )
         for k in range(2)
     )

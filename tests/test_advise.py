@@ -213,10 +213,10 @@ def test_the_time_of_a_run_is_that_of_all_of_it_and_a_long_one_is_made_twice(
     enough: float, times: int, monkeypatch
 ) -> None:
     watch = Watch()
-    names = {"thread_time": watch, "simulate": watch.simulate, "ENOUGH": enough}
+    names = {"thread_time": watch, "simulate": watch.simulate}
     for name, value in names.items():
         monkeypatch.setattr(f"flexlink.advice.run_time.{name}", value)
-    assert run_time(cast("Callable[[], fl.Scene]", watch.scene)) == RunTime(3.0, 1.0)
+    assert run_time(cast("Callable[[], fl.Scene]", watch.scene), enough) == RunTime(3.0, 1.0)
     assert len(watch.made) == times
 
 

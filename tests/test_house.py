@@ -20,7 +20,7 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 BARS = {
-    "layers of imports": 10, "classes": 378, "constants": 626, "public names": 92, "files of more than 350 lines": 24,
+    "layers of imports": 10, "classes": 379, "constants": 508, "public names": 75, "files of more than 350 lines": 24,
     "functions of more than 60 lines of code": 2, "lines of contracts": 56,
 }  # fmt: skip
 FEATURES = {

@@ -238,7 +238,7 @@ SITUATIONS = {
 
 def pushed(part: float) -> fl.Scene:
     scene = make_scene(flexible("a", "z", 5, joint=LOCKED), gravity=(0, 0, 0), wrench=fl.Wrench(force=(-1.0, 0, 0)))
-    critical = fl.buckling_loads(fl.lump(scene), tip_wrench=scene.tip_wrench)[0]
+    critical = fl.strength.buckling_loads(fl.lump(scene), tip_wrench=scene.tip_wrench)[0]
     return scene.varied({"wrench": fl.Wrench(force=(-part * float(critical), 0, 0))})
 
 

@@ -18,7 +18,7 @@ class BaseState(Spec, frozen=True):
 
     Examples
     --------
-    >>> tumbling = fl.BaseState(rpy_deg=(0.0, 0.0, 30.0), velocity=(0.1, 0.0, 0.0), spin_deg=(0.0, 0.0, 5.0))
+    >>> tumbling = fl.details.BaseState(rpy_deg=(0.0, 0.0, 30.0), velocity=(0.1, 0.0, 0.0), spin_deg=(0.0, 0.0, 5.0))
     >>> print(tumbling.rates.round(4))  # rad/s, in axes of the base
     [0.     0.     0.0873]
     """

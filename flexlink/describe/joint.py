@@ -138,7 +138,7 @@ class DenavitHartenberg(Spec, frozen=True):
 
     Examples
     --------
-    >>> row = fl.DenavitHartenberg(convention="modified", a=0.4, alpha_deg=-90.0)
+    >>> row = fl.details.DenavitHartenberg(convention="modified", a=0.4, alpha_deg=-90.0)
     >>> link = fl.Link(name="upper", dh=row)
     """
 

@@ -14,7 +14,7 @@ class RootStiffness(Spec, frozen=True):
 
     Examples
     --------
-    >>> clamp = fl.RootStiffness(z=2e4)  # N m/rad
+    >>> clamp = fl.details.RootStiffness(z=2e4)  # N m/rad
     >>> soft = fl.lump(scene.varied({"link.upper.root_stiffness": clamp}))
     >>> print(soft.joint_names[:3], soft.stiffness[1])
     ('upper', 'upper.root.z', 'upper.1.z') 20000.0
@@ -33,8 +33,8 @@ class RootDamping(Spec, frozen=True):
 
     Examples
     --------
-    >>> screwed = fl.RootDamping(z=1.5)  # N m s/rad
-    >>> clamp = {"root_stiffness": fl.RootStiffness(z=2e4), "root_damping": screwed}
+    >>> screwed = fl.details.RootDamping(z=1.5)  # N m s/rad
+    >>> clamp = {"root_stiffness": fl.details.RootStiffness(z=2e4), "root_damping": screwed}
     >>> print(fl.lump(scene.varied({f"link.upper.{key}": value for key, value in clamp.items()})).damping[1])
     1.5
     """

@@ -77,7 +77,7 @@ class InputShaper(Spec, frozen=True):
 
     Examples
     --------
-    >>> slow = fl.pd_poles(chain, q, kp=(2e4, 1e4), kd=(600.0, 250.0))[:1]  # what is to be left out
+    >>> slow = fl.small_motion.pd_poles(chain, q, kp=(2e4, 1e4), kd=(600.0, 250.0))[:1]  # what is to be left out
     >>> shaper = fl.InputShaper.at(slow, "ZV")
     >>> times, amplitudes = shaper.impulses
     >>> print(times.round(3), amplitudes.round(3))  # s

@@ -83,7 +83,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
 
     Examples
     --------
-    >>> gauge = fl.beam_strain(scene, q, link="upper", fibre=(0.025, 0.0))
+    >>> gauge = fl.strength.beam_strain(scene, q, link="upper", fibre=(0.025, 0.0))
     >>> print(gauge.x.round(3), (1e6 * gauge.strain).round(1))  # m from the root; µm/m
     [0.211 0.789] [194.2 114.8]
     """
