@@ -13,6 +13,7 @@ import msgspec
 
 from docs.generators.api import path_of
 from docs.generators.rest import directive, heading, literal, prose
+from docs.generators.sentences import sentences, units_in
 from flexlink.describe import data_files
 from flexlink.describe.arm import Arm
 from flexlink.describe.scene import Scene
@@ -20,7 +21,6 @@ from flexlink.describe.schemes.lumping_rules import LumpingRule
 from flexlink.describe.schemes.methods import Method
 from flexlink.describe.shaping import ShaperRule
 from flexlink.describe.spec import ONE_PER_LINK, default_of, fields_of
-from flexlink.describe.units import sentences, units_in
 from flexlink.describe.writing import toml_of
 from flexlink.identification.problem import FitProblem
 from flexlink.robots.collection import KnownArm

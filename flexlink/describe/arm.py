@@ -22,7 +22,7 @@ from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.root import ROOT_AXES, RootDamping, RootStiffness
 from flexlink.describe.sections import BREADTHS, SHAPES, SectionProperties
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, link_key, measured_in
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
@@ -38,13 +38,13 @@ class Material(Spec, frozen=True):
     2.1e+11 Pa
     """
 
-    young: Positive
+    young: Annotated[Positive, measured_in("Pa")]
     """Young's modulus E [Pa]: steel 210e9, aluminium 70e9."""
-    density: Positive
+    density: Annotated[Positive, measured_in("kg/m³")]
     """Density ρ [kg/m³]: steel 7850, aluminium 2700."""
     poisson: Annotated[float, msgspec.Meta(gt=-1, le=0.5)] = 0.3
     """Poisson's ratio ν [1]; the shear modulus is G = E / (2 (1 + ν))."""
-    loss_time: NonNegative = 0.0
+    loss_time: Annotated[NonNegative, measured_in("s")] = 0.0
     """Kelvin-Voigt's loss time η [s]: a mode of frequency ω has the damping ratio η ω / 2."""
 
     @property
@@ -68,25 +68,25 @@ class Section(Spec, frozen=True):
 
     shape: Literal["rectangle", "circle", "tube", "box", "general"]
     """Which shape; it takes exactly the dimensions that belong to it."""
-    height: Positive | None = None
+    height: Annotated[Positive | None, measured_in("m")] = None
     """Of a rectangle or box: outer size along the section's y [m]."""
-    width: Positive | None = None
+    width: Annotated[Positive | None, measured_in("m")] = None
     """Of a rectangle or box: outer size along the section's z [m]."""
-    diameter: Positive | None = None
+    diameter: Annotated[Positive | None, measured_in("m")] = None
     """Of a circle [m]."""
-    outer: Positive | None = None
+    outer: Annotated[Positive | None, measured_in("m")] = None
     """Of a tube: outer diameter [m]."""
-    inner: NonNegative | None = None
+    inner: Annotated[NonNegative | None, measured_in("m")] = None
     """Of a tube: inner diameter [m]."""
-    wall: Positive | None = None
+    wall: Annotated[Positive | None, measured_in("m")] = None
     """Of a box: thickness of its wall [m]."""
-    area: Positive | None = None
+    area: Annotated[Positive | None, measured_in("m²")] = None
     """Of a general section: area A [m²]."""
-    i_y: Positive | None = None
+    i_y: Annotated[Positive | None, measured_in("m⁴")] = None
     """Of a general section: ∫ z² dA, which resists bending about y [m⁴]."""
-    i_z: Positive | None = None
+    i_z: Annotated[Positive | None, measured_in("m⁴")] = None
     """Of a general section: ∫ y² dA, which resists bending about z [m⁴]."""
-    torsion: Positive | None = None
+    torsion: Annotated[Positive | None, measured_in("m⁴")] = None
     """Of a general section: St Venant's torsion constant J [m⁴]."""
 
     def __post_init__(self) -> None:
@@ -167,7 +167,7 @@ class Damping(Spec, frozen=True):
 
     ratio: NonNegative
     """Damping ratio ζ of the mode at `at_hz`, or of all modes [1]: 0.01 is 1 % of critical."""
-    at_hz: Positive | None = None
+    at_hz: Annotated[Positive | None, measured_in("Hz")] = None
     """Of the proportional law: frequency of the mode that has this ratio [Hz]; at others the ratio grows in
     proportion."""
     law: Literal["proportional", "constant"] = "proportional"
@@ -205,9 +205,9 @@ class Friction(Spec, frozen=True):
     [0.  0.5 0.5 0.  0.  0. ]
     """
 
-    coulomb: NonNegative
+    coulomb: Annotated[NonNegative, measured_in("N m")]
     """Dry friction torque of each hinge [N m]."""
-    coulomb_width: Positive = 0.01
+    coulomb_width: Annotated[Positive, measured_in("rad/s")] = 0.01
     """Rate at which tanh has reached 76 % of it [rad/s]; smaller is closer to Coulomb's law, and stiffer."""
 
 
@@ -239,13 +239,13 @@ class Link(Spec, frozen=True):
     """The active joint at the link's root."""
     hub: RigidBody = RigidBody()
     """Rigid body that turns with the joint, in the link's frame: motor housing, bearing."""
-    root_stiffness: RootStiffness | None = None
+    root_stiffness: Annotated[RootStiffness | None, measured_in("N m/rad")] = None
     """Springs where the beam begins, about axes of the link's frame [N m/rad]. Default: rigid."""
-    root_damping: RootDamping | None = None
+    root_damping: Annotated[RootDamping | None, measured_in("N m s/rad")] = None
     """Damping of these springs [N m s/rad]."""
-    length: NonNegative = 0.0
+    length: Annotated[NonNegative, measured_in("m")] = 0.0
     """Length of the beam, along the link's x [m]; 0: no beam."""
-    line: tuple[Vector3, Vector3] | None = None
+    line: Annotated[tuple[Vector3, Vector3] | None, measured_in("m")] = None
     """Where the beam runs in the link's frame, [[x, y, z], [x, y, z]] [m], in place of `length`."""
     up: Vector3 | None = None
     """Direction of the section's z in the link's frame; default: the joint's axis."""

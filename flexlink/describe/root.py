@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from flexlink.describe.spec import NonNegative, Positive, Spec
+from typing import Annotated
+
+from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
 
 class RootStiffness(Spec, frozen=True):
@@ -20,11 +22,11 @@ class RootStiffness(Spec, frozen=True):
     ('upper', 'upper.root.z', 'upper.1.z') 20000.0
     """
 
-    x: Positive | None = None
+    x: Annotated[Positive | None, measured_in("N m/rad")] = None
     """About the x of the link's frame [N m/rad]. Default: rigid."""
-    y: Positive | None = None
+    y: Annotated[Positive | None, measured_in("N m/rad")] = None
     """About the y of the link's frame [N m/rad]. Default: rigid."""
-    z: Positive | None = None
+    z: Annotated[Positive | None, measured_in("N m/rad")] = None
     """About the z of the link's frame [N m/rad]. Default: rigid."""
 
 
@@ -39,11 +41,11 @@ class RootDamping(Spec, frozen=True):
     1.5
     """
 
-    x: NonNegative = 0.0
+    x: Annotated[NonNegative, measured_in("N m s/rad")] = 0.0
     """About the x of the link's frame [N m s/rad]."""
-    y: NonNegative = 0.0
+    y: Annotated[NonNegative, measured_in("N m s/rad")] = 0.0
     """About the y of the link's frame [N m s/rad]."""
-    z: NonNegative = 0.0
+    z: Annotated[NonNegative, measured_in("N m s/rad")] = 0.0
     """About the z of the link's frame [N m s/rad]."""
 
 

@@ -29,6 +29,13 @@ Deviation = Annotated[float, msgspec.Meta(ge=SMALL, le=LARGE)]
 Vector3 = tuple[float, float, float]
 ONE_PER_LINK = msgspec.Meta(extra={"one per": "link"})
 """Marks the annotation of a list with one number per link: paths lead to its items by the links' names or numbers."""
+
+
+def measured_in(*units: str) -> msgspec.Meta:
+    """Marks the annotation of a number with its unit; of a joint's with two, of one that turns and one that slides."""
+    return msgspec.Meta(extra={"units": units})
+
+
 PerLink = Annotated[tuple[float, ...], ONE_PER_LINK]
 NonNegativePerLink = Annotated[tuple[NonNegative, ...], ONE_PER_LINK]
 PositivePerLink = Annotated[tuple[Positive, ...], ONE_PER_LINK]
@@ -251,8 +258,17 @@ def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:
 @functools.cache
 def is_per_link(kind: Any) -> bool:
     """Whether an annotation, or one of a union, is marked by `ONE_PER_LINK`."""
-    parts = get_args(kind) if get_origin(kind) in {Union, UnionType} else (kind,)
-    return any(ONE_PER_LINK in get_args(part)[1:] for part in parts if get_origin(part) is Annotated)
+    if get_origin(kind) is Annotated:
+        inner, *marks = get_args(kind)
+        return ONE_PER_LINK in marks or is_per_link(inner)
+    return get_origin(kind) in {Union, UnionType} and any(map(is_per_link, get_args(kind)))
+
+
+def units_of(kind: Any) -> tuple[str, ...]:
+    """The units that an annotation is marked with by `measured_in`."""
+    marks = get_args(kind)[1:] if get_origin(kind) is Annotated else ()
+    extras = (mark.extra or {} for mark in marks if isinstance(mark, msgspec.Meta))
+    return next((extra["units"] for extra in extras if "units" in extra), ())
 
 
 def link_key(names: Sequence[object], k: int) -> str:
