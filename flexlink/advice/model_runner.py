@@ -70,21 +70,13 @@ class OverBudgetError(FlexlinkError):
     """A run has used up its budget of CPU time."""
 
 
-class Posture(NamedTuple):
-    """Angles [rad] and rates [rad/s] of the joints at a time [s], by link."""
-
-    time: float
-    angles: dict[int, float]
-    rates: dict[int, float]
-
-
 class ModelRunner:
     """Runs of one scene, their `count` and the CPU `seconds` of their steps, by list."""
 
     def __init__(self, scene: Scene, budget: float) -> None:
         self.scene, self.budget = scene, budget
         self.count, self.seconds = 0, 0.0
-        self.postures: list[Posture] = []
+        self.postures: list[tuple[float, dict[int, float], dict[int, float]]] = []  # time, angles, rates by link
         self._chains: dict[Model, Chain] = {}
         self._stable_steps: dict[Model, float] = {}
         self._outcomes: dict[tuple[Model, Stepping], Outcome] = {}
@@ -173,15 +165,15 @@ class ModelRunner:
         rows = np.linspace(0, len(run.t) - 1, 5).astype(int)
         joints = {run.chain.coordinate(int(k)).link: k for k in run.chain.active}
         self.postures = [
-            Posture(float(run.t[row]), {i: run.q[row, k] for i, k in joints.items()},
-                    {i: run.qd[row, k] for i, k in joints.items()})
+            (float(run.t[row]), {i: run.q[row, k] for i, k in joints.items()},
+             {i: run.qd[row, k] for i, k in joints.items()})
             for row in rows
         ]  # fmt: skip
 
     def states(self, chain: Chain) -> list[tuple[float, Array, Array]]:
         """Times, angles and rates of a chain with straight links at the sampled postures."""
         states = []
-        for time, angles, rates in self.postures or [Posture(self.scene.initial.time, {}, {})]:
+        for time, angles, rates in self.postures or [(self.scene.initial.time, {}, {})]:
             q, qd = np.zeros((2, chain.n))
             for k in chain.active:
                 link = chain.coordinate(int(k)).link

@@ -12,7 +12,6 @@ fall or are in resonance, the error of the rigid model was at most 0.8 of the es
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
@@ -40,13 +39,6 @@ FIRST_GUESS = 0.1
 
 RERUN_FACTOR = 1.5
 """Error of an assumed travel, and so of the tolerance of steps, from which a run is repeated."""
-
-
-class RigidError(NamedTuple):
-    """Estimated error of rigid links [m], and the lowest frequency of the springs [Hz]."""
-
-    error: float
-    hertz: float
 
 
 def rigid_model(runner: ModelRunner) -> Model:
@@ -101,8 +93,8 @@ def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Ste
     return sorted((stepping for stepping, cost in costs.items() if cost < strict.seconds), key=lambda s: costs[s])
 
 
-def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNorm) -> RigidError:
-    """The error of the tip if links are rigid: vibration included, growth of errors not."""
+def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNorm) -> tuple[float, float]:
+    """Error of the tip if links are rigid [m], vibration included, growth of errors not; lowest frequency [Hz]."""
     run, model = strict.run, uniform(axes, HINGES)
     assert run is not None
     chain = runner.chain(model)
@@ -113,9 +105,9 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     θ[:, bent] = np.clip(deflections(chain, -loads)[:, bent], -1.0, 1.0)  # [rad]; beyond, just large
     u = tip_position(chain, q + θ) - run.tip
     ω = slowest_frequency(chain, q[0])
-    released = release(runner, strict, model, q[0])
-    y = oscillator_response(u, ω, runner.scene.run.spacing, released.start)
-    return RigidError(2.5 * max(norm(u), norm(y), norm(released.drift)), ω / (2 * np.pi))
+    start, drift = release(runner, strict, model, q[0])
+    y = oscillator_response(u, ω, runner.scene.run.spacing, start)
+    return 2.5 * max(norm(u), norm(y), norm(drift)), ω / (2 * np.pi)
 
 
 def _spread(rigid: Chain, chain: Chain, values: Array) -> Array:

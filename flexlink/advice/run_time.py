@@ -7,22 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import thread_time
-from typing import NamedTuple
 
 from flexlink.describe.scene import Scene
 from flexlink.motion.simulate import simulate
 
 
-class RunTime(NamedTuple):
-    """CPU time of `simulate(scene)` [s]."""
+def run_time(scene_of: Callable[[], Scene], enough: float = 0.05) -> tuple[float, float]:
+    """The shortest CPU times [s] of a run, and of one that is prepared, as a `Problem` is.
 
-    whole: float  # the first time
-    again: float  # each further time, when it is prepared, as a `Problem` is
-
-
-def run_time(scene_of: Callable[[], Scene], enough: float = 0.05) -> RunTime:
-    """The shortest times of a run, by a scene that is made anew for each, so that nothing of it is prepared.
-
+    Of the first nothing is prepared, by a scene that is made anew each time.
     After `enough` CPU time [s] it is not made more often: other programs disturb a long run less. Errors as in
     `simulate`.
     """
@@ -34,4 +27,4 @@ def run_time(scene_of: Callable[[], Scene], enough: float = 0.05) -> RunTime:
             started = thread_time()
             simulate(scene)
             times.append(thread_time() - started)
-    return RunTime(min(whole), min(again))
+    return min(whole), min(again)

@@ -155,7 +155,7 @@ def _is_number(scene: Scene, path: str) -> bool:
         routes = routes_to(scene.document(), FIELDS, path)
     except FlexlinkError:
         return False
-    return bool(routes) and all(map(_numeric, {route.kind for route in routes}))
+    return bool(routes) and all(map(_numeric, {kind for _, kind in routes}))
 
 
 def _numeric(kind: Any) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Indices
-from flexlink.diagnosis.joint_axes import Displacement, Realigned, deviations, reach, undo_displacements
+from flexlink.diagnosis.joint_axes import Displacement, deviations, reach, undo_displacements
 from flexlink.diagnosis.matching import Match, match_joints
 from flexlink.diagnosis.mistakes import Field, Mistake, table
 from flexlink.diagnosis.shapes import Discrepancy, fewer_digits, moments
@@ -114,16 +114,16 @@ def _shared(read: ReadBack, field: str) -> Array:
 
 
 def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:
-    realigned = undo_displacements(ours, theirs, PLACED, tuple(table().length_units))
-    fields = _differing(ours, realigned.theirs)
+    realigned, displacements, displaced = undo_displacements(ours, theirs, PLACED, tuple(table().length_units))
+    fields = _differing(ours, realigned)
     everything = _differing(ours, theirs)
-    if len(realigned.displacements) + len(fields) > 1 and all(fewer_digits(diff) for diff in everything.values()):
+    if len(displacements) + len(fields) > 1 and all(fewer_digits(diff) for diff in everything.values()):
         labels = ", ".join(table().fields[field].label for field in everything)
         digits = -np.log10(max(map(_relative_error, everything.values())))
         what, likely = f"{labels}: correct to only about {digits:.0f} digits", "digits were lost in writing"
         return [Finding(what, likely, "write numbers with all 17 digits (repr, %.17g)", faulty=theirs)]
     findings = [
-        *_displacements(realigned, theirs, format),
+        *_displacements(realigned, displacements, displaced, theirs, format),
         *(_explained(field, diff, format) for field, diff in fields.items()),
     ]
     same_cause = itertools.groupby(findings, key=lambda finding: (finding.likely, finding.remedy))
@@ -141,21 +141,23 @@ def _joined(ours: ReadBack, group: list[Finding]) -> Finding:
     return dataclasses.replace(group[0], what=what, faulty=dataclasses.replace(ours, **fields))
 
 
-def _displacements(realigned: Realigned, theirs: ReadBack, format: str) -> Iterator[Finding]:
+def _displacements(
+    realigned: ReadBack, displacements: list[Displacement], displaced: ReadBack, theirs: ReadBack, format: str
+) -> Iterator[Finding]:
     """One finding for each kind of displaced axes."""
-    L, shown = reach(realigned.theirs), 3
+    L, shown = reach(realigned), 3
     ref = next((table().fields["lines"], row.likely, row.remedy) for row in table().mistakes if row.setting == "ref")
     for kind, words in table().misplaced.items():
-        displaced = [each for each in realigned.displacements if _kind(each, L) == kind]
-        if not displaced:
+        found = [each for each in displacements if _kind(each, L) == kind]
+        if not found:
             continue
-        joints = [theirs.names[each.joint] for each in displaced]
-        joint_words = [f"joint {name!r} {_displaced(each, L)}" for name, each in zip(joints, displaced, strict=True)]
+        joints = [theirs.names[each.joint] for each in found]
+        joint_words = [f"joint {name!r} {_displaced(each, L)}" for name, each in zip(joints, found, strict=True)]
         what = f"{', '.join(joint_words[:shown])}{' …' * (len(joint_words) > shown)}"
         what += ", but not its body" if kind == "position" else ""
-        what += ", with all links behind it" if displaced[-1].axes is None else ""
-        what += "" if displaced[-1].rigid else ", and with further displacements, which are not analysed"
-        yield _worded(ref if "ref" in theirs.settings else words, what, _names(joints), format, realigned.ours)
+        what += ", with all links behind it" if found[-1].axes is None else ""
+        what += "" if found[-1].rigid else ", and with further displacements, which are not analysed"
+        yield _worded(ref if "ref" in theirs.settings else words, what, _names(joints), format, displaced)
 
 
 def _kind(displacement: Displacement, L: float) -> str:

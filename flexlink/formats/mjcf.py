@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -164,21 +163,13 @@ def _nested(chain: Chain) -> int:
     return max(depth)
 
 
-class _Open(NamedTuple):
-    """Where the bodies that hang on one are to be written."""
-
-    element: ET.Element
-    frame: Pose  # of the body in that of the element
-    waiting: list[_Hinge]  # which the next body with mass takes along
-
-
 def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
     """Bodies and tips, nested; `own` gets the exact values of what MJCF rounds."""
     joints, links, shown = xml_joint_names(chain), xml_link_names(chain), capsules_behind(chain) if shapes else {}
     hinges, ends = _beside_tendons(chain), dict(zip(chain.tips.values(), tips(chain), strict=True))
     for k in sorted({*chain.couplings["inner"].tolist(), *chain.couplings["outer"].tolist()}):
         _exact(own, f"springs.{joints[k]}", *(chain.hinges[k][field] for field in SHARED))
-    opened, floats, axes = [_Open(world, HERE, [])], base_joints(chain), chain.hinges["axis"] % SLIDES
+    opened, floats, axes = [(world, HERE, list[_Hinge]())], base_joints(chain), chain.hinges["axis"] % SLIDES
     turns = _turning(chain)
     for b, body in enumerate(chain.bodies):
         parent, frame, waiting = opened[body["parent"]]
@@ -216,7 +207,7 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
             for capsule in shown.get(int(body["stop"]) - 1, []):
                 _shape(parent, capsule)
             frame, waiting = HERE, []
-        opened.append(_Open(parent, frame, waiting))
+        opened.append((parent, frame, waiting))
 
 
 def _turning(chain: Chain) -> list[bool]:

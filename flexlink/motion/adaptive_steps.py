@@ -364,7 +364,8 @@ class AdaptiveSteps:
         """Where and how the run hangs, and what may help."""
         text = f"t = {self.time:.6g} s: {how}"
         if known := hindrance(self.record, self.state[0]):
-            return f"{text}; {known.cause}", known.advice
+            cause, advice = known
+            return f"{text}; {cause}", advice
         q, _, qdd, _ = self.state
         k, own = int(np.argmax(np.abs(qdd))), "" if self.run.method == AUTO else "method = 'auto', "
         chain = self.record.chain
@@ -428,7 +429,8 @@ class AdaptiveSteps:
             unsolved = f"Newton's iteration does not converge (joint {joint!r})"
             text = f"no step down to {h:.3g} s works at t = {now:.6g} s: {unsolved}"
         if known := hindrance(self.record, self.state[0]):
-            return Failure(f"{text}; {known.cause}", known.advice)
+            cause, advice = known
+            return Failure(f"{text}; {cause}", advice)
         if not self.run.controlled and self.record.chain.hinges["coulomb"].any():
             allowed = DEFAULT_TOLERANCE * self.record.chain.size
             cause = f"{text}; dry friction turns round within it"

@@ -208,7 +208,7 @@ class RunMonitor:
         if self.control is not None and self.control.sampled:
             return held_torques_advice(self.control.between)
         found = hindrance(self.record, self.record.q[0]) if self.record.inputs.drive.rate else None
-        return f"{found.cause}; {found.advice}" if found is not None else ""
+        return "; ".join(found or ())
 
     def _look(self, first: int, stop: int, methods: Sequence[tuple[int, str, str]]) -> None:
         """Judge samples: numbers are finite, the kinetic energy is positive, energy balances, hinges bend, limits."""
