@@ -14,10 +14,12 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.versions import __version__ as __version__
 from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
-from flexlink.describe.arm import Arm, Base, Damping, Friction, Link, Material, Section
+from flexlink.describe.arm import Arm, Base
 from flexlink.describe.drag import Drag
 from flexlink.describe.initial import InitialState
 from flexlink.describe.joint import Joint, Mount
+from flexlink.describe.link import Link
+from flexlink.describe.material import Damping, Friction, Material, Section
 from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.rigid_body import RigidBody

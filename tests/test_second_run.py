@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import flexlink as fl
 from flexlink.common.interruption import Stop
-from flexlink.motion import simulate as single
+from flexlink.motion import single_run as single
 from flexlink.motion import verification as second_run
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.monitor import RunMonitor

@@ -19,7 +19,7 @@ from flexlink.dynamics.vibration.stability import Gains, eigenvalues, fastest_ei
 from flexlink.dynamics.vibration.stability_function import stability_function, stability_polynomials
 from flexlink.motion.inputs.drives import drive_arrays, gains_of
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.simulate import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun, prepare
 
 IMAGINARY_LIMIT = {  # largest y with |R(iy')| ≤ 1 + 1e-6 for all y' ≤ y
     "RK2": 0.05318296562,

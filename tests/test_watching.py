@@ -14,7 +14,8 @@ from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.motion import monitor
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.static_feedforward import holding_torque
-from flexlink.motion.monitor import RunMonitor, tolerance_of
+from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.tolerable import tolerance_of
 from flexlink.results import resolved_modes
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import Failure

@@ -25,7 +25,7 @@ from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.motion.evaluation_cost import evaluation_cost, run_cost
 from flexlink.motion.inputs.actuation import acting_at, input_arrays
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.simulate import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun, prepare
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
 

@@ -187,7 +187,7 @@ class RefinementStudy:
     def _compare_rules(self, hinges: int) -> None:
         """Go on with another family where its error is half as large with about as many hinges.
 
-        Cells of coupled springs are tried where axial loads or large bends leave gauss an order of 2, and as soon as
+        Cells are tried where axial loads or large bends leave gauss an order of 2, and as soon as
         they do; Gauss-Legendre points over the whole link once.
         """
         last = self.levels[self.family][-1].outcome.run

@@ -12,7 +12,8 @@ from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.describe.arm import Arm, Link
+from flexlink.describe.arm import Arm
+from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 from flexlink.kernels.layout import DRAG
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from flexlink.common.errors import SceneError
 from flexlink.common.wording import truncated
+from flexlink.describe.numbers import require_increasing
 from flexlink.describe.own_units import TWINS, Row
 from flexlink.describe.reference import Reference
 from flexlink.describe.spec import (
@@ -18,7 +19,6 @@ from flexlink.describe.spec import (
     Spec,
     Vector3,
     measured_in,
-    require_increasing,
 )
 
 OF_MOTION = "angle_deg", "rate_deg", "acceleration_deg"

@@ -15,8 +15,9 @@ from flexlink.common.wording import short_list
 from flexlink.data.csv_table import CsvTable, head_of, read_csv
 from flexlink.data.smoothing import smoothed
 from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
-from flexlink.describe.arm import Arm, Link
+from flexlink.describe.arm import Arm
 from flexlink.describe.initial import InitialState
+from flexlink.describe.link import Link
 from flexlink.describe.own_units import IN_METRES, TORQUE, UNIT, Row
 from flexlink.describe.reference import TABLES, Reference
 

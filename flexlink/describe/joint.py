@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal
+
+import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe.directions import unit
+from flexlink.describe.own_units import UNIT, in_own
+from flexlink.describe.reference_trajectory import ReferenceTrajectory
+from flexlink.describe.shaping import MOST_IMPULSES
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measured_in
 
 
@@ -157,3 +163,21 @@ class DenavitHartenberg(Spec, frozen=True):
     def end(self) -> Vector3:
         """Where the row ends the link, in the link's frame [m]; a modified one ends in the frame itself."""
         return (self.a, 0.0, self.d) if self.convention == "standard" else (0.0, 0.0, 0.0)
+
+
+def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint]]) -> None:
+    """Refuse a course that leaves the limits of the joints of links of these names, at any extreme of any piece.
+
+    Raises
+    ------
+    SceneError
+        The message names the link, the angle reached and the limits.
+    """
+    rounding = MOST_IMPULSES * np.finfo(float).eps  # of an angle that is the sum of as many
+    reached = in_own([joint.slides for _, joint in joints], course.extremes())
+    for (name, joint), *extremes in zip(joints, *reached, strict=True):
+        low, high = joint.own_limits or (-math.inf, math.inf)
+        for place in extremes:
+            if max(low - place, place - high) > rounding * np.abs(extremes).max():
+                reason = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
+                raise SceneError(f"reaches {place:.9g} {UNIT[joint.slides]}: {reason}")

@@ -13,20 +13,11 @@ from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe import profiles
-from flexlink.describe.joint import Joint
-from flexlink.describe.own_units import IN_METRES, KIND, UNIT, Row, Slides, in_own, in_si, together
+from flexlink.describe.numbers import require_increasing, require_positive
+from flexlink.describe.own_units import IN_METRES, KIND, Row, Slides, in_si, together
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, apart, from_rest_to_rest, side_by_side, still
-from flexlink.describe.shaping import MOST_IMPULSES, InputShaper
-from flexlink.describe.spec import (
-    NonNegative,
-    NonNegativePerLink,
-    PerLink,
-    Positive,
-    Spec,
-    measured_in,
-    require_increasing,
-    require_positive,
-)
+from flexlink.describe.shaping import InputShaper
+from flexlink.describe.spec import NonNegative, NonNegativePerLink, PerLink, Positive, Spec, measured_in
 
 LIMITS = ("max_rate_deg", "max_acceleration_deg", "max_jerk_deg")
 TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -326,24 +317,6 @@ class Reference(Spec, frozen=True):
         both = getattr(self, name), getattr(self, IN_METRES[name])
         deg, m = (rows or (None,) * len(self.times or ()) for rows in both)
         return in_si(slides, [together(slides, *row) for row in zip(deg, m, strict=True)])
-
-
-def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint]]) -> None:
-    """Refuse a course that leaves the limits of the joints of links of these names, at any extreme of any piece.
-
-    Raises
-    ------
-    SceneError
-        The message names the link, the angle reached and the limits.
-    """
-    rounding = MOST_IMPULSES * np.finfo(float).eps  # of an angle that is the sum of as many
-    reached = in_own([joint.slides for _, joint in joints], course.extremes())
-    for (name, joint), *extremes in zip(joints, *reached, strict=True):
-        low, high = joint.own_limits or (-math.inf, math.inf)
-        for place in extremes:
-            if max(low - place, place - high) > rounding * np.abs(extremes).max():
-                reason = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
-                raise SceneError(f"reaches {place:.9g} {UNIT[joint.slides]}: {reason}")
 
 
 def _taken(needs: Sequence[str], may: Sequence[str]) -> str:

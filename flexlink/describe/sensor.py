@@ -11,8 +11,9 @@ import msgspec
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.wording import truncated
 from flexlink.data.csv_table import conversion
-from flexlink.describe.arm import BASE, Arm, Link
+from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.directions import unit
+from flexlink.describe.link import Link
 from flexlink.describe.own_units import SI, TORQUE
 from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.spec import LARGE, SMALL, Deviation, NonNegative, Positive, Spec, Vector3, link_key, measured_in

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from flexlink.common.types import Array, Indices
 from flexlink.diagnosis.joint_axes import Displacement, deviations, reach, undo_displacements
 from flexlink.diagnosis.matching import Match, match_joints
-from flexlink.diagnosis.mistakes import Field, Mistake, table
-from flexlink.diagnosis.shapes import Discrepancy, fewer_digits, moments
+from flexlink.diagnosis.mistakes import Field, Mistake, _names, _short, _where, table
+from flexlink.diagnosis.shapes import Discrepancy, fewer_digits
 from flexlink.engines.actuators import limits
 from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
@@ -307,20 +307,6 @@ def _subject(field: str, where: str) -> str:
     return f"{label} of {where}" if where else label
 
 
-def _where(names: Sequence[str], rows: Indices) -> str:
-    """The joints of some rows of a field in words; of fields between two joints the pairs."""
-    if rows.ndim == 1:
-        return _names([names[k] for k in rows])
-    pairs = [f"{names[i]!r} and {names[j]!r}" for i, j in rows[:3]]
-    some = f"{'; '.join(pairs)}{' …' * (len(rows) > 3)}"
-    return f"joints {some}" if len(rows) == 1 else f"{len(rows)} pairs of joints ({some})"
-
-
-def _names(names: Sequence[str]) -> str:
-    first = ", ".join(map(repr, names[:3]))
-    return f"joint {first}" if len(names) == 1 else f"{len(names)} joints ({first}{' …' * (len(names) > 3)})"
-
-
 def _instead(field: str, diff: Discrepancy) -> str:
     """The first number that was read, the expected one and the factor; the relative error, if both look alike."""
     if field == "slides":
@@ -351,10 +337,3 @@ def _of_joints(field: str, diff: Discrepancy) -> Field:
 def _relative_error(diff: Discrepancy) -> float:
     """Largest difference, relative to the largest number."""
     return float(np.abs(diff.theirs - diff.ours).max() / np.abs(diff.ours).max())
-
-
-def _short(value: Array) -> str:
-    """A number, a vector, or the principal moments of an inertia."""
-    numbers = moments(value) if np.ndim(value) == 2 else np.atleast_1d(value)
-    text = ", ".join(f"{x + 0.0:.6g}" for x in numbers)
-    return f"({text})" if len(numbers) > 1 else text

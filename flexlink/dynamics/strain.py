@@ -25,8 +25,8 @@ from flexlink.chain.lumping import lump
 from flexlink.chain.table_beam import TableBeam
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.arm import AXES
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.link import AXES
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.batches import is_batch, rows

@@ -35,10 +35,11 @@ from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.method_choice import Choice, cheapest, fastest_motion, tumbles
 from flexlink.motion.method_trial import FIRST, go_on_with_the_cheapest
-from flexlink.motion.monitor import LONG, RunMonitor
+from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.sampled_control import Control
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import SHORTEST, StopTimes
+from flexlink.motion.tolerable import LONG
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure

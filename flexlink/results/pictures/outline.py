@@ -14,7 +14,9 @@ from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import pieces
 from flexlink.common.types import Array, Indices
-from flexlink.describe.arm import Arm, Link, Section
+from flexlink.describe.arm import Arm
+from flexlink.describe.link import Link
+from flexlink.describe.material import Section
 from flexlink.describe.scene import Scene
 
 Whole = Indices
