@@ -16,15 +16,16 @@ import flexlink as fl
 from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
 from flexlink.advice.allocation import Allocation
-from flexlink.advice.axes import ALLOWED_SHARE, AxisScreening
+from flexlink.advice.axes import AxisScreening
 from flexlink.advice.families import FAMILIES, rule_of
 from flexlink.advice.goal import Goal, TipErrorNorm, goal_of
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Axes, Bend, Model, by_rule, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.advice.refinement import LIMIT_FALL, SCATTER, Level, RefinementStudy
+from flexlink.advice.refinement import Level, RefinementStudy
 from flexlink.advice.release import release
 from flexlink.advice.search import Search
+from flexlink.advice.thresholds import THRESHOLDS
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.results.convergence import Limit
@@ -332,7 +333,7 @@ def test_two_limits_that_agree_by_chance_are_believed_no_better_than_a_fast_orde
     limit = study_of_levels(**first, n6=chance).limit
     assert limit is not None
     assert limit.tip == pytest.approx(before.tip)
-    assert limit.errors == pytest.approx(before.errors * (4 / 6) ** (2 + LIMIT_FALL))
+    assert limit.errors == pytest.approx(before.errors * (4 / 6) ** (2 + THRESHOLDS.limit_fall))
     assert limit.errors[1] < limit.errors[2]  # of each time by itself
 
 
@@ -395,7 +396,7 @@ def test_where_no_stricter_steps_can_be_taken_at_the_last_level_a_coarser_one_te
     refinement = with_strict_steps({1: 0.0, 2: 1e-6, 4: 0.0}, **{**exact, "n4": along_x(0.0, 0.2)})
     before = refinement.limit
     refinement.runner = cast("ModelRunner", Strict({2: exact["n2"], 4: along_x(0.0, np.nan)}))
-    assert refinement.remove_step_errors() == pytest.approx([0.0, SCATTER * 1e-6])
+    assert refinement.remove_step_errors() == pytest.approx([0.0, THRESHOLDS.scatter * 1e-6])
     assert refinement.limit is before
 
 
@@ -430,7 +431,7 @@ def test_axes_that_are_left_out_count_together() -> None:
 
     def run(model: Model, stepping: Stepping) -> Outcome:
         axes = tuple(bend.flex if bend else "rigid" for bend in model)
-        return outcome(along_x(0.0, moved[axes] * ALLOWED_SHARE * ALLOWED))
+        return outcome(along_x(0.0, moved[axes] * THRESHOLDS.allowed_share * ALLOWED))
 
     runner = SimpleNamespace(scene=SimpleNamespace(arm=SimpleNamespace(links=links)), run=run)
     screening = AxisScreening(cast("ModelRunner", runner), NORM, ("yz", "yz"), Stepping("Radau5"), ALLOWED)

@@ -29,15 +29,6 @@ from flexlink.motion.single_run import SingleRun, prepare
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
 
-STABLE_SHARE = 0.9
-"""Share of the smallest stable step over several postures that fixed steps take."""
-
-PERTURBATION = 10.0
-"""Least initial distance of a perturbed run, over the tolerance of steps: well above the errors of the steps."""
-
-PROPORTIONAL = 0.1
-"""Distance of two runs, over the travel, up to which it is proportional to the initial distance."""
-
 
 class Stepping(NamedTuple):
     """Fixed steps [s] of a method, or steps by a tolerance [m]."""
