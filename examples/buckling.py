@@ -1,8 +1,8 @@
 """Buckling, and what comes after
 ==============================
 
-A strip of spring steel stands on its end and carries a load. ``fl.buckling_loads`` says at which multiple of that load
-it gives way, ``fl.solve_static`` how it then stands: Euler's load, and his elastica.
+A strip of spring steel stands on its end and carries a load. ``fl.strength.buckling_loads`` says at which multiple of
+that load it gives way, ``fl.solve_static`` how it then stands: Euler's load, and his elastica.
 """
 
 import matplotlib.pyplot as plt
@@ -41,7 +41,7 @@ factors = {}
 for segments in (3, 5, 9, 17):
     scene = strip(segments, load=1.0)
     chain = fl.lump(scene)
-    factors[segments - 1] = fl.buckling_loads(
+    factors[segments - 1] = fl.strength.buckling_loads(
         chain, np.zeros(chain.n), tip_wrench=scene.tip_wrench
     )[0]
     found = factors[segments - 1]

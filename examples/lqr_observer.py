@@ -38,7 +38,7 @@ rest = fl.solve_static(chain, fl.initial_state(scene, chain)[0], locked=own)
 # the hinges' angles: its row of C is what the gauge reads of each of them.
 SAMPLE, FIBRE = 1e-3, (0.02, 0.0)  # s; m, at the surface
 plant = fl.linearize(chain, rest.q, tau=rest.tau)
-gauge = fl.beam_strain(scene, np.eye(n), link="upper", fibre=FIBRE).strain[:, 0]
+gauge = fl.strength.beam_strain(scene, np.eye(n), link="upper", fibre=FIBRE).strain[:, 0]
 C = np.zeros((3, 2 * n))
 C[:2, own], C[2, :n] = np.eye(2), gauge
 A, B, *_ = cont2discrete((plant.A, plant.B, C, np.zeros((3, 2))), SAMPLE)

@@ -22,7 +22,7 @@ drive, move, chain = scene.drive, scene.drive.reference, fl.lump(scene)
 there = scene.varied({"initial.joint_deg": move.to_deg, "drive": fl.Drive()})
 slack, _ = fl.initial_state(there, chain)
 goal = fl.solve_static(chain, slack, locked=chain.active).q  # bent by gravity
-slow = fl.pd_poles(chain, goal, kp=drive.kp, kd=drive.kd)[:2]
+slow = fl.small_motion.pd_poles(chain, goal, kp=drive.kp, kd=drive.kd)[:2]
 shapers = {
     "unshaped": None,
     "ZV": fl.InputShaper.at(slow, "ZV"),
@@ -37,10 +37,10 @@ runs = {
     name: fl.simulate(scene.varied({"drive.reference.shaper": shaper}))
     for name, shaper in shapers.items()
 }
-left = {name: fl.residual_vibration(run, after=2.0) for name, run in runs.items()}  # [m]
+left = {name: fl.measures.residual_vibration(run, after=2.0) for name, run in runs.items()}  # [m]
 rest = fl.tip_position(chain, goal)
 settled = {  # [s]
-    name: fl.settling_time(run, target=rest, tolerance=1e-3) for name, run in runs.items()
+    name: fl.measures.settling_time(run, target=rest, tolerance=1e-3) for name, run in runs.items()
 }
 for name in runs:
     print(f"{name:8}: vibrates by {1e3 * left[name]:.3f} mm after 2 s,", end=" ")

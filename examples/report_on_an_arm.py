@@ -49,7 +49,7 @@ for verdict in written.verdicts:
 run = fl.simulate(scene)
 root = run.loads.moment[:, run.chain.body("arm"), 2]
 goal = run.tip[-1]
-settled = fl.settling_time(run, target=goal, tolerance=1e-3)
+settled = fl.measures.settling_time(run, target=goal, tolerance=1e-3)
 print(f"settles within 1 mm of its last place {settled:.2f} s after the start")
 
 # %%

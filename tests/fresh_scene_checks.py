@@ -234,7 +234,7 @@ class Judged:
         tau = np.zeros(c.n)
         kinds = {"torque", "current"} if self.scene.motion else set()  # a prescribed joint's torque is no output
         shown = [sensor.name for sensor in self.scene.sensor if sensor.kind not in kinds]
-        seen = [fl.SensorOutputs(self.scene, *shown)] if shown else []
+        seen = [fl.small_motion.SensorOutputs(self.scene, *shown)] if shown else []
         outputs: tuple[Any, ...] = ("tip", "tip_rate", "joints", *seen)
         model = fl.linearize(c, self.q, self.qd, tau, outputs=outputs)
         v = np.concatenate([self.rng.uniform(-1, 1, c.n), self.rng.uniform(-1, 1, c.n)])

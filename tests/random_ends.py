@@ -37,7 +37,7 @@ def random_satellite(dice: Dice) -> fl.Scene:
     """A free body with one to three links, some of which bend, that spins with up to 20 rad/s."""
     links = tuple(_panel(dice, k) for k in range(dice.one_of(1, 2, 3)))
     spin = np.degrees(dice.linear(0.0, 20.0)) * _unit(dice)
-    base = fl.BaseState(velocity=dice.three(0.5), spin_deg=(float(spin[0]), float(spin[1]), float(spin[2])))
+    base = fl.details.BaseState(velocity=dice.three(0.5), spin_deg=(float(spin[0]), float(spin[1]), float(spin[2])))
     rates = tuple(0.0 if link.joint.locked else dice.linear(-90.0, 90.0) for link in links)
     sizes = sorted(dice.linear(0.2, 1.0) for _ in range(3))
     inertia = sizes[0], sizes[1], min(sizes[2], 0.9 * (sizes[0] + sizes[1]))

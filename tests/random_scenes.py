@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.simulate import prepare
+from flexlink.motion.single_run import prepare
 from validation.random_arms import Dice
 
 WRONG = 0.05  # of the tip's motion

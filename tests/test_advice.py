@@ -16,15 +16,16 @@ import flexlink as fl
 from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
 from flexlink.advice.allocation import Allocation
-from flexlink.advice.axes import ALLOWED_SHARE, AxisScreening
+from flexlink.advice.axes import AxisScreening
 from flexlink.advice.families import FAMILIES, rule_of
 from flexlink.advice.goal import Goal, TipErrorNorm, goal_of
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Axes, Bend, Model, by_rule, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.advice.refinement import LIMIT_FALL, SCATTER, Level, RefinementStudy
+from flexlink.advice.refinement import Level, RefinementStudy
 from flexlink.advice.release import release
 from flexlink.advice.search import Search
+from flexlink.advice.thresholds import THRESHOLDS
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.results.convergence import Limit
@@ -147,7 +148,11 @@ def bars(*, skew: float = 0.0) -> Scene:
     """Two soft bars that fall, the joint of the second one turned out of the plane [deg]."""
     links = tuple(
         fl.Link(
-            name=f"bar{k}", length=1.0, material="steel", section="square", mount=fl.Mount(rpy_deg=(k * skew, 0, 0))
+            name=f"bar{k}",
+            length=1.0,
+            material="steel",
+            section="square",
+            mount=fl.Mount(rpy_deg=(k * skew, 0, 0)),
         )
         for k in range(2)
     )
@@ -328,7 +333,7 @@ def test_two_limits_that_agree_by_chance_are_believed_no_better_than_a_fast_orde
     limit = study_of_levels(**first, n6=chance).limit
     assert limit is not None
     assert limit.tip == pytest.approx(before.tip)
-    assert limit.errors == pytest.approx(before.errors * (4 / 6) ** (2 + LIMIT_FALL))
+    assert limit.errors == pytest.approx(before.errors * (4 / 6) ** (2 + THRESHOLDS.limit_fall))
     assert limit.errors[1] < limit.errors[2]  # of each time by itself
 
 
@@ -348,12 +353,12 @@ def test_a_bend_that_is_let_go_goes_to_the_joint_and_the_rest_of_it_swings() -> 
     scene = replace(two, arm=arm, gravity=(0.0, -0.001, 0.0), initial=initial)
     runner, model = ModelRunner(scene, 1.0), uniform(("z",), 2)
     strict = runner.run((None,), Stepping("Radau5", tolerance=1e-9))
-    found = release(runner, strict, model, np.zeros(runner.chain(model).n))
+    start, drift = release(runner, strict, model, np.zeros(runner.chain(model).n))
     sag = load * 0.001 / (3 * 210e9 * 0.006**4 / 12)
-    assert found.start == pytest.approx([0.0, -sag, 0.0], abs=0.01 * sag)
-    assert found.drift[0] == pytest.approx([0.0, -sag, 0.0], abs=0.01 * sag)
+    assert start == pytest.approx([0.0, -sag, 0.0], abs=0.01 * sag)
+    assert drift[0] == pytest.approx([0.0, -sag, 0.0], abs=0.01 * sag)
     straight = ModelRunner(replace(scene, initial=fl.InitialState(joint_deg=(0.0,))), 1.0)
-    assert not release(straight, strict, model, np.zeros(3)).drift.any()
+    assert not release(straight, strict, model, np.zeros(3))[1].any()
 
 
 class Strict:
@@ -391,7 +396,7 @@ def test_where_no_stricter_steps_can_be_taken_at_the_last_level_a_coarser_one_te
     refinement = with_strict_steps({1: 0.0, 2: 1e-6, 4: 0.0}, **{**exact, "n4": along_x(0.0, 0.2)})
     before = refinement.limit
     refinement.runner = cast("ModelRunner", Strict({2: exact["n2"], 4: along_x(0.0, np.nan)}))
-    assert refinement.remove_step_errors() == pytest.approx([0.0, SCATTER * 1e-6])
+    assert refinement.remove_step_errors() == pytest.approx([0.0, THRESHOLDS.scatter * 1e-6])
     assert refinement.limit is before
 
 
@@ -426,7 +431,7 @@ def test_axes_that_are_left_out_count_together() -> None:
 
     def run(model: Model, stepping: Stepping) -> Outcome:
         axes = tuple(bend.flex if bend else "rigid" for bend in model)
-        return outcome(along_x(0.0, moved[axes] * ALLOWED_SHARE * ALLOWED))
+        return outcome(along_x(0.0, moved[axes] * THRESHOLDS.allowed_share * ALLOWED))
 
     runner = SimpleNamespace(scene=SimpleNamespace(arm=SimpleNamespace(links=links)), run=run)
     screening = AxisScreening(cast("ModelRunner", runner), NORM, ("yz", "yz"), Stepping("Radau5"), ALLOWED)
@@ -447,9 +452,9 @@ def test_the_growth_of_an_error_is_how_much_farther_the_tip_is_off_than_the_star
 
     runner = SimpleNamespace(chain=lambda _: SimpleNamespace(size=reach), perturbed_run=perturbed_run)
     refinement = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), travel=1.0)
-    found = horizons.growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
-    assert found.factor == pytest.approx(3.0)
-    assert found.e_fold == np.inf
+    factor, e_fold = horizons.growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
+    assert factor == pytest.approx(3.0)
+    assert e_fold == np.inf
 
 
 def test_an_error_that_grows_by_e_in_a_time_is_told_with_that_time() -> None:
@@ -461,8 +466,8 @@ def test_an_error_that_grows_by_e_in_a_time_is_told_with_that_time() -> None:
         perturbed_run=lambda model, stepping, angle: outcome(finest.tip + angle * off),
     )
     refinement = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), travel=1.0)
-    found = horizons.growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
-    assert (found.factor, found.e_fold) == pytest.approx((np.exp(5.0), 0.2))
+    factor, e_fold = horizons.growth(cast("ModelRunner", runner), cast("RefinementStudy", refinement), ALLOWED)
+    assert (factor, e_fold) == pytest.approx((np.exp(5.0), 0.2))
 
 
 # deflections and budgets
@@ -491,9 +496,9 @@ def test_a_rod_that_is_held_bends_by_its_weight_downwards_as_a_beam_does() -> No
     rigid.estimate(runner, strict, ("z",), cast("TipErrorNorm", norm))
     beam = -7850.0 * 1e-4 * 9.81 / (8 * 210e9 * 1e-8 / 12)
     assert seen[0][:, 1] == pytest.approx(beam, rel=0.1)
-    found = rigid.estimate(runner, strict, ("z",), NORM)
-    assert found.error == pytest.approx(2.5 * abs(beam), rel=0.1)
-    assert found.hertz == pytest.approx(3.516 / (2 * np.pi) * np.sqrt(210e9 * 1e-8 / 12 / (7850.0 * 1e-4)), rel=0.1)
+    error, hertz = rigid.estimate(runner, strict, ("z",), NORM)
+    assert error == pytest.approx(2.5 * abs(beam), rel=0.1)
+    assert hertz == pytest.approx(3.516 / (2 * np.pi) * np.sqrt(210e9 * 1e-8 / 12 / (7850.0 * 1e-4)), rel=0.1)
 
 
 def test_a_run_ends_where_it_has_used_up_its_budget() -> None:

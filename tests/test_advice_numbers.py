@@ -21,8 +21,6 @@ from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Bend, Model, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import RefinementStudy
-from flexlink.advice.rigid import RigidError
-from flexlink.advice.run_time import RunTime
 from flexlink.advice.search import Search
 from flexlink.advice.straightness import load_and_bend
 from flexlink.advice.verdict import Advice
@@ -105,7 +103,7 @@ def advised(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(advising, "deflections", lambda _: 0.05 * T)
     monkeypatch.setattr(refining, "deflections", lambda _: 0.05 * T)
     monkeypatch.setattr(refining, "may_pay", lambda *_: False)
-    monkeypatch.setattr(advising, "run_time", lambda _: RunTime(0.0, 0.0))
+    monkeypatch.setattr(advising, "run_time", lambda _: (0.0, 0.0))
 
     def found(
         world: World, tip: float | str = 1e-3, budget: float = 1.0, deflection: bool = False
@@ -114,7 +112,7 @@ def advised(monkeypatch: pytest.MonkeyPatch) -> Any:
         goal = goal_of(tip, deflection=deflection, band=None, run=SCENE.run)
         advisor = Advisor(SCENE, goal, budget)
         advisor.runner = KnownRunner(SCENE, budget, world)
-        monkeypatch.setattr(rigid, "estimate", lambda *_: RigidError(world.estimated, 3.0))
+        monkeypatch.setattr(rigid, "estimate", lambda *_: (world.estimated, 3.0))
         advice = advisor.advice()
         model = tuple(
             None if link.flex == "rigid" else Bend(link.flex, link.lumping, link.segments - 1)
@@ -290,8 +288,8 @@ def test_postures_are_taken_along_the_whole_run_and_fixed_steps_are_no_longer_th
     run = runner.run((None, None), Stepping("RK4", step=0.05)).run
     assert run is not None
     runner.sample_postures(run)
-    assert [posture.time for posture in runner.postures] == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.2])
-    assert [list(posture.angles.values()) for posture in runner.postures] == run.q.tolist()
+    assert [time for time, _, _ in runner.postures] == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.2])
+    assert [list(angles.values()) for _, angles, _ in runner.postures] == run.q.tolist()
     for largest, step in ((0.02, 0.05 / 3), (0.05, 0.05), (0.024, 0.05 / 3)):
         assert runner.fixed_steps(largest) == Stepping("RK4", pytest.approx(step))
 

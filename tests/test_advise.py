@@ -16,7 +16,7 @@ from flexlink.advice.goal import Goal, TipErrorNorm, goal_of
 from flexlink.advice.model import Bend, all_axes, limited_axes, uniform, with_model
 from flexlink.advice.model_runner import ModelRunner, Stepping
 from flexlink.advice.rigid import oscillator_response
-from flexlink.advice.run_time import RunTime, run_time
+from flexlink.advice.run_time import run_time
 from flexlink.advice.verdict import Advice
 from flexlink.cli.main import main
 from flexlink.describe.spec import decode
@@ -213,10 +213,10 @@ def test_the_time_of_a_run_is_that_of_all_of_it_and_a_long_one_is_made_twice(
     enough: float, times: int, monkeypatch
 ) -> None:
     watch = Watch()
-    names = {"thread_time": watch, "simulate": watch.simulate, "ENOUGH": enough}
+    names = {"thread_time": watch, "simulate": watch.simulate}
     for name, value in names.items():
         monkeypatch.setattr(f"flexlink.advice.run_time.{name}", value)
-    assert run_time(cast("Callable[[], fl.Scene]", watch.scene)) == RunTime(3.0, 1.0)
+    assert run_time(cast("Callable[[], fl.Scene]", watch.scene), enough) == (3.0, 1.0)
     assert len(watch.made) == times
 
 

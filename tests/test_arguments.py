@@ -66,7 +66,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "modes": (fl.modes, {"chain": chain, "frame": "world"}),
     "natural_frequencies": (fl.natural_frequencies, {"chain": chain, "frame": "world"}),
     "solve_static": (fl.solve_static, {"chain": chain, "frame": "world", "tolerance": 1e-9}),
-    "buckling_loads": (fl.buckling_loads, {"chain": chain}),
+    "buckling_loads": (fl.strength.buckling_loads, {"chain": chain}),
     "stable_step": (fl.stable_step, {"chain": chain, "method": "RK4"}),
     "lump": (fl.lump, {"scene": scene()}),
     "load_scene": (fl.load_scene, {"path": MODELS[0]}),
@@ -147,9 +147,12 @@ BEYOND = 10**400
 @pytest.mark.parametrize(
     ("call", "wanted"),
     [
-        (lambda: fl.settling_time(run(), target=(0, 0, 0), tolerance=1e-3, after=BEYOND), "after = 1000.*a time"),
-        (lambda: fl.settling_time(run(), target=(0, 0, BEYOND), tolerance=1e-3), "target has dtype object"),
-        (lambda: fl.residual_vibration(run(), after=-BEYOND), "after = -1000.*a time"),
+        (
+            lambda: fl.measures.settling_time(run(), target=(0, 0, 0), tolerance=1e-3, after=BEYOND),
+            "after = 1000.*a time",
+        ),
+        (lambda: fl.measures.settling_time(run(), target=(0, 0, BEYOND), tolerance=1e-3), "target has dtype object"),
+        (lambda: fl.measures.residual_vibration(run(), after=-BEYOND), "after = -1000.*a time"),
         (lambda: fl.advise(scene(), BEYOND), "tip = 1000.*a fraction of the tip's travel"),
         (
             lambda: fl.ReferenceTrajectory([0.0], [[[BEYOND]]]),

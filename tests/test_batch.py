@@ -17,7 +17,7 @@ from flexlink.common.interruption import Stop
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.simulate import prepare
+from flexlink.motion.single_run import prepare
 from flexlink.motion.step_errors import step_errors, step_errors_side_by_side
 
 

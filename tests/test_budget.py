@@ -18,7 +18,7 @@ from flexlink.motion.batch import outcomes
 from flexlink.motion.budget import FEWEST, LOOKS, SHORTEST, Budget, Spent
 from flexlink.motion.hindrance import hindrance, sampled_growth
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.simulate import prepare
+from flexlink.motion.single_run import prepare
 
 
 def swinging(**changes: Any) -> fl.Scene:

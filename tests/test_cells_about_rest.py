@@ -173,7 +173,7 @@ def test_slopes_of_a_run_from_static_equilibrium_are_those_that_runs_tell(path: 
 def test_a_column_is_stable_up_to_its_buckling_load_and_not_beyond(rule: str) -> None:
     """Its factor is that of the dense problem, and where statics change sides."""
     column, push = cantilever(rule, 8), np.array([-1.0, 0, 0, 0, 0, 0])
-    factor = fl.buckling_loads(column, tip_wrench=push)[0]
+    factor = fl.strength.buckling_loads(column, tip_wrench=push)[0]
     K = column.matrix("stiffness")
     softening = K - stiffness_matrix(column, column.rest, np.zeros(column.n), push)
     assert factor == pytest.approx(1 / linalg.eigh(softening, K, eigvals_only=True)[-1], rel=1e-13)
@@ -186,10 +186,10 @@ def test_a_column_is_stable_up_to_its_buckling_load_and_not_beyond(rule: str) ->
 def test_joints_without_a_spring_are_held_while_a_column_buckles() -> None:
     """A clamped column on a joint that moves and beside one that is locked buckles as it does alone."""
     push = np.array([-1.0, 0, 0, 0, 0, 0])
-    alone = fl.buckling_loads(cantilever("lobatto4", 8), tip_wrench=push)
+    alone = fl.strength.buckling_loads(cantilever("lobatto4", 8), tip_wrench=push)
     free = thin_arm(thin_link("lobatto4", 8, free=True, armature=1.0))
-    assert fl.buckling_loads(free, tip_wrench=push)[0] == pytest.approx(alone[0], rel=1e-12)
-    locked = fl.buckling_loads(cantilever("lobatto4", 8), tip_wrench=push, locked=[3])
+    assert fl.strength.buckling_loads(free, tip_wrench=push)[0] == pytest.approx(alone[0], rel=1e-12)
+    locked = fl.strength.buckling_loads(cantilever("lobatto4", 8), tip_wrench=push, locked=[3])
     assert locked[0] > alone[0]
 
 
@@ -284,7 +284,7 @@ def test_gauges_at_gauss_points_read_the_moment_there(rule: str) -> None:
     scene = make_scene(link, gravity=(0.0, 0.0, 0.0))
     chain, small = fl.lump(scene), 1e-3
     q = fl.solve_static(chain, tip_wrench=[0, small, 2 * small, 3 * small, 0, 0]).q
-    gauge = fl.beam_strain(scene, np.array([q, 2 * q]), link="a", fibre=(0.01, 0.02))
+    gauge = fl.strength.beam_strain(scene, np.array([q, 2 * q]), link="a", fibre=(0.01, 0.02))
     assert len(gauge.x) == 8
     assert (np.diff(gauge.x) > 0).all()
     points = np.polynomial.legendre.leggauss(int(rule[-1]))[0]

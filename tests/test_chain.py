@@ -33,7 +33,7 @@ from flexlink import (
 from flexlink.chain import lumping
 from flexlink.chain.variants import lump_many
 from flexlink.common.memo import Memo
-from flexlink.describe.arm import AXES
+from flexlink.describe.link import AXES
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.sections import SHAPES, SectionProperties, rectangle
 from flexlink.errors import ArgumentError, FlexlinkError, SceneError

@@ -19,7 +19,7 @@ import flexlink as fl
 from flexlink.cli import simulate
 from flexlink.cli.main import build_parser, main
 from flexlink.cli.terminal import announced
-from flexlink.motion import simulate as single
+from flexlink.motion import single_run as single
 from flexlink.scene_report.parts import vibration
 from flexlink.scene_report.study import Study
 

@@ -45,10 +45,10 @@ def test_a_swing_of_the_second_mode_decays_by_its_ratio() -> None:
 
 
 def test_a_soft_root_is_damped_with_its_beam_and_its_own_damper_comes_on_top() -> None:
-    root = {"root_stiffness": fl.RootStiffness(z=2e3), "joint": HELD}
+    root = {"root_stiffness": fl.details.RootStiffness(z=2e3), "joint": HELD}
     soft = make_scene(flexible("a", lumping="gauss", damping=ALIKE, **root), tip=LOAD, gravity=(0.0, 0.0, 0.0))
     np.testing.assert_allclose(fl.modes(fl.lump(soft)).damping_ratios, 0.02, rtol=1e-9)
-    more = fl.lump(soft.varied({"link.a.root_damping": fl.RootDamping(z=3.0)})).matrix("damping")
+    more = fl.lump(soft.varied({"link.a.root_damping": fl.details.RootDamping(z=3.0)})).matrix("damping")
     more[0, 0] -= 3.0
     np.testing.assert_allclose(more, fl.lump(soft).matrix("damping"), rtol=1e-12)
 

@@ -108,7 +108,9 @@ def test_a_sampled_law_on_a_step_that_is_no_binary_number_leaves_no_step_of_one_
 
 def test_a_free_base_is_continued_up_to_rounding() -> None:
     """Its attitude goes on in other angles: 1e-16 of each, over 2,000 steps; 4e-15 was seen."""
-    spinning = fl.InitialState(joint_deg=(20.0,), base=fl.BaseState(rpy_deg=(10.0, 20.0, 30.0), spin=(3.0, 4.0, 5.0)))
+    spinning = fl.InitialState(
+        joint_deg=(20.0,), base=fl.details.BaseState(rpy_deg=(10.0, 20.0, 30.0), spin=(3.0, 4.0, 5.0))
+    )
     base = fl.Base(kind="free", mass=4.0, inertia=(0.2, 0.3, 0.4))
     bent = make_scene(flexible("a", segments=3)).arm
     run = fl.RunSettings(method="RK4", step=1e-4, sample=0.05, duration=0.4)

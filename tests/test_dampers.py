@@ -35,7 +35,7 @@ def test_a_wheel_slows_down_as_one_over_time(method: str, tolerance: float | Non
 
 
 def test_a_bending_arm_moves_as_by_another_integrator() -> None:
-    scene = damped()
+    scene = damped(drive=fl.Drive())
     chain, run = fl.lump(scene), fl.simulate(scene.varied({"run.method": "Radau9", "run.relative_tolerance": 1e-8}))
     c = np.isin(np.arange(chain.n), chain.active) * 20.0
     bare = fl.lump(scene.varied({"link.*.joint.quadratic": 0.0}))

@@ -41,7 +41,7 @@ def links_of(table: list[tuple[float, float, float]], convention: str, offsets, 
     return [
         fl.Link(
             name=f"l{k}", hub=HUB, **fields,
-            dh=fl.DenavitHartenberg(convention=convention, a=a, alpha_deg=α, d=d, theta_deg=offset),
+            dh=fl.details.DenavitHartenberg(convention=convention, a=a, alpha_deg=α, d=d, theta_deg=offset),
         )
         for k, ((a, α, d), offset) in enumerate(zip(table, offsets, strict=True))
     ]  # fmt: skip
@@ -97,13 +97,13 @@ def test_beams_run_beside_the_table_and_change_nothing_of_it(convention, rng) ->
 def test_the_tip_is_where_a_standard_table_ends_and_at_the_end_of_the_last_beam_of_a_modified_one() -> None:
     beam = {"material": "aluminium", "section": "square", "length": 0.3}
     for convention, wanted in (("standard", (0.4, 0.0, 0.5)), ("modified", (0.7, -0.5, 0.0))):
-        row = fl.DenavitHartenberg(convention=convention, a=0.4, alpha_deg=90, d=0.5)
+        row = fl.details.DenavitHartenberg(convention=convention, a=0.4, alpha_deg=90, d=0.5)
         chain = fl.lump(make_scene(fl.Link(name="a", dh=row, **beam)))
         np.testing.assert_allclose(fl.tip_position(chain, np.zeros(1)), wanted, rtol=0, atol=8 * EPS)
 
 
 def test_a_standard_row_carries_a_beam_from_the_joint_to_its_end() -> None:
-    row = fl.DenavitHartenberg(convention="standard", a=-0.3, d=0.4, alpha_deg=90)
+    row = fl.details.DenavitHartenberg(convention="standard", a=-0.3, d=0.4, alpha_deg=90)
     link = fl.Link(name="a", dh=row, material="aluminium", section="square")
     assert link.stop == (-0.3, 0.0, 0.4)
     assert link.beam.length == 0.5
@@ -126,10 +126,12 @@ def test_a_mount_in_radians_is_one_in_degrees(rng) -> None:
     ("build", "wanted"),
     [
         (lambda: fl.Mount(rpy=(1, 0, 0), rpy_deg=(1, 0, 0)), r"^rpy = \(1\.0, 0\.0, 0\.0\): rpy_deg = .* is given"),
-        (lambda: fl.DenavitHartenberg(convention="craig"), r"^convention = 'craig': allowed are 'standard', 'mod"),
-        (lambda: fl.Link(name="a", joint=fl.Joint(axis=(0, 1, 0)), dh=fl.DenavitHartenberg(convention="modified")),
+        (lambda: fl.details.DenavitHartenberg(convention="craig"),
+         r"^convention = 'craig': allowed are 'standard', 'mod"),
+        (lambda: fl.Link(name="a", joint=fl.Joint(axis=(0, 1, 0)),
+                         dh=fl.details.DenavitHartenberg(convention="modified")),
          r"^joint\.axis = \(0\.0, 1\.0, 0\.0\): with dh a joint turns about Z"),
-        (lambda: make_scene(*(fl.Link(name=name, dh=fl.DenavitHartenberg(convention=name)) for name in BOOKS)),
+        (lambda: make_scene(*(fl.Link(name=name, dh=fl.details.DenavitHartenberg(convention=name)) for name in BOOKS)),
          r"^link\.dh\.convention: differs from link to link"),
     ],
 )  # fmt: skip

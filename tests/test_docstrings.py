@@ -18,8 +18,9 @@ from flexlink.dynamics.vibration.modal import Modes
 
 pytestmark = compiled  # the run that is prepared
 
-PUBLIC = {name: getattr(fl, name) for name in fl.__all__} | {
-    f"errors.{name}": getattr(fl.errors, name) for name in fl.errors.__all__
+MODULES = {name: module for name in fl.__all__ if inspect.ismodule(module := getattr(fl, name))}
+PUBLIC = {name: getattr(fl, name) for name in fl.__all__ if name not in MODULES} | {
+    f"{name}.{one}": getattr(module, one) for name, module in MODULES.items() for one in module.__all__
 }
 RUN = PUBLIC | {"Modes": Modes}  # what some return shows examples, too
 SLOW = {"Trajectory", "advise", "compare", "compare_trajectories", "report"}  # other engines, pages, many runs

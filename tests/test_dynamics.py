@@ -18,7 +18,7 @@ from flexlink.dynamics.terms import algorithms_of
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.monitor import RunMonitor
-from flexlink.motion.simulate import SingleRun
+from flexlink.motion.single_run import SingleRun
 from flexlink.results.record import Record
 
 

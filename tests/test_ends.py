@@ -33,7 +33,7 @@ def satellite(spin: float, **changes: Any) -> fl.Scene:
         base=fl.Base(kind="free", mass=8.0, center=(0.02, -0.01, 0.03), inertia=(0.4, 0.6, 0.7)),
     )  # fmt: skip
     direction = np.array([0.15, 0.94, 0.3]) * np.degrees(spin)
-    base = fl.BaseState(velocity=(0.1, -0.2, 0.05), spin_deg=(direction[0], direction[1], direction[2]))
+    base = fl.details.BaseState(velocity=(0.1, -0.2, 0.05), spin_deg=(direction[0], direction[1], direction[2]))
     start = fl.InitialState(joint_deg=(0.0, 20.0), rate_deg=(0.0, 50.0), base=base)
     return fl.Scene(name="satellite", arm=arm, initial=start, gravity=(0.0, 0.0, 0.0)).varied(
         {"run.duration": 0.4, "run.sample": 0.04, **changes}

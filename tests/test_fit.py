@@ -38,14 +38,16 @@ def record(scene: fl.Scene, names: tuple[str, ...], noise: float = 0.0, seed: in
     return {"t [s]": run.t} | {name: run.columns[name] + noise * rng.standard_normal(len(run.t)) for name in names}
 
 
-def problem_of(scene: fl.Scene, paths: tuple[str, ...], run: fl.FitRun) -> fl.FitProblem:
-    return fl.FitProblem(scene=scene, parameter=tuple(fl.FitParameter(path=path) for path in paths), run=(run,))
+def problem_of(scene: fl.Scene, paths: tuple[str, ...], run: fl.fits.FitRun) -> fl.fits.FitProblem:
+    return fl.fits.FitProblem(
+        scene=scene, parameter=tuple(fl.fits.FitParameter(path=path) for path in paths), run=(run,)
+    )
 
 
 @pytest.mark.slow
 class TestPlanted:
     def test_three_numbers_of_an_arm_come_back_inside_their_intervals_whatever_the_start(self, scene: fl.Scene) -> None:
-        run = fl.FitRun(name="fall", columns=record(scene.varied(THREE), ("tip x [m]", "tip z [m]"), 1e-3))
+        run = fl.fits.FitRun(name="fall", columns=record(scene.varied(THREE), ("tip x [m]", "tip z [m]"), 1e-3))
         start = {"material.aluminium.young": 9e10, "tip.mass": 7.0}
         one, other = (fl.fit(problem_of(s, tuple(THREE), run)) for s in (scene, scene.varied(start)))
         for path, value in THREE.items():
@@ -62,15 +64,15 @@ class TestPlanted:
         exact = record(scene.varied({"tip.mass": 9.0}), ("tip x [m]", "q upper [rad]"))
         units = {"t [ms]": 1e3, "tip x [mm]": 1e3, "q upper [deg]": 180 / np.pi}
         columns = {head: size * column for (head, size), column in zip(units.items(), exact.values(), strict=True)}
-        found = fl.fit(problem_of(scene, ("tip.mass",), fl.FitRun(name="fall", columns=columns)))
+        found = fl.fit(problem_of(scene, ("tip.mass",), fl.fits.FitRun(name="fall", columns=columns)))
         assert found["tip.mass"].value == pytest.approx(9.0, rel=1e-7)
 
     def test_a_gain_a_bias_and_where_a_run_starts_are_found_with_the_mass(self, scene: fl.Scene) -> None:
         columns = record(scene.varied({"tip.mass": 9.0, "initial.joint_deg.fore": -62.0}), ("tip x [m]", "tip z [m]"))
         columns["tip x [m]"] = 1.25 * columns["tip x [m]"] + 0.02
-        run = fl.FitRun(
+        run = fl.fits.FitRun(
             name="fall", columns=columns, gain=("tip x [m]",), bias=("tip x [m]",),
-            parameter=(fl.FitParameter(path="initial.joint_deg.fore", between=(-70.0, -50.0)),),
+            parameter=(fl.fits.FitParameter(path="initial.joint_deg.fore", between=(-70.0, -50.0)),),
         )  # fmt: skip
         found = fl.fit(problem_of(scene, ("tip.mass",), run))
         assert found["tip.mass"].value == pytest.approx(9.0, rel=1e-6)
@@ -86,7 +88,7 @@ class TestPlanted:
         )  # fmt: skip
         here = scene.varied({"sensor": (gauge,)})
         seen = fl.simulate(here.varied({"tip.mass": 8.5, "sensor.root.delay": 0.013})).columns["root [µm/m]"]
-        run = fl.FitRun(name="fall", columns={"t [s]": fl.simulate(here).t, "root [µm/m]": seen})
+        run = fl.fits.FitRun(name="fall", columns={"t [s]": fl.simulate(here).t, "root [µm/m]": seen})
         found = fl.fit(problem_of(here, ("tip.mass", "sensor.root.delay"), run))
         assert found["tip.mass"].low < 8.5 < found["tip.mass"].high
         assert found["sensor.root.delay"].low < 0.013 < found["sensor.root.delay"].high
@@ -103,7 +105,7 @@ class TestPlanted:
 
 class TestSlopes:
     def test_points_that_were_computed_ahead_are_those_of_slopes_alone_and_are_computed_once(self, scene) -> None:
-        run = fl.FitRun(name="fall", columns=record(scene.varied({"run.duration": 0.1}), ("tip x [m]",)))
+        run = fl.fits.FitRun(name="fall", columns=record(scene.varied({"run.duration": 0.1}), ("tip x [m]",)))
         problem = problem_of(scene.varied({"run.duration": 0.1}), ("tip.mass", "link.upper.joint.armature"), run)
         alone, ahead = (Signals(sources_of(problem, "fit"), coordinates_of(problem)) for _ in range(2))
         x = np.array([one.x(one.start) for one in alone.coordinates])
@@ -170,9 +172,9 @@ class TestIdentifiability:
         self, scene: fl.Scene, paths: tuple[str, ...], changes: dict[str, float]
     ) -> None:
         bare = scene.varied({**changes, "gravity": (0.0, 0.0, 0.0)}) if changes else scene
-        tapped = fl.FitModes(hertz=(3.0, 4.0, 16.0), deviation=(0.02,))
-        problem = fl.FitProblem(
-            scene=bare, parameter=tuple(fl.FitParameter(path=path) for path in paths), modes=(tapped,)
+        tapped = fl.fits.FitModes(hertz=(3.0, 4.0, 16.0), deviation=(0.02,))
+        problem = fl.fits.FitProblem(
+            scene=bare, parameter=tuple(fl.fits.FitParameter(path=path) for path in paths), modes=(tapped,)
         )
         with pytest.raises(fl.errors.IdentifiabilityError) as refused:
             fl.fit(problem)
@@ -181,24 +183,28 @@ class TestIdentifiability:
 
     def test_a_prior_makes_a_pair_identifiable(self, scene: fl.Scene) -> None:
         bare = scene.varied({"tip.mass": 0.0, "gravity": (0.0, 0.0, 0.0)})
-        density = fl.FitParameter(path=FLEX[1], prior=(2700.0, 27.0))
-        tapped = fl.FitModes(hertz=(12.0,), deviation=(0.05,))
-        problem = fl.FitProblem(scene=bare, parameter=(fl.FitParameter(path=FLEX[0]), density), modes=(tapped,))
-        assert fl.check_fit(problem).passed
-        assert not fl.check_fit(fl.FitProblem(scene=bare, parameter=tuple(map(_plain, FLEX)), modes=(tapped,))).passed
+        density = fl.fits.FitParameter(path=FLEX[1], prior=(2700.0, 27.0))
+        tapped = fl.fits.FitModes(hertz=(12.0,), deviation=(0.05,))
+        problem = fl.fits.FitProblem(
+            scene=bare, parameter=(fl.fits.FitParameter(path=FLEX[0]), density), modes=(tapped,)
+        )
+        assert fl.fits.check_fit(problem).passed
+        assert not fl.fits.check_fit(
+            fl.fits.FitProblem(scene=bare, parameter=tuple(map(_plain, FLEX)), modes=(tapped,))
+        ).passed
 
     def test_the_two_loss_factors_of_one_ringing_are_named_as_a_pair(self, scene: fl.Scene) -> None:
         paths = "link.upper.damping.ratio", "link.fore.damping.ratio"
         damped = scene.varied({f"link.{name}.damping": {"ratio": 0.01, "at_hz": 3.0} for name in ("upper", "fore")})
-        tapped = fl.FitModes(hertz=(3.2,), deviation=(0.02,), ratios=(0.002,), ratio_deviation=1e-5)
-        problem = fl.FitProblem(scene=damped, parameter=tuple(map(_plain, paths)), modes=(tapped,))
-        (lost,) = fl.check_fit(problem).lost
+        tapped = fl.fits.FitModes(hertz=(3.2,), deviation=(0.02,), ratios=(0.002,), ratio_deviation=1e-5)
+        problem = fl.fits.FitProblem(scene=damped, parameter=tuple(map(_plain, paths)), modes=(tapped,))
+        (lost,) = fl.fits.check_fit(problem).lost
         assert set(lost.names) == set(paths)
         assert "cannot be told apart" in lost.text
 
 
-def _plain(path: str) -> fl.FitParameter:
-    return fl.FitParameter(path=path)
+def _plain(path: str) -> fl.fits.FitParameter:
+    return fl.fits.FitParameter(path=path)
 
 
 class TestSingleNumbers:
@@ -209,11 +215,11 @@ class TestSingleNumbers:
         found = fl.modes(chain, q, locked=chain.active.tolist())
         hertz = tuple(found.hertz[np.array(found.kinds) == "elastic"][:3].tolist())
         hung = fl.tip_position(chain, q)[2]
-        problem = fl.FitProblem(
+        problem = fl.fits.FitProblem(
             scene=scene,
-            parameter=(fl.FitParameter(path="material.aluminium.young"), fl.FitParameter(path="tip.mass")),
-            modes=(fl.FitModes(hertz=hertz, deviation=(0.01,)),),
-            static=(fl.FitStatic(axis="z", value=float(hung), deviation=1e-4),),
+            parameter=(fl.fits.FitParameter(path="material.aluminium.young"), fl.fits.FitParameter(path="tip.mass")),
+            modes=(fl.fits.FitModes(hertz=hertz, deviation=(0.01,)),),
+            static=(fl.fits.FitStatic(axis="z", value=float(hung), deviation=1e-4),),
         )
         fitted = fl.fit(problem)
         assert fitted["tip.mass"].value == pytest.approx(8.2, rel=1e-6)
@@ -234,8 +240,8 @@ class TestLinearReference:
                                    acceleration_deg=(0.0, 0.0))  # fmt: skip
         led = scene.varied({"motion": (turn,), "link.waist.joint.locked": True, "link.upper.joint.locked": True})
         columns = record(led.varied({"material.aluminium.young": 60e9}), ("tip x [m]", "tip z [m]"), 1e-5)
-        runs = tuple(fl.FitRun(name=use, columns=columns, use=use) for use in ("fit", "check"))
-        found = fl.fit(fl.FitProblem(scene=led, parameter=(_plain(sought),), run=runs))
+        runs = tuple(fl.fits.FitRun(name=use, columns=columns, use=use) for use in ("fit", "check"))
+        found = fl.fit(fl.fits.FitProblem(scene=led, parameter=(_plain(sought),), run=runs))
         judged = found.judged
         assert [one.use for one in judged] == ["check", "check"]
         linear = max(one.off(one.linear) for one in judged)
@@ -286,9 +292,9 @@ class TestProblem:
     def test_planted_mistakes_of_a_record_are_named_with_their_run(
         self, scene: fl.Scene, head: str, said: dict[str, object], reason: str
     ) -> None:
-        run = fl.FitRun(name="swing", columns={"t [s]": (0.0, 0.1, 0.2), head: (1.0, 1.1, 1.2)}, **said)
+        run = fl.fits.FitRun(name="swing", columns={"t [s]": (0.0, 0.1, 0.2), head: (1.0, 1.1, 1.2)}, **said)
         with pytest.raises(fl.errors.DataFileError) as refused:
-            fl.check_fit(problem_of(scene, ("tip.mass",), run))
+            fl.fits.check_fit(problem_of(scene, ("tip.mass",), run))
         assert reason in str(refused.value)
         assert "run 'swing'" in str(refused.value)
 
@@ -299,36 +305,36 @@ def test_samples_that_are_not_evenly_spaced_are_told(scene: fl.Scene) -> None:
     kept[50:60] = False
     gap = {head: column[kept] for head, column in columns.items()}
     for data, told in ((gap, True), (columns, False)):
-        check = fl.check_fit(problem_of(scene, ("tip.mass",), fl.FitRun(name="fall", columns=data)))
+        check = fl.fits.check_fit(problem_of(scene, ("tip.mass",), fl.fits.FitRun(name="fall", columns=data)))
         assert any("not evenly spaced" in note for note in check.notes) == told
 
 
 @pytest.fixture(scope="module")
-def doubted(scene: fl.Scene) -> fl.Fitted:
+def doubted(scene: fl.Scene) -> fl.fits.Fitted:
     """A payload whose prior is wrong, and a run kept to check in which another payload hung."""
     names = ("tip x [m]", "tip z [m]")
     runs = tuple(
-        fl.FitRun(name=use, use=use, columns=record(scene.varied({"tip.mass": mass}), names, 1e-4))
+        fl.fits.FitRun(name=use, use=use, columns=record(scene.varied({"tip.mass": mass}), names, 1e-4))
         for use, mass in (("fit", 8.6), ("check", 9.6))
     )
-    weighed = fl.FitParameter(path="tip.mass", prior=(8.0, 0.05))
-    return fl.fit(fl.FitProblem(scene=scene, parameter=(weighed,), run=runs))
+    weighed = fl.fits.FitParameter(path="tip.mass", prior=(8.0, 0.05))
+    return fl.fit(fl.fits.FitProblem(scene=scene, parameter=(weighed,), run=runs))
 
 
 class TestDoubts:
     """A fit says where its numbers, or its data, are not to be believed."""
 
-    def test_a_number_that_strays_from_its_prior_is_told(self, doubted: fl.Fitted) -> None:
+    def test_a_number_that_strays_from_its_prior_is_told(self, doubted: fl.fits.Fitted) -> None:
         assert doubted["tip.mass"].value == pytest.approx(8.6, abs=0.05)
         assert any("standard deviations from its prior, 8 ± 0.05: the prior is wrong" in w for w in doubted.warnings)
 
-    def test_a_run_kept_to_check_that_is_left_worse_than_those_fitted_is_told(self, doubted: fl.Fitted) -> None:
+    def test_a_run_kept_to_check_that_is_left_worse_than_those_fitted_is_told(self, doubted: fl.fits.Fitted) -> None:
         told = [w for w in doubted.warnings if w.startswith("check, tip x [m]: what is left is ")]
         assert len(told) == 1
         assert "times that of the fitted runs" in told[0]
 
     def test_an_end_of_an_interval_beyond_float64_is_infinite(self, scene: fl.Scene) -> None:
-        mass = coordinate_of(scene, fl.FitParameter(path="tip.mass"))
+        mass = coordinate_of(scene, fl.fits.FitParameter(path="tip.mass"))
         assert mass.value(1e6) == math.inf
         assert mass.value(math.log(8.0)) == pytest.approx(8.0)
 
@@ -336,9 +342,9 @@ class TestDoubts:
         self, scene: fl.Scene
     ) -> None:
         columns = record(scene, ("tip x [m]",))
-        run = fl.FitRun(name="film", columns=columns | {"tip x [m]": 1e3 * columns["tip x [m]"]})
+        run = fl.fits.FitRun(name="film", columns=columns | {"tip x [m]": 1e3 * columns["tip x [m]"]})
         with pytest.raises(fl.errors.DataFileError, match=r"run 'film': tip x \[m\] ranges over .* 'tip x \[mm\]'"):
-            fl.check_fit(problem_of(scene, ("tip.mass",), run))
+            fl.fits.check_fit(problem_of(scene, ("tip.mass",), run))
 
 
 class TestCommand:

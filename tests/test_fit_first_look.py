@@ -27,7 +27,7 @@ T = np.linspace(0.0, 1.0, 101)
 
 def strip(**root: float) -> fl.Scene:
     """A strip clamped to the side, which bends up and down about y, let go at rest."""
-    clamp = fl.RootStiffness(**root) if root else None
+    clamp = fl.details.RootStiffness(**root) if root else None
     return fl.Scene(
         name="strip",
         gravity=(0.0, 0.0, -9.81),
@@ -46,15 +46,15 @@ def strip(**root: float) -> fl.Scene:
     )  # fmt: skip
 
 
-def film(t: np.ndarray, scene: fl.Scene | None = None, of: str = "tip z [m]", size: float = 1.0) -> fl.FitRun:
+def film(t: np.ndarray, scene: fl.Scene | None = None, of: str = "tip z [m]", size: float = 1.0) -> fl.fits.FitRun:
     """What a film of the strip sees, at other times if t says so."""
     run = fl.simulate(scene or strip())
-    return fl.FitRun(name="film", columns={"t [s]": t, of: size * run.columns[of]})
+    return fl.fits.FitRun(name="film", columns={"t [s]": t, of: size * run.columns[of]})
 
 
-def check(run: fl.FitRun, *paths: str, scene: fl.Scene | None = None) -> fl.identification.Check:
-    sought = tuple(fl.FitParameter(path=path) for path in paths or ("tip.mass",))
-    return fl.check_fit(fl.FitProblem(scene=scene or strip(), parameter=sought, run=(run,)))
+def check(run: fl.fits.FitRun, *paths: str, scene: fl.Scene | None = None) -> fl.identification.Check:
+    sought = tuple(fl.fits.FitParameter(path=path) for path in paths or ("tip.mass",))
+    return fl.fits.check_fit(fl.fits.FitProblem(scene=scene or strip(), parameter=sought, run=(run,)))
 
 
 class TestTimes:
@@ -77,7 +77,7 @@ class TestTimes:
 
     def test_slow_samples_of_an_arm_that_does_not_swing_are_told_and_not_refused(self) -> None:
         still = strip().varied({"initial.passive": "static"})
-        run = fl.FitRun(
+        run = fl.fits.FitRun(
             name="film", columns={"t [s]": 10.0 * np.arange(4.0), "tip z [m]": (-0.01, -0.011, -0.01, -0.0101)}
         )
         assert any("that mode is not seen" in note for note in check(run, scene=still).notes)
@@ -98,7 +98,7 @@ class TestTimes:
 
 class TestReasons:
     def test_a_number_without_effect_says_what_it_moves_instead(self) -> None:
-        run = fl.FitRun(name="film", columns={"t [s]": T, "tip y [m]": 1e-4 * np.sin(40 * T)})
+        run = fl.fits.FitRun(name="film", columns={"t [s]": T, "tip y [m]": 1e-4 * np.sin(40 * T)})
         (lost,) = check(run).lost
         assert lost.text.startswith("tip.mass has no effect on the data; it moves tip z [m]")
         assert lost.text.endswith("the data of film are tip y [m]")
@@ -106,7 +106,7 @@ class TestReasons:
     def test_an_arm_at_rest_moves_nothing_whatever_rounding_leaves_of_its_rates(self) -> None:
         """Rates of 1e-15 rad/s that change by as much would otherwise be named as moved."""
         scene = strip().varied({"initial.passive": "static"})
-        run = fl.FitRun(name="film", columns={"t [s]": T, "tip y [m]": 1e-4 * np.sin(40 * T)})
+        run = fl.fits.FitRun(name="film", columns={"t [s]": T, "tip y [m]": 1e-4 * np.sin(40 * T)})
         (lost,) = check(run, "material.steel.loss_time", scene=scene.varied({"material.steel.loss_time": 1e-3})).lost
         assert lost.text.endswith("no effect on the data; in film it moves nothing by more than 0.1% of its range")
 
@@ -203,7 +203,7 @@ class TestFiles:
             '[[modes]]\nhertz = [1.0]\ndeviation = [0.1]\nset.link.upper.lumping = "own.toml"\n',
             encoding="utf-8",
         )
-        problem = fl.load_fit(tmp_path / "fit.toml")
+        problem = fl.fits.load_fit(tmp_path / "fit.toml")
         assert problem.run[0].file == str(tmp_path / "a.csv")
         assert problem.run[0].set["run.method"] == str(tmp_path / "mine.toml")
         assert problem.run[0].set["motion"][0]["file"] == str(tmp_path / "led.csv")
@@ -250,16 +250,19 @@ class TestPages:
         assert "In film differs from the scene: tip.mass = 0.41." in page
         told = json.loads((out / "check.json").read_text(encoding="utf-8"))
         assert not told["passed"]
-        assert fl.load_fit(out / "problem.toml") == fl.load_fit(tmp_path / "fit.toml")
+        assert fl.fits.load_fit(out / "problem.toml") == fl.fits.load_fit(tmp_path / "fit.toml")
         assert main(["fit", str(out / "problem.toml")]) == 1
 
     def test_the_page_of_a_fit_has_units_and_the_problem_with_runs_given_in_python(self, tmp_path: Path) -> None:
-        sought = (fl.FitParameter(path="tip.mass"), fl.FitParameter(path="material.steel.young", prior=(205e9, 1e9)))
+        sought = (
+            fl.fits.FitParameter(path="tip.mass"),
+            fl.fits.FitParameter(path="material.steel.young", prior=(205e9, 1e9)),
+        )
         run = film(T, strip().varied({"tip.mass": 0.42}))
-        found = fl.fit(fl.FitProblem(scene=strip(), parameter=sought, run=(run,)))
+        found = fl.fit(fl.fits.FitProblem(scene=strip(), parameter=sought, run=(run,)))
         assert [one.unit for one in found.numbers] == ["kg", "Pa"]
         page = found.report(tmp_path / "out").page.read_text(encoding="utf-8")
         assert "kg</p>" in page
         assert "Pa</p>" in page
-        again = fl.fit(fl.load_fit(tmp_path / "out" / "problem.toml"))
+        again = fl.fit(fl.fits.load_fit(tmp_path / "out" / "problem.toml"))
         assert [one.value for one in again.numbers] == [one.value for one in found.numbers]

@@ -17,11 +17,11 @@ TOO_SMALL, TOO_LARGE = r"expected float >= 1e-30", r"expected float <= 1e\+30"
 @pytest.mark.parametrize(
     ("key", "build"),
     [
-        (r"prior\[1\]", lambda d: fl.FitParameter(path="tip.mass", prior=(1.0, d))),
-        (r"deviation\[0\]", lambda d: fl.FitModes(hertz=(5.0,), deviation=(d,))),
-        ("ratio_deviation", lambda d: fl.FitModes(hertz=(5.0,), deviation=(0.1,), ratio_deviation=d)),
-        ("deviation", lambda d: fl.FitStatic(axis="x", value=0.0, deviation=d)),
-        ("noise.*", lambda d: fl.FitRun(name="a", file="a.csv", noise={"tip x [m]": d})),
+        (r"prior\[1\]", lambda d: fl.fits.FitParameter(path="tip.mass", prior=(1.0, d))),
+        (r"deviation\[0\]", lambda d: fl.fits.FitModes(hertz=(5.0,), deviation=(d,))),
+        ("ratio_deviation", lambda d: fl.fits.FitModes(hertz=(5.0,), deviation=(0.1,), ratio_deviation=d)),
+        ("deviation", lambda d: fl.fits.FitStatic(axis="x", value=0.0, deviation=d)),
+        ("noise.*", lambda d: fl.fits.FitRun(name="a", file="a.csv", noise={"tip x [m]": d})),
     ],
 )
 def test_a_deviation_that_float64_cannot_square_is_refused(
@@ -37,13 +37,13 @@ def test_the_ends_of_what_is_allowed_end_in_a_result_or_in_a_line(deviation: flo
     arm = make_scene(
         flexible("a", segments=3, joint=fl.Joint(locked=True)), flexible("b", segments=3), gravity=(0, -9.81, 0)
     )
-    problem = fl.FitProblem(
+    problem = fl.fits.FitProblem(
         scene=arm,
-        parameter=(fl.FitParameter(path="material.aluminium.young", prior=(7e10, deviation)),),
-        modes=(fl.FitModes(hertz=(5.0,), deviation=(deviation,)),),
-        static=(fl.FitStatic(axis="y", value=-0.01, deviation=deviation),),
+        parameter=(fl.fits.FitParameter(path="material.aluminium.young", prior=(7e10, deviation)),),
+        modes=(fl.fits.FitModes(hertz=(5.0,), deviation=(deviation,)),),
+        static=(fl.fits.FitStatic(axis="y", value=-0.01, deviation=deviation),),
     )
-    assert np.isfinite(fl.check_fit(problem).singular_values).all()
+    assert np.isfinite(fl.fits.check_fit(problem).singular_values).all()
     try:
         assert fl.fit(problem).numbers[0].value > 0
     except fl.errors.IdentifiabilityError as error:

@@ -104,9 +104,11 @@ def film(y: Array, noise: float, *, stated: bool = False, **how: Any) -> Film:
     return Film(how.pop("name", "film"), how.pop("use", "fit"), SCENE, (block,), 100.0)
 
 
-def problem_of(*paths: str) -> fl.FitProblem:
-    tapped = fl.FitModes(hertz=(1.0,), deviation=(1.0,))  # which the toy does not have
-    return fl.FitProblem(scene=SCENE, parameter=tuple(fl.FitParameter(path=p) for p in paths), modes=(tapped,))
+def problem_of(*paths: str) -> fl.fits.FitProblem:
+    tapped = fl.fits.FitModes(hertz=(1.0,), deviation=(1.0,))  # which the toy does not have
+    return fl.fits.FitProblem(
+        scene=SCENE, parameter=tuple(fl.fits.FitParameter(path=p) for p in paths), modes=(tapped,)
+    )
 
 
 PROBLEM = problem_of(MASS, YOUNG)
@@ -384,7 +386,7 @@ class TestEstimates:
 
     def test_positive_numbers_are_sought_by_their_logarithm_and_starts_are_not(self) -> None:
         mass, angle = (
-            coordinate_of(SCENE, fl.FitParameter(path=path, start=5.0)) for path in (MASS, "initial.joint_deg.bar")
+            coordinate_of(SCENE, fl.fits.FitParameter(path=path, start=5.0)) for path in (MASS, "initial.joint_deg.bar")
         )
         assert (mass.log, angle.log) == (True, False)
         assert mass.bounds == pytest.approx((math.log(5e-3), math.log(5e3)))
@@ -420,8 +422,10 @@ class TestIdentifiability:
 class TestSingle:
     def test_a_change_of_sag_is_that_of_the_load_that_was_hung_on(self) -> None:
         still = SCENE.varied({"gravity": (0.0, -9.81, 0.0), "link.bar.segments": 9})
-        hung = fl.FitStatic(axis="y", value=-1e-3, deviation=1e-5, set={"tip.mass": 0.5}, before={"tip.mass": 0.2})
-        one = sagged(fl.FitProblem(scene=still, parameter=(fl.FitParameter(path=YOUNG),), static=(hung,)), hung, 1)
+        hung = fl.fits.FitStatic(axis="y", value=-1e-3, deviation=1e-5, set={"tip.mass": 0.5}, before={"tip.mass": 0.2})
+        one = sagged(
+            fl.fits.FitProblem(scene=still, parameter=(fl.fits.FitParameter(path=YOUNG),), static=(hung,)), hung, 1
+        )
         ((change,),) = one.of(one.scene)
         assert change == pytest.approx(-0.3 * 9.81 * 1.0**3 / (3 * E * 0.01**4 / 12), rel=0.02)
 
@@ -436,7 +440,7 @@ class TestTimes:
         said = in_periods(np.linspace(2.0, 5.0, 601), 2.5)
         assert said == "3 s, 7.5 periods of the slowest mode, 2.5 Hz"
         t = np.linspace(0.2, 1.0, 81)
-        run = fl.FitRun(name="film", columns={"t [s]": tuple(t), FILM: tuple(np.sin(t))})
+        run = fl.fits.FitRun(name="film", columns={"t [s]": tuple(t), FILM: tuple(np.sin(t))})
         assert recorded(PROBLEM, run).rate == pytest.approx(100.0)
 
     def test_times_that_are_one_percent_off_are_no_samples(self) -> None:

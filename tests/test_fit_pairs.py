@@ -49,19 +49,21 @@ def tapped(scene: fl.Scene, count: int, ratios: bool = False) -> dict[str, Any]:
     first = np.flatnonzero(np.array(found.kinds) == "elastic")[:count]
     told = tuple(found.damping_ratios[first].tolist()) if ratios else ()
     hertz = tuple(found.hertz[first].tolist())
-    return {"modes": (fl.FitModes(hertz=hertz, deviation=(0.02,), ratios=told, ratio_deviation=1e-4),)}
+    return {"modes": (fl.fits.FitModes(hertz=hertz, deviation=(0.02,), ratios=told, ratio_deviation=1e-4),)}
 
 
 def sagged(_: fl.Scene) -> dict[str, Any]:
     """How far 0.1 N bends the strip."""
-    return {"static": (fl.FitStatic(axis="y", value=-1e-3, deviation=1e-5, set={"wrench.force": (0.0, -0.1, 0.0)}),)}
+    return {
+        "static": (fl.fits.FitStatic(axis="y", value=-1e-3, deviation=1e-5, set={"wrench.force": (0.0, -0.1, 0.0)}),)
+    }
 
 
 def filmed(scene: fl.Scene) -> dict[str, Any]:
     """The tip of a run, to a millimetre."""
     run, names = fl.simulate(scene), ("tip x [m]", "tip z [m]")
     columns = {"t [s]": run.t} | {name: run.columns[name] for name in names}
-    return {"run": (fl.FitRun(name="filmed", columns=columns, noise=dict.fromkeys(names, 1e-3)),)}
+    return {"run": (fl.fits.FitRun(name="filmed", columns=columns, noise=dict.fromkeys(names, 1e-3)),)}
 
 
 PAIRS = [
@@ -81,8 +83,8 @@ PAIRS = [
 def test_what_cannot_be_told_is_refused_and_named(
     scene: fl.Scene, paths: Sequence[str], data: Callable[[fl.Scene], dict[str, Any]]
 ) -> None:
-    check = fl.check_fit(
-        fl.FitProblem(scene=scene, parameter=tuple(fl.FitParameter(path=p) for p in paths), **data(scene))
+    check = fl.fits.check_fit(
+        fl.fits.FitProblem(scene=scene, parameter=tuple(fl.fits.FitParameter(path=p) for p in paths), **data(scene))
     )
     (lost,) = check.lost
     assert set(lost.names) <= set(paths)

@@ -30,7 +30,7 @@ ARM = fl.Arm(
     sections={"rod": fl.Section(shape="circle", diameter=0.01)},
     tip=fl.RigidBody(mass=0.2), base=BASE,
 )  # fmt: skip
-SPIN = fl.BaseState(spin_deg=(30.0, 300.0, 60.0), velocity=(0.3, -0.2, 0.1))
+SPIN = fl.details.BaseState(spin_deg=(30.0, 300.0, 60.0), velocity=(0.3, -0.2, 0.1))
 """Mostly about Y: its angle comes to 90° after 0.3 s."""
 START = fl.InitialState(joint_deg=(20.0, 0.0), joint_m=(0.0, 0.1), rate_deg=(50.0, 0.0), base=SPIN)
 
@@ -111,7 +111,7 @@ def test_angles_that_have_no_rates_have_no_accelerations_by_name(solver: str) ->
 def test_no_attitude_is_a_special_one_and_no_velocity(run: fl.Trajectory) -> None:
     turn = np.array([0.3, -0.5, 0.7, 0.2]) / np.linalg.norm([0.3, -0.5, 0.7, 0.2])
     R, boost = matrix_from_quaternion(turn.tolist()), np.array([1.0, -2.0, 0.5])
-    state = fl.BaseState(
+    state = fl.details.BaseState(
         quaternion=(0.3, -0.5, 0.7, 0.2), spin_deg=SPIN.spin_deg, velocity=tuple((R @ SPIN.velocity + boost).tolist())
     )
     other = fl.simulate(scene(**{"initial.base": state}))
@@ -128,7 +128,9 @@ def test_a_mirror_shows_a_motion_that_there_can_be(run: fl.Trajectory) -> None:
         base=fl.Base(kind="free", mass=3.0, center=(0.05, 0.02, 0.03), inertia=(0.2, 0.25, 0.3)),
     )  # fmt: skip
     spin, velocity = SPIN.spin_deg, SPIN.velocity
-    state = fl.BaseState(spin_deg=(-spin[0], spin[1], -spin[2]), velocity=(velocity[0], -velocity[1], velocity[2]))
+    state = fl.details.BaseState(
+        spin_deg=(-spin[0], spin[1], -spin[2]), velocity=(velocity[0], -velocity[1], velocity[2])
+    )
     start = fl.InitialState(joint_deg=(-20.0, 0.0), joint_m=(0.0, 0.1), rate_deg=(-50.0, 0.0), base=state)
     other = fl.simulate(fl.Scene(name="mirror", arm=mirrored, initial=start, gravity=(0, 0, 0), run=scene().run))
     assert np.abs(other.tip - run.tip * [1.0, -1.0, 1.0]).max() < 1e-11

@@ -205,7 +205,9 @@ def test_fixed_implicit_steps_that_sharp_friction_stops_name_a_tolerance_and_wit
     arm = fl.Arm(
         links=(link,), base=base, materials={"aluminium": material}, sections={"rod": soft}, tip=fl.RigidBody(mass=0.5)
     )
-    initial = fl.InitialState(joint_deg=(30.0,), rate_deg=(100.0,), base=fl.BaseState(spin_deg=(200.0, 100.0, 50.0)))
+    initial = fl.InitialState(
+        joint_deg=(30.0,), rate_deg=(100.0,), base=fl.details.BaseState(spin_deg=(200.0, 100.0, 50.0))
+    )
     run = fl.RunSettings(method="Gauss4", step=1e-3, duration=0.2, sample=0.02)
     scene = fl.Scene(name="spinning", arm=arm, initial=initial, run=run, gravity=(0.0, 0.0, 0.0))
     with pytest.raises(

@@ -21,8 +21,8 @@ OF_A_STATE = [
     *(fl.inverse_dynamics, fl.bias_torque, fl.gravity_torque, fl.elastic_torque, fl.friction_torque, fl.mass_matrix),
     *(fl.forward_dynamics, fl.energy, fl.frames, fl.tip_position, fl.modes, fl.natural_frequencies, fl.solve_static),
     *(fl.inverse_dynamics_derivatives, fl.forward_dynamics_derivatives, fl.jacobian, fl.linearize),
-    *(fl.internal_loads, fl.point_motion),
-    *(fl.buckling_loads, fl.stable_step, stability.eigenvalues, stability.fastest_eigenvalues),
+    *(fl.strength.internal_loads, fl.point_motion),
+    *(fl.strength.buckling_loads, fl.stable_step, stability.eigenvalues, stability.fastest_eigenvalues),
     *(stability.largest_frequency, rounding.of_mass_matrix, rounding.of_bias_torque, rounding.of_elastic_torque),
     *(rounding.of_friction_torque, rounding.of_residual, rounding.of_acceleration, rounding.acceleration_error),
 ]
@@ -30,7 +30,8 @@ OF_OTHERS = {
     fl.simulate: ["scene"], fl.simulate_many: ["scenes"], fl.compare: ["scene"], fl.lump: ["scene"],
     fl.initial_state: ["scene", "chain"], fl.to_urdf: ["chain"], fl.to_mjcf: ["chain"], fl.to_sdf: ["chain"],
     fl.sensitivities: ["scene", "parameters"],
-    fl.beam_strain: ["scene", "q"], fl.settling_time: ["run"], fl.overshoot: ["run"], fl.residual_vibration: ["run"],
+    fl.strength.beam_strain: ["scene", "q"], fl.measures.settling_time: ["run"], fl.measures.overshoot: ["run"],
+    fl.measures.residual_vibration: ["run"],
     fl.load_scene: ["path"], fl.load_sweep: ["path"], fl.load_trajectory: ["path"],
     fl.sweep: ["what"], load: ["name", "chain"],
 }  # fmt: skip
@@ -64,7 +65,10 @@ def test_options_of_one_name_stand_in_one_order() -> None:
         assert options == sorted(options, key=order.index), function
 
 
-FUNCTIONS = [getattr(fl, name) for name in fl.__all__ if inspect.isfunction(getattr(fl, name))]
+MODULES = [fl, *(thing for name in fl.__all__ if inspect.ismodule(thing := getattr(fl, name)))]
+FUNCTIONS = [
+    function for module in MODULES for name in module.__all__ if inspect.isfunction(function := getattr(module, name))
+]
 
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.__name__)
@@ -101,5 +105,7 @@ def test_every_public_name_is_there_and_engines_are_loaded_only_when_asked_for()
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    with pytest.raises(AttributeError, match="no attribute 'compere'"):
+    with pytest.raises(AttributeError, match=r"no attribute 'compere'$"):
         fl.compere  # noqa: B018
+    with pytest.raises(AttributeError, match=r"no attribute 'FitRun'; it is flexlink\.fits\.FitRun$"):
+        fl.FitRun  # noqa: B018

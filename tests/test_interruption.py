@@ -167,7 +167,7 @@ def at_first_call(monkeypatch, owner: object, name: str, number: int) -> None:
 def test_a_signal_at_any_moment_keeps_the_samples(number, ending, moment, tmp_path, capsys, monkeypatch) -> None:
     owner, name = {
         "running": (progress.Progress, "__call__"),
-        "saving": (sys.modules["flexlink.results.files"].Writer, "__call__"),
+        "saving": (sys.modules["flexlink.results.trajectory"], "write"),
         "before the file is there": (output.Path, "replace"),
         "drawing": (simulate, "draw"),
         "summing up": (simulate, "_summary"),

@@ -22,7 +22,7 @@ from flexlink.motion.inputs import drives
 from flexlink.motion.inputs.drives import drive_arrays, gains_of
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.references import constant
-from flexlink.motion.simulate import prepare
+from flexlink.motion.single_run import prepare
 from flexlink.motion.step_errors import step_errors
 
 UP = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))

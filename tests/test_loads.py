@@ -47,7 +47,7 @@ def clamped_in_the_cut(chain: fl.Chain, i: int, offset: np.ndarray) -> tuple[fl.
 def test_the_moments_in_a_cut_are_what_hinges_there_would_have_to_hold(chain: fl.Chain, rng) -> None:
     """Three more hinges in a body, held at angle zero, take n − r × f by another recursion, that of `rne`."""
     state = moving(chain, rng)
-    loads = fl.internal_loads(chain, *state, tip_wrench=WRENCH)
+    loads = fl.strength.internal_loads(chain, *state, tip_wrench=WRENCH)
     for i in {0, (len(chain.bodies) - 1) // 2, len(chain.bodies) - 2}:  # the last is the tip's
         for offset in np.vstack([np.zeros(3), np.eye(3)]):
             held, added = clamped_in_the_cut(chain, i, offset)
@@ -61,7 +61,7 @@ def test_the_moments_in_a_cut_are_what_hinges_there_would_have_to_hold(chain: fl
 def test_every_segment_is_in_equilibrium_with_the_loads_at_its_two_cuts(chain: fl.Chain, rng) -> None:
     """m a = m g + f_in + f_out about the centre of mass, in axes of the segment, as its own sensor reads the motion."""
     q, qd, qdd = moving(chain, rng)
-    loads = fl.internal_loads(chain, q, qd, qdd, tip_wrench=WRENCH)
+    loads = fl.strength.internal_loads(chain, q, qd, qdd, tip_wrench=WRENCH)
     placed = fl.frames(chain, q)
     scale = np.abs(loads.force).max(), np.abs(loads.moment).max()
     for i, body in enumerate(chain.bodies):
@@ -90,7 +90,7 @@ def test_in_a_motion_a_hinge_carries_its_spring_and_friction_and_a_joint_its_dri
     tau = np.zeros(chain.n)
     tau[chain.active] = rng.normal(size=len(chain.active))
     qdd = fl.forward_dynamics(chain, q, qd, tau, tip_wrench=WRENCH)
-    found = fl.internal_loads(chain, q, qd, qdd, tip_wrench=WRENCH).hinge_moment
+    found = fl.strength.internal_loads(chain, q, qd, qdd, tip_wrench=WRENCH).hinge_moment
     spring, friction = fl.elastic_torque(chain, q), fl.friction_torque(chain, qd)
     scale = np.abs(spring).max() + np.abs(friction).max() + np.abs(found).max()
     wanted = spring + friction + chain.hinges["armature"] * qdd - tau
@@ -112,8 +112,8 @@ def test_a_cantilever_has_the_moment_line_of_the_books(lumping: str, segments: i
     wrench = [H, P, 0.0, 0.0, 0.0, 0.0]
     rest = fl.solve_static(chain, np.zeros(chain.n), tip_wrench=wrench)
     still = np.zeros(chain.n)
-    loads = fl.internal_loads(chain, rest.q, still, still, tip_wrench=wrench)
-    gauge = fl.beam_strain(scene, rest.q, link="boom", fibre=(0.02, -0.015))
+    loads = fl.strength.internal_loads(chain, rest.q, still, still, tip_wrench=wrench)
+    gauge = fl.strength.beam_strain(scene, rest.q, link="boom", fibre=(0.02, -0.015))
     cuts = [chain.body(f"boom.{j}.z") for j in range(1, segments)]
     q, left = SQUARE.properties.area * ALUMINIUM.density * 9.81, 1.25 - gauge.x
     M = -q * left**2 / 2 + (P - 0.5 * 9.81) * left
@@ -131,13 +131,15 @@ def test_a_fibre_on_the_outside_of_a_bend_is_stretched() -> None:
     chain = fl.lump(scene)
     for wrench, fibre in (([0, -1, 0, 0, 0, 0], (0.02, 0.0)), ([0, 0, -1, 0, 0, 0], (0.0, 0.02))):
         q = fl.solve_static(chain, np.zeros(chain.n), tip_wrench=wrench).q
-        gauge = fl.beam_strain(scene, q, link=1, fibre=fibre)  # the load points away from the fibre
-        other = fl.beam_strain(scene, q, link=1, fibre=np.negative(fibre))
+        gauge = fl.strength.beam_strain(scene, q, link=1, fibre=fibre)  # the load points away from the fibre
+        other = fl.strength.beam_strain(scene, q, link=1, fibre=np.negative(fibre))
         assert (gauge.strain > 0).all()
         assert np.array_equal(other.strain, -gauge.strain)
     q = fl.solve_static(chain, np.zeros(chain.n), tip_wrench=[0, 0, 0, 6.0, 0, 0]).q
     GJ = ALUMINIUM.shear * SQUARE.properties.torsion
-    assert fl.beam_strain(scene, q, link="boom", fibre=(0, 0)).curvature[:, 0] == pytest.approx(6.0 / GJ, rel=1e-9)
+    assert fl.strength.beam_strain(scene, q, link="boom", fibre=(0, 0)).curvature[:, 0] == pytest.approx(
+        6.0 / GJ, rel=1e-9
+    )
 
 
 def test_an_accelerometer_reads_the_support_at_rest_and_nothing_in_free_fall() -> None:
@@ -168,14 +170,14 @@ def test_along_a_run_loads_follow_from_its_own_accelerations() -> None:
     wanted = np.pi / 2 * (1 - 9 * s + 18 * s**2 - 10 * s**3)  # the quintic's, from its four other conditions at 0
     assert run.qdd[:, 0] == pytest.approx(wanted, abs=1e-10)
     loads = run.loads
-    one = fl.internal_loads(run.chain, run.q[9], run.qd[9], run.qdd[9], tip_wrench=run.tip_wrench[9])
+    one = fl.strength.internal_loads(run.chain, run.q[9], run.qd[9], run.qdd[9], tip_wrench=run.tip_wrench[9])
     assert np.array_equal(loads.moment[9], one.moment)
     assert loads.force.shape == (len(run.t), len(run.chain.bodies), 3)
     tip = fl.frames(run.chain, run.q).rotations[:, -1] @ loads.force[:, -1, :, None]
     assert np.abs(tip[..., 0] - run.tip_wrench[0, :3]).max() <= 1e-14
-    bent = fl.beam_strain(scene, run.q, link="b", fibre=(0.02, 0.0))
+    bent = fl.strength.beam_strain(scene, run.q, link="b", fibre=(0.02, 0.0))
     assert bent.strain.shape == (len(run.t), 2)
-    assert np.array_equal(bent.strain[7], fl.beam_strain(scene, run.q[7], link="b", fibre=(0.02, 0.0)).strain)
+    assert np.array_equal(bent.strain[7], fl.strength.beam_strain(scene, run.q[7], link="b", fibre=(0.02, 0.0)).strain)
     path = fl.point_motion(run.chain, run.q, run.qd, run.qdd)
     assert np.abs(path.position - run.tip).max() <= 1e-15
     assert [repr(one) for one in (loads, bent, path)] == [
@@ -188,9 +190,9 @@ def test_along_a_run_loads_follow_from_its_own_accelerations() -> None:
 def test_loads_that_cannot_be_are_refused() -> None:
     q = np.zeros(NASTY.n)
     with pytest.raises(fl.errors.ArgumentError, match=r"qdd has shape \(1,\)"):
-        fl.internal_loads(NASTY, q, q, [0.0])
+        fl.strength.internal_loads(NASTY, q, q, [0.0])
     with pytest.raises(fl.errors.ArgumentError, match="an internal load overflows float64"):
-        fl.internal_loads(NASTY, q, np.full(NASTY.n, 1e200), q)
+        fl.strength.internal_loads(NASTY, q, np.full(NASTY.n, 1e200), q)
     with pytest.raises(fl.errors.ArgumentError, match="state 1: the motion of the point overflows"):
         fl.point_motion(NASTY, q, np.outer([0, 1e200], np.ones(NASTY.n)), q)
     with pytest.raises(fl.errors.ArgumentError, match="body = 99: must be"):
@@ -198,10 +200,10 @@ def test_loads_that_cannot_be_are_refused() -> None:
     with pytest.raises(fl.errors.ArgumentError, match="no joint of this chain"):
         NASTY.body("elbow")
     with pytest.raises(fl.errors.ArgumentError, match="link = 'rigid': is rigid; expected one that bends"):
-        fl.beam_strain(nasty_scene(), q, link="rigid", fibre=(0, 0))
+        fl.strength.beam_strain(nasty_scene(), q, link="rigid", fibre=(0, 0))
     with pytest.raises(fl.errors.ArgumentError, match=r"fibre has shape \(3,\); expected \(2,\)"):
-        fl.beam_strain(nasty_scene(), q, link="upper", fibre=(0, 0, 0))
+        fl.strength.beam_strain(nasty_scene(), q, link="upper", fibre=(0, 0, 0))
     with pytest.raises(fl.errors.ArgumentError, match=r"q has shape \(2, 3\)"):
-        fl.beam_strain(nasty_scene(), np.zeros((2, 3)), link="upper", fibre=(0, 0))
+        fl.strength.beam_strain(nasty_scene(), np.zeros((2, 3)), link="upper", fibre=(0, 0))
     with pytest.raises(fl.errors.ArgumentError, match="a strain overflows float64"):
-        fl.beam_strain(nasty_scene(), np.full((2, NASTY.n), 1e308), link="upper", fibre=(0, 0))
+        fl.strength.beam_strain(nasty_scene(), np.full((2, NASTY.n), 1e308), link="upper", fibre=(0, 0))

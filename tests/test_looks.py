@@ -23,7 +23,7 @@ TUMBLER = fl.Arm(
     sections={"rod": fl.Section(shape="circle", diameter=0.02)},
     tip=fl.RigidBody(mass=0.2), base=fl.Base(kind="free", mass=3.0, inertia=(0.2, 0.25, 0.3)),
 )  # fmt: skip
-SPIN = fl.InitialState(joint_deg=(20.0,), base=fl.BaseState(spin_deg=(30.0, 300.0, 60.0)))
+SPIN = fl.InitialState(joint_deg=(20.0,), base=fl.details.BaseState(spin_deg=(30.0, 300.0, 60.0)))
 
 
 def pendulum(**changes: Any) -> fl.Scene:

@@ -26,7 +26,7 @@ CALLS: dict[str, tuple[Callable, list[str], dict[str, object]]] = {
     "energy": (fl.energy, ["q", "qd"], {}),
     "frames": (fl.frames, ["q"], {}),
     "tip_position": (fl.tip_position, ["q"], {}),
-    "internal_loads": (fl.internal_loads, ["q", "qd", "qdd"], {"tip_wrench": WRENCH}),
+    "internal_loads": (fl.strength.internal_loads, ["q", "qd", "qdd"], {"tip_wrench": WRENCH}),
     "point_motion": (fl.point_motion, ["q", "qd", "qdd"], {"body": 1, "point": (0.1, 0.2, 0.3)}),
     "forward_dynamics": (fl.forward_dynamics, ["q", "qd", "tau"], {"tip_wrench": WRENCH}),
 }

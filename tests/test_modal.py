@@ -358,7 +358,7 @@ def test_locked_coordinates_do_not_move():
      np.isin(np.arange(9), [0, 6]), [k in {0, 6} for k in range(9)], ("fore.1.z", "upper", "waist")],
     ids=["names", "array of names", "both", "array", "list", "mask", "list of bools", "a link locked in the scene"],
 )  # fmt: skip
-@pytest.mark.parametrize("function", [modes, natural_frequencies, fl.solve_static, fl.buckling_loads])
+@pytest.mark.parametrize("function", [modes, natural_frequencies, fl.solve_static, fl.strength.buckling_loads])
 def test_what_is_locked_is_given_by_name_index_or_mask(function, locked):
     waist = Link(name="waist", joint=Joint(locked=True))
     chain = fl.lump(make_scene(waist, flexible("upper"), flexible("fore", segments=4), gravity=(-9.81, 0.0, 0.0)))
@@ -387,7 +387,7 @@ def test_what_is_locked_is_given_by_name_index_or_mask(function, locked):
         (["link.11.z"], "'link.11.z': no joint.*did you mean"),
     ],
 )
-@pytest.mark.parametrize("function", [modes, fl.solve_static, fl.buckling_loads])
+@pytest.mark.parametrize("function", [modes, fl.solve_static, fl.strength.buckling_loads])
 def test_bad_locks_are_named(function, locked, message):
     with pytest.raises(ArgumentError, match=f"^locked.*{message}"):
         function(cantilever("gauss", 10), locked=locked)

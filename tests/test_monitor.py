@@ -19,7 +19,8 @@ from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance, explained_by
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.monitor import RunMonitor, allowed_imbalance
+from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.tolerable import allowed_imbalance
 from flexlink.results import balance
 from flexlink.results.record import Record, trajectory_from_states
 
@@ -275,7 +276,7 @@ def test_a_run_is_doubted_for_the_errors_of_its_steps_and_for_its_energy_and_a_s
 
 def test_the_errors_of_all_steps_add_up_however_few_are_probed(monkeypatch) -> None:
     few = told_errors(swung(0.17))
-    monkeypatch.setattr(sys.modules["flexlink.motion.monitor"], "APART", 1)  # every step
+    monkeypatch.setattr(sys.modules["flexlink.motion.tolerable"], "APART", 1)  # every step
     assert told_errors(swung(0.17)) == pytest.approx(few, rel=0.3)
 
 

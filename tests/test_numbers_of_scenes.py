@@ -123,7 +123,7 @@ def test_places_bodies_and_roots_are_told_from_their_limits_on() -> None:
         "tip.inertia": lambda part: {"tip": fl.RigidBody(mass=1.0, inertia=(3.0 * (3.0 * part**2),) * 3)},
         "link.bar.root_stiffness.z": lambda part: {
             "link.bar.joint": HELD,
-            "link.bar.root_stiffness": fl.RootStiffness(z=moment / (0.5 * part)),
+            "link.bar.root_stiffness": fl.details.RootStiffness(z=moment / (0.5 * part)),
         },
         "link.bar.joint.gear_stiffness": lambda part: {
             "link.bar.joint": fl.Joint(gear_stiffness=moment / (0.5 * part), armature=0.01)

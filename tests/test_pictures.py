@@ -193,7 +193,9 @@ def test_colours_are_the_moments_and_strains_at_the_hinges() -> None:
     bending = np.linalg.norm(run.loads.moment[0, :-1, 1:], axis=1)
     assert moment.values[0, at_hinge] == pytest.approx(bending)
     gauges = [
-        fl.beam_strain(scene, run.q[0], link="beam", fibre=(y, z)).strain for y in (-0.02, 0.02) for z in (-0.01, 0.01)
+        fl.strength.beam_strain(scene, run.q[0], link="beam", fibre=(y, z)).strain
+        for y in (-0.02, 0.02)
+        for z in (-0.01, 0.01)
     ]
     assert strain.values[0, at_hinge] == pytest.approx(1e6 * np.max(gauges, axis=0), rel=1e-6)
     assert moment.values[0, -1] == pytest.approx(0.0, abs=1e-9)  # a load at the tip has no lever there

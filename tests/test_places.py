@@ -25,7 +25,7 @@ COMMANDS = {  # the command without its place, the place, and the work that must
     "modes": (["modes", PAPER, "--plot"], "modes.png", "modes.modes"),
     "show": (["show", PAPER, "-o"], "film.html", "show.simulate"),
     "export": (["export", PAPER, "--out"], "", "export.write_text"),
-    "report": (["report", PAPER, "--out"], "", "report.report"),
+    "report": (["report", PAPER, "--out"], "", "report.fl.report"),
     "fit": (["fit", TAPPED, "--out"], "", "fit.fit"),
     "fit --check": (["fit", TAPPED, "--check", "--out"], "", "fit.check_fit"),
     "import": (["import", "arm.urdf", "-o"], "arm.toml", "import_robot.read_robot"),
@@ -54,12 +54,11 @@ def test_a_place_that_takes_no_file_is_told_before_the_work(
     command: str, closed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (*words, option), name, work = COMMANDS[command]
-    module, function = work.split(".")
 
     def never(*_: object, **__: object) -> None:
         pytest.fail(f"{work} was called")
 
-    monkeypatch.setattr(f"flexlink.cli.{module}.{function}", never)
+    monkeypatch.setattr(f"flexlink.cli.{work}", never)
     assert main([*words, option, str(closed / name)]) == 2
     line = capsys.readouterr().err.splitlines()[-1]
     assert re.match(rf"flexlink: {re.escape(str(closed))}.*: cannot be written: Permission denied$", line)

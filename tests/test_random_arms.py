@@ -29,7 +29,7 @@ def test_no_key_of_a_link_is_left_out_of_the_draw() -> None:
     draws = [draw(seed) for seed in range(100) for draw in (random_arm, random_tree)]
     found = keys_of([without_defaults(link) for scene in draws for link in scene.arm.links])
     wanted = fields(fl.Link) | fields(fl.Joint, "joint.") | fields(fl.Mount, "mount.")
-    wanted |= fields(fl.DenavitHartenberg, "dh.") | fields(fl.RigidBody, "end.") | {"friction.coulomb"}
+    wanted |= fields(fl.details.DenavitHartenberg, "dh.") | fields(fl.RigidBody, "end.") | {"friction.coulomb"}
     assert wanted - {"drag"} <= found  # which files for engines do not hold: it has cases of its own
 
 

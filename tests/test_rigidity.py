@@ -158,7 +158,7 @@ def test_a_gauge_on_a_stepped_beam_reads_the_moment_over_its_own_rigidity(rule: 
     force, scene = 1e-6, beam(STEPPED, rule, 12)
     chain = fl.lump(scene)
     q = fl.solve_static(chain, tip_wrench=[0, force, 0, 0, 0, 0]).q
-    gauge = fl.beam_strain(scene, q, link="spar", fibre=(0.01, 0.0))
+    gauge = fl.strength.beam_strain(scene, q, link="spar", fibre=(0.01, 0.0))
     wanted = -0.01 * force * (1 - gauge.x) / np.where(gauge.x < STEP, 50.0, 5.0)
     np.testing.assert_allclose(gauge.strain, wanted, rtol=1e-9)
 

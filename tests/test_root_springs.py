@@ -18,7 +18,7 @@ HELD = fl.Joint(locked=True)
 
 def clamped(rule: str = "gauss", hinges: int = 16, **fields: object) -> fl.Scene:
     """A steel strip of 2 m that bends about z, on a root of k L / EI = 3 unless the fields say otherwise."""
-    usual = {"root_stiffness": fl.RootStiffness(z=3 * EI / LENGTH), "joint": HELD}
+    usual = {"root_stiffness": fl.details.RootStiffness(z=3 * EI / LENGTH), "joint": HELD}
     strip = fl.Link(
         name="strip", length=LENGTH, flex="z", segments=hinges + 1, lumping=rule, material="steel", section="strip",
         **{**usual, **fields},
@@ -71,8 +71,8 @@ def test_errors_fall_with_order_4_to_what_rotary_inertia_leaves() -> None:
 
 def test_a_stiff_root_is_a_rigid_one_and_a_soft_root_a_pin() -> None:
     free, rigid = clamped(joint=fl.Joint(), root_stiffness=None), clamped(root_stiffness=None)
-    stiff = fl.natural_frequencies(fl.lump(clamped(root_stiffness=fl.RootStiffness(z=1e6 * EI))))[:3]
-    soft = fl.natural_frequencies(fl.lump(clamped(root_stiffness=fl.RootStiffness(z=1e-6 * EI))))[:3]
+    stiff = fl.natural_frequencies(fl.lump(clamped(root_stiffness=fl.details.RootStiffness(z=1e6 * EI))))[:3]
+    soft = fl.natural_frequencies(fl.lump(clamped(root_stiffness=fl.details.RootStiffness(z=1e-6 * EI))))[:3]
     np.testing.assert_allclose(stiff, fl.natural_frequencies(fl.lump(rigid))[:3], rtol=1e-5)
     np.testing.assert_allclose(soft[1:], fl.natural_frequencies(fl.lump(free))[1:3], rtol=1e-5)
     assert soft[0] == pytest.approx(np.sqrt(1e-6 * EI / (RHO_A * LENGTH**3 / 3)), rel=1e-5)
@@ -93,7 +93,8 @@ def test_a_rigid_link_turns_on_its_root_about_each_axis_by_itself() -> None:
     k, d, inertia = (300.0, 500.0, 700.0), (0.3, 0.0, 0.7), (0.1, 0.2, 0.5)
     link = fl.Link(
         name="a", line=((0.0, 0.0, 0.0), (0.0, 0.5, 0.5)), joint=HELD, end=fl.RigidBody(inertia=inertia),
-        root_stiffness=fl.RootStiffness(x=k[0], y=k[1], z=k[2]), root_damping=fl.RootDamping(x=d[0], z=d[2]),
+        root_stiffness=fl.details.RootStiffness(x=k[0], y=k[1], z=k[2]),
+        root_damping=fl.details.RootDamping(x=d[0], z=d[2]),
     )  # fmt: skip
     chain = fl.lump(make_scene(link, gravity=(0.0, 0.0, 0.0)))
     assert chain.joint_names == ("a.root.x", "a.root.y", "a.root.z")
@@ -107,7 +108,9 @@ def test_a_rigid_link_turns_on_its_root_about_each_axis_by_itself() -> None:
 def test_the_slope_along_a_root_stiffness_is_that_of_the_oscillator() -> None:
     """θ = θ₀ cos(ω t), ω² = k/I, under a moment that is gone: ∂θ/∂k = −θ₀ t sin(ω t) ω/(2k)."""
     k, inertia, t, moment = 80.0, 0.2, 0.4, 1.0
-    link = fl.Link(name="a", joint=HELD, end=fl.RigidBody(inertia=(inertia,) * 3), root_stiffness=fl.RootStiffness(z=k))
+    link = fl.Link(
+        name="a", joint=HELD, end=fl.RigidBody(inertia=(inertia,) * 3), root_stiffness=fl.details.RootStiffness(z=k)
+    )
     scene = make_scene(
         link, gravity=(0.0, 0.0, 0.0), initial=fl.InitialState(joint_deg=(0.0,), q=(moment / k,)),
         run=fl.RunSettings(duration=t, step=1e-3, sample=t),
@@ -119,7 +122,7 @@ def test_the_slope_along_a_root_stiffness_is_that_of_the_oscillator() -> None:
 
 
 def test_advice_keeps_the_root_and_counts_hinges_beside_it() -> None:
-    scene = clamped(root_stiffness=fl.RootStiffness(z=30 * EI)).varied(
+    scene = clamped(root_stiffness=fl.details.RootStiffness(z=30 * EI)).varied(
         {"gravity": (0.0, -0.2, 0.0), "run": fl.RunSettings(duration=0.5)}
     )
     found = fl.advise(scene, tip=5e-3)
@@ -141,6 +144,6 @@ def test_what_cannot_be_is_refused() -> None:
         with pytest.raises(fl.errors.SceneError, match=r"^link\.strip\.lumping = .*on the springs of root_stiffness"):
             fl.lump(clamped(rule))
     with pytest.raises(fl.errors.SceneError, match=r"^root_damping\.x = 1\.0: needs a root_stiffness\.x"):
-        clamped(root_damping=fl.RootDamping(x=1.0))
+        clamped(root_damping=fl.details.RootDamping(x=1.0))
     with pytest.raises(fl.errors.SceneError, match=r"^z = 0\.0: expected float > 0"):
-        fl.RootStiffness(z=0.0)
+        fl.details.RootStiffness(z=0.0)

@@ -376,7 +376,7 @@ def test_a_cantilever_under_a_skew_dead_force_converges_to_the_rod() -> None:
             chain = fl.lump(scene)
             q = fl.solve_static(chain, tip_wrench=[*FORCE, 0.0, 0.0, 0.0]).q
             found[n] = float(np.linalg.norm(fl.tip_position(chain, q) - rod()(1.0)[:3]))
-            strain = fl.beam_strain(scene, q, link="beam", fibre=(0.0, 0.0))
+            strain = fl.strength.beam_strain(scene, q, link="beam", fibre=(0.0, 0.0))
             κ = [(y := rod()(x))[3:12].reshape(3, 3).T @ y[12:] / [GJ, *EI] for x in strain.x]
             bends[n] = float(np.abs(strain.curvature - κ).max())
         return found

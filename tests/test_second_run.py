@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import flexlink as fl
 from flexlink.common.interruption import Stop
-from flexlink.motion import simulate as single
+from flexlink.motion import single_run as single
 from flexlink.motion import verification as second_run
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.monitor import RunMonitor
@@ -111,7 +111,7 @@ def tumbling_body(**changes: object) -> fl.Scene:
     """A rigid body that spins about its middle axis, nearly, and turns over now and then; its tip is 1 m away."""
     stub = fl.Link(name="stub", on="base", joint=fl.Joint(locked=True), length=1.0, end=fl.RigidBody(mass=1e-3))
     base = fl.Base(kind="free", mass=10.0, inertia=(1.0, 2.0, 3.0))
-    spin = fl.BaseState(spin_deg=(np.degrees(1e-3), np.degrees(2.0), np.degrees(1e-3)))
+    spin = fl.details.BaseState(spin_deg=(np.degrees(1e-3), np.degrees(2.0), np.degrees(1e-3)))
     scene = fl.Scene(name="tumbling", arm=fl.Arm(links=(stub,), base=base), initial=fl.InitialState(base=spin))
     run = fl.RunSettings(method="DOP853", tolerance=1e-4, sample=0.1, duration=89.5)
     return scene.varied({"gravity": (0.0, 0.0, 0.0), "run": run, **changes})

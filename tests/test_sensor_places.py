@@ -52,7 +52,7 @@ def test_at_a_hinge_a_sensor_sits_on_the_outer_segment(rng: np.random.Generator)
     """Its rate is the sum of those of the joint and of all hinges up to that one, itself included."""
     scene = make_scene(flexible("a", segments=4, length=1.0, lumping="midpoint"))
     qd = rng.normal(size=fl.lump(scene).n)
-    hinges = fl.beam_strain(scene, 0 * qd, link="a", fibre=(0.0, 0.0)).x
+    hinges = fl.strength.beam_strain(scene, 0 * qd, link="a", fibre=(0.0, 0.0)).x
     assert len(hinges) == len(qd) - 1
     gyros = [Sensor(name=f"g{k}", kind="gyroscope", link="a", x=float(x), axis=(0, 0, 1)) for k, x in enumerate(hinges)]
     seen = list(shown(scene, 0 * qd, qd, *gyros).values())
@@ -101,7 +101,7 @@ def test_a_linear_model_shows_gain_times_signal_plus_bias() -> None:
     scene = make_scene(flexible("a"), sensor=(Sensor(name="encoder", kind="joint", link="a", gain=3.0, bias=0.7),))
     q = np.zeros(fl.lump(scene).n)
     q[0] = 0.2
-    model = fl.linearize(fl.lump(scene), q, outputs=(fl.SensorOutputs(scene),))
+    model = fl.linearize(fl.lump(scene), q, outputs=(fl.small_motion.SensorOutputs(scene),))
     assert model.y[0] == pytest.approx(3.0 * 0.2 + 0.7, abs=1e-14)
 
 

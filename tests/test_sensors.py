@@ -249,7 +249,7 @@ def two_links(**fields: object) -> fl.Scene:
 
 def test_a_linear_model_has_sensors_as_outputs_next_to_a_moving_state(rng: np.random.Generator) -> None:
     scene = two_links()
-    chain, outputs = fl.lump(scene), (fl.SensorOutputs(scene), "tip")
+    chain, outputs = fl.lump(scene), (fl.small_motion.SensorOutputs(scene), "tip")
     n, driven = chain.n, chain.active
     q, qd, tau = rng.uniform(-0.3, 0.3, n), rng.normal(size=n), np.zeros(n)
     tau[driven] = 1.0, -2.0

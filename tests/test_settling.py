@@ -34,32 +34,38 @@ def step_response(short_run: fl.Trajectory) -> fl.Trajectory:
 def test_the_overshoot_is_that_of_the_books(step_response: fl.Trajectory) -> None:
     wanted = math.exp(-np.pi * ζ / math.sqrt(1 - ζ**2))
     near = STEP * (ω * 1e-3) ** 2 / 8  # the peak lies half a sample off at most
-    assert fl.overshoot(step_response, target=TARGET) == pytest.approx(STEP * wanted, abs=near)
-    assert fl.overshoot(step_response, target=(2.0, 2.0, 0.0)) == 0.0
+    assert fl.measures.overshoot(step_response, target=TARGET) == pytest.approx(STEP * wanted, abs=near)
+    assert fl.measures.overshoot(step_response, target=(2.0, 2.0, 0.0)) == 0.0
     with pytest.raises(fl.errors.ArgumentError, match=r"target = \[1.0, 2.0, 0.0\]: equals the tip's start"):
-        fl.overshoot(step_response, target=(1.0, 2.0, 0.0))
+        fl.measures.overshoot(step_response, target=(1.0, 2.0, 0.0))
 
 
 def test_a_tip_has_settled_when_it_no_longer_leaves_the_tolerance(step_response: fl.Trajectory) -> None:
     tolerance = 0.02 * STEP
-    found = fl.settling_time(step_response, target=TARGET, tolerance=tolerance)
+    found = fl.measures.settling_time(step_response, target=TARGET, tolerance=tolerance)
     away = np.linalg.norm(step_response.tip - TARGET, axis=1)
     k = round(found / 1e-3)
     assert away[k - 1] > tolerance >= away[k:].max()
     envelope = -math.log(0.02 * math.sqrt(1 - ζ**2)) / (ζ * ω)
     assert envelope - 0.5 <= found <= envelope + 1e-3  # within half a period, and a sample, of the envelope
-    later = fl.settling_time(step_response, target=TARGET, tolerance=tolerance, after=2.0)
+    later = fl.measures.settling_time(step_response, target=TARGET, tolerance=tolerance, after=2.0)
     assert later == pytest.approx(found - 2.0, abs=1e-12)
-    assert fl.settling_time(step_response, target=TARGET, tolerance=1.0) == 0.0
-    assert fl.settling_time(step_response, target=(5.0, 0.0, 0.0), tolerance=1.0) == math.inf
+    assert fl.measures.settling_time(step_response, target=TARGET, tolerance=1.0) == 0.0
+    assert fl.measures.settling_time(step_response, target=(5.0, 0.0, 0.0), tolerance=1.0) == math.inf
 
 
 def test_the_residual_vibration_is_the_amplitude_whatever_the_place_of_rest(step_response: fl.Trajectory) -> None:
     t, (a, b) = step_response.t, np.array([[0.6, 0.8, 0.0], [0.0, 0.0, 0.5]])
     swing = np.outer(0.01 * np.cos(5 * t), a) + np.outer(0.01 * np.sin(5 * t), b)
     run = dataclasses.replace(step_response, tip=np.array([7.0, -3.0, 1.0]) + swing)
-    assert fl.residual_vibration(run, after=5.0) == pytest.approx(0.01, rel=2e-5)  # sampled at 1/1000 of its period
-    assert fl.residual_vibration(step_response, after=9.0) < fl.residual_vibration(step_response, after=5.0) < STEP
+    assert fl.measures.residual_vibration(run, after=5.0) == pytest.approx(
+        0.01, rel=2e-5
+    )  # sampled at 1/1000 of its period
+    assert (
+        fl.measures.residual_vibration(step_response, after=9.0)
+        < fl.measures.residual_vibration(step_response, after=5.0)
+        < STEP
+    )
 
 
 def test_what_cannot_be_read_off_is_refused(step_response: fl.Trajectory) -> None:
@@ -67,19 +73,19 @@ def test_what_cannot_be_read_off_is_refused(step_response: fl.Trajectory) -> Non
         fl.errors.ArgumentError,
         match=r"after = 11.0: a run from 0 to 10 s has 0 samples from that time on; needs at least 1",
     ):
-        fl.settling_time(step_response, target=TARGET, tolerance=1e-3, after=11.0)
+        fl.measures.settling_time(step_response, target=TARGET, tolerance=1e-3, after=11.0)
     with pytest.raises(
         fl.errors.ArgumentError, match=r"after = 10.0: .* has 1 samples from that time on; needs at least 2"
     ):
-        fl.residual_vibration(step_response, after=10.0)
+        fl.measures.residual_vibration(step_response, after=10.0)
     with pytest.raises(fl.errors.ArgumentError, match="after = 'end': expected a time"):
-        fl.residual_vibration(step_response, after="end")
+        fl.measures.residual_vibration(step_response, after="end")
     with pytest.raises(fl.errors.ArgumentError, match="tolerance = 0: must be a finite number > 0"):
-        fl.settling_time(step_response, target=TARGET, tolerance=0)
+        fl.measures.settling_time(step_response, target=TARGET, tolerance=0)
     with pytest.raises(fl.errors.ArgumentError, match=r"target has shape \(2,\); expected \(3,\)"):
-        fl.overshoot(step_response, target=(1.0, 2.0))
+        fl.measures.overshoot(step_response, target=(1.0, 2.0))
     with pytest.raises(fl.errors.ArgumentError, match="run = 3: expected a Trajectory"):
-        fl.residual_vibration(3, after=0.0)
+        fl.measures.residual_vibration(3, after=0.0)
 
 
 def test_pandas_has_every_column_over_the_time(short_run: fl.Trajectory) -> None:

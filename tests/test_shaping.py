@@ -175,13 +175,13 @@ def test_poles_of_a_wheel_on_a_spring_of_pd_are_its_closed_form() -> None:
     """I q̈ = −kp q − kd q̇."""
     wheel = fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, 3.0))
     chain = fl.lump(make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0)))
-    (pole,) = fl.pd_poles(chain, [0.0], kp=12.0, kd=[1.5])
+    (pole,) = fl.small_motion.pd_poles(chain, [0.0], kp=12.0, kd=[1.5])
     assert pole == pytest.approx(complex(-0.25, np.sqrt(4.0 - 0.25**2)), rel=1e-13)
-    assert fl.pd_poles(chain, [0.0], kp=12.0, kd=100.0).size == 0, "aperiodic"
+    assert fl.small_motion.pd_poles(chain, [0.0], kp=12.0, kd=100.0).size == 0, "aperiodic"
     with pytest.raises(fl.errors.ArgumentError, match=r"kp\[0\] = .*must be >= 0"):
-        fl.pd_poles(chain, [0.0], kp=-1.0, kd=0.0)
+        fl.small_motion.pd_poles(chain, [0.0], kp=-1.0, kd=0.0)
     with pytest.raises(fl.errors.ArgumentError, match="kd has shape"):
-        fl.pd_poles(chain, [0.0], kp=1.0, kd=[0.0, 0.0])
+        fl.small_motion.pd_poles(chain, [0.0], kp=1.0, kd=[0.0, 0.0])
 
 
 def test_stiff_gains_have_the_poles_of_the_arm_with_its_joint_locked() -> None:
@@ -191,6 +191,6 @@ def test_stiff_gains_have_the_poles_of_the_arm_with_its_joint_locked() -> None:
     q = fl.solve_static(chain, np.full(chain.n, 0.1), locked=chain.active).q
     held = fl.modes(chain, q, locked=chain.active).eigenvalues
     held = held[held.imag > 0]
-    poles = fl.pd_poles(chain, q, kp=1e9, kd=1e3)
+    poles = fl.small_motion.pd_poles(chain, q, kp=1e9, kd=1e3)
     for pole in held[np.argsort(np.abs(held))][:2]:
         assert np.abs(poles - pole).min() < 1e-4 * abs(pole)

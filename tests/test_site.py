@@ -12,6 +12,7 @@ import pytest
 
 import flexlink as fl
 from docs.generators import PAGES, api, command_line, keys, messages
+from docs.generators.sentences import units_in
 from flexlink.cli.main import build_parser
 from flexlink.describe import data_files
 from flexlink.describe.plausibility.ranges import ranges
@@ -19,14 +20,14 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 from flexlink.describe.schemes.methods import Method
 from flexlink.describe.shaping import ShaperRule
-from flexlink.describe.spec import Spec
-from flexlink.describe.units import units_in
+from flexlink.describe.spec import Spec, units_of
 from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic
 from flexlink.robots.collection import KnownArm
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.sweeps.plan import Sweep
 from flexlink.sweeps.ranges import Range, Spread
 
+KINDS_IN_A_SCENE = [kind for _, kind in keys.records(Scene, "", set()) if kind is not Scene]
 KEY_PAGES = {
     "scene.rst": [Scene],
     "sweep.rst": [Sweep, Range, Spread],
@@ -109,6 +110,18 @@ def test_every_number_of_a_record_has_a_unit() -> None:
         if of_numbers(field.type) and not units_in(told) and field.name not in {"axis", "up"}
     ]  # fmt: skip
     assert [key for key in without if not {key, key.partition(".")[0]} & WITHOUT_UNIT] == []
+
+
+def test_units_of_fields_are_those_of_their_sentences() -> None:
+    marked = {}
+    for field, told in (pair for kind in (Scene, *KINDS_IN_A_SCENE) for pair in keys.entries(kind)):
+        if units_of(field.type):
+            marked[field.encode_name, told] = units_in(told)
+            assert units_of(field.type) == units_in(told), field.name
+        else:  # a pure number, one of several, or one that a sensor's own key says
+            said = units_in(told)
+            assert len(said) != 1 or re.fullmatch(r"1|.*(;|\bunit\b).*", said[0]), (field.name, told)
+    assert len(marked) > 80
 
 
 def test_every_key_stands_on_its_page_once(texts: dict[str, str]) -> None:

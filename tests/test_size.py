@@ -162,7 +162,7 @@ def test_a_free_body_tumbles_as_jacobi_says(run: dict[str, Any]) -> None:
     """Its spin, the errors of which grow about in proportion to the turns, to 30 tolerances of angle and rate."""
     base = fl.Base(kind="free", mass=4.0, inertia=(1.0, 2.0, 3.0))
     arm = fl.Arm(links=(fl.Link(name="box", joint=fl.Joint(locked=True)),), base=base)
-    initial = fl.InitialState(joint_deg=(0.0,), base=fl.BaseState(spin=(1.2, 0.0, 1.0)))
+    initial = fl.InitialState(joint_deg=(0.0,), base=fl.details.BaseState(spin=(1.2, 0.0, 1.0)))
     scene = fl.Scene(name="box", arm=arm, initial=initial, run=settled(run, 10.0), gravity=(0.0, 0.0, 0.0))
     found = fl.simulate(scene)
     assert found.base is not None
@@ -215,12 +215,12 @@ def test_a_recorded_place_is_too_far_only_where_limits_say_so(limits: dict[str, 
     columns = {"t [s]": tuple(t.tolist()), "tip x [m]": tuple((500.0 * t).tolist())}
     drive = fl.Drive(kind="constant", torque=(1.0,))
     scene = make_scene(cart(**limits), run=fl.RunSettings(duration=1.0, sample=0.05), drive=drive, **STILL)
-    problem = fl.FitProblem(
-        scene=scene, run=(fl.FitRun(name="push", columns=columns),),
-        parameter=(fl.FitParameter(path="link.cart.hub.mass", between=(1.0, 3.0)),),
+    problem = fl.fits.FitProblem(
+        scene=scene, run=(fl.fits.FitRun(name="push", columns=columns),),
+        parameter=(fl.fits.FitParameter(path="link.cart.hub.mass", between=(1.0, 3.0)),),
     )  # fmt: skip
     if refused:
         with pytest.raises(fl.FlexlinkError, match="but the arm reaches 1 m"):
-            fl.check_fit(problem)
+            fl.fits.check_fit(problem)
     else:
-        assert fl.check_fit(problem) is not None
+        assert fl.fits.check_fit(problem) is not None

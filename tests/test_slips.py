@@ -74,7 +74,7 @@ class TestTold:
 class TestAsked:
     @pytest.mark.parametrize(("given", "tried"), [((0.5, 2.0), (0.5, 2.0)), ((1e-9, 1e9), (1e-3, 1e3))])
     def test_a_logarithm_is_sought_between_its_ends_at_most_a_thousandfold(self, given: Any, tried: Any) -> None:
-        assert coordinate_of(ROD, fl.FitParameter(path="tip.mass", between=given)).between == pytest.approx(tried)
+        assert coordinate_of(ROD, fl.fits.FitParameter(path="tip.mass", between=given)).between == pytest.approx(tried)
 
     def test_a_reference_below_a_lower_limit_is_refused(self) -> None:
         drive = {
@@ -158,7 +158,9 @@ class TestRuns:
     def test_the_gain_of_a_filtered_sensor_is_that_of_its_output(self) -> None:
         sensor = fl.Sensor(name="a", kind="joint", link="rod", low_pass=5.0)
         scenes = (replace(ROD, sensor=(replace(sensor, gain=gain),)) for gain in (1.0, 3.0))
-        one, three = (fl.linearize(fl.lump(ROD), [0.2], outputs=[fl.SensorOutputs(scene)]) for scene in scenes)
+        one, three = (
+            fl.linearize(fl.lump(ROD), [0.2], outputs=[fl.small_motion.SensorOutputs(scene)]) for scene in scenes
+        )
         np.testing.assert_allclose(three.C, 3 * one.C, rtol=1e-14)
 
     def test_what_is_smoothed_does_not_depend_on_the_direction_of_time(self, rng: np.random.Generator) -> None:

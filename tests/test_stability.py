@@ -19,7 +19,7 @@ from flexlink.dynamics.vibration.stability import Gains, eigenvalues, fastest_ei
 from flexlink.dynamics.vibration.stability_function import stability_function, stability_polynomials
 from flexlink.motion.inputs.drives import drive_arrays, gains_of
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.simulate import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun, prepare
 
 IMAGINARY_LIMIT = {  # largest y with |R(iy')| ≤ 1 + 1e-6 for all y' ≤ y
     "RK2": 0.05318296562,
@@ -238,7 +238,7 @@ SITUATIONS = {
 
 def pushed(part: float) -> fl.Scene:
     scene = make_scene(flexible("a", "z", 5, joint=LOCKED), gravity=(0, 0, 0), wrench=fl.Wrench(force=(-1.0, 0, 0)))
-    critical = fl.buckling_loads(fl.lump(scene), tip_wrench=scene.tip_wrench)[0]
+    critical = fl.strength.buckling_loads(fl.lump(scene), tip_wrench=scene.tip_wrench)[0]
     return scene.varied({"wrench": fl.Wrench(force=(-part * float(critical), 0, 0))})
 
 

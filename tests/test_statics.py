@@ -17,7 +17,6 @@ from flexlink import (
     Material,
     Section,
     bias_torque,
-    buckling_loads,
     elastic_torque,
     forward_dynamics,
     lump,
@@ -28,6 +27,7 @@ from flexlink import (
 from flexlink.dynamics import rounding
 from flexlink.dynamics.equilibrium import LARGEST_ARC
 from flexlink.errors import ArgumentError, ConvergenceError
+from flexlink.strength import buckling_loads
 from validation.oracles import hencky
 from validation.physics.hinge_sweep import order
 from validation.reference_values import look_up

@@ -29,7 +29,7 @@ def blade(axis: tuple[float, float, float], offset: float = OFFSET, **fields: ob
 @pytest.mark.parametrize(("axis", "stiff"), [((0.0, 1.0, 0.0), 1.0), ((0.0, 0.0, 1.0), 0.0)], ids=["flap", "lag"])
 def test_a_hinged_blade_flaps_and_lags_as_helicopters_do(axis: tuple[float, float, float], stiff: float) -> None:
     """(ω/Ω)² = 1 + 3 e/(2 l) across the plane of rotation, 3 e/(2 l) within it (Johnson 1980)."""
-    found = fl.modes_in_motion(blade(axis), {"shaft": OMEGA})
+    found = fl.small_motion.modes_in_motion(blade(axis), {"shaft": OMEGA})
     assert found.frequencies[0] / OMEGA == pytest.approx(np.sqrt(stiff + 1.5 * OFFSET / LENGTH), rel=1e-9)
     assert found.kinds == ("pendulum",)
 
@@ -38,10 +38,10 @@ def test_a_conical_pendulum_rises_to_its_cone_and_swings_about_it() -> None:
     """A bar hung on a vertical shaft: sin β = −g/(Ω² ⅔ l) below the level, and ω = Ω cos β about it."""
     chain = blade((0.0, 1.0, 0.0), offset=0.0, gravity=(0.0, 0.0, -9.81))
     below = np.arcsin(9.81 / (OMEGA**2 * 2 / 3 * LENGTH))
-    rest = fl.equilibrium_in_motion(chain, {"shaft": OMEGA}, [0.0, 0.3])
+    rest = fl.small_motion.equilibrium_in_motion(chain, {"shaft": OMEGA}, [0.0, 0.3])
     assert rest.q[1] == pytest.approx(below, abs=1e-9)
     assert rest.stable
-    found = fl.modes_in_motion(chain, {"shaft": OMEGA}, [0.0, 0.3])
+    found = fl.small_motion.modes_in_motion(chain, {"shaft": OMEGA}, [0.0, 0.3])
     assert found.frequencies[0] == pytest.approx(OMEGA * np.cos(below), rel=1e-7)
 
 
@@ -51,7 +51,7 @@ def test_a_turning_beam_stiffens_as_published(capsys: pytest.CaptureFixture[str]
     flap = scene.varied({"link.beam.mount.rpy_deg": [90.0, 0.0, 0.0], "link.beam.lumping": "lobatto4",
                          "link.beam.segments": 17})  # fmt: skip
     for rate, published in ((2.0, 4.1373), (10.0, 11.2023)):
-        found = fl.modes_in_motion(fl.lump(flap), {"hub": rate}, count=1)
+        found = fl.small_motion.modes_in_motion(fl.lump(flap), {"hub": rate}, count=1)
         assert found.frequencies[0] == pytest.approx(published, abs=2e-4)
     of_command = ["modes", str(ROOT / "validation" / "scenes" / "spinning_beam.toml"), "--count", "1"]
     turned = ["link.beam.mount.rpy_deg=[90,0,0]", "link.beam.lumping=lobatto4", "link.beam.segments=17"]
@@ -73,21 +73,21 @@ def test_a_swept_tip_is_pulled_outward_before_it_vibrates() -> None:
         initial=fl.InitialState(joint_deg=(0.0, 0.0, 45.0)),
     ).varied({"section.square": fl.Section(shape="rectangle", height=0.01, width=0.04)})  # fmt: skip
     chain = fl.lump(scene)
-    rest = fl.equilibrium_in_motion(chain, {"shaft": 30.0})
+    rest = fl.small_motion.equilibrium_in_motion(chain, {"shaft": 30.0})
     qd = np.zeros(chain.n)
     qd[0] = 30.0
     left = fl.bias_torque(chain, rest.q, qd) + fl.elastic_torque(chain, rest.q)
     assert np.abs(left[1:]).max() < 1e-9 * np.abs(fl.bias_torque(chain, 0 * qd, qd)).max()
     assert np.abs(rest.q[1:]).max() > 0.01
     about = fl.modes(chain, rest.q, qd, locked=["shaft"]).frequencies
-    np.testing.assert_array_equal(fl.modes_in_motion(chain, {"shaft": 30.0}).frequencies, about)
+    np.testing.assert_array_equal(fl.small_motion.modes_in_motion(chain, {"shaft": 30.0}).frequencies, about)
 
 
 def test_a_lift_at_constant_speed_vibrates_as_at_rest() -> None:
     lift = fl.Link(name="lift", joint=fl.Joint(kind="prismatic", armature=1.0), hub=fl.RigidBody(mass=5.0))
     boom = flexible("boom", "yz", 5, joint=fl.Joint(locked=True))
     chain = fl.lump(make_scene(lift, boom, gravity=(0.0, 0.0, -9.81)))
-    still, moving = (fl.modes_in_motion(chain, {"lift": rate}).frequencies for rate in (0.0, 3.0))
+    still, moving = (fl.small_motion.modes_in_motion(chain, {"lift": rate}).frequencies for rate in (0.0, 3.0))
     np.testing.assert_allclose(moving, still, rtol=1e-12)
 
 
@@ -98,29 +98,31 @@ def test_a_wheel_that_is_alike_all_round_may_spin_on_a_boom_and_an_uneven_one_ma
             make_scene(flexible("boom", "xyz", 3, joint=fl.Joint(locked=True)), wheel, gravity=(0.0, 0.0, -9.81))
         )
 
-    still, spun = (fl.modes_in_motion(with_wheel((0.2, 0.1, 0.1)), {"wheel": r}, count=2).hertz for r in (0.0, 300.0))
+    still, spun = (
+        fl.small_motion.modes_in_motion(with_wheel((0.2, 0.1, 0.1)), {"wheel": r}, count=2).hertz for r in (0.0, 300.0)
+    )
     assert spun[0] < 0.99 * still[0] < still[1] < spun[1]  # gyroscopic: the two split
     with pytest.raises(ArgumentError, match=r"no steady motion: the inertia of what is free to move change as wheel"):
-        fl.modes_in_motion(with_wheel((0.2, 0.15, 0.05)), {"wheel": 300.0})
+        fl.small_motion.modes_in_motion(with_wheel((0.2, 0.15, 0.05)), {"wheel": 300.0})
 
 
 def test_motions_that_are_not_steady_and_names_that_are_wrong_are_refused() -> None:
     across = fl.lump(make_scene(flexible("a", "xyz", 3), gravity=(0.0, -9.81, 0.0)))
     with pytest.raises(ArgumentError, match=r"^rates: no steady motion: the torques on what is free"):
-        fl.modes_in_motion(across, {"a": 5.0})
+        fl.small_motion.modes_in_motion(across, {"a": 5.0})
     level = fl.lump(make_scene(flexible("a", "xyz", 3), flexible("b", "z", 3), gravity=(0.0, 0.0, 0.0)))
     with pytest.raises(ArgumentError, match=r"no steady motion"):
-        fl.modes_in_motion(level, {"a": 5.0}, tip_wrench=[0, 0.1, 0, 0, 0, 0], locked=["b"])
-    fl.modes_in_motion(level, {"a": 5.0}, tip_wrench=[0, 0.1, 0, 0, 0, 0], frame="tip", locked=["b"])
+        fl.small_motion.modes_in_motion(level, {"a": 5.0}, tip_wrench=[0, 0.1, 0, 0, 0, 0], locked=["b"])
+    fl.small_motion.modes_in_motion(level, {"a": 5.0}, tip_wrench=[0, 0.1, 0, 0, 0, 0], frame="tip", locked=["b"])
     for rates, said in (
         ({"a.1.z": 1.0}, r"'a\.1\.z' is a hinge with a spring; allowed are driven joints: a, b"),
         ({"c": 1.0}, r"no joint of this chain"), ({}, r"expected a dict such as"), (5.0, r"expected a dict such as"),
         ({"a": np.inf}, r"rates\['a'\]"),
     ):  # fmt: skip
         with pytest.raises(ArgumentError, match=said):
-            fl.modes_in_motion(level, rates)
+            fl.small_motion.modes_in_motion(level, rates)
     with pytest.raises(ArgumentError, match=r"^locked: 'a' moves with a rate of 5; leave it out"):
-        fl.modes_in_motion(level, {"a": 5.0}, locked=["a"])
+        fl.small_motion.modes_in_motion(level, {"a": 5.0}, locked=["a"])
 
 
 @pytest.mark.parametrize(

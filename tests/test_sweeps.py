@@ -212,8 +212,8 @@ def test_settling_is_measured_against_the_place_of_rest() -> None:
     rows = fl.sweep(fl.Sweep(scene=held, quantity=wanted, grid={"gravity": [held.gravity]}))
     assert rows.rows[0][5:] == pytest.approx(
         (
-            fl.settling_time(run, target=goal, tolerance=tolerance), fl.overshoot(run, target=goal),
-            fl.residual_vibration(run, after=0.01), 2000,
+            fl.measures.settling_time(run, target=goal, tolerance=tolerance), fl.measures.overshoot(run, target=goal),
+            fl.measures.residual_vibration(run, after=0.01), 2000,
         ), rel=1e-9,
     )  # fmt: skip
 

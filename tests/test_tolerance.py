@@ -19,7 +19,7 @@ from flexlink.kernels.inputs.laws import TABLE
 from flexlink.motion.inputs.actuation import input_arrays
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.references import constant
-from flexlink.motion.simulate import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun, prepare
 from validation.random_arms import Dice
 
 pytestmark = compiled

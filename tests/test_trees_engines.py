@@ -59,7 +59,7 @@ def satellite() -> fl.Scene:
         name="satellite", arm=arm, gravity=(0.0, 0.0, -1.6),
         initial=fl.InitialState(
             joint_deg=(0.0,) * 4, rate_deg=(5.0, 0.0, -20.0, 10.0), joint_m=(0.0, 0.2, 0.0, 0.0),
-            base=fl.BaseState(xyz=(1.0, 2.0, 3.0), rpy_deg=(20.0, -50.0, 130.0), velocity=(0.1, -0.2, 0.3),
+            base=fl.details.BaseState(xyz=(1.0, 2.0, 3.0), rpy_deg=(20.0, -50.0, 130.0), velocity=(0.1, -0.2, 0.3),
                               spin_deg=(5.0, -3.0, 8.0)),
         ),
         wrench=fl.Wrench(force=(1.0, 2.0, -3.0), moment=(0.5, 0.1, -0.2), on="left"),
@@ -211,7 +211,7 @@ def test_the_wrench_acts_at_the_tip_that_the_scene_names(chain: fl.Chain) -> Non
 @pytest.mark.parametrize("name", WITNESSES)
 @pytest.mark.parametrize("floats", [True, False], ids=["free base", "on the ground"])
 def test_runs_in_the_same_steps_differ_by_rounding_only(name: str, floats: bool) -> None:
-    ground = {} if floats else {"base": fl.Base(), "initial.base": fl.BaseState()}
+    ground = {} if floats else {"base": fl.Base(), "initial.base": fl.details.BaseState()}
     scene = satellite().varied({"run.duration": 0.01} | ground)
     if name == "drake" and not floats:
         scene = scene.varied({"run.method": "RK3"})

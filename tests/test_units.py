@@ -296,7 +296,7 @@ def test_tips_of_a_run_have_names(satellite: fl.Scene) -> None:
 def test_loads_of_cuts_are_what_moves_the_joints(satellite: fl.Scene) -> None:
     chain = fl.lump(satellite)
     q, qd, qdd, wrench = np.split(np.random.default_rng(5).uniform(-1, 1, 3 * chain.n + 6), np.arange(1, 4) * chain.n)
-    cuts = fl.internal_loads(chain, q, qd, qdd, tip_wrench=wrench)
+    cuts = fl.strength.internal_loads(chain, q, qd, qdd, tip_wrench=wrench)
     torques = fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrench)
     assert np.allclose(-cuts.hinge_moment, torques, atol=1e-12), "no rotors, no friction: forces along, moments about"
     for tip, body in chain.tips.items():

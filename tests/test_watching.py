@@ -14,7 +14,8 @@ from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.motion import monitor
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.static_feedforward import holding_torque
-from flexlink.motion.monitor import RunMonitor, tolerance_of
+from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.tolerable import tolerance_of
 from flexlink.results import resolved_modes
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import Failure
@@ -113,7 +114,7 @@ def tumbling() -> fl.Scene:
     base = fl.Base(kind="free", mass=3.0, center=(0.05, -0.02, 0.03), inertia=(0.2, 0.25, 0.3))
     rod = fl.Link(name="rod", length=0.6, mount=fl.Mount(xyz=(0.2, 0.0, 0.0)), material="aluminium", section="square")
     arm = fl.Arm(links=(rod,), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE}, base=base)
-    start = fl.InitialState(joint_deg=(0.0,), base=fl.BaseState(spin_deg=(40.0, 400.0, 60.0)))
+    start = fl.InitialState(joint_deg=(0.0,), base=fl.details.BaseState(spin_deg=(40.0, 400.0, 60.0)))
     run = fl.RunSettings(method="RK4", step=2e-3, duration=0.2, sample=0.05)
     return fl.Scene(name="tumbling", arm=arm, gravity=(0.0, 0.0, 0.0), initial=start, run=run)
 

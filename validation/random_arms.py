@@ -86,7 +86,10 @@ def random_tree(seed: int) -> fl.Scene:
     if all(link.joint.locked and not link.elastic for link in links):
         links[0] = msgspec.structs.replace(links[0], joint=fl.Joint())
     hung_on = {link.on or before for link, before in zip(links, ["", *names], strict=False)}
-    free, base = dice.chance(0.5), fl.BaseState(xyz=dice.three(1.0), quaternion=(dice.linear(-1, 1), *dice.three(1.0)))
+    free, base = (
+        dice.chance(0.5),
+        fl.details.BaseState(xyz=dice.three(1.0), quaternion=(dice.linear(-1, 1), *dice.three(1.0))),
+    )
     body = _body(dice)
     real, tables = _real(links, seed)
     return fl.Scene(
@@ -102,7 +105,7 @@ def random_tree(seed: int) -> fl.Scene:
         initial=fl.InitialState(
             joint_deg=tuple(0.0 if link.joint.slides else dice.linear(-90, 90) for link in links),
             joint_m=tuple(dice.linear(-0.5, 0.5) if link.joint.slides else 0.0 for link in links),
-            base=base if free else fl.BaseState(),
+            base=base if free else fl.details.BaseState(),
         ),
         wrench=fl.Wrench(on=dice.one_of(*(name for name in names if name not in hung_on))),
         run=fl.RunSettings(step=1e-4),
@@ -148,8 +151,8 @@ def _real(links: Sequence[fl.Link], seed: int) -> tuple[tuple[fl.Link, ...], dic
         own: dict[str, Any] = {}
         if link.material is not None and dice.chance(0.4):  # which moves mass
             axes = [axis for axis in "xyz" if dice.chance(0.6)] or ["z"]
-            own["root_stiffness"] = fl.RootStiffness(**{axis: dice.decades(2, 5) for axis in axes})
-            own["root_damping"] = fl.RootDamping(**{axes[0]: dice.decades(-1, 1)})
+            own["root_stiffness"] = fl.details.RootStiffness(**{axis: dice.decades(2, 5) for axis in axes})
+            own["root_damping"] = fl.details.RootDamping(**{axes[0]: dice.decades(-1, 1)})
         if link.material is not None and dice.chance(0.25):
             tables[link.name] = _table(dice, link.beam.length)
             own |= {"rigidity": link.name, "material": None, "section": None, "section_tip": None}
@@ -218,8 +221,8 @@ def _mount(dice: Dice) -> fl.Mount:
     return fl.Mount(xyz=xyz, rpy_deg=tuple(map(np.degrees, angles))) if turn else fl.Mount(xyz=xyz)
 
 
-def _row(dice: Dice, convention: Convention) -> fl.DenavitHartenberg:
-    return fl.DenavitHartenberg(
+def _row(dice: Dice, convention: Convention) -> fl.details.DenavitHartenberg:
+    return fl.details.DenavitHartenberg(
         convention=convention, a=dice.one_of(0.0, dice.linear(-0.5, 0.5)), d=dice.one_of(0.0, dice.linear(-0.5, 0.5)),
         alpha_deg=dice.one_of(0.0, 90.0, -90.0, dice.linear(-180, 180)),
         theta_deg=dice.one_of(0.0, dice.linear(-180, 180)),

@@ -11,7 +11,9 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import msgspec
 
+from docs.generators.api import path_of
 from docs.generators.rest import directive, heading, literal, prose
+from docs.generators.sentences import sentences, units_in
 from flexlink.describe import data_files
 from flexlink.describe.arm import Arm
 from flexlink.describe.scene import Scene
@@ -19,7 +21,6 @@ from flexlink.describe.schemes.lumping_rules import LumpingRule
 from flexlink.describe.schemes.methods import Method
 from flexlink.describe.shaping import ShaperRule
 from flexlink.describe.spec import ONE_PER_LINK, default_of, fields_of
-from flexlink.describe.units import sentences, units_in
 from flexlink.describe.writing import toml_of
 from flexlink.identification.problem import FitProblem
 from flexlink.robots.collection import KnownArm
@@ -61,8 +62,8 @@ value of ``grid`` and ``together`` is a list or a range, one of ``sample.keys`` 
 def fit_page(_: Path) -> str:
     """Keys of a fit, and of what was measured."""
     intro = """\
-Everything that a problem's file, or :class:`flexlink.FitProblem` in Python, can say; ``fit.`` stands for the file. Keys
-below ``set`` and ``before`` are paths of the scene, see :doc:`scene`.
+Everything that a problem's file, or :class:`flexlink.fits.FitProblem` in Python, can say; ``fit.`` stands for the
+file. Keys below ``set`` and ``before`` are paths of the scene, see :doc:`scene`.
 """
     return _page("Keys of a fit", intro, [("fit", FitProblem)])
 
@@ -94,7 +95,8 @@ def _page(title: str, intro: str, roots: list[tuple[str, Record]]) -> str:
 
 def _summary(kind: Record) -> str:
     first = inspect.getdoc(kind) or ""
-    shown = f"In Python :class:`flexlink.{kind.__name__}`. " if _public(kind) else ""
+    path = path_of(kind.__name__)
+    shown = f"In Python :class:`{path}`. " if path else ""
     return f"{shown}{prose(first.split(chr(10) * 2)[0])}\n"
 
 
@@ -200,9 +202,3 @@ def _records_in(kind: Any) -> list[Record]:
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         return [kind]
     return [record for part in get_args(kind) for record in _records_in(part)]
-
-
-def _public(kind: Record) -> bool:
-    import flexlink  # noqa: PLC0415  its names that load on demand, too
-
-    return kind.__name__ in flexlink.__all__

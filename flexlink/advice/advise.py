@@ -9,13 +9,14 @@ import numpy as np
 from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
 from flexlink.advice.axes import AxisScreening
-from flexlink.advice.goal import REFERENCE_STEP_SHARE, Goal, TipErrorNorm, goal_of, least_tolerance
+from flexlink.advice.goal import Goal, TipErrorNorm, goal_of, least_tolerance
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Model, all_axes, checked_scene, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import RefinementStudy
 from flexlink.advice.run_time import run_time
 from flexlink.advice.search import Search
+from flexlink.advice.thresholds import THRESHOLDS
 from flexlink.advice.verdict import Advice, length, line, time
 from flexlink.chain.arguments import positive, require_bool, require_type
 from flexlink.common.errors import AdviceError
@@ -115,13 +116,13 @@ class Advisor:
         self.runner.sample_postures(self.rigid.run)
         travel, strict = tip_travel(self.rigid.tip), self.rigid
         tolerance = self.goal.tolerance(travel, 0.0)
-        estimate = rigid.estimate(self.runner, strict, self.axes, self.norm)
-        size = f"at most {length(estimate.error)}" if np.isfinite(estimate.error) else "larger than can be estimated"
-        vibration = f", vibration of {estimate.hertz:.3g} Hz" if np.isfinite(estimate.hertz) else ""
+        error, hertz = rigid.estimate(self.runner, strict, self.axes, self.norm)
+        size = f"at most {length(error)}" if np.isfinite(error) else "larger than can be estimated"
+        vibration = f", vibration of {hertz:.3g} Hz" if np.isfinite(hertz) else ""
         self.lines = [line("rigid", f"estimated error {size}{vibration}")]
-        clearly_rigid, error = 0.5 * tolerance, estimate.error  # an estimate below this settles it
+        clearly_rigid = 0.5 * tolerance  # an estimate below this settles it
         if error < clearly_rigid:
-            error *= max(1.0, rigid.growth(self.runner, strict, error) / rigid.MODEST_GROWTH)
+            error *= max(1.0, rigid.growth(self.runner, strict, error) / THRESHOLDS.modest_growth)
         if error >= clearly_rigid:
             return None
 
@@ -132,14 +133,14 @@ class Advisor:
         return self._done(rigid.rigid_model(self.runner), outcome, total(outcome.tip), tolerance, travel, None)
 
     def _size(self) -> float:
-        return self.runner.chain(uniform(self.axes, rigid.HINGES)).size
+        return self.runner.chain(uniform(self.axes, THRESHOLDS.hinges)).size
 
     def _first_flexible_run(self) -> tuple[Stepping, float]:
         """Steps of the levels, of errors far below the tolerance on the coarsest chain; and the tolerance [m]."""
-        model = uniform(self.axes, rigid.HINGES)
-        travel = tip_travel(self.rigid.tip) if self.rigid else rigid.FIRST_GUESS * self._size()
+        model = uniform(self.axes, THRESHOLDS.hinges)
+        travel = tip_travel(self.rigid.tip) if self.rigid else THRESHOLDS.first_guess * self._size()
         tolerance = self.goal.tolerance(travel, travel) or self.goal.size * self._size()
-        least, share = least_tolerance(self._size()), REFERENCE_STEP_SHARE
+        least, share = least_tolerance(self._size()), THRESHOLDS.reference_step_share
         # stricter steps measure the errors of steps: in sensitive motion they are many times their tolerance
         strictness, passes = 0.1, 8
         stepping, known_tolerance = Stepping("auto", tolerance=share * tolerance), tolerance
@@ -155,7 +156,7 @@ class Advisor:
                 raise self._still(bent if self.goal.deflection else travel, least)
             if stepping.tolerance == least:
                 return stepping, known_tolerance
-            if known_tolerance >= tolerance / rigid.RERUN_FACTOR:
+            if known_tolerance >= tolerance / THRESHOLDS.rerun_factor:
                 strict = Stepping("auto", tolerance=max(share * strictness * tolerance, least))
                 stricter = self.runner.run(model, strict)
                 small = self.norm(stricter.tip - outcome.tip) <= 0.1 * known_tolerance
@@ -203,7 +204,7 @@ class Advisor:
         finest, tolerance = refinement.finest.outcome, refinement.tolerance
         error = self.norm(finest.tip - refinement.limit.tip) + known_to
         holds = horizons.horizon(refinement, self.norm, known)
-        growth = horizons.growth(self.runner, refinement, tolerance)
+        growth, e_fold = horizons.growth(self.runner, refinement, tolerance)
         why = f" ({refinement.reason})" if refinement.reason else ""
         hinges = refinement.finest.hinges
         lines = [line("cannot", f"error {length(error)} with {hinges} hinges per link: {self.goal} is not met{why}")]
@@ -211,9 +212,9 @@ class Advisor:
             lines.append(
                 line("limit", f"the extrapolated path of the tip is known within {length(known_to)}; see converged_tip")
             )
-        if growth.factor > horizons.SENSITIVE_GROWTH:
-            fold = f"; by e in {growth.e_fold:.3g} s" if np.isfinite(growth.e_fold) else ""
-            lines.append(line("sensitive", f"initial errors grow by a factor of {growth.factor:.2g}{fold}"))
+        if growth > THRESHOLDS.sensitive_growth:
+            fold = f"; by e in {e_fold:.3g} s" if np.isfinite(e_fold) else ""
+            lines.append(line("sensitive", f"initial errors grow by a factor of {growth:.2g}{fold}"))
         lines.append(line("horizon", f"the tolerance is kept up to t = {holds:.6g} s"))
         limit = refinement.limit._replace(errors=known)
         return self._result(refinement.model, finest, error, tolerance, refinement.travel, limit, holds, lines)
@@ -233,17 +234,17 @@ class Advisor:
         part = "" if self.goal.metres else f"{self.goal} of {'the deflection' if self.goal.deflection else 'it'} = "
         first = line("motion", f"tip travels {length(travel)}; tolerance {part}{length(tolerance)}")
         own = f", including {length(limit.error)} uncertainty of the reference" if limit else ", at most"
-        one = run_time(lambda: self.runner.scene_of(model, outcome.stepping))
+        whole, again = run_time(lambda: self.runner.scene_of(model, outcome.stepping))
         took = thread_time() - self._started
-        cost = f"CPU time {time(one.whole)}, set-up included, {time(one.again)} again"
+        cost = f"CPU time {time(whole)}, set-up included, {time(again)} again"
         last = (
             line("error", f"{length(error)}{own}"),
             line("cost", f"{cost}; advice took {self.runner.count} runs, {time(took)}"),
         )
         falls = [line("drive", free_fall)] if is_free_fall(self.scene) else []
         return Advice(
-            error <= tolerance, self.runner.scene_of(model, outcome.stepping), error, tolerance, travel, one.whole,
-            one.again, limit, holds, self.runner.count, took, (first, *falls, *self.lines, *lines, *last),
+            error <= tolerance, self.runner.scene_of(model, outcome.stepping), error, tolerance, travel, whole,
+            again, limit, holds, self.runner.count, took, (first, *falls, *self.lines, *lines, *last),
         )  # fmt: skip
 
     def _choices(self, model: Model, outcome: Outcome) -> list[str]:

@@ -7,12 +7,7 @@ import numpy as np
 from flexlink.advice.goal import TipErrorNorm
 from flexlink.advice.model import FLEX, Axes, limited_axes, uniform
 from flexlink.advice.model_runner import ModelRunner, Stepping
-
-HINGES = 2
-"""Of each link. Runs are compared, not loads: an axis that loads bent by 3e-4 of the motion changed it by 6e-3."""
-
-ALLOWED_SHARE = 0.1
-"""Share of the tolerance that all axes left out may change the tip by, together."""
+from flexlink.advice.thresholds import THRESHOLDS
 
 
 class AxisScreening:
@@ -31,9 +26,14 @@ class AxisScreening:
     def __init__(
         self, runner: ModelRunner, norm: TipErrorNorm, axes: Axes, stepping: Stepping, tolerance: float
     ) -> None:
-        self.runner, self.norm, self.stepping, self.allowed = runner, norm, stepping, ALLOWED_SHARE * tolerance
+        self.runner, self.norm, self.stepping, self.allowed = (
+            runner,
+            norm,
+            stepping,
+            THRESHOLDS.allowed_share * tolerance,
+        )
         self.axes, self.trials = axes, list[str]()
-        self.tip = runner.run(uniform(axes, HINGES), stepping).tip
+        self.tip = runner.run(uniform(axes, THRESHOLDS.screening_hinges), stepping).tip
         self.left_out = np.zeros_like(self.tip)
         if not self._try("all: flex z only", limited_axes(axes, "z")):
             self._link_by_link()
@@ -51,7 +51,7 @@ class AxisScreening:
         """Take these axes if that changes the tip by no more than allowed."""
         if axes == self.axes:
             return True
-        tip = self.runner.run(uniform(axes, HINGES), self.stepping).tip
+        tip = self.runner.run(uniform(axes, THRESHOLDS.screening_hinges), self.stepping).tip
         without = self.left_out + tip - self.tip
         kept = self.norm(without) > self.allowed
         verdict = "too much" if kept else "accepted"

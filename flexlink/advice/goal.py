@@ -15,9 +15,6 @@ from flexlink.describe.run_settings import RunSettings
 from flexlink.dynamics import rounding
 from flexlink.results.tip_motion import largest_so_far
 
-REFERENCE_STEP_SHARE = 0.02
-"""Tolerance of the steps of runs that others are compared with, as a share of the allowed error."""
-
 
 class Goal(NamedTuple):
     """Largest error of the tip, at any sample.

@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from flexlink.advice.goal import TipErrorNorm
-from flexlink.advice.model_runner import PERTURBATION, PROPORTIONAL, ModelRunner
+from flexlink.advice.model_runner import ModelRunner
 from flexlink.advice.refinement import RefinementStudy
+from flexlink.advice.thresholds import THRESHOLDS
 from flexlink.common.types import Array
-
-SENSITIVE_GROWTH = 30.0
-"""Growth of initial errors from which the motion itself is to blame for a large error."""
-
-
-class ErrorGrowth(NamedTuple):
-    """Growth of an error of the initial angles."""
-
-    factor: float  # at the end, or where it gets too large for proportion
-    e_fold: float  # time [s] in which it grows by e in the second half; inf if it does not
 
 
 def horizon(refinement: RefinementStudy, norm: TipErrorNorm, known: Array) -> float:
@@ -35,20 +24,24 @@ def horizon(refinement: RefinementStudy, norm: TipErrorNorm, known: Array) -> fl
     return float(times[-1] if not beyond.size else times[max(0, beyond[0] - 1)])
 
 
-def growth(runner: ModelRunner, refinement: RefinementStudy, tolerance: float) -> ErrorGrowth:
-    """Of the finest level, by a run with perturbed initial angles."""
+def growth(runner: ModelRunner, refinement: RefinementStudy, tolerance: float) -> tuple[float, float]:
+    """Growth of an error of the initial angles at the finest level: its factor, and the time [s] of a growth by e.
+
+    The factor is that at the end, or where the error gets too large for proportion; the time is of the second half, inf
+    if it does not grow.
+    """
     outcome, size = refinement.finest.outcome, runner.chain(refinement.model).size
-    angle = min(PERTURBATION * (outcome.stepping.tolerance or 0.0), tolerance) / size
+    angle = min(THRESHOLDS.perturbation * (outcome.stepping.tolerance or 0.0), tolerance) / size
     perturbed = runner.perturbed_run(refinement.model, outcome.stepping, angle)
     if perturbed is None or outcome.run is None:
-        return ErrorGrowth(1.0, np.inf)
+        return 1.0, np.inf
     apart = np.linalg.norm(perturbed.tip - outcome.tip, axis=1)
-    beyond = np.flatnonzero(~(apart <= PROPORTIONAL * refinement.travel))
+    beyond = np.flatnonzero(~(apart <= THRESHOLDS.proportional * refinement.travel))
     apart = apart[: beyond[0]] if beyond.size else apart
     grown = np.maximum.accumulate(apart) / (angle * size)
     factor = float(grown.max(initial=1.0))
     half = len(grown) // 2
-    if factor < SENSITIVE_GROWTH or len(grown) - half < 3:
-        return ErrorGrowth(factor, np.inf)
+    if factor < THRESHOLDS.sensitive_growth or len(grown) - half < 3:
+        return factor, np.inf
     rate = np.polyfit(outcome.run.t[half : len(grown)], np.log(np.maximum(grown[half:], np.finfo(float).tiny)), 1)[0]
-    return ErrorGrowth(factor, float(1 / rate) if rate > 0 else np.inf)
+    return factor, float(1 / rate) if rate > 0 else np.inf

@@ -1,6 +1,6 @@
 """Errors of the tip path caused by each link, measured with few hinges; more of them reduce it by the rules' order p.
 
-    e_k(N) = C_k / N^p         N hinges in link k, p = 2, or 4 of cells of coupled springs
+    e_k(N) = C_k / N^p         N hinges in link k, p = 2, or 4 of cells
 
 The errors of all links are superposed, as paths with their signs.
 """

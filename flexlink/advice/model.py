@@ -11,7 +11,8 @@ from msgspec.structs import replace
 from flexlink.advice.families import GAUSS, rule_of
 from flexlink.common.errors import SceneError
 from flexlink.common.wording import truncated
-from flexlink.describe.arm import Arm, Link
+from flexlink.describe.arm import Arm
+from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 
 FLEX = ("rigid", "z", "yz", "xyz")

@@ -25,18 +25,9 @@ from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.motion.evaluation_cost import evaluation_cost, run_cost
 from flexlink.motion.inputs.actuation import acting_at, input_arrays
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.simulate import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun, prepare
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
-
-STABLE_SHARE = 0.9
-"""Share of the smallest stable step over several postures that fixed steps take."""
-
-PERTURBATION = 10.0
-"""Least initial distance of a perturbed run, over the tolerance of steps: well above the errors of the steps."""
-
-PROPORTIONAL = 0.1
-"""Distance of two runs, over the travel, up to which it is proportional to the initial distance."""
 
 
 class Stepping(NamedTuple):
@@ -70,21 +61,13 @@ class OverBudgetError(FlexlinkError):
     """A run has used up its budget of CPU time."""
 
 
-class Posture(NamedTuple):
-    """Angles [rad] and rates [rad/s] of the joints at a time [s], by link."""
-
-    time: float
-    angles: dict[int, float]
-    rates: dict[int, float]
-
-
 class ModelRunner:
     """Runs of one scene, their `count` and the CPU `seconds` of their steps, by list."""
 
     def __init__(self, scene: Scene, budget: float) -> None:
         self.scene, self.budget = scene, budget
         self.count, self.seconds = 0, 0.0
-        self.postures: list[Posture] = []
+        self.postures: list[tuple[float, dict[int, float], dict[int, float]]] = []  # time, angles, rates by link
         self._chains: dict[Model, Chain] = {}
         self._stable_steps: dict[Model, float] = {}
         self._outcomes: dict[tuple[Model, Stepping], Outcome] = {}
@@ -173,15 +156,15 @@ class ModelRunner:
         rows = np.linspace(0, len(run.t) - 1, 5).astype(int)
         joints = {run.chain.coordinate(int(k)).link: k for k in run.chain.active}
         self.postures = [
-            Posture(float(run.t[row]), {i: run.q[row, k] for i, k in joints.items()},
-                    {i: run.qd[row, k] for i, k in joints.items()})
+            (float(run.t[row]), {i: run.q[row, k] for i, k in joints.items()},
+             {i: run.qd[row, k] for i, k in joints.items()})
             for row in rows
         ]  # fmt: skip
 
     def states(self, chain: Chain) -> list[tuple[float, Array, Array]]:
         """Times, angles and rates of a chain with straight links at the sampled postures."""
         states = []
-        for time, angles, rates in self.postures or [Posture(self.scene.initial.time, {}, {})]:
+        for time, angles, rates in self.postures or [(self.scene.initial.time, {}, {})]:
             q, qd = np.zeros((2, chain.n))
             for k in chain.active:
                 link = chain.coordinate(int(k)).link

@@ -12,20 +12,11 @@ from flexlink.advice.goal import Goal, TipErrorNorm
 from flexlink.advice.model import Axes, Model, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.straightness import may_pay
+from flexlink.advice.thresholds import THRESHOLDS
 from flexlink.common.types import Array
 from flexlink.results.convergence import Limit, change_of_limit, extrapolated
 from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
-
-STRICT = 0.1
-"""Tolerance of steps that measure the step errors of levels, over their tolerance."""
-
-SCATTER = 5.0
-"""Step errors at the finest level over those at a coarser one, at most, where motion is sensitive."""
-
-LIMIT_FALL = 4.0
-"""By how much the order by which errors of the limit are believed to fall exceeds that of the rule, at most: two limits
-can agree by chance."""
 
 
 class Level(NamedTuple):
@@ -110,7 +101,10 @@ class RefinementStudy:
         tip, left = self.limit.tip, np.zeros(len(self.limit.tip))
         for weight, level in zip(self.limit.weights, self.levels[self.family][-2:], strict=True):
             change = weight * self._step_errors(level) if weight else np.zeros_like(tip)
-            tip, left = tip + change, left + self.norm.up_to(change) * STRICT**0.5  # or less, whatever the order is
+            tip, left = (
+                tip + change,
+                left + self.norm.up_to(change) * THRESHOLDS.strict**0.5,
+            )  # or less, whatever the order is
         if not np.isfinite(left[-1]):
             return self._step_errors_of_coarser()
         self.limit = self.limit._replace(tip=tip)
@@ -119,15 +113,15 @@ class RefinementStudy:
     def _step_errors(self, level: Level) -> Array:
         """Change of a level by stricter steps (samples, 3) [m]; nan where they cannot be run."""
         assert self.stepping.tolerance is not None
-        strict = self.stepping._replace(tolerance=STRICT * self.stepping.tolerance)
+        strict = self.stepping._replace(tolerance=THRESHOLDS.strict * self.stepping.tolerance)
         return self.runner.run(uniform(self.axes, level.hinges, self.family), strict).tip - level.outcome.tip
 
     def _step_errors_of_coarser(self) -> Array:
-        """Step errors of the finest level that can be run with stricter steps, times `SCATTER`."""
+        """Step errors of the finest level that can be run with stricter steps, times `Thresholds.scatter`."""
         for level in self.levels[self.family][-2::-1]:
             errors = self.norm.up_to(self._step_errors(level))
             if np.isfinite(errors[-1]):
-                return SCATTER * errors
+                return THRESHOLDS.scatter * errors
         return np.full(len(self.finest.outcome.tip), np.inf)
 
     def _is_known(self, hinges: int) -> bool:
@@ -172,10 +166,10 @@ class RefinementStudy:
         if limits:
             errors = self.norm.up_to(change_of_limit(levels, order)) / safe
             if len(limits) > 1:
-                errors = np.maximum(errors, limits[-1].errors * (Na / Nb) ** (order + LIMIT_FALL))
+                errors = np.maximum(errors, limits[-1].errors * (Na / Nb) ** (order + THRESHOLDS.limit_fall))
             limit = limit._replace(errors=errors)
             if Na >= 4:
-                itself = np.maximum(itself, self._itself[family] * (Na / Nb) ** (order + LIMIT_FALL / 2))
+                itself = np.maximum(itself, self._itself[family] * (Na / Nb) ** (order + THRESHOLDS.limit_fall / 2))
         limits.append(limit)
         self._itself[family] = itself
         return min(limit, Limit(b, itself), key=self._rank)
@@ -187,7 +181,7 @@ class RefinementStudy:
     def _compare_rules(self, hinges: int) -> None:
         """Go on with another family where its error is half as large with about as many hinges.
 
-        Cells of coupled springs are tried where axial loads or large bends leave gauss an order of 2, and as soon as
+        Cells are tried where axial loads or large bends leave gauss an order of 2, and as soon as
         they do; Gauss-Legendre points over the whole link once.
         """
         last = self.levels[self.family][-1].outcome.run

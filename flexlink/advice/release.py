@@ -9,8 +9,6 @@ The rest of the deflection vibrates about the loads of the run, as all deflectio
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from msgspec.structs import replace
 
@@ -24,29 +22,26 @@ from flexlink.dynamics.terms import mass_matrix
 from flexlink.motion.inputs.initial_state import initial_state
 
 
-class Release(NamedTuple):
-    """Effect of an initial deflection on the tip."""
+def release(runner: ModelRunner, strict: Outcome, model: Model, q: Array) -> tuple[Array, Array]:
+    """Effect of an initial deflection of a model's links: that of the tip at the start, the joints held (3,) [m].
 
-    start: Array  # initial deflection, the joints held (3,) [m]
-    drift: Array  # d (samples, 3) [m]; nan from where that run ends early
-
-
-def release(runner: ModelRunner, strict: Outcome, model: Model, q: Array) -> Release:
-    """Release of the links of a model, compared with a rigid run that starts at `q`, coordinates of the model."""
+    And the tip's drift d (samples, 3) [m] from a rigid run that starts at `q`, coordinates of the model; nan from where
+    the run that shows it ends early.
+    """
     assert strict.run is not None
     if runner.scene.initial.passive != "static":
-        return Release(np.zeros(3), np.zeros_like(strict.tip))
+        return np.zeros(3), np.zeros_like(strict.tip)
     chain, rigid = runner.chain(model), strict.run.chain
     try:
         bent, _ = initial_state(runner.scene_of(model, strict.stepping), chain)
     except FlexlinkError:  # no equilibrium: the deflection is unknown
-        return Release(np.full(3, np.nan), np.full_like(strict.tip, np.nan))
+        return np.full(3, np.nan), np.full_like(strict.tip, np.nan)
     start = tip_position(chain, bent) - tip_position(chain, q)
     δ = _turned(rigid, chain, q, bent - q)
     if not δ.any():
-        return Release(start, np.zeros_like(strict.tip))
+        return start, np.zeros_like(strict.tip)
     initial = replace(runner.scene.initial, passive="zero", q=tuple((strict.run.q[0] + δ).tolist()))
-    return Release(start, runner.run_from(initial, (None,) * len(model), strict.stepping).tip - strict.tip)
+    return start, runner.run_from(initial, (None,) * len(model), strict.stepping).tip - strict.tip
 
 
 def _turned(rigid: Chain, chain: Chain, q: Array, w: Array) -> Array:

@@ -12,14 +12,14 @@ fall or are in resonance, the error of the rigid model was at most 0.8 of the es
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.advice.goal import REFERENCE_STEP_SHARE, Goal, TipErrorNorm, least_tolerance
+from flexlink.advice.goal import Goal, TipErrorNorm, least_tolerance
 from flexlink.advice.model import Axes, Model, can_move, uniform
-from flexlink.advice.model_runner import PERTURBATION, PROPORTIONAL, ModelRunner, Outcome, Stepping
+from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.release import release
+from flexlink.advice.thresholds import THRESHOLDS
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics.forces import force_torque
@@ -28,25 +28,6 @@ from flexlink.dynamics.springs import deflections
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.results.tip_motion import largest_distance, tip_travel
-
-MODEST_GROWTH = 10.0
-"""Growth of errors that the safety factor of the estimate covers."""
-
-HINGES = 2
-"""Of each link, at Gauss points: exact for the deflection under loads that are linear along it."""
-
-FIRST_GUESS = 0.1
-"""Assumed travel of the tip over the size, before the first run."""
-
-RERUN_FACTOR = 1.5
-"""Error of an assumed travel, and so of the tolerance of steps, from which a run is repeated."""
-
-
-class RigidError(NamedTuple):
-    """Estimated error of rigid links [m], and the lowest frequency of the springs [Hz]."""
-
-    error: float
-    hertz: float
 
 
 def rigid_model(runner: ModelRunner) -> Model:
@@ -59,7 +40,7 @@ def rigid_run(runner: ModelRunner, goal: Goal, size: float) -> Outcome | None:
 
     None where nothing can move, or where the run fails.
     """
-    model, motion = rigid_model(runner), FIRST_GUESS * size
+    model, motion = rigid_model(runner), THRESHOLDS.first_guess * size
     if not can_move(runner.scene, model):
         return None
     while True:
@@ -67,14 +48,14 @@ def rigid_run(runner: ModelRunner, goal: Goal, size: float) -> Outcome | None:
         if not outcome.completed:
             return None
         assumed, motion = motion, tip_travel(outcome.tip)
-        if assumed <= RERUN_FACTOR * motion or outcome.stepping.tolerance == _of_steps(
+        if assumed <= THRESHOLDS.rerun_factor * motion or outcome.stepping.tolerance == _of_steps(
             goal.tolerance(motion, motion), size
         ):
             return outcome
 
 
 def _of_steps(allowed: float, size: float) -> float:
-    return max(REFERENCE_STEP_SHARE * allowed, least_tolerance(size))
+    return max(THRESHOLDS.reference_step_share * allowed, least_tolerance(size))
 
 
 def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
@@ -101,9 +82,9 @@ def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Ste
     return sorted((stepping for stepping, cost in costs.items() if cost < strict.seconds), key=lambda s: costs[s])
 
 
-def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNorm) -> RigidError:
-    """The error of the tip if links are rigid: vibration included, growth of errors not."""
-    run, model = strict.run, uniform(axes, HINGES)
+def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNorm) -> tuple[float, float]:
+    """Error of the tip if links are rigid [m], vibration included, growth of errors not; lowest frequency [Hz]."""
+    run, model = strict.run, uniform(axes, THRESHOLDS.hinges)
     assert run is not None
     chain = runner.chain(model)
     q, qd, qdd = (_spread(run.chain, chain, values) for values in (run.q, run.qd, run.qdd))
@@ -113,9 +94,9 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     θ[:, bent] = np.clip(deflections(chain, -loads)[:, bent], -1.0, 1.0)  # [rad]; beyond, just large
     u = tip_position(chain, q + θ) - run.tip
     ω = slowest_frequency(chain, q[0])
-    released = release(runner, strict, model, q[0])
-    y = oscillator_response(u, ω, runner.scene.run.spacing, released.start)
-    return RigidError(2.5 * max(norm(u), norm(y), norm(released.drift)), ω / (2 * np.pi))
+    start, drift = release(runner, strict, model, q[0])
+    y = oscillator_response(u, ω, runner.scene.run.spacing, start)
+    return 2.5 * max(norm(u), norm(y), norm(drift)), ω / (2 * np.pi)
 
 
 def _spread(rigid: Chain, chain: Chain, values: Array) -> Array:
@@ -144,9 +125,13 @@ def growth(runner: ModelRunner, outcome: Outcome, error: float) -> float:
     """
     assert outcome.stepping.tolerance is not None
     size = runner.chain(rigid_model(runner)).size
-    start = max(error, PERTURBATION * outcome.stepping.tolerance)
+    start = max(error, THRESHOLDS.perturbation * outcome.stepping.tolerance)
     perturbed = runner.perturbed_run(rigid_model(runner), outcome.stepping, start / size)
     if perturbed is None:
         return 1.0
     apart = largest_distance(perturbed.tip, outcome.tip)
-    return apart / start if apart <= PROPORTIONAL * max(tip_travel(outcome.tip), MODEST_GROWTH * start) else np.inf
+    return (
+        apart / start
+        if apart <= THRESHOLDS.proportional * max(tip_travel(outcome.tip), THRESHOLDS.modest_growth * start)
+        else np.inf
+    )

@@ -7,31 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import thread_time
-from typing import NamedTuple
 
 from flexlink.describe.scene import Scene
 from flexlink.motion.simulate import simulate
 
 
-class RunTime(NamedTuple):
-    """CPU time of `simulate(scene)` [s]."""
+def run_time(scene_of: Callable[[], Scene], enough: float = 0.05) -> tuple[float, float]:
+    """The shortest CPU times [s] of a run, and of one that is prepared, as a `Problem` is.
 
-    whole: float  # the first time
-    again: float  # each further time, when it is prepared, as a `Problem` is
-
-
-def run_time(scene_of: Callable[[], Scene]) -> RunTime:
-    """The shortest times of a run, by a scene that is made anew for each, so that nothing of it is prepared.
-
-    Errors as in `simulate`.
+    Of the first nothing is prepared, by a scene that is made anew each time.
+    After `enough` CPU time [s] it is not made more often: other programs disturb a long run less. Errors as in
+    `simulate`.
     """
     whole, again = list[float](), list[float]()
-    # From two to five times: the first run may load or compile code. Not more often after 0.05 s of CPU time: other
-    # programs disturb a long run less.
-    while len(whole) < 2 or (len(whole) < 5 and sum(whole[1:] + again) < 0.05):
+    # from two to five times: the first run may load or compile code
+    while len(whole) < 2 or (len(whole) < 5 and sum(whole[1:] + again) < enough):
         scene = scene_of()
         for times in (whole, again):
             started = thread_time()
             simulate(scene)
             times.append(thread_time() - started)
-    return RunTime(min(whole), min(again))
+    return min(whole), min(again)

@@ -16,7 +16,8 @@ import numpy as np
 from flexlink.advice.allocation import Allocation
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Bend, Model, can_move
-from flexlink.advice.model_runner import STABLE_SHARE, ModelRunner, Outcome, Stepping
+from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
+from flexlink.advice.thresholds import THRESHOLDS
 
 
 class Solution(NamedTuple):
@@ -98,14 +99,18 @@ class Search:
     def _fixed(self, part: float, model: Model) -> Stepping | None:
         """Steps of this part of the stable one; None if the solution is cheaper."""
         stable = self.runner.stable_step(model) if any(model) else np.inf
-        stepping = self.runner.fixed_steps(part * STABLE_SHARE * stable)
+        stepping = self.runner.fixed_steps(part * THRESHOLDS.stable_share * stable)
         most = self.runner.budget if self.solution is None else 0.99 * self.solution.outcome.seconds
         return stepping if stepping and self.runner.fixed_steps_cost(model, stepping) <= most else None
 
     def _fixed_cost(self, part: float, model: Model) -> float:
         """Of a run, its stable step estimated [s]."""
         step = min((self._stable_step(k, bend) for k, bend in enumerate(model) if bend), default=np.inf)
-        stepping = self.runner.fixed_steps(part * STABLE_SHARE * step) if can_move(self.runner.scene, model) else None
+        stepping = (
+            self.runner.fixed_steps(part * THRESHOLDS.stable_share * step)
+            if can_move(self.runner.scene, model)
+            else None
+        )
         return np.inf if stepping is None else self.runner.fixed_steps_cost(model, stepping)
 
     def _stable_step(self, k: int, bend: Bend) -> float:

@@ -13,13 +13,14 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.arm import Arm, Link
+from flexlink.describe.arm import Arm
+from flexlink.describe.link import Link
 from flexlink.results.samples import picked
 from flexlink.results.trajectory import Trajectory
 
 
 def may_pay(arm: Arm, run: Trajectory, hinges: int) -> bool:
-    """Whether cells of coupled springs may be cheaper than so many hinges with a spring each, by a run of such."""
+    """Whether cells may be cheaper than so many hinges with a spring each, by a run of such."""
     # (γ + 2 θ) N² from which cells may be cheaper: where the two errors above are about alike. The study's case
     # advice_axial judges the family that is taken by it
     return load_and_bend(arm, run) * hinges**2 > 5.0

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, T
 from flexlink.common.wording import did_you_mean, truncated
-from flexlink.describe.spec import numbers, to_builtin
+from flexlink.describe.numbers import numbers
+from flexlink.describe.spec import to_builtin
 from flexlink.kernels.tools.finite import is_finite
 
 FLOAT64 = np.dtype(np.float64)

@@ -12,7 +12,7 @@ from flexlink.chain.section_beam import SectionBeam
 from flexlink.chain.table_beam import TableBeam, points_between
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
-from flexlink.describe.arm import Link
+from flexlink.describe.link import Link
 from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 

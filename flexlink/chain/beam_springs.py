@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.describe.arm import Arm, Link, Material
+from flexlink.describe.arm import Arm
+from flexlink.describe.link import Link
+from flexlink.describe.material import Material
 from flexlink.describe.schemes.cells import Cells
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.arm import Arm, Link
+from flexlink.describe.arm import Arm
+from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 
 FEWEST, OF_LINK = 2, 8

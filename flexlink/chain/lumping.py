@@ -27,8 +27,9 @@ from flexlink.common.errors import SceneError
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
-from flexlink.describe.arm import AXES, Arm, Link
+from flexlink.describe.arm import Arm
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.link import AXES, Link
 from flexlink.describe.root import ROOT_AXES
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.cells import Cells

@@ -8,7 +8,7 @@ import functools
 import numpy as np
 
 from flexlink.common.types import Array
-from flexlink.describe.arm import Section
+from flexlink.describe.material import Section
 
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
 

@@ -34,7 +34,7 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.sensors.columns import coarse_samples
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.simulate import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun, prepare
 from flexlink.results.files import output_format
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory

@@ -170,10 +170,11 @@ class IdentifiabilityError(FlexlinkError, ValueError):
 
     Examples
     --------
-    >>> friction = fl.FitParameter(path="link.upper.joint.viscous", start=1.0)
-    >>> tapped = fl.FitModes(hertz=(5.7, 26.9), deviation=(0.01,))  # joints held: frequencies say nothing of friction
+    >>> friction = fl.fits.FitParameter(path="link.upper.joint.viscous", start=1.0)
+    >>> # joints held: frequencies say nothing of friction
+    >>> tapped = fl.fits.FitModes(hertz=(5.7, 26.9), deviation=(0.01,))
     >>> try:
-    ...     fl.fit(fl.FitProblem(scene=scene, parameter=(friction,), modes=(tapped,)))
+    ...     fl.fit(fl.fits.FitProblem(scene=scene, parameter=(friction,), modes=(tapped,)))
     ... except fl.errors.IdentifiabilityError as error:
     ...     print(error)
     link.upper.joint.viscous has no effect on the data

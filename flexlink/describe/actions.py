@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from flexlink.common.errors import SceneError
 from flexlink.common.wording import truncated
+from flexlink.describe.numbers import require_increasing
 from flexlink.describe.own_units import TWINS, Row
 from flexlink.describe.reference import Reference
 from flexlink.describe.spec import (
@@ -17,7 +18,7 @@ from flexlink.describe.spec import (
     PositivePerLink,
     Spec,
     Vector3,
-    require_increasing,
+    measured_in,
 )
 
 OF_MOTION = "angle_deg", "rate_deg", "acceleration_deg"
@@ -51,7 +52,7 @@ class Drive(Spec, frozen=True):
     """What drives the joints: nothing, a constant torque, a table in time, or a law, pd or computed_torque."""
     torque: PerLink | None = None
     """Of constant: torque of each joint, one per link [N m]; of a prismatic joint its force [N]."""
-    times: tuple[float, ...] | None = None
+    times: Annotated[tuple[float, ...] | None, measured_in("s")] = None
     """Of a table: times of its rows [s]."""
     torques: tuple[PerLink, ...] | None = None
     """Of a table: one row per time, of one torque per link [N m], of prismatic joints one force [N]."""
@@ -62,9 +63,9 @@ class Drive(Spec, frozen=True):
     """Of a law: position gains, one per link [N m/rad; N/m]; of computed_torque [1/s²]."""
     kd: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
     """Of a law: rate gains, one per link [N m s/rad; N s/m]; of computed_torque [1/s]."""
-    target_deg: PerLink | None = None
+    target_deg: Annotated[PerLink | None, measured_in("deg")] = None
     """Of a law: where it leads the joints, one per link [deg]."""
-    target_m: PerLink | None = None
+    target_m: Annotated[PerLink | None, measured_in("m")] = None
     """Of a law: where it leads prismatic joints, one per link [m]."""
     reference: Reference | None = None
     """Of a law: where it leads the joints in time, in place of `target_deg`."""
@@ -76,7 +77,7 @@ class Drive(Spec, frozen=True):
     """Of a table: each row is held until the next time."""
     effort: PositivePerLink | None = None
     """Largest torque of each drive, one per link [N m; N]; beyond, it stays there. Default: no limit."""
-    rate: Positive | None = None
+    rate: Annotated[Positive | None, measured_in("Hz")] = None
     """How often the law is asked [Hz]; its torques are held in between. Default: at every stage of a step."""
 
     def __post_init__(self) -> None:
@@ -122,19 +123,19 @@ class PrescribedMotion(Spec, frozen=True):
 
     link: str | int
     """Name or number, from 1, of the link whose joint moves so."""
-    times: tuple[float, ...] = ()
+    times: Annotated[tuple[float, ...], measured_in("s")] = ()
     """Times of the rows [s], from 0 on."""
-    angle_deg: Row | None = None
+    angle_deg: Annotated[Row | None, measured_in("deg")] = None
     """Angle at each time [deg]."""
-    rate_deg: Row | None = None
+    rate_deg: Annotated[Row | None, measured_in("deg/s")] = None
     """Rate at each time [deg/s]."""
-    acceleration_deg: Row | None = None
+    acceleration_deg: Annotated[Row | None, measured_in("deg/s²")] = None
     """Acceleration at each time [deg/s²]."""
-    position_m: Row | None = None
+    position_m: Annotated[Row | None, measured_in("m")] = None
     """Of a prismatic joint, in place of the angle: position at each time [m]."""
-    rate_m: Row | None = None
+    rate_m: Annotated[Row | None, measured_in("m/s")] = None
     """Of a prismatic joint: rate at each time [m/s]."""
-    acceleration_m: Row | None = None
+    acceleration_m: Annotated[Row | None, measured_in("m/s²")] = None
     """Of a prismatic joint: acceleration at each time [m/s²]."""
     file: str | None = None
     """A CSV file in place of all these, with heads "t [s]" and "q NAME [deg]", or any unit of angles, of a prismatic
@@ -202,19 +203,19 @@ class Wrench(Spec, frozen=True):
     [  0. -20.   0.   0.   0.   0.]
     """
 
-    force: Vector3 = (0.0, 0.0, 0.0)
+    force: Annotated[Vector3, measured_in("N")] = (0.0, 0.0, 0.0)
     """Constant force on the tip [N]."""
-    moment: Vector3 = (0.0, 0.0, 0.0)
+    moment: Annotated[Vector3, measured_in("N m")] = (0.0, 0.0, 0.0)
     """Constant moment on the tip [N m]."""
     frame: Frame = "world"
     """Axes of the components: of frame 0 (world), or of the tip, with which they turn."""
     on: str = ""
     """Name of the link at whose end it acts, one that no other hangs on. Default: the last."""
-    times: tuple[float, ...] | None = None
+    times: Annotated[tuple[float, ...] | None, measured_in("s")] = None
     """Of a table: times of its rows [s]."""
-    forces: tuple[Vector3, ...] | None = None
+    forces: Annotated[tuple[Vector3, ...] | None, measured_in("N")] = None
     """Of a table: a force per time [N]."""
-    moments: tuple[Vector3, ...] | None = None
+    moments: Annotated[tuple[Vector3, ...] | None, measured_in("N m")] = None
     """Of a table: a moment per time [N m]."""
     file: str | None = None
     """A CSV file in place of `times`, `forces` and `moments`, with heads "t [s]", "force x [N]" to "moment z [N m]";

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from flexlink.describe.spec import Positive, Spec
+from typing import Annotated
+
+from flexlink.describe.spec import Positive, Spec, measured_in
 
 SEA_LEVEL = 1.225
 """Density of air at sea level and 15 °C, of the International Standard Atmosphere [kg/m³]."""
@@ -30,6 +32,6 @@ class Drag(Spec, frozen=True):
 
     coefficient: Positive
     """Drag coefficient c_d [1]: about 1.2 of a round bar, 2 of a flat one."""
-    breadth: tuple[Positive, Positive] | None = None
+    breadth: Annotated[tuple[Positive, Positive] | None, measured_in("m")] = None
     """How broad the link is, seen along the section's y and along its z [m]. Default: as its section, which tapers
     with it; a general section and a table of rigidities have none."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
-from typing import TypedDict
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
@@ -15,8 +15,9 @@ from flexlink.common.wording import short_list
 from flexlink.data.csv_table import CsvTable, head_of, read_csv
 from flexlink.data.smoothing import smoothed
 from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
-from flexlink.describe.arm import Arm, Link
+from flexlink.describe.arm import Arm
 from flexlink.describe.initial import InitialState
+from flexlink.describe.link import Link
 from flexlink.describe.own_units import IN_METRES, TORQUE, UNIT, Row
 from flexlink.describe.reference import TABLES, Reference
 
@@ -28,18 +29,9 @@ NEAR = {False: 1.0, True: 0.01}
 """How far from a file's first angle [deg], of a joint that slides place [m], a scene may say that a joint starts."""
 
 
-class Filled(TypedDict, total=False):
-    """What a scene says with the tables of files in it."""
-
-    motion: tuple[PrescribedMotion, ...]
-    drive: Drive
-    wrench: Wrench
-    initial: InitialState
-
-
 def filled_from_files(
     arm: Arm, *, motion: tuple[PrescribedMotion, ...], drive: Drive, wrench: Wrench, initial: InitialState
-) -> Filled:
+) -> dict[str, Any]:
     """What changes where tables in files become a scene's own; a joint that moves by one starts where its file does.
 
     Raises
@@ -47,7 +39,7 @@ def filled_from_files(
     SceneError, DataFileError
         As in `drive_from_file`, `reference_from_file`, `wrench_from_file`, `motion_from_file`; another start is given.
     """
-    filled: Filled = {}
+    filled: dict[str, Any] = {}
     if any(each.file is not None for each in motion):
         motions = list(motion)
         for k, each in enumerate(motion):

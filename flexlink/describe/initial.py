@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe.own_units import Row, Slides, together
-from flexlink.describe.spec import NonNegative, PerLink, Spec, Vector3
+from flexlink.describe.spec import NonNegative, PerLink, Spec, Vector3, measured_in
 
 
 class BaseState(Spec, frozen=True):
@@ -18,22 +18,22 @@ class BaseState(Spec, frozen=True):
 
     Examples
     --------
-    >>> tumbling = fl.BaseState(rpy_deg=(0.0, 0.0, 30.0), velocity=(0.1, 0.0, 0.0), spin_deg=(0.0, 0.0, 5.0))
+    >>> tumbling = fl.details.BaseState(rpy_deg=(0.0, 0.0, 30.0), velocity=(0.1, 0.0, 0.0), spin_deg=(0.0, 0.0, 5.0))
     >>> print(tumbling.rates.round(4))  # rad/s, in axes of the base
     [0.     0.     0.0873]
     """
 
-    xyz: Vector3 = (0.0, 0.0, 0.0)
+    xyz: Annotated[Vector3, measured_in("m")] = (0.0, 0.0, 0.0)
     """Place of its frame [m]."""
-    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    rpy_deg: Annotated[Vector3, measured_in("deg")] = (0.0, 0.0, 0.0)
     """Roll, pitch, yaw about fixed axes [deg]: R = Rz(yaw) Ry(pitch) Rx(roll); multiples of 90° are exact."""
     quaternion: tuple[float, float, float, float] | None = None
     """Its attitude as w, x, y, z in place of `rpy_deg` [1]; its length does not matter."""
-    velocity: Vector3 = (0.0, 0.0, 0.0)
+    velocity: Annotated[Vector3, measured_in("m/s")] = (0.0, 0.0, 0.0)
     """Velocity of its frame's origin, in frame 0 [m/s]."""
-    spin_deg: Vector3 = (0.0, 0.0, 0.0)
+    spin_deg: Annotated[Vector3, measured_in("deg/s")] = (0.0, 0.0, 0.0)
     """Angular velocity, in axes of the base [deg/s]."""
-    spin: Vector3 | None = None
+    spin: Annotated[Vector3 | None, measured_in("rad/s")] = None
     """The same [rad/s], in place of `spin_deg`."""
 
     def __post_init__(self) -> None:
@@ -69,13 +69,13 @@ class InitialState(Spec, frozen=True):
     zero
     """
 
-    joint_deg: PerLink = ()
+    joint_deg: Annotated[PerLink, measured_in("deg")] = ()
     """Angle of each joint, one per link [deg]; a locked joint stays there. Default: zero."""
-    rate_deg: PerLink | None = None
+    rate_deg: Annotated[PerLink | None, measured_in("deg/s")] = None
     """Rate of each joint, one per link [deg/s]. Default: at rest."""
-    joint_m: PerLink | None = None
+    joint_m: Annotated[PerLink | None, measured_in("m")] = None
     """Position of each prismatic joint, one number per link, 0 for the others [m]. Default: zero."""
-    rate_m: PerLink | None = None
+    rate_m: Annotated[PerLink | None, measured_in("m/s")] = None
     """Rate of each prismatic joint, one number per link [m/s]. Default: at rest."""
     base: BaseState = BaseState()
     """Where a free base starts, and how it moves."""
@@ -85,7 +85,7 @@ class InitialState(Spec, frozen=True):
     """Whole state instead: one angle per joint of the chain, in order [rad], of those that slide [m]."""
     qd: tuple[float, ...] | None = None
     """Whole state instead: one rate per joint of the chain, in order [rad/s], or [m/s]. Default: at rest."""
-    time: NonNegative = 0.0
+    time: Annotated[NonNegative, measured_in("s")] = 0.0
     """When the run starts [s]."""
 
     def __post_init__(self) -> None:

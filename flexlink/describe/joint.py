@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe.directions import unit
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3
+from flexlink.describe.own_units import UNIT, in_own
+from flexlink.describe.reference_trajectory import ReferenceTrajectory
+from flexlink.describe.shaping import MOST_IMPULSES
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measured_in
 
 
 class Joint(Spec, frozen=True):
@@ -37,25 +43,25 @@ class Joint(Spec, frozen=True):
     """Axis in the link's frame; its length does not matter."""
     locked: bool = False
     """Whether the joint stays where it starts."""
-    viscous: NonNegative = 0.0
+    viscous: Annotated[NonNegative, measured_in("N m s/rad", "N s/m")] = 0.0
     """Viscous friction torque per rate [N m s/rad]; of a prismatic joint [N s/m]."""
-    quadratic: NonNegative = 0.0
+    quadratic: Annotated[NonNegative, measured_in("N m s²/rad²", "N s²/m²")] = 0.0
     """Torque c |q̇| q̇ per squared rate, as of a hydraulic damper [N m s²/rad²]; of a prismatic joint [N s²/m²]."""
-    coulomb: NonNegative = 0.0
+    coulomb: Annotated[NonNegative, measured_in("N m", "N")] = 0.0
     """Dry friction torque c [N m], as c tanh(q̇ / coulomb_width); of a prismatic joint a force [N]."""
-    coulomb_width: Positive = 0.01
+    coulomb_width: Annotated[Positive, measured_in("rad/s", "m/s")] = 0.01
     """Rate at which tanh has reached 76 % of it [rad/s], or [m/s]; smaller is closer to Coulomb's law, and stiffer."""
-    armature: NonNegative = 0.0
+    armature: Annotated[NonNegative, measured_in("kg m²", "kg")] = 0.0
     """Rotor inertia seen at the joint [kg m²]: that of the motor times the square of the gear ratio; of a prismatic
     joint [kg]."""
-    gear_stiffness: Positive | None = None
+    gear_stiffness: Annotated[Positive | None, measured_in("N m/rad", "N/m")] = None
     """Stiffness of an elastic gear between motor and link [N m/rad], of a belt or rope of a prismatic joint [N/m]; it
     needs `armature`. Default: rigid."""
-    gear_damping: NonNegative = 0.0
+    gear_damping: Annotated[NonNegative, measured_in("N m s/rad", "N s/m")] = 0.0
     """Damping of the elastic gear [N m s/rad], of a prismatic joint [N s/m]."""
-    limits_deg: tuple[float, float] | None = None
+    limits_deg: Annotated[tuple[float, float] | None, measured_in("deg")] = None
     """Lower and upper limit of the angle [deg]: kept, exported, and told when a run passes them; no stops."""
-    limits_m: tuple[float, float] | None = None
+    limits_m: Annotated[tuple[float, float] | None, measured_in("m")] = None
     """Of a prismatic joint: lower and upper limit of its position [m]."""
 
     def __post_init__(self) -> None:
@@ -112,11 +118,11 @@ class Mount(Spec, frozen=True):
     >>> link = fl.Link(name="boom", mount=upright)
     """
 
-    xyz: Vector3 = (0.0, 0.0, 0.0)
+    xyz: Annotated[Vector3, measured_in("m")] = (0.0, 0.0, 0.0)
     """Offset [m]."""
-    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    rpy_deg: Annotated[Vector3, measured_in("deg")] = (0.0, 0.0, 0.0)
     """Roll, pitch, yaw about fixed axes [deg]; multiples of 90° are exact."""
-    rpy: Vector3 | None = None
+    rpy: Annotated[Vector3 | None, measured_in("rad")] = None
     """Roll, pitch, yaw [rad], in place of `rpy_deg`."""
 
     def __post_init__(self) -> None:
@@ -140,22 +146,40 @@ class DenavitHartenberg(Spec, frozen=True):
 
     Examples
     --------
-    >>> row = fl.DenavitHartenberg(convention="modified", a=0.4, alpha_deg=-90.0)
+    >>> row = fl.details.DenavitHartenberg(convention="modified", a=0.4, alpha_deg=-90.0)
     >>> link = fl.Link(name="upper", dh=row)
     """
 
     convention: Literal["standard", "modified"]
     """Siciliano's (standard) or Craig's (modified)."""
-    a: float = 0.0
+    a: Annotated[float, measured_in("m")] = 0.0
     """Length a along x [m]."""
-    alpha_deg: float = 0.0
+    alpha_deg: Annotated[float, measured_in("deg")] = 0.0
     """Twist α about x [deg]."""
-    d: float = 0.0
+    d: Annotated[float, measured_in("m")] = 0.0
     """Offset d along z [m]."""
-    theta_deg: float = 0.0
+    theta_deg: Annotated[float, measured_in("deg")] = 0.0
     """Angle θ about z at joint angle 0 [deg]."""
 
     @property
     def end(self) -> Vector3:
         """Where the row ends the link, in the link's frame [m]; a modified one ends in the frame itself."""
         return (self.a, 0.0, self.d) if self.convention == "standard" else (0.0, 0.0, 0.0)
+
+
+def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint]]) -> None:
+    """Refuse a course that leaves the limits of the joints of links of these names, at any extreme of any piece.
+
+    Raises
+    ------
+    SceneError
+        The message names the link, the angle reached and the limits.
+    """
+    rounding = MOST_IMPULSES * np.finfo(float).eps  # of an angle that is the sum of as many
+    reached = in_own([joint.slides for _, joint in joints], course.extremes())
+    for (name, joint), *extremes in zip(joints, *reached, strict=True):
+        low, high = joint.own_limits or (-math.inf, math.inf)
+        for place in extremes:
+            if max(low - place, place - high) > rounding * np.abs(extremes).max():
+                reason = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
+                raise SceneError(f"reaches {place:.9g} {UNIT[joint.slides]}: {reason}")

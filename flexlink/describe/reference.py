@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,19 +13,11 @@ from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe import profiles
-from flexlink.describe.joint import Joint
-from flexlink.describe.own_units import IN_METRES, KIND, UNIT, Row, Slides, in_own, in_si, together
+from flexlink.describe.numbers import require_increasing, require_positive
+from flexlink.describe.own_units import IN_METRES, KIND, Row, Slides, in_si, together
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, apart, from_rest_to_rest, side_by_side, still
-from flexlink.describe.shaping import MOST_IMPULSES, InputShaper
-from flexlink.describe.spec import (
-    NonNegative,
-    NonNegativePerLink,
-    PerLink,
-    Positive,
-    Spec,
-    require_increasing,
-    require_positive,
-)
+from flexlink.describe.shaping import InputShaper
+from flexlink.describe.spec import NonNegative, NonNegativePerLink, PerLink, Positive, Spec, measured_in
 
 LIMITS = ("max_rate_deg", "max_acceleration_deg", "max_jerk_deg")
 TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -72,49 +64,49 @@ class Reference(Spec, frozen=True):
 
     profile: Literal["quintic", "trapezoidal", "s_curve", "linear", "smooth", "hold"]
     """A move (quintic, trapezoidal, s_curve), or a table (linear, smooth, hold)."""
-    to_deg: PerLink | None = None
+    to_deg: Annotated[PerLink | None, measured_in("deg")] = None
     """Of a move: where it ends, one angle per link [deg]."""
-    to_m: PerLink | None = None
+    to_m: Annotated[PerLink | None, measured_in("m")] = None
     """Of a move: where it ends, one position per link [m]."""
-    from_deg: PerLink | None = None
+    from_deg: Annotated[PerLink | None, measured_in("deg")] = None
     """Of a move: where it starts, one angle per link [deg]. Default: `initial.joint_deg`."""
-    from_m: PerLink | None = None
+    from_m: Annotated[PerLink | None, measured_in("m")] = None
     """Of a move: where it starts, one position per link [m]. Default: `initial.joint_m`."""
-    start: NonNegative = 0.0
+    start: Annotated[NonNegative, measured_in("s")] = 0.0
     """Of a move: when it starts [s]."""
-    duration: Positive | None = None
+    duration: Annotated[Positive | None, measured_in("s")] = None
     """Of a move: how long it takes [s]; else as long as its limits ask for."""
-    max_rate_deg: NonNegativePerLink | None = None
+    max_rate_deg: Annotated[NonNegativePerLink | None, measured_in("deg/s")] = None
     """Of a move: largest rate of each joint [deg/s]."""
-    max_rate_m: NonNegativePerLink | None = None
+    max_rate_m: Annotated[NonNegativePerLink | None, measured_in("m/s")] = None
     """Of a move: largest rate of each prismatic joint [m/s]."""
-    max_acceleration_deg: NonNegativePerLink | None = None
+    max_acceleration_deg: Annotated[NonNegativePerLink | None, measured_in("deg/s²")] = None
     """Of a move: largest acceleration of each joint [deg/s²]."""
-    max_acceleration_m: NonNegativePerLink | None = None
+    max_acceleration_m: Annotated[NonNegativePerLink | None, measured_in("m/s²")] = None
     """Of a move: largest acceleration of each prismatic joint [m/s²]."""
-    max_jerk_deg: NonNegativePerLink | None = None
+    max_jerk_deg: Annotated[NonNegativePerLink | None, measured_in("deg/s³")] = None
     """Of a move: largest jerk of each joint [deg/s³]."""
-    max_jerk_m: NonNegativePerLink | None = None
+    max_jerk_m: Annotated[NonNegativePerLink | None, measured_in("m/s³")] = None
     """Of a move: largest jerk of each prismatic joint [m/s³]."""
-    times: Row | None = None
+    times: Annotated[Row | None, measured_in("s")] = None
     """Of a table: times of its rows [s]."""
-    angle_deg: tuple[PerLink, ...] | None = None
+    angle_deg: Annotated[tuple[PerLink, ...] | None, measured_in("deg")] = None
     """Of a table: one row per time, of one angle per link [deg]."""
-    rate_deg: tuple[PerLink, ...] | None = None
+    rate_deg: Annotated[tuple[PerLink, ...] | None, measured_in("deg/s")] = None
     """Of a smooth table: rates at its times [deg/s]; pieces are then cubic Hermite polynomials."""
-    acceleration_deg: tuple[PerLink, ...] | None = None
+    acceleration_deg: Annotated[tuple[PerLink, ...] | None, measured_in("deg/s²")] = None
     """Of a smooth table with rates: accelerations at its times [deg/s²]; pieces are then quintic."""
-    position_m: tuple[PerLink, ...] | None = None
+    position_m: Annotated[tuple[PerLink, ...] | None, measured_in("m")] = None
     """Of a table: one row per time, of one position per link [m]."""
-    rate_m: tuple[PerLink, ...] | None = None
+    rate_m: Annotated[tuple[PerLink, ...] | None, measured_in("m/s")] = None
     """Of a smooth table: rates of prismatic joints at its times [m/s]."""
-    acceleration_m: tuple[PerLink, ...] | None = None
+    acceleration_m: Annotated[tuple[PerLink, ...] | None, measured_in("m/s²")] = None
     """Of a smooth table with rates: accelerations of prismatic joints at its times [m/s²]."""
     file: str | None = None
     """Of a table: a CSV file in place of its rows, with heads "t [s]" and, of every driven joint, "q NAME [deg]", or
     any unit of angles, of a prismatic joint of lengths; of a smooth table "qd NAME [deg/s]" and "qdd NAME [deg/s²]",
     too, if it has them. A path from the scene's folder; it is read once, when the scene is."""
-    cutoff: Positive | None = None
+    cutoff: Annotated[Positive | None, measured_in("Hz")] = None
     """Of a smooth table's file: frequency at which a zero-phase low-pass of its angles lets half of the amplitude
     through [Hz]; rates and accelerations are those of what is left. Default: those of the file, or of a spline."""
     shaper: InputShaper | None = None
@@ -325,24 +317,6 @@ class Reference(Spec, frozen=True):
         both = getattr(self, name), getattr(self, IN_METRES[name])
         deg, m = (rows or (None,) * len(self.times or ()) for rows in both)
         return in_si(slides, [together(slides, *row) for row in zip(deg, m, strict=True)])
-
-
-def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint]]) -> None:
-    """Refuse a course that leaves the limits of the joints of links of these names, at any extreme of any piece.
-
-    Raises
-    ------
-    SceneError
-        The message names the link, the angle reached and the limits.
-    """
-    rounding = MOST_IMPULSES * np.finfo(float).eps  # of an angle that is the sum of as many
-    reached = in_own([joint.slides for _, joint in joints], course.extremes())
-    for (name, joint), *extremes in zip(joints, *reached, strict=True):
-        low, high = joint.own_limits or (-math.inf, math.inf)
-        for place in extremes:
-            if max(low - place, place - high) > rounding * np.abs(extremes).max():
-                reason = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
-                raise SceneError(f"reaches {place:.9g} {UNIT[joint.slides]}: {reason}")
 
 
 def _taken(needs: Sequence[str], may: Sequence[str]) -> str:

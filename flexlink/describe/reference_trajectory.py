@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.spec import numbers
+from flexlink.describe.numbers import numbers
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

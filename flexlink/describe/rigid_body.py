@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.common.products import dot, product
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
-from flexlink.describe.spec import NonNegative, Spec, Vector3
+from flexlink.describe.spec import NonNegative, Spec, Vector3, measured_in
 
 ROUNDING = 32 * np.finfo(float).eps
 """How far, as a part of the largest, principal moments may miss what a body can have: an eps for each of three
@@ -33,11 +35,11 @@ class RigidBody(Spec, frozen=True):
     7.15 kg
     """
 
-    mass: NonNegative = 0.0
+    mass: Annotated[NonNegative, measured_in("kg")] = 0.0
     """Mass [kg]."""
-    center: Vector3 = (0.0, 0.0, 0.0)
+    center: Annotated[Vector3, measured_in("m")] = (0.0, 0.0, 0.0)
     """Centre of mass in the frame that the body is fixed in [m]."""
-    inertia: tuple[float, ...] = (0.0, 0.0, 0.0)
+    inertia: Annotated[tuple[float, ...], measured_in("kg m²")] = (0.0, 0.0, 0.0)
     """About the centre of mass [kg m²]: three moments xx, yy, zz, or six numbers xx, yy, zz, xy, xz, yz."""
 
     def __post_init__(self) -> None:

@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError
 from flexlink.common.wording import truncated
-from flexlink.describe.arm import Link
+from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 
 

@@ -6,7 +6,7 @@ import functools
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import msgspec
 import numpy as np
@@ -15,7 +15,7 @@ from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.data.csv_table import head_of, read_csv
-from flexlink.describe.spec import NonNegative, Positive, Spec
+from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
 COLUMNS = {"ei_y": "N m²", "ei_z": "N m²", "gj": "N m²", "rho_a": "kg/m", "rho_i_y": "kg m", "rho_i_z": "kg m"}
 """What stands in a table beside x, with its unit."""
@@ -40,24 +40,24 @@ class Rigidity(Spec, frozen=True):
     0.440 kg, 429 … 45 N m/rad
     """
 
-    x: tuple[NonNegative, ...] = ()
+    x: Annotated[tuple[NonNegative, ...], measured_in("m")] = ()
     """Where the rows stand, from 0, the root of the beam, to its length [m]."""
-    rho_a: tuple[Positive, ...] = ()
+    rho_a: Annotated[tuple[Positive, ...], measured_in("kg/m")] = ()
     """Mass per length ρA [kg/m]."""
-    ei_y: tuple[Positive, ...] | None = None
+    ei_y: Annotated[tuple[Positive, ...] | None, measured_in("N m²")] = None
     """Rigidity EI against bending about the section's y [N m²]."""
-    ei_z: tuple[Positive, ...] | None = None
+    ei_z: Annotated[tuple[Positive, ...] | None, measured_in("N m²")] = None
     """Rigidity EI against bending about the section's z [N m²]."""
-    gj: tuple[Positive, ...] | None = None
+    gj: Annotated[tuple[Positive, ...] | None, measured_in("N m²")] = None
     """Rigidity GJ against twist [N m²]."""
-    rho_i_y: tuple[NonNegative, ...] | None = None
+    rho_i_y: Annotated[tuple[NonNegative, ...] | None, measured_in("kg m")] = None
     """Inertia per length about the section's y, ∫ ρ z² dA [kg m]. Default: 0, as of a thin beam."""
-    rho_i_z: tuple[NonNegative, ...] | None = None
+    rho_i_z: Annotated[tuple[NonNegative, ...] | None, measured_in("kg m")] = None
     """Inertia per length about the section's z, ∫ ρ y² dA [kg m]. Default: 0, as of a thin beam."""
     file: str | None = None
     """A CSV file in place of all these, with heads "x [m]", "EI_z [N m²]", "EI_y [N m²]", "GJ [N m²]", "rhoA [kg/m]",
     "rhoI_y [kg m]", "rhoI_z [kg m]"; a path from the scene's folder. It is read once, when the scene is."""
-    loss_time: NonNegative = 0.0
+    loss_time: Annotated[NonNegative, measured_in("s")] = 0.0
     """Kelvin-Voigt's loss time η [s], as of a material."""
     stiffness_factor: Positive = 1.0
     """Times what EI and GJ are of what the table says, along the whole beam: one number to vary or to fit [1]."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from flexlink.describe.spec import NonNegative, Positive, Spec
+from typing import Annotated
+
+from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
 
 class RootStiffness(Spec, frozen=True):
@@ -14,17 +16,17 @@ class RootStiffness(Spec, frozen=True):
 
     Examples
     --------
-    >>> clamp = fl.RootStiffness(z=2e4)  # N m/rad
+    >>> clamp = fl.details.RootStiffness(z=2e4)  # N m/rad
     >>> soft = fl.lump(scene.varied({"link.upper.root_stiffness": clamp}))
     >>> print(soft.joint_names[:3], soft.stiffness[1])
     ('upper', 'upper.root.z', 'upper.1.z') 20000.0
     """
 
-    x: Positive | None = None
+    x: Annotated[Positive | None, measured_in("N m/rad")] = None
     """About the x of the link's frame [N m/rad]. Default: rigid."""
-    y: Positive | None = None
+    y: Annotated[Positive | None, measured_in("N m/rad")] = None
     """About the y of the link's frame [N m/rad]. Default: rigid."""
-    z: Positive | None = None
+    z: Annotated[Positive | None, measured_in("N m/rad")] = None
     """About the z of the link's frame [N m/rad]. Default: rigid."""
 
 
@@ -33,17 +35,17 @@ class RootDamping(Spec, frozen=True):
 
     Examples
     --------
-    >>> screwed = fl.RootDamping(z=1.5)  # N m s/rad
-    >>> clamp = {"root_stiffness": fl.RootStiffness(z=2e4), "root_damping": screwed}
+    >>> screwed = fl.details.RootDamping(z=1.5)  # N m s/rad
+    >>> clamp = {"root_stiffness": fl.details.RootStiffness(z=2e4), "root_damping": screwed}
     >>> print(fl.lump(scene.varied({f"link.upper.{key}": value for key, value in clamp.items()})).damping[1])
     1.5
     """
 
-    x: NonNegative = 0.0
+    x: Annotated[NonNegative, measured_in("N m s/rad")] = 0.0
     """About the x of the link's frame [N m s/rad]."""
-    y: NonNegative = 0.0
+    y: Annotated[NonNegative, measured_in("N m s/rad")] = 0.0
     """About the y of the link's frame [N m s/rad]."""
-    z: NonNegative = 0.0
+    z: Annotated[NonNegative, measured_in("N m s/rad")] = 0.0
     """About the z of the link's frame [N m s/rad]."""
 
 

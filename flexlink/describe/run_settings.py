@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -14,7 +14,7 @@ from flexlink.common.wording import truncated
 from flexlink.data import documents
 from flexlink.describe import data_files
 from flexlink.describe.schemes.methods import method
-from flexlink.describe.spec import NonNegative, Positive, Spec
+from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 from flexlink.describe.whole_steps import is_whole, multiples, whole
 
 AUTO = "auto"  # in place of a method's name
@@ -57,18 +57,18 @@ class RunSettings(Spec, frozen=True):
     method: str = ""
     """Runge-Kutta method: a name, the path of a method's file, or auto, the cheapest for the tolerance. Default: auto;
     with a step RK4."""
-    step: Positive | None = None
+    step: Annotated[Positive | None, measured_in("s")] = None
     """Length of fixed steps [s]. Default: steps follow from a tolerance; of a method that is named 1e-4."""
-    duration: NonNegative = DEFAULT_DURATION
+    duration: Annotated[NonNegative, measured_in("s")] = DEFAULT_DURATION
     """How long the run is [s]; 0: one sample, the start."""
-    sample: Positive | None = None
+    sample: Annotated[Positive | None, measured_in("s")] = None
     """Time between stored samples [s]. Default: 0.005, or what is nearest of the parts of the duration that are whole
     numbers of steps."""
     solver: ForwardSolver = "articulated"
     """Of forward dynamics: articulated bodies, or M by LU (the paper's way) or Cholesky."""
     unstable: Unstable = "refuse"
     """What becomes of a step beyond the largest stable one, and of a run whose energy does not balance."""
-    tolerance: Positive | None = None
+    tolerance: Annotated[Positive | None, measured_in("m")] = None
     """Largest error of any body's place at the end of the run [m]; steps follow from it."""
     relative_tolerance: Positive | None = None
     """The same as a part of the reach, or of the deflection (`accuracy`) [1]. Default: 1e-3, where neither method nor

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -41,7 +41,17 @@ from flexlink.describe.scene_checks import (
     wrong_lists,
 )
 from flexlink.describe.sensor import Sensor, sensor_mistakes
-from flexlink.describe.spec import Positive, Spec, Vector3, build_validated, check_keys, decode, fields_of, key_mistakes
+from flexlink.describe.spec import (
+    Positive,
+    Spec,
+    Vector3,
+    build_validated,
+    check_keys,
+    decode,
+    fields_of,
+    key_mistakes,
+    measured_in,
+)
 from flexlink.describe.vary import apply_changes, to_document, top_level_keys, values_at
 from flexlink.describe.writing import Inline, toml_of, without_defaults
 
@@ -66,9 +76,9 @@ class Scene(Spec, frozen=True):
     """State at the start. Default: all joints at zero, at rest."""
     about: str = ""
     """A sentence on what the scene shows."""
-    gravity: Vector3 = (0.0, 0.0, 9.81)
+    gravity: Annotated[Vector3, measured_in("m/s²")] = (0.0, 0.0, 9.81)
     """Acceleration of gravity in frame 0 [m/s²]; [0, 0, 9.81] has Z down, [0, 0, -9.81] Z up."""
-    air_density: Positive | None = None
+    air_density: Annotated[Positive | None, measured_in("kg/m³")] = None
     """Density ρ of the air in which links with `drag` move [kg/m³]; default: 1.225, at sea level and 15 °C."""
     drive: Drive = Drive()
     """What drives the joints."""

@@ -11,11 +11,12 @@ import msgspec
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.wording import truncated
 from flexlink.data.csv_table import conversion
-from flexlink.describe.arm import BASE, Arm, Link
+from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.directions import unit
+from flexlink.describe.link import Link
 from flexlink.describe.own_units import SI, TORQUE
 from flexlink.describe.rigidity import Rigidity
-from flexlink.describe.spec import LARGE, SMALL, Deviation, NonNegative, Positive, Spec, Vector3, link_key
+from flexlink.describe.spec import LARGE, SMALL, Deviation, NonNegative, Positive, Spec, Vector3, link_key, measured_in
 
 Kind = Literal["strain", "accelerometer", "gyroscope", "joint", "torque", "current", "position"]
 """What a sensor measures."""
@@ -76,11 +77,11 @@ class Sensor(Spec, frozen=True):
     link: str | int
     """Link that it sits on, by name or number from 1, or "base" if that floats; of joint, torque and current the link
     whose joint is meant."""
-    x: NonNegative | None = None
+    x: Annotated[NonNegative | None, measured_in("m")] = None
     """Where it sits along the beam of the link, from the beam's root [m]. Default: the end of the link."""
-    point: Vector3 | None = None
+    point: Annotated[Vector3 | None, measured_in("m")] = None
     """The same by a point of the straight link, in the link's frame [m]; the segment beside it carries the sensor."""
-    fibre: tuple[float, float] | None = None
+    fibre: Annotated[tuple[float, float] | None, measured_in("m")] = None
     """Of strain: place (y, z) of the gauge in the section, from the line through its centroid [m]."""
     axis: Vector3 | None = None
     """Direction that is measured, in axes of the link, of a position in those of frame 0; its length does not matter.
@@ -93,14 +94,14 @@ class Sensor(Spec, frozen=True):
     """Unit of the column, to which the gain leads. Default: the signal's own: 1, m/s², rad/s, rad or m, N m or N, A."""
     bias: Annotated[float, msgspec.Meta(ge=-LARGE, le=LARGE)] = 0.0
     """What it shows where there is nothing [unit of the column]."""
-    delay: NonNegative = 0.0
+    delay: Annotated[NonNegative, measured_in("s")] = 0.0
     """How much later the signal is seen [s]; before the start it was as at the start."""
-    low_pass: Positive | None = None
+    low_pass: Annotated[Positive | None, measured_in("Hz")] = None
     """Frequency at which a Butterworth low-pass lets 71 % of the amplitude through [Hz]; it starts settled. Default:
     none."""
     order: Annotated[int, msgspec.Meta(ge=1, le=8)] | None = None
     """Order of the low-pass. Default: 1."""
-    rate: Positive | None = None
+    rate: Annotated[Positive | None, measured_in("Hz")] = None
     """How often it is asked [Hz], at t = k / rate; in between the reading is held. Default: at every sample."""
     resolution: Deviation | None = None
     """Step between two readings, which are its multiples [unit of the column]. Default: none."""

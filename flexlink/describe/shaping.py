@@ -23,7 +23,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.data import documents
 from flexlink.describe import data_files
-from flexlink.describe.spec import NonNegative, Positive, Spec
+from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
 
 Ratio = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 
@@ -77,7 +77,7 @@ class InputShaper(Spec, frozen=True):
 
     Examples
     --------
-    >>> slow = fl.pd_poles(chain, q, kp=(2e4, 1e4), kd=(600.0, 250.0))[:1]  # what is to be left out
+    >>> slow = fl.small_motion.pd_poles(chain, q, kp=(2e4, 1e4), kd=(600.0, 250.0))[:1]  # what is to be left out
     >>> shaper = fl.InputShaper.at(slow, "ZV")
     >>> times, amplitudes = shaper.impulses
     >>> print(times.round(3), amplitudes.round(3))  # s
@@ -87,11 +87,11 @@ class InputShaper(Spec, frozen=True):
 
     kind: str
     """Which shaper: a name, or the path of a shaper's file."""
-    frequency_hz: tuple[Positive, ...] | None = None
+    frequency_hz: Annotated[tuple[Positive, ...] | None, measured_in("Hz")] = None
     """Undamped frequencies of the vibrations [Hz]."""
     damping: tuple[Ratio, ...] | None = None
     """Damping ratio of each vibration [1]. Default: none."""
-    poles: tuple[tuple[float, float], ...] | None = None
+    poles: Annotated[tuple[tuple[float, float], ...] | None, measured_in("1/s")] = None
     """Vibrations by [Re λ, Im λ] [1/s], in place of `frequency_hz`."""
 
     def __post_init__(self) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 import re
 import reprlib
@@ -14,10 +13,9 @@ from typing import Annotated, Any, Union, cast, get_args, get_origin
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike
 
-from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.common.types import Array, T
+from flexlink.common.errors import SceneError
+from flexlink.common.types import T
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.expected import expected, why_not
 
@@ -29,6 +27,13 @@ Deviation = Annotated[float, msgspec.Meta(ge=SMALL, le=LARGE)]
 Vector3 = tuple[float, float, float]
 ONE_PER_LINK = msgspec.Meta(extra={"one per": "link"})
 """Marks the annotation of a list with one number per link: paths lead to its items by the links' names or numbers."""
+
+
+def measured_in(*units: str) -> msgspec.Meta:
+    """Marks the annotation of a number with its unit; of a joint's with two, of one that turns and one that slides."""
+    return msgspec.Meta(extra={"units": units})
+
+
 PerLink = Annotated[tuple[float, ...], ONE_PER_LINK]
 NonNegativePerLink = Annotated[tuple[NonNegative, ...], ONE_PER_LINK]
 PositivePerLink = Annotated[tuple[Positive, ...], ONE_PER_LINK]
@@ -251,8 +256,17 @@ def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:
 @functools.cache
 def is_per_link(kind: Any) -> bool:
     """Whether an annotation, or one of a union, is marked by `ONE_PER_LINK`."""
-    parts = get_args(kind) if get_origin(kind) in {Union, UnionType} else (kind,)
-    return any(ONE_PER_LINK in get_args(part)[1:] for part in parts if get_origin(part) is Annotated)
+    if get_origin(kind) is Annotated:
+        inner, *marks = get_args(kind)
+        return ONE_PER_LINK in marks or is_per_link(inner)
+    return get_origin(kind) in {Union, UnionType} and any(map(is_per_link, get_args(kind)))
+
+
+def units_of(kind: Any) -> tuple[str, ...]:
+    """The units that an annotation is marked with by `measured_in`."""
+    marks = get_args(kind)[1:] if get_origin(kind) is Annotated else ()
+    extras = (mark.extra or {} for mark in marks if isinstance(mark, msgspec.Meta))
+    return next((extra["units"] for extra in extras if "units" in extra), ())
 
 
 def link_key(names: Sequence[object], k: int) -> str:
@@ -319,53 +333,6 @@ def _flaw(value: object) -> tuple[Any, ...] | None:
         if flaw is not None:
             return key, *flaw
     return None
-
-
-def require_increasing(name: str, times: Sequence[float]) -> None:
-    """Check that the times of a table's rows increase.
-
-    Raises
-    ------
-    SceneError
-        There is none, or one does not; the message names the row.
-    """
-    if not times:
-        raise SceneError(f"{name} = (): a table has one row or more")
-    for k, (before, time) in enumerate(itertools.pairwise(times), 1):
-        if not time > before:
-            raise SceneError(
-                f"{name}[{k}] = {time!r}: must be greater than {name}[{k - 1}] = {before!r}; times increase"
-            )
-
-
-def require_positive(name: str, number: float, why: str = "") -> None:
-    """Check a number that must be positive because of what stands beside it; `why` ends the message.
-
-    Raises
-    ------
-    SceneError
-        It is not.
-    """
-    if not number > 0:
-        raise SceneError(f"{name} = {number!r}: expected float > 0.0{why}")
-
-
-def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
-    """`value` as a float64 array of its own, row by row.
-
-    Raises
-    ------
-    ArgumentError
-        It is no array, holds what is no number, or an integer beyond float64; the message says what is `wanted`.
-    """
-    try:
-        array = np.array(value)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{name}: not an array: {error}; expected {wanted}") from None
-    if array.dtype.kind not in "fiu":
-        beyond = " (no integers that overflow float64)" if array.dtype.kind == "O" else ""
-        raise ArgumentError(f"{name} has dtype {array.dtype}; expected {wanted}{beyond}")
-    return np.array(array, np.float64, order="C")
 
 
 def _lower(reason: str) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple, get_args, get_origin
+from typing import Any, get_args, get_origin
 
 import msgspec
 from msgspec.structs import replace
@@ -22,6 +22,9 @@ from flexlink.describe.spec import Spec, bare_type, build_validated, decode, fie
 from flexlink.describe.vary import Keys, parts_of, routes_to, to_document
 
 Tree = dict[Any, Any]
+Base = tuple[Scene, Mapping[str, Any], Tree]
+"""A scene, and where numbers are put into it: annotations of what stands at each path, and a tree from the scene's
+fields on, whose leaves are paths."""
 
 
 class Variants:
@@ -38,19 +41,19 @@ class Variants:
             numbers = [path for path in numbers if parts_of(path)[0] in beside_links]
             tops = {parts_of(path)[:1] for path in paths if path not in numbers}
         self.numbers = tuple(path for path in numbers if parts_of(path)[:1] not in tops)
-        self._base: tuple[list[object], _Base | None] | None = None  # of the last values that are no numbers
+        self._base: tuple[list[object], Base | None] | None = None  # of the last values that are no numbers
 
     def varied(self, changes: Mapping[str, object]) -> Scene:
         """`Scene.varied`, with values at all paths; errors as there."""
         numbers = {path: value for path, value in changes.items() if path in self.numbers}
         if numbers:
             base = self._base_of({path: value for path, value in changes.items() if path not in numbers})
-            variant = base.variant(numbers) if base is not None else None
+            variant = _variant(*base, numbers) if base is not None else None
             if variant is not None:
                 return variant
         return self.scene.varied(changes) if changes else self.scene
 
-    def _base_of(self, others: Mapping[str, object]) -> _Base | None:
+    def _base_of(self, others: Mapping[str, object]) -> Base | None:
         values = list(others.values())
         if self._base is None or any(a is not b for a, b in zip(self._base[0], values, strict=True)):
             try:
@@ -61,28 +64,21 @@ class Variants:
         return self._base[1]
 
 
-class _Base(NamedTuple):
-    """A scene, and where numbers are put into it."""
-
-    scene: Scene
-    kinds: Mapping[str, Any]  # annotations of what stands at each path
-    tree: Tree  # from the scene's fields on; its leaves are paths
-
-    def variant(self, numbers: Mapping[str, object]) -> Scene | None:
-        """The scene with these numbers; None where `Scene.varied` has to look at them."""
-        if any(value is None for value in numbers.values()):
-            return None
-        try:
-            read = {path: _read(value, self.kinds[path], path) for path, value in numbers.items()}
-            scene: Scene = build_validated(_with, self.scene, self.tree, read)
-            if scene.arm.links is not self.scene.arm.links:
-                hinges_of(scene.arm)
-        except (FlexlinkError, msgspec.ValidationError):
-            return None
-        return scene
+def _variant(base: Scene, kinds: Mapping[str, Any], tree: Tree, numbers: Mapping[str, object]) -> Scene | None:
+    """The scene with these numbers; None where `Scene.varied` has to look at them."""
+    if any(value is None for value in numbers.values()):
+        return None
+    try:
+        read = {path: _read(value, kinds[path], path) for path, value in numbers.items()}
+        scene: Scene = build_validated(_with, base, tree, read)
+        if scene.arm.links is not base.arm.links:
+            hinges_of(scene.arm)
+    except (FlexlinkError, msgspec.ValidationError):
+        return None
+    return scene
 
 
-def _base(scene: Scene, paths: Sequence[str]) -> _Base | None:
+def _base(scene: Scene, paths: Sequence[str]) -> Base | None:
     """None where a number of the scene cannot be replaced where it stands."""
     if not _reads_back(scene, paths):
         return None
@@ -93,7 +89,7 @@ def _base(scene: Scene, paths: Sequence[str]) -> _Base | None:
             kinds[path] = kind
             if not _plant(tree, scene, (("arm", *keys) if keys[0] in OF_ARM else keys), path):
                 return None
-    return _Base(scene, MappingProxyType(kinds), tree)
+    return scene, MappingProxyType(kinds), tree
 
 
 def _reads_back(scene: Scene, paths: Sequence[str]) -> bool:
@@ -155,7 +151,7 @@ def _is_number(scene: Scene, path: str) -> bool:
         routes = routes_to(scene.document(), FIELDS, path)
     except FlexlinkError:
         return False
-    return bool(routes) and all(map(_numeric, {route.kind for route in routes}))
+    return bool(routes) and all(map(_numeric, {kind for _, kind in routes}))
 
 
 def _numeric(kind: Any) -> bool:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, get_origin
+from typing import Any, get_origin
 
 import msgspec
 
@@ -27,13 +27,6 @@ PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")
 
 Keys = tuple[Any, ...]
 """Of tables, and numbers of items from 0."""
-
-
-class Route(NamedTuple):
-    """One place that a path leads to."""
-
-    keys: Keys
-    kind: Any  # annotation of what stands there
 
 
 def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
@@ -109,7 +102,7 @@ def number_in(values: Sequence[Any]) -> float:
     return float(values[0])
 
 
-def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[Route]:
+def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[tuple[Keys, Any]]:
     """Where a path leads: keys of tables and numbers of items from 0, and the annotation of what stands there.
 
     Arguments and errors as in `values_at`.
@@ -119,7 +112,7 @@ def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> 
         kind: Any = kinds
         for key in route:
             kind = kind[key] if isinstance(kind, dict) else type_below(kind, str(key))
-        routes.append(Route(route, kind))
+        routes.append((route, kind))
     return routes
 
 

@@ -13,7 +13,6 @@ from flexlink.common.errors import ArgumentError, EngineError, SingularMassError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.diagnosis.differences import Finding, differences
-from flexlink.diagnosis.foreign_files import LoadedFile
 from flexlink.diagnosis.matching import Match
 from flexlink.diagnosis.mistakes import table
 from flexlink.diagnosis.native import NativeEngine
@@ -23,7 +22,7 @@ from flexlink.diagnosis.stable_steps import LARGEST
 from flexlink.diagnosis.states import State
 from flexlink.engines import ENGINES
 from flexlink.engines.actuators import mark_unspecified, not_compared, taken_from_scene, with_drive
-from flexlink.engines.base import Engine
+from flexlink.engines.base import Engine, FileEngine
 from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, ReadBack, of_chain, to_chain
 
@@ -120,7 +119,7 @@ def _by_us(chain: Chain, engine: str) -> tuple[str, ...]:
 
 def diagnose_file(
     chain: Chain,
-    loaded: LoadedFile,
+    loaded: tuple[str, FileEngine, tuple[str, ...]],
     states: Sequence[State],
     progress: Callable[[float], None] | None = None,
     *,

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Indices
-from flexlink.diagnosis.joint_axes import Displacement, Realigned, deviations, reach, undo_displacements
+from flexlink.diagnosis.joint_axes import Displacement, deviations, reach, undo_displacements
 from flexlink.diagnosis.matching import Match, match_joints
-from flexlink.diagnosis.mistakes import Field, Mistake, table
-from flexlink.diagnosis.shapes import Discrepancy, fewer_digits, moments
+from flexlink.diagnosis.mistakes import Field, Mistake, _names, _short, _where, table
+from flexlink.diagnosis.shapes import Discrepancy, fewer_digits
 from flexlink.engines.actuators import limits
 from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
@@ -114,16 +114,16 @@ def _shared(read: ReadBack, field: str) -> Array:
 
 
 def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:
-    realigned = undo_displacements(ours, theirs, PLACED, tuple(table().length_units))
-    fields = _differing(ours, realigned.theirs)
+    realigned, displacements, displaced = undo_displacements(ours, theirs, PLACED, tuple(table().length_units))
+    fields = _differing(ours, realigned)
     everything = _differing(ours, theirs)
-    if len(realigned.displacements) + len(fields) > 1 and all(fewer_digits(diff) for diff in everything.values()):
+    if len(displacements) + len(fields) > 1 and all(fewer_digits(diff) for diff in everything.values()):
         labels = ", ".join(table().fields[field].label for field in everything)
         digits = -np.log10(max(map(_relative_error, everything.values())))
         what, likely = f"{labels}: correct to only about {digits:.0f} digits", "digits were lost in writing"
         return [Finding(what, likely, "write numbers with all 17 digits (repr, %.17g)", faulty=theirs)]
     findings = [
-        *_displacements(realigned, theirs, format),
+        *_displacements(realigned, displacements, displaced, theirs, format),
         *(_explained(field, diff, format) for field, diff in fields.items()),
     ]
     same_cause = itertools.groupby(findings, key=lambda finding: (finding.likely, finding.remedy))
@@ -141,21 +141,23 @@ def _joined(ours: ReadBack, group: list[Finding]) -> Finding:
     return dataclasses.replace(group[0], what=what, faulty=dataclasses.replace(ours, **fields))
 
 
-def _displacements(realigned: Realigned, theirs: ReadBack, format: str) -> Iterator[Finding]:
+def _displacements(
+    realigned: ReadBack, displacements: list[Displacement], displaced: ReadBack, theirs: ReadBack, format: str
+) -> Iterator[Finding]:
     """One finding for each kind of displaced axes."""
-    L, shown = reach(realigned.theirs), 3
+    L, shown = reach(realigned), 3
     ref = next((table().fields["lines"], row.likely, row.remedy) for row in table().mistakes if row.setting == "ref")
     for kind, words in table().misplaced.items():
-        displaced = [each for each in realigned.displacements if _kind(each, L) == kind]
-        if not displaced:
+        found = [each for each in displacements if _kind(each, L) == kind]
+        if not found:
             continue
-        joints = [theirs.names[each.joint] for each in displaced]
-        joint_words = [f"joint {name!r} {_displaced(each, L)}" for name, each in zip(joints, displaced, strict=True)]
+        joints = [theirs.names[each.joint] for each in found]
+        joint_words = [f"joint {name!r} {_displaced(each, L)}" for name, each in zip(joints, found, strict=True)]
         what = f"{', '.join(joint_words[:shown])}{' …' * (len(joint_words) > shown)}"
         what += ", but not its body" if kind == "position" else ""
-        what += ", with all links behind it" if displaced[-1].axes is None else ""
-        what += "" if displaced[-1].rigid else ", and with further displacements, which are not analysed"
-        yield _worded(ref if "ref" in theirs.settings else words, what, _names(joints), format, realigned.ours)
+        what += ", with all links behind it" if found[-1].axes is None else ""
+        what += "" if found[-1].rigid else ", and with further displacements, which are not analysed"
+        yield _worded(ref if "ref" in theirs.settings else words, what, _names(joints), format, displaced)
 
 
 def _kind(displacement: Displacement, L: float) -> str:
@@ -305,20 +307,6 @@ def _subject(field: str, where: str) -> str:
     return f"{label} of {where}" if where else label
 
 
-def _where(names: Sequence[str], rows: Indices) -> str:
-    """The joints of some rows of a field in words; of fields between two joints the pairs."""
-    if rows.ndim == 1:
-        return _names([names[k] for k in rows])
-    pairs = [f"{names[i]!r} and {names[j]!r}" for i, j in rows[:3]]
-    some = f"{'; '.join(pairs)}{' …' * (len(rows) > 3)}"
-    return f"joints {some}" if len(rows) == 1 else f"{len(rows)} pairs of joints ({some})"
-
-
-def _names(names: Sequence[str]) -> str:
-    first = ", ".join(map(repr, names[:3]))
-    return f"joint {first}" if len(names) == 1 else f"{len(names)} joints ({first}{' …' * (len(names) > 3)})"
-
-
 def _instead(field: str, diff: Discrepancy) -> str:
     """The first number that was read, the expected one and the factor; the relative error, if both look alike."""
     if field == "slides":
@@ -349,10 +337,3 @@ def _of_joints(field: str, diff: Discrepancy) -> Field:
 def _relative_error(diff: Discrepancy) -> float:
     """Largest difference, relative to the largest number."""
     return float(np.abs(diff.theirs - diff.ours).max() / np.abs(diff.ours).max())
-
-
-def _short(value: Array) -> str:
-    """A number, a vector, or the principal moments of an inertia."""
-    numbers = moments(value) if np.ndim(value) == 2 else np.atleast_1d(value)
-    text = ", ".join(f"{x + 0.0:.6g}" for x in numbers)
-    return f"({text})" if len(numbers) > 1 else text

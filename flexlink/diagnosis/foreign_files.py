@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import cast
 
 from flexlink.chain.arguments import require_one_of
 from flexlink.common import safe_xml
@@ -18,18 +18,12 @@ READERS = {"mjcf": ("mujoco",), "urdf": ("pinocchio", "mujoco"), "sdf": ("drake"
 """Engines that read a format, the default first."""
 
 
-class LoadedFile(NamedTuple):
-    """A foreign file in its engine."""
-
-    format: str
-    engine: FileEngine
-    stderr_errors: tuple[str, ...]  # printed by the engine, which went on reading
-
-
 def load_file(
     path: Path, n: int, engine: str | None = None, *, base: Array | None = None, here: bool = False
-) -> LoadedFile:
+) -> tuple[str, FileEngine, tuple[str, ...]]:
     """Load a file with about `n` joints, in a child process, which it may crash, or in this one (`here`).
+
+    Returns its format, its engine, and errors that the engine has printed, which went on reading.
 
     `base` is the rotation, at angles of zero, of a scene's base that floats: the file's does, too, and counts from it.
 
@@ -53,7 +47,7 @@ def load_file(
         loaded.read_back().require_sound()
     except ArgumentError as error:
         raise DataFileError(f"{path}: {error}") from error
-    return LoadedFile(format, loaded, tuple(loaded.stderr_errors) if isinstance(loaded, IsolatedEngine) else ())
+    return format, loaded, tuple(loaded.stderr_errors) if isinstance(loaded, IsolatedEngine) else ()
 
 
 def _format(path: Path, n: int) -> str:

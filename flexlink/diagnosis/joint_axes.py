@@ -30,25 +30,20 @@ class Displacement(NamedTuple):
     )
 
 
-class Realigned(NamedTuple):
-    """Their record without its displacements, the displacements, and our record with them."""
-
-    theirs: ReadBack
-    displacements: list[Displacement]
-    ours: ReadBack
-
-
-def undo_displacements(ours: ReadBack, theirs: ReadBack, tolerance: float, units: Sequence[float] = ()) -> Realigned:
+def undo_displacements(
+    ours: ReadBack, theirs: ReadBack, tolerance: float, units: Sequence[float] = ()
+) -> tuple[ReadBack, list[Displacement], ReadBack]:
     """Move their joints back, from the base on: each time the first that is displaced, rigidly with all that follows.
 
     An axis that is displaced alone is moved alone. `units` are factors by which a wrong unit of length can scale the
     distance between joints. Where no rigid motion fits, frames further out are wrong, too: the rest is taken from ours.
+    Returns their record without its displacements, the displacements, and our record with them.
     """
     if (factor := _common_unit(ours, theirs, tolerance, units)) is not None:
         offsets = np.linalg.norm(theirs.points - ours.points, axis=1)
         joints = _displaced_joints(ours, theirs, tolerance)
         everywhere = [Displacement(int(k), 0.0, float(offsets[k]), unit_factor=factor) for k in joints]
-        return Realigned(_scaled(theirs, 1 / factor), everywhere, _scaled(ours, factor))
+        return _scaled(theirs, 1 / factor), everywhere, _scaled(ours, factor)
     displacements, ours_displaced = list[Displacement](), ours
     while len(joints := _displaced_joints(ours, theirs, tolerance)):
         first, theirs, ours_displaced = _undo_one(ours, theirs, ours_displaced, int(joints[0]), tolerance, units)
@@ -57,9 +52,8 @@ def undo_displacements(ours: ReadBack, theirs: ReadBack, tolerance: float, units
             first = first._replace(rigid=False)
         displacements.append(first)
         if not first.rigid:
-            rest = _with_tail_of(theirs, ours, k), displacements, _with_tail_of(ours_displaced, theirs, k)
-            return Realigned(*rest)
-    return Realigned(theirs, displacements, ours_displaced)
+            return _with_tail_of(theirs, ours, k), displacements, _with_tail_of(ours_displaced, theirs, k)
+    return theirs, displacements, ours_displaced
 
 
 def _undo_one(

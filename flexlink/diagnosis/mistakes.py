@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from flexlink.common.types import Array, Indices
 from flexlink.data.documents import read_toml
 from flexlink.diagnosis import shapes
-from flexlink.diagnosis.shapes import Shape
+from flexlink.diagnosis.shapes import Shape, moments
 
 
 class Field(NamedTuple):
@@ -67,3 +71,24 @@ def _shape(row: dict[str, Any]) -> Shape:
     shape = getattr(shapes, row["shape"])
     found: Shape = shape(*row["factors"]) if "factors" in row else shape
     return found
+
+
+def _where(names: Sequence[str], rows: Indices) -> str:
+    """The joints of some rows of a field in words; of fields between two joints the pairs."""
+    if rows.ndim == 1:
+        return _names([names[k] for k in rows])
+    pairs = [f"{names[i]!r} and {names[j]!r}" for i, j in rows[:3]]
+    some = f"{'; '.join(pairs)}{' …' * (len(rows) > 3)}"
+    return f"joints {some}" if len(rows) == 1 else f"{len(rows)} pairs of joints ({some})"
+
+
+def _names(names: Sequence[str]) -> str:
+    first = ", ".join(map(repr, names[:3]))
+    return f"joint {first}" if len(names) == 1 else f"{len(names)} joints ({first}{' …' * (len(names) > 3)})"
+
+
+def _short(value: Array) -> str:
+    """A number, a vector, or the principal moments of an inertia."""
+    numbers = moments(value) if np.ndim(value) == 2 else np.atleast_1d(value)
+    text = ", ".join(f"{x + 0.0:.6g}" for x in numbers)
+    return f"({text})" if len(numbers) > 1 else text

@@ -205,7 +205,7 @@ def buckling_loads(
     Examples
     --------
     >>> standing = np.where(np.arange(chain.n) == 0, np.pi / 2, 0.0)  # rad; upright
-    >>> factors = fl.buckling_loads(chain, standing, locked=["upper", "fore"])
+    >>> factors = fl.strength.buckling_loads(chain, standing, locked=["upper", "fore"])
     >>> print(factors[0].round(1))  # times its weight and load
     140.9
     """

@@ -86,7 +86,7 @@ def internal_loads(
 
     Examples
     --------
-    >>> cuts = fl.internal_loads(chain, q, qd, qdd)
+    >>> cuts = fl.strength.internal_loads(chain, q, qd, qdd)
     >>> print(cuts.moment[chain.body("fore"), 2].round(2))  # N m: what bends the elbow
     -30.31
     >>> print(run.loads.moment.shape)  # along a run: samples, bodies, axes

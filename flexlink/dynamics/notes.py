@@ -8,9 +8,9 @@ import numpy as np
 
 from flexlink.chain.arguments import require_type
 from flexlink.chain.lumping import lump
-from flexlink.describe.arm import Link
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.joint import Joint
+from flexlink.describe.link import Link
 from flexlink.describe.run_settings import DEFAULT_TOLERANCE
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.start_notes import balance, slack_springs, unheld_joints

@@ -25,8 +25,8 @@ from flexlink.chain.lumping import lump
 from flexlink.chain.table_beam import TableBeam
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.arm import AXES
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.link import AXES
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.batches import is_batch, rows
@@ -83,7 +83,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
 
     Examples
     --------
-    >>> gauge = fl.beam_strain(scene, q, link="upper", fibre=(0.025, 0.0))
+    >>> gauge = fl.strength.beam_strain(scene, q, link="upper", fibre=(0.025, 0.0))
     >>> print(gauge.x.round(3), (1e6 * gauge.strain).round(1))  # m from the root; µm/m
     [0.211 0.789] [194.2 114.8]
     """

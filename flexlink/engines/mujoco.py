@@ -5,7 +5,7 @@ smooth Coulomb law c tanh(q̇/w) and what springs of rotation vectors take more,
 tip wrench that changes, so that every stage of MuJoCo's RK4 sees them. The tip wrench is an external force on the
 massless body of the tip, whose centre is its origin; MuJoCo, too, applies it at every stage.
 
-MuJoCo numbers joints branch by branch, and a free base is its `freejoint`: both are turned into ours (`coordinates`).
+MuJoCo numbers joints depth first, and a free base is its `freejoint`: both are turned into ours (`coordinates`).
 An arm with a free base runs in our coordinates, by the scene's Runge-Kutta method over MuJoCo's accelerations.
 """
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
@@ -22,14 +21,9 @@ from flexlink.engines.base import (
 from flexlink.engines.coordinates import Coordinates
 from flexlink.kernels.inputs.drive_torque import follow
 
-
-class Accelerations(Protocol):
-    """What finds them, shape (n,), those of prescribed joints as in `prescribed`."""
-
-    def __call__(
-        self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
-    ) -> Array:
-        """Of joint torques, and of force and moment (6,) on the tip in axes of frame 0; if it follows, in the tip's."""
+Accelerations = Callable[..., Array]
+"""What finds accelerations (n,), those of prescribed joints as in `prescribed`: a function of q, q̇, torques of joints,
+and force and moment (6,) on the tip, or None, in axes of frame 0, or, if it `follows`, in the tip's."""
 
 
 def run_in_steps(

@@ -6,7 +6,6 @@ All formats represent what is not in the table: bodies, placements, axes, viscou
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,12 +14,8 @@ from flexlink.chain.chain import Chain
 from flexlink.describe.initial import BaseState
 from flexlink.describe.scene import Scene
 
-
-class Feature(NamedTuple):
-    """A feature that a scene may have."""
-
-    there: Callable[[Scene, Chain], bool]
-    instead: dict[str, str]  # by format: what its file has instead; no entry: the format represents the feature
+Feature = tuple[Callable[[Scene, Chain], bool], dict[str, str]]
+"""Whether a scene has it; by format what its file has instead: without an entry the format represents it."""
 
 
 def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:
@@ -36,7 +31,7 @@ def _features() -> dict[str, Feature]:
     ignored = "written in elements that other programs ignore"
 
     def feature(there: Callable[[Scene, Chain], bool], everywhere: str = "", **instead: str) -> Feature:
-        return Feature(there, dict.fromkeys(("urdf", "mjcf", "sdf"), everywhere) if everywhere else instead)
+        return there, (dict.fromkeys(("urdf", "mjcf", "sdf"), everywhere) if everywhere else instead)
 
     return {
         "gravity": feature(lambda scene, _: any(scene.gravity), urdf=ignored),
@@ -106,7 +101,7 @@ def not_held(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
     """
     require_one_of("format", format, dict.fromkeys(("urdf", "mjcf", "sdf")))
     return {
-        name: feature.instead[format]
-        for name, feature in FEATURES.items()
-        if format in feature.instead and feature.there(scene, chain)
+        name: instead[format]
+        for name, (there, instead) in FEATURES.items()
+        if format in instead and there(scene, chain)
     }

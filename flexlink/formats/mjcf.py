@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -34,7 +33,6 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.products import product
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
-from flexlink.describe.rigid_body import ROUNDING
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.formats.capsules import Capsule, capsules_behind, colours
 from flexlink.formats.document import (
@@ -53,7 +51,13 @@ from flexlink.formats.document import (
     xml_joint_names,
     xml_link_names,
 )
-from flexlink.formats.principal import principal_axes
+from flexlink.formats.principal import (
+    SMALLEST,
+    _inertial,
+    _largest_possible,
+    _principal,
+    _require_loadable,
+)
 from flexlink.formats.tendons import SHARED, add_tendons, left_to_joints
 from flexlink.kernels.layout import BODY, HINGE, SLIDES
 
@@ -62,7 +66,6 @@ JOINT_ATTRIBUTES = {
     "frictionloss": "coulomb",
 }  # fmt: skip
 """Attribute of <joint>: field of the hinge."""
-SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL
 USER_FIELDS = sorted(
     {*(HINGE.names or ())} - {*JOINT_ATTRIBUTES.values(), "lower", "upper"},
     key=lambda name: (name != "coulomb_width", name),
@@ -164,21 +167,13 @@ def _nested(chain: Chain) -> int:
     return max(depth)
 
 
-class _Open(NamedTuple):
-    """Where the bodies that hang on one are to be written."""
-
-    element: ET.Element
-    frame: Pose  # of the body in that of the element
-    waiting: list[_Hinge]  # which the next body with mass takes along
-
-
 def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
     """Bodies and tips, nested; `own` gets the exact values of what MJCF rounds."""
     joints, links, shown = xml_joint_names(chain), xml_link_names(chain), capsules_behind(chain) if shapes else {}
     hinges, ends = _beside_tendons(chain), dict(zip(chain.tips.values(), tips(chain), strict=True))
     for k in sorted({*chain.couplings["inner"].tolist(), *chain.couplings["outer"].tolist()}):
         _exact(own, f"springs.{joints[k]}", *(chain.hinges[k][field] for field in SHARED))
-    opened, floats, axes = [_Open(world, HERE, [])], base_joints(chain), chain.hinges["axis"] % SLIDES
+    opened, floats, axes = [(world, HERE, list[_Hinge]())], base_joints(chain), chain.hinges["axis"] % SLIDES
     turns = _turning(chain)
     for b, body in enumerate(chain.bodies):
         parent, frame, waiting = opened[body["parent"]]
@@ -216,7 +211,7 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
             for capsule in shown.get(int(body["stop"]) - 1, []):
                 _shape(parent, capsule)
             frame, waiting = HERE, []
-        opened.append(_Open(parent, frame, waiting))
+        opened.append((parent, frame, waiting))
 
 
 def _turning(chain: Chain) -> list[bool]:
@@ -329,47 +324,3 @@ def _beside_tendons(chain: Chain) -> NDArray[np.void]:
 def _body(parent: ET.Element, name: str, frame: Pose) -> ET.Element:
     quaternion = decimals(quaternion_from_matrix(frame.R))
     return ET.SubElement(parent, "body", name=name, pos=decimals(frame.p), quat=quaternion)
-
-
-def _principal(body: np.void) -> tuple[Array, Array]:
-    """Principal moments and axes, to 2e-15; MuJoCo's own `fullinertia` has errors of 1e-14.
-
-    Axes within 1e-6 of the body's, and a centre within 1e-6 m of its origin, count as these for MuJoCo; Y, Z, X do not.
-    """
-    I, center = body["inertia"], np.abs(body["center"]).max()
-    moments, axes = (np.diag(I), np.eye(3)) if np.array_equal(I, np.diag(np.diag(I))) else principal_axes(I)
-    away = np.abs(axes - np.eye(3)).max()
-    near = 4e-6  # of rotations and centres [m]: more than MuJoCo neglects
-    if away < near and (away or 0 < center < near):
-        return moments[[1, 2, 0]], axes[:, [1, 2, 0]]
-    return moments, axes
-
-
-def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
-    """Refuse a body that MuJoCo refuses; there is no other way to write it."""
-    light = body["mass"] < SMALLEST or moments.min() < SMALLEST
-    if not light and moments.max() * (1 - ROUNDING) <= _largest_possible(moments):
-        return
-    joint = int(body["stop"]) - 1
-    number = chain.coordinate(joint).link
-    link = f"link {chain.link_names[number - 1]!r}" if number else "the base"
-    rule = f"accepts neither below {SMALLEST:g}" if light else "accepts no moment larger than the other two together"
-    raise ArgumentError(
-        f"segment behind joint {chain.joint_name(joint)!r}: mass {body['mass']:.3g} kg, principal moments of inertia "
-        f"{', '.join(f'{moment:.3g}' for moment in moments)} kg m²: MuJoCo {rule}; change section, segments or hub of "
-        f"{link} or the payload, or use URDF"
-    )
-
-
-def _largest_possible(moments: Array) -> float:
-    """The sum of the two smaller moments, as MuJoCo adds them."""
-    low, middle, _ = np.sort(moments)
-    return float(low + middle)
-
-
-def _inertial(parent: ET.Element, body: np.void, moments: Array, axes: Array) -> None:
-    """Mass, centre and principal moments."""
-    ET.SubElement(
-        parent, "inertial", mass=decimals([body["mass"]]), pos=decimals(body["center"]),
-        quat=decimals(quaternion_from_matrix(axes)), diaginertia=decimals(moments),
-    )  # fmt: skip

@@ -7,11 +7,19 @@ on every CPU: the last digits of LAPACK, and the axes of nearly equal moments, d
 from __future__ import annotations
 
 import math
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from flexlink.chain.chain import Chain
+from flexlink.chain.rotation import quaternion_from_matrix
+from flexlink.common.errors import ArgumentError
 from flexlink.common.products import dot
 from flexlink.common.types import Array
+from flexlink.describe.rigid_body import ROUNDING
+from flexlink.formats.document import (
+    decimals,
+)
 
 
 def principal_axes(inertia: Array) -> tuple[Array, Array]:
@@ -43,3 +51,50 @@ def _rotate(I: Array, R: Array, j: int, k: int) -> None:
     for matrix in (I, I.T, R):  # columns, rows, columns
         matrix[:, j], matrix[:, k] = c * matrix[:, j] - s * matrix[:, k], s * matrix[:, j] + c * matrix[:, k]
     (I[j, j], I[k, k]), I[j, k], I[k, j] = ends, 0.0, 0.0
+
+
+SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL
+
+
+def _principal(body: np.void) -> tuple[Array, Array]:
+    """Principal moments and axes, to 2e-15; MuJoCo's own `fullinertia` has errors of 1e-14.
+
+    Axes within 1e-6 of the body's, and a centre within 1e-6 m of its origin, count as these for MuJoCo; Y, Z, X do not.
+    """
+    I, center = body["inertia"], np.abs(body["center"]).max()
+    moments, axes = (np.diag(I), np.eye(3)) if np.array_equal(I, np.diag(np.diag(I))) else principal_axes(I)
+    away = np.abs(axes - np.eye(3)).max()
+    near = 4e-6  # of rotations and centres [m]: more than MuJoCo neglects
+    if away < near and (away or 0 < center < near):
+        return moments[[1, 2, 0]], axes[:, [1, 2, 0]]
+    return moments, axes
+
+
+def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
+    """Refuse a body that MuJoCo refuses; there is no other way to write it."""
+    light = body["mass"] < SMALLEST or moments.min() < SMALLEST
+    if not light and moments.max() * (1 - ROUNDING) <= _largest_possible(moments):
+        return
+    joint = int(body["stop"]) - 1
+    number = chain.coordinate(joint).link
+    link = f"link {chain.link_names[number - 1]!r}" if number else "the base"
+    rule = f"accepts neither below {SMALLEST:g}" if light else "accepts no moment larger than the other two together"
+    raise ArgumentError(
+        f"segment behind joint {chain.joint_name(joint)!r}: mass {body['mass']:.3g} kg, principal moments of inertia "
+        f"{', '.join(f'{moment:.3g}' for moment in moments)} kg m²: MuJoCo {rule}; change section, segments or hub of "
+        f"{link} or the payload, or use URDF"
+    )
+
+
+def _largest_possible(moments: Array) -> float:
+    """The sum of the two smaller moments, as MuJoCo adds them."""
+    low, middle, _ = np.sort(moments)
+    return float(low + middle)
+
+
+def _inertial(parent: ET.Element, body: np.void, moments: Array, axes: Array) -> None:
+    """Mass, centre and principal moments."""
+    ET.SubElement(
+        parent, "inertial", mass=decimals([body["mass"]]), pos=decimals(body["center"]),
+        quat=decimals(quaternion_from_matrix(axes)), diaginertia=decimals(moments),
+    )  # fmt: skip

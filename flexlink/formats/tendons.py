@@ -12,7 +12,6 @@ which must not be negative. Without `springlength` a tendon is slack where the s
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -32,7 +31,7 @@ def add_tendons(root: ET.Element, chain: Chain, joints: Sequence[str]) -> None:
     if not len(chain.couplings):
         return
     parent, found = ET.SubElement(root, "tendon"), list(_tendons(chain))
-    names = unique(f"{joints[one.inner]}:{joints[one.outer]}" for one in found)
+    names = unique(f"{joints[inner]}:{joints[outer]}" for inner, outer, *_ in found)
     for name, (inner, outer, sign, stiffness, damping) in zip(names, found, strict=True):
         numbers = {"stiffness": decimals([stiffness]), "damping": decimals([damping])}
         tendon = ET.SubElement(parent, "fixed", {"name": name} | numbers)
@@ -69,21 +68,12 @@ def _instead(chain: Chain, k: int, field: str) -> str:
     return f"use more segments in link {link!r}, along which section or material change too fast, or URDF or SDF"
 
 
-class _Tendon(NamedTuple):
-    """A fixed tendon over two joints, with coefficients 1 and ±1."""
-
-    inner: int
-    outer: int
-    sign: int
-    stiffness: float
-    damping: float
-
-
-def _tendons(chain: Chain) -> Iterator[_Tendon]:
+def _tendons(chain: Chain) -> Iterator[tuple[int, int, int, float, float]]:
+    """Fixed tendons over two joints, with coefficients 1 and ±1: both, the sign, stiffness and damping."""
     for coupling in chain.couplings:
         i, j, k, d = coupling.item()
         if k * d < 0:
-            yield _Tendon(i, j, -1 if k < 0 else 1, abs(k), 0.0)
-            yield _Tendon(i, j, -1 if d < 0 else 1, 0.0, abs(d))
+            yield i, j, -1 if k < 0 else 1, abs(k), 0.0
+            yield i, j, -1 if d < 0 else 1, 0.0, abs(d)
         else:
-            yield _Tendon(i, j, -1 if k < 0 or d < 0 else 1, abs(k), abs(d))
+            yield i, j, -1 if k < 0 or d < 0 else 1, abs(k), abs(d)

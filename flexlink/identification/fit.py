@@ -51,11 +51,10 @@ def check_fit(problem: FitProblem) -> Check:
 
     Examples
     --------
-    >>> sought = tuple(fl.FitParameter(path=f"material.aluminium.{name}") for name in ("young", "density"))
+    >>> sought = tuple(fl.fits.FitParameter(path=f"material.aluminium.{name}") for name in ("young", "density"))
     >>> bare = scene.varied({"tip.mass": 0.0})
-    >>> check = fl.check_fit(
-    ...     fl.FitProblem(scene=bare, parameter=sought, modes=(fl.FitModes(hertz=(11.0, 50.0), deviation=(0.01,)),))
-    ... )
+    >>> tapped = fl.fits.FitModes(hertz=(11.0, 50.0), deviation=(0.01,))
+    >>> check = fl.fits.check_fit(fl.fits.FitProblem(scene=bare, parameter=sought, modes=(tapped,)))
     >>> print(check.passed, check.directions[0].names)
     False ('material.aluminium.young', 'material.aluminium.density')
     """
@@ -102,11 +101,8 @@ def fit(
     --------
     >>> recorded = fl.simulate(scene.varied({"tip.mass": 4.5, "run.duration": 0.5}))
     >>> data = {"t [s]": recorded.t, "tip y [m]": recorded.tip[:, 1]}
-    >>> found = fl.fit(
-    ...     fl.FitProblem(
-    ...         scene=scene, parameter=(fl.FitParameter(path="tip.mass"),), run=(fl.FitRun(name="fall", columns=data),)
-    ...     )
-    ... )
+    >>> sought, fall = fl.fits.FitParameter(path="tip.mass"), fl.fits.FitRun(name="fall", columns=data)
+    >>> found = fl.fit(fl.fits.FitProblem(scene=scene, parameter=(sought,), run=(fall,)))
     >>> print(f"{found['tip.mass'].value:.4f} kg")
     4.5000 kg
     """

@@ -151,9 +151,9 @@ class Fitted:
 
     Examples
     --------
-    >>> tapped = fl.FitModes(hertz=(5.5,), deviation=(0.02,))
-    >>> young = fl.FitParameter(path="material.aluminium.young")
-    >>> found = fl.fit(fl.FitProblem(scene=scene, parameter=(young,), modes=(tapped,)))
+    >>> tapped = fl.fits.FitModes(hertz=(5.5,), deviation=(0.02,))
+    >>> young = fl.fits.FitParameter(path="material.aluminium.young")
+    >>> found = fl.fit(fl.fits.FitProblem(scene=scene, parameter=(young,), modes=(tapped,)))
     >>> print(found.passed, found["material.aluminium.young"].low < found.scene.arm.materials["aluminium"].young)
     True True
     """
@@ -237,9 +237,9 @@ class Fitted:
 
         Examples
         --------
-        >>> young = fl.FitParameter(path="material.aluminium.young")
-        >>> tapped = fl.FitModes(hertz=(5.5,), deviation=(0.02,))
-        >>> page = fl.fit(fl.FitProblem(scene=scene, parameter=(young,), modes=(tapped,))).report("fitted")
+        >>> young = fl.fits.FitParameter(path="material.aluminium.young")
+        >>> tapped = fl.fits.FitModes(hertz=(5.5,), deviation=(0.02,))
+        >>> page = fl.fit(fl.fits.FitProblem(scene=scene, parameter=(young,), modes=(tapped,))).report("fitted")
         >>> print(page.page)
         fitted/index.html
         """

@@ -39,7 +39,7 @@ def load_fit(path: str | Path) -> FitProblem:
 
     Examples
     --------
-    >>> problem = fl.load_fit("models/fits/tapped.toml")
+    >>> problem = fl.fits.load_fit("models/fits/tapped.toml")
     >>> print(problem.scene.name, [parameter.path for parameter in problem.parameter])
     three_links ['material.aluminium.young', 'tip.mass']
     """

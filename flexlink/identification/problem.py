@@ -23,8 +23,8 @@ class FitParameter(Spec, frozen=True):
 
     Examples
     --------
-    >>> young = fl.FitParameter(path="material.aluminium.young", between=(5e10, 9e10))
-    >>> payload = fl.FitParameter(path="tip.mass", prior=(4.0, 0.1))  # weighed, ± 0.1 kg
+    >>> young = fl.fits.FitParameter(path="material.aluminium.young", between=(5e10, 9e10))
+    >>> payload = fl.fits.FitParameter(path="tip.mass", prior=(4.0, 0.1))  # weighed, ± 0.1 kg
     """
 
     path: str
@@ -57,8 +57,8 @@ class FitRun(Spec, frozen=True):
 
     Examples
     --------
-    >>> swing = fl.FitRun(name="swing", file="swing.csv", set={"tip.mass": 2.0}, noise={"tip y [m]": 1e-3})
-    >>> held_out = fl.FitRun(name="again", file="again.csv", use="check", window=(0.0, 2.0))
+    >>> swing = fl.fits.FitRun(name="swing", file="swing.csv", set={"tip.mass": 2.0}, noise={"tip y [m]": 1e-3})
+    >>> held_out = fl.fits.FitRun(name="again", file="again.csv", use="check", window=(0.0, 2.0))
     """
 
     name: str
@@ -99,7 +99,7 @@ class FitModes(Spec, frozen=True):
 
     Examples
     --------
-    >>> tapped = fl.FitModes(hertz=(5.71, 26.9), deviation=(0.02, 0.1))
+    >>> tapped = fl.fits.FitModes(hertz=(5.71, 26.9), deviation=(0.02, 0.1))
     """
 
     hertz: Annotated[tuple[Positive, ...], msgspec.Meta(min_length=1)]
@@ -135,7 +135,7 @@ class FitStatic(Spec, frozen=True):
 
     Examples
     --------
-    >>> sag = fl.FitStatic(axis="y", value=-3.1e-3, deviation=5e-5, before={"tip.mass": 0.0})  # m, by the payload
+    >>> sag = fl.fits.FitStatic(axis="y", value=-3.1e-3, deviation=5e-5, before={"tip.mass": 0.0})  # m, by the payload
     """
 
     axis: Literal["x", "y", "z"]
@@ -157,10 +157,10 @@ class FitProblem(Spec, frozen=True):
 
     Examples
     --------
-    >>> problem = fl.FitProblem(
+    >>> problem = fl.fits.FitProblem(
     ...     scene=scene,
-    ...     parameter=(fl.FitParameter(path="material.aluminium.young"),),
-    ...     modes=(fl.FitModes(hertz=(5.5,), deviation=(0.02,)),),
+    ...     parameter=(fl.fits.FitParameter(path="material.aluminium.young"),),
+    ...     modes=(fl.fits.FitModes(hertz=(5.5,), deviation=(0.02,)),),
     ... )
     >>> print(f"{fl.fit(problem).scene.arm.materials['aluminium'].young:.3g}")
     6.52e+10

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.describe.arm import Link
+from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.vary import parts_of
 from flexlink.identification.block import unit_in

@@ -35,10 +35,11 @@ from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.method_choice import Choice, cheapest, fastest_motion, tumbles
 from flexlink.motion.method_trial import FIRST, go_on_with_the_cheapest
-from flexlink.motion.monitor import LONG, RunMonitor
+from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.sampled_control import Control
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import SHORTEST, StopTimes
+from flexlink.motion.tolerable import LONG
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure
@@ -364,7 +365,8 @@ class AdaptiveSteps:
         """Where and how the run hangs, and what may help."""
         text = f"t = {self.time:.6g} s: {how}"
         if known := hindrance(self.record, self.state[0]):
-            return f"{text}; {known.cause}", known.advice
+            cause, advice = known
+            return f"{text}; {cause}", advice
         q, _, qdd, _ = self.state
         k, own = int(np.argmax(np.abs(qdd))), "" if self.run.method == AUTO else "method = 'auto', "
         chain = self.record.chain
@@ -428,7 +430,8 @@ class AdaptiveSteps:
             unsolved = f"Newton's iteration does not converge (joint {joint!r})"
             text = f"no step down to {h:.3g} s works at t = {now:.6g} s: {unsolved}"
         if known := hindrance(self.record, self.state[0]):
-            return Failure(f"{text}; {known.cause}", known.advice)
+            cause, advice = known
+            return Failure(f"{text}; {cause}", advice)
         if not self.run.controlled and self.record.chain.hinges["coulomb"].any():
             allowed = DEFAULT_TOLERANCE * self.record.chain.size
             cause = f"{text}; dry friction turns round within it"

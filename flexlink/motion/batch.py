@@ -22,7 +22,7 @@ from flexlink.motion.budget import warn
 from flexlink.motion.inputs.problem import problems_of
 from flexlink.motion.inputs.step_check import judge_steps
 from flexlink.motion.side_by_side import Block, Ended, Member, Run, alike, goes_along
-from flexlink.motion.simulate import SingleRun, allocate
+from flexlink.motion.single_run import SingleRun, allocate
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -18,18 +17,11 @@ from flexlink.motion.inputs.tip_wrench import wrench_at
 from flexlink.results.record import Record
 
 
-class Hindrance(NamedTuple):
-    """A cause, and what to change."""
-
-    cause: str
-    advice: str
-
-
-def hindrance(record: Record, q: Array) -> Hindrance | None:
-    """The known cause of short steps in a state with these angles (n,), or None."""
+def hindrance(record: Record, q: Array) -> tuple[str, str] | None:
+    """The known cause of short steps in a state with these angles (n,), and what to change; or None."""
     if loop_is_unstable(record):
         growth, _ = sampled_growth(record)
-        return Hindrance(
+        return (
             f"the control loop is unstable at drive.rate = {record.problem.scene.drive.rate:g} Hz: near the start, "
             f"motion grows by a factor of {growth:.3g} from one sample to the next",
             "use a higher rate, smaller gains, or no rate, or give the joints armature",
@@ -45,7 +37,7 @@ def loop_is_unstable(record: Record) -> bool:
     return growth > max(1.0, without) * (1.0 + faster_growth)
 
 
-def _locked_gimbal(record: Record, q: Array) -> Hindrance | None:
+def _locked_gimbal(record: Record, q: Array) -> tuple[str, str] | None:
     """The hinge of three axes, if there is one, of which the outer two nearly coincide."""
     # Cosine below which the outer two of three axes at one point nearly coincide: their rates are ten times the body's
     near_gimbal_lock = 0.1
@@ -54,7 +46,7 @@ def _locked_gimbal(record: Record, q: Array) -> Hindrance | None:
         axes = [k for k in group if (place[1] or place[2]) and chain.coordinates[k].axis]
         if len(axes) == 3 and abs(np.cos(q[axes[1]])) < near_gimbal_lock:
             name, angle = chain.joint_name(axes[1]), np.degrees(q[axes[1]])
-            return Hindrance(
+            return (
                 f"hinge {name!r} is bent by {angle:.1f}°, near gimbal lock: two of its three axes coincide",
                 "use more segments, or a shorter run",
             )

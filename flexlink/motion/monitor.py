@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.memo import keep_last
-from flexlink.common.types import Array, Indices
+from flexlink.common.types import Array
 from flexlink.describe.own_units import in_words
-from flexlink.describe.run_settings import AUTO, RunSettings
+from flexlink.describe.run_settings import AUTO
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
@@ -20,6 +19,7 @@ from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance
 from flexlink.motion.hindrance import hindrance
 from flexlink.motion.sampled_control import Control, held_torques_advice
 from flexlink.motion.step_errors import step_errors
+from flexlink.motion.tolerable import allowed_imbalance, apart, probed, tolerance_of
 from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -43,51 +43,6 @@ TIP_SHARE = 0.05
 DOUBT = 0.1
 """Part of `balance.SHARE` and `TIP_SHARE` from which a run is doubtful: what is seen of the errors are the losses of
 energy and the steps' own errors, which sensitive motion, and motion that drifts out of phase, multiply."""
-
-LONG = 100
-"""Number of steps with a tolerance in a run from which each is short: the error that it may have is in proportion."""
-
-
-TOLERABLE = 3.0
-"""Tolerances that a run may be off by: ten are the limit for an error at the end, one is what it should be."""
-
-APART = 128
-"""How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
-one in so many, which costs three in 128, 2 %."""
-
-
-def tolerance_of(run: RunSettings, chain: Chain, deflection: float) -> float:
-    """The tolerance of a run [m]; a relative one is a part of the size, or of the largest deflection so far [m]."""
-    return run.tolerance_within(deflection if run.accuracy == "deflection" else chain.size)
-
-
-def allowed_imbalance(run: RunSettings, chain: Chain, least: float, explicit: bool, compared: bool) -> Allowance:
-    """Energy imbalance that position errors δ of the bodies, as large as the tolerance, explain: m g δ and m v δ/τ.
-
-    τ, in which a body gets δ off its way, is a long step. Of a motion of a size errors of `TOLERABLE` δ that go as it
-    goes change rates by as large a part, and energies by twice that. An implicit method damps vibrations that stay
-    below δ, however fast they are, and all energy may have been theirs, or work that a drive does on them: it is
-    `compared` with a second run, if there is one, which judges. No δ is below the `least` tolerance [m].
-    """
-    if not run.controlled or run.duration == 0:
-        return balance.NOTHING
-    momentum, share = math.sqrt(2 * chain.mass) * LONG / run.duration, 2 * TOLERABLE if explicit else math.inf
-    part = run.tolerance_within(1.0) if run.accuracy == "deflection" else 0.0
-    δ = max(tolerance_of(run, chain, 0.0), least)
-    return Allowance(δ, part, chain.weight, momentum, share, not explicit, compared)
-
-
-def probed(run: RunSettings, rows: slice) -> Indices:
-    """Samples whose next step's error is measured."""
-    every = apart(run)
-    return np.arange(-(-rows.start // every) * every, rows.stop, every)
-
-
-def apart(run: RunSettings) -> int:
-    """Distance between measured steps [samples]."""
-    fewest = 64  # steps of a run whose error is measured, if it has so many
-    steps_apart = min(APART, (run.samples - 1) * run.steps_per_sample // fewest)
-    return max(1, -(-steps_apart // run.steps_per_sample))
 
 
 class RunMonitor:
@@ -208,7 +163,7 @@ class RunMonitor:
         if self.control is not None and self.control.sampled:
             return held_torques_advice(self.control.between)
         found = hindrance(self.record, self.record.q[0]) if self.record.inputs.drive.rate else None
-        return f"{found.cause}; {found.advice}" if found is not None else ""
+        return "; ".join(found or ())
 
     def _look(self, first: int, stop: int, methods: Sequence[tuple[int, str, str]]) -> None:
         """Judge samples: numbers are finite, the kinetic energy is positive, energy balances, hinges bend, limits."""

@@ -28,9 +28,10 @@ from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.fixed_steps import pieces, steps_up_to
 from flexlink.motion.inputs.drives import acts_on_many, same_law
-from flexlink.motion.monitor import AT_LIMIT, DOUBT, FAR, TIP_SHARE, RunMonitor, apart, probed
-from flexlink.motion.simulate import verify
+from flexlink.motion.monitor import AT_LIMIT, DOUBT, FAR, TIP_SHARE, RunMonitor
+from flexlink.motion.single_run import verify
 from flexlink.motion.step_errors import step_errors_side_by_side
+from flexlink.motion.tolerable import apart, probed
 from flexlink.motion.verification import FAR_TURNED
 from flexlink.results import balance
 from flexlink.results.record import Record

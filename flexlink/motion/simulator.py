@@ -21,10 +21,11 @@ from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.motion.inputs.drives import effort_of, held_torques, remembered
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.monitor import allowed_imbalance
 from flexlink.motion.sampled_control import held_torques_advice
 from flexlink.motion.sensing import sample_at
-from flexlink.motion.simulate import prepare, started_from, steps_of
+from flexlink.motion.simulate import started_from
+from flexlink.motion.single_run import prepare, steps_of
+from flexlink.motion.tolerable import allowed_imbalance
 from flexlink.results import balance
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State

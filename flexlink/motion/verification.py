@@ -19,7 +19,8 @@ from msgspec.structs import replace
 from flexlink.common.types import Array
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.motion.hindrance import sampled_growth
-from flexlink.motion.monitor import DOUBT, TIP_SHARE, TOLERABLE, RunMonitor
+from flexlink.motion.monitor import DOUBT, TIP_SHARE, RunMonitor
+from flexlink.motion.tolerable import TOLERABLE
 from flexlink.results.tip_motion import apart, motion_in_words
 
 STRICTER = 0.1

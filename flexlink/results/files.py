@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -15,24 +14,16 @@ from flexlink.results.columns import Columns
 from flexlink.results.samples import RunSamples
 
 
-@dataclasses.dataclass(frozen=True)
-class Writer:
-    """Writes a trajectory to a path, in a format."""
-
-    trajectory: RunSamples
-    format: str
-
-    def __call__(self, path: Path) -> None:
-        """Write the file."""
-        run = self.trajectory
-        if self.format == ".npz":
-            write_archive(path, _arrays(run))
-            return
-        rows = zip(*(column.tolist() for column in Columns(run).values()), strict=True)
-        header = ",".join('"' + name.replace('"', '""') + '"' for name in Columns(run))
-        with path.open("w", encoding="utf-8") as file:
-            file.write(header + "\n")
-            file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+def write(run: RunSamples, format: str, path: Path) -> None:
+    """Write a trajectory to a path, in a format."""
+    if format == ".npz":
+        write_archive(path, _arrays(run))
+        return
+    rows = zip(*(column.tolist() for column in Columns(run).values()), strict=True)
+    header = ",".join('"' + name.replace('"', '""') + '"' for name in Columns(run))
+    with path.open("w", encoding="utf-8") as file:
+        file.write(header + "\n")
+        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
 
 def _arrays(run: RunSamples) -> dict[str, Any]:

@@ -45,7 +45,7 @@ def settling_time(run: Trajectory, *, target: ArrayLike, tolerance: float, after
     Examples
     --------
     >>> rest = run.tip[-1]
-    >>> print(fl.settling_time(run, target=rest, tolerance=0.02) < 1.0)  # s
+    >>> print(fl.measures.settling_time(run, target=rest, tolerance=0.02) < 1.0)  # s
     True
     """
     after = real("after", after, "a time [s]")
@@ -78,7 +78,7 @@ def overshoot(run: Trajectory, *, target: ArrayLike) -> float:
 
     Examples
     --------
-    >>> print(f"{1e3 * fl.overshoot(run, target=run.tip[-1]):.0f} mm beyond")
+    >>> print(f"{1e3 * fl.measures.overshoot(run, target=run.tip[-1]):.0f} mm beyond")
     26 mm beyond
     """
     _, tip = _from(run, -math.inf)
@@ -114,7 +114,7 @@ def residual_vibration(run: Trajectory, *, after: float) -> float:
 
     Examples
     --------
-    >>> print(f"{1e3 * fl.residual_vibration(run, after=0.5):.0f} mm")  # the move ends at 0.5 s
+    >>> print(f"{1e3 * fl.measures.residual_vibration(run, after=0.5):.0f} mm")  # the move ends at 0.5 s
     17 mm
     """
     _, tip = _from(run, after, least=2)

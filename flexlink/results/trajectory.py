@@ -14,7 +14,7 @@ from flexlink.common.types import Array
 from flexlink.data.documents import require_path
 from flexlink.results import tables
 from flexlink.results.columns import Columns
-from flexlink.results.files import Writer, output_format
+from flexlink.results.files import output_format, write
 from flexlink.results.samples import RunSamples
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class Trajectory(RunSamples):
         write_whole(path, self.writer(path))
         return path
 
-    def writer(self, path: Path) -> Writer:
+    def writer(self, path: Path) -> Callable[[Path], None]:
         """The function that writes this trajectory in the format that the ending of `path` names.
 
         Raises
@@ -80,7 +80,8 @@ class Trajectory(RunSamples):
         ArgumentError
             The name ends neither in .npz nor in .csv.
         """
-        return Writer(self, output_format(path))
+        format = output_format(path)
+        return lambda place: write(self, format, place)
 
     def to_pandas(self) -> Any:
         """All `columns` as a pandas.DataFrame, whose index is the time "t [s]".

@@ -14,9 +14,10 @@ from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import short_list, truncated
-from flexlink.describe.arm import BASE, Arm, Base, Link
+from flexlink.describe.arm import BASE, Arm, Base
 from flexlink.describe.initial import BaseState, InitialState
 from flexlink.describe.joint import Joint, Mount
+from flexlink.describe.link import Link
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3

@@ -12,8 +12,9 @@ from flexlink.chain.rigid import Pose, SpatialInertia, body_with
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
-from flexlink.describe.arm import Damping, Link, Material, Section
 from flexlink.describe.directions import Line, line_of
+from flexlink.describe.link import Link
+from flexlink.describe.material import Damping, Material, Section
 from flexlink.describe.rigid_body import ROUNDING, RigidBody
 from flexlink.describe.spec import Positive, Spec, Vector3
 from flexlink.robots.cut import cut, largest_mass

@@ -40,13 +40,13 @@ def _sweep(case: Case, folder: Path) -> Any:
     return fl.sweep(fl.Sweep(scene=case.scene, grid={case.mass: [0.1, 0.2]}, quantity=rows)).column("x")
 
 
-def _problem(case: Case) -> fl.FitProblem:
+def _problem(case: Case) -> fl.fits.FitProblem:
     """A mass that is sought in the run of one with 0.2 kg more."""
     scene = case.heavier(0.1)
     run = fl.simulate(case.heavier(0.2))
     columns = {name: tuple(column) for name, column in run.columns.items() if name[:2] in ("t ", "q ", "qd")}
-    sought = fl.FitParameter(path=case.mass, between=(0.01, 2.0))
-    return fl.FitProblem(scene=scene, parameter=(sought,), run=(fl.FitRun(name="run", columns=columns),))
+    sought = fl.fits.FitParameter(path=case.mass, between=(0.01, 2.0))
+    return fl.fits.FitProblem(scene=scene, parameter=(sought,), run=(fl.fits.FitRun(name="run", columns=columns),))
 
 
 def _stored_fit(case: Case, folder: Path) -> Any:
@@ -55,7 +55,7 @@ def _stored_fit(case: Case, folder: Path) -> Any:
     (folder / "fit.toml").write_text(
         f'scene = "arm.toml"\n[[parameter]]\npath = "{case.mass}"\n[[run]]\nname = "one"\nfile = "run.csv"\n', "utf-8"
     )
-    return fl.load_fit(folder / "fit.toml")
+    return fl.fits.load_fit(folder / "fit.toml")
 
 
 def _stored_sweep(case: Case, folder: Path) -> Any:
@@ -84,16 +84,18 @@ def _of_state(function: Callable[..., Any], count: int, **options: Any) -> Call:
 PUSHED = {"tip_wrench": (0.1, 0.2, 0.3, 0.01, 0.02, 0.03)}
 TABLE: dict[str, Call] = {
     "advise": lambda c, _: fl.advise(c.scene, 0.01, budget=0.01),
-    "beam_strain": lambda c, _: fl.beam_strain(c.scene, c.state()[0], link=c.scene.arm.links[-1].name, fibre=(5e-3, 0)),
+    "beam_strain": lambda c, _: fl.strength.beam_strain(
+        c.scene, c.state()[0], link=c.scene.arm.links[-1].name, fibre=(5e-3, 0)
+    ),
     "bias_torque": _of_state(fl.bias_torque, 2, **PUSHED),
-    "buckling_loads": lambda c, _: fl.buckling_loads(c.chain, c.start()[0], locked=c.held, **PUSHED),
-    "check_fit": lambda c, _: fl.check_fit(_problem(c)),
+    "buckling_loads": lambda c, _: fl.strength.buckling_loads(c.chain, c.start()[0], locked=c.held, **PUSHED),
+    "check_fit": lambda c, _: fl.fits.check_fit(_problem(c)),
     "compare": lambda c, _: fl.compare(c.scene, engines=["native"], samples=2),
     "compare_trajectories": lambda c, _: fl.compare_trajectories(c.scene, engines=["native"], duration=0.008),
     "drag_torque": _of_state(fl.drag_torque, 2),
     "elastic_torque": _of_state(fl.elastic_torque, 1),
     "energy": _of_state(fl.energy, 2),
-    "equilibrium_in_motion": _turning(fl.equilibrium_in_motion),
+    "equilibrium_in_motion": _turning(fl.small_motion.equilibrium_in_motion),
     "fit": lambda c, _: fl.fit(_problem(c)),
     "forward_dynamics": _of_state(fl.forward_dynamics, 3, **PUSHED),
     "forward_dynamics_derivatives": _of_state(fl.forward_dynamics_derivatives, 3, **PUSHED),
@@ -102,7 +104,7 @@ TABLE: dict[str, Call] = {
     "gravity_torque": _of_state(fl.gravity_torque, 1),
     "import_urdf": _imported,
     "initial_state": lambda c, _: fl.initial_state(c.scene, c.chain),
-    "internal_loads": _of_state(fl.internal_loads, 3, **PUSHED),
+    "internal_loads": _of_state(fl.strength.internal_loads, 3, **PUSHED),
     "inverse_dynamics": _of_state(fl.inverse_dynamics, 3, **PUSHED),
     "inverse_dynamics_derivatives": _of_state(fl.inverse_dynamics_derivatives, 3, **PUSHED),
     "jacobian": _of_state(fl.jacobian, 1),
@@ -114,17 +116,19 @@ TABLE: dict[str, Call] = {
     "lump": lambda c, _: fl.lump(c.scene),
     "mass_matrix": _of_state(fl.mass_matrix, 1),
     "modes": _of_state(fl.modes, 2, **PUSHED),
-    "modes_in_motion": _turning(fl.modes_in_motion),
+    "modes_in_motion": _turning(fl.small_motion.modes_in_motion),
     "momentum": _of_state(fl.momentum, 2),
     "natural_frequencies": _of_state(fl.natural_frequencies, 1),
-    "overshoot": lambda c, _: fl.overshoot(c.run, target=c.run.tip[-1] + 0.1),
-    "pd_poles": lambda c, _: fl.pd_poles(c.chain, c.start()[0], kp=[50.0] * len(c.held), kd=[2.0] * len(c.held)),
+    "overshoot": lambda c, _: fl.measures.overshoot(c.run, target=c.run.tip[-1] + 0.1),
+    "pd_poles": lambda c, _: fl.small_motion.pd_poles(
+        c.chain, c.start()[0], kp=[50.0] * len(c.held), kd=[2.0] * len(c.held)
+    ),
     "point_motion": _of_state(fl.point_motion, 3),
     "report": _report,
-    "residual_vibration": lambda c, _: fl.residual_vibration(c.run, after=0.5 * (c.run.t[0] + c.run.t[-1])),
+    "residual_vibration": lambda c, _: fl.measures.residual_vibration(c.run, after=0.5 * (c.run.t[0] + c.run.t[-1])),
     "rigidified": lambda c, _: fl.lump(fl.rigidified(c.scene)),
     "sensitivities": lambda c, _: fl.sensitivities(c.heavier(0.1), [c.mass]),
-    "settling_time": lambda c, _: fl.settling_time(c.run, target=c.run.tip[-1], tolerance=1.0),
+    "settling_time": lambda c, _: fl.measures.settling_time(c.run, target=c.run.tip[-1], tolerance=1.0),
     "simulate": lambda c, _: fl.simulate(c.scene, method="auto", tolerance=1e-4, step=None),
     "simulate_many": lambda c, _: fl.simulate_many([c.scene, c.heavier(0.1)]),
     "solve_static": lambda c, _: fl.solve_static(c.chain, c.start()[0]),

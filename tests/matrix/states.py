@@ -148,7 +148,7 @@ def loads(case: Case) -> None:
     """Moments about hinges balance springs, friction, rotors and drives; at the tip there is the wrench."""
     q, qd, tau, wrench = case.state()
     qdd = fl.forward_dynamics(case.chain, q, qd, tau, tip_wrench=wrench)
-    found = fl.internal_loads(case.chain, q, qd, qdd, tip_wrench=wrench)
+    found = fl.strength.internal_loads(case.chain, q, qd, qdd, tip_wrench=wrench)
     spring = fl.elastic_torque(case.chain, q) + fl.friction_torque(case.chain, qd)
     wanted = spring + case.chain.hinges["armature"] * qdd - tau
     allowed = 10 * rounding.of_residual(case.chain, q, qd, qdd, tau, tip_wrench=wrench)

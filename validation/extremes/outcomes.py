@@ -30,7 +30,7 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.monitor import DOUBT, TIP_SHARE
-from flexlink.motion.simulate import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun, prepare
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.tip_motion import largest_distance, tip_travel
 from flexlink.results.trajectory import Trajectory

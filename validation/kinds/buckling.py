@@ -95,7 +95,7 @@ def _critical(chain: fl.Chain, load: Load) -> float:
         pushed = stiffness_matrix(chain, *at_rest, _wrench(load, 1.0)) - K
         return _guided(K, pushed, lambda wrench: fl.bias_torque(chain, *at_rest, tip_wrench=wrench))
     if load.instability == "buckling":
-        return float(fl.buckling_loads(chain, tip_wrench=_wrench(load, 1.0))[0])
+        return float(fl.strength.buckling_loads(chain, tip_wrench=_wrench(load, 1.0))[0])
     return bisect(lambda size: fl.modes(chain, tip_wrench=_wrench(load, size), frame="tip").stable, load.bracket)
 
 

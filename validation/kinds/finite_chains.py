@@ -113,7 +113,7 @@ def _buckling(case: Case, settings: Settings) -> Iterator[Measured]:
         for n in settings.cells:
             chain, exact = _chain(case, rule, n), hencky.buckling(rule, n)
             facts: Facts = {"rule": rule, "cells": n}
-            loads = fl.buckling_loads(chain, tip_wrench=PUSH_ALONG_CHAIN)
+            loads = fl.strength.buckling_loads(chain, tip_wrench=PUSH_ALONG_CHAIN)
             yield Measured("buckling loads", _relative(loads, exact), varied=facts)
             engine = engines.load("mujoco", chain)
             geometric = load_stiffness(engine, np.zeros(chain.n), PUSH_ALONG_CHAIN)

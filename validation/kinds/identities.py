@@ -110,7 +110,7 @@ def _inverse(chain: Chain, s: State) -> float:
 def _hinge_moments(chain: Chain, s: State) -> float:
     """About the axis of a hinge a cut carries inverse dynamics' torque without the rotor's, of the other sign."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
-    found = fl.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
+    found = fl.strength.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
     torque = fl.inverse_dynamics(chain, s.q, s.qd, qdd, tip_wrench=s.wrench) - chain.hinges["armature"] * qdd
     size = np.abs(fl.mass_matrix(chain, s.q)) @ np.abs(qdd) + np.abs(fl.bias_torque(chain, s.q, s.qd))
     return float(np.abs(found.hinge_moment + torque).max() / size.max())
@@ -119,7 +119,7 @@ def _hinge_moments(chain: Chain, s: State) -> float:
 def _equilibrium(chain: Chain, s: State) -> float:
     """Each segment about its centre of mass, in its own axes: Σ f = m (a − g), Σ (n + r × f) = I α + ω × I ω."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
-    cut = fl.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
+    cut = fl.strength.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
     f, n = cut.force, cut.moment
     R, p, _, _, *turning, _ = body_motion(chain, s.q, s.qd, qdd)
     worst = 0.0

@@ -110,7 +110,7 @@ def _identified(scene: Scene, sought: tuple[FitParameter, ...]) -> Iterator[Meas
     with tempfile.TemporaryDirectory() as folder:
         path = two_link.write_renamed(FITTED.run, Path(folder))
         known: dict[str, Any] = {"motion": two_link.led_by(path), "run.duration": FITTED.end}
-        recording = fl.FitRun(
+        recording = fl.fits.FitRun(
             name=FITTED.name,
             file=str(path),
             window=(FITTED.start, FITTED.end),
@@ -120,7 +120,7 @@ def _identified(scene: Scene, sought: tuple[FitParameter, ...]) -> Iterator[Meas
             noise=dict.fromkeys(STRAINS, ALIKE),
             set=known,
         )
-        found = fl.fit(fl.FitProblem(scene=scene, parameter=sought, run=(recording,), noise="white"))
+        found = fl.fit(fl.fits.FitProblem(scene=scene, parameter=sought, run=(recording,), noise="white"))
     for each in sought:
         (stored,), value = scene.values_at(each.path), found[each.path].value
         note = f"Found {value:.4g}, in the scene {stored:.4g}."

@@ -19,7 +19,7 @@ from flexlink.describe.spec import Positive, Spec
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.motion.inputs.drives import drive_of
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.simulate import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun, prepare
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import manufactured

@@ -62,7 +62,9 @@ def _tip(scene: Scene, convention: Convention, table: Array, q: Array) -> Array:
     hub = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))  # some body, which the frames do not depend on
     links = tuple(
         fl.Link(
-            name=f"l{k}", hub=hub, dh=fl.DenavitHartenberg(convention=convention, a=a, alpha_deg=α, d=d, theta_deg=θ)
+            name=f"l{k}",
+            hub=hub,
+            dh=fl.details.DenavitHartenberg(convention=convention, a=a, alpha_deg=α, d=d, theta_deg=θ),
         )
         for k, (a, α, d, θ) in enumerate(table.tolist())
     )

@@ -68,7 +68,7 @@ def _half(found: Estimate, true: float) -> float:
     return found.high - found.value if true > found.value else found.value - found.low
 
 
-def planted(seed: int, sought: Sequence[str]) -> tuple[fl.FitProblem, dict[str, float]]:
+def planted(seed: int, sought: Sequence[str]) -> tuple[fl.fits.FitProblem, dict[str, float]]:
     """A problem that starts off, and the numbers that are true."""
     rng = np.random.default_rng(seed)
     true = arm(rng)
@@ -82,9 +82,9 @@ def planted(seed: int, sought: Sequence[str]) -> tuple[fl.FitProblem, dict[str, 
     start = {
         path: v + rng.uniform(-3, 3) if "deg" in path else v * rng.uniform(0.85, 1.15) for path, v in values.items()
     }
-    problem = fl.FitProblem(
-        scene=true.varied(start), parameter=tuple(fl.FitParameter(path=path) for path in paths),
-        run=(fl.FitRun(name="planted", columns=data),),
+    problem = fl.fits.FitProblem(
+        scene=true.varied(start), parameter=tuple(fl.fits.FitParameter(path=path) for path in paths),
+        run=(fl.fits.FitRun(name="planted", columns=data),),
     )  # fmt: skip
     return problem, values
 

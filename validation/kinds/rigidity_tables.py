@@ -30,7 +30,7 @@ def run(case: Case, modes: int, chains: tuple[Rule, ...], force: Positive, fibre
                 error = abs(found[k] / exact[k] - 1)
                 yield Measured(f"mode {k + 1}", error, scene.name, varied=rule.facts, note=note)
             rest = fl.solve_static(fl.lump(cut), tip_wrench=[0, force, 0, 0, 0, 0])
-            gauges = fl.beam_strain(cut, rest.q, link=1, fibre=(fibre, 0.0))
+            gauges = fl.strength.beam_strain(cut, rest.q, link=1, fibre=(fibre, 0.0))
             κ = np.array(transfer_beam.curvature(columns, force, gauges.x.tolist()))
             of_κ = float(np.abs(gauges.curvature[:, 2] / κ - 1).max())
             yield Measured("curvature", of_κ, scene.name, varied=rule.facts)

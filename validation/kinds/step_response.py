@@ -23,10 +23,10 @@ def run(case: Case, within: Positive) -> Iterator[Measured]:
         target, start = _place(r, servo.target), _place(r, 0.0)
         way = (target - start) / np.linalg.norm(target - start)
         beyond = float((_place(r, servo.peak) - target) @ way)
-        error = abs(fl.overshoot(found, target=target) / beyond - 1)
+        error = abs(fl.measures.overshoot(found, target=target) / beyond - 1)
         yield Measured("overshoot", error, scene.name, note=f"{1e3 * beyond:.6g} mm in closed form.")
         at = servo.settled(2 * math.asin(within / (2 * r)))  # a chord of the tip's circle
-        late = (fl.settling_time(found, target=target, tolerance=within) - at) / scene.run.spacing
+        late = (fl.measures.settling_time(found, target=target, tolerance=within) - at) / scene.run.spacing
         yield Measured("settling time, samples early", -late, scene.name)
         yield Measured("settling time, samples late", late, scene.name, note=f"{at:.6g} s in closed form.")
 

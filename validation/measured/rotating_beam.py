@@ -60,7 +60,7 @@ def predicted(scene: Scene) -> dict[str, float]:
 
 
 def _flap_frequencies(scene: Scene, rpm: float) -> list[float]:
-    found = fl.modes_in_motion(fl.lump(scene), {"hub": rpm * np.pi / 30})
+    found = fl.small_motion.modes_in_motion(fl.lump(scene), {"hub": rpm * np.pi / 30})
     motion = (np.abs(found.paths) ** 2).sum(axis=1)
     flap = motion[:, 2] > OUT_OF_PLANE * motion.sum(axis=1)
     return [float(f) for f in found.hertz[flap][:FLAP_MODES]]

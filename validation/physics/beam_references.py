@@ -14,7 +14,7 @@ from flexlink.chain.arguments import require_one_of
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.types import Array
-from flexlink.describe.arm import Link
+from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene, load_scene
 from validation.case import scene_file
 from validation.physics.formulas import INPUTS

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.simulate import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun, prepare
 from flexlink.results.tip_motion import tip_travel
 from validation.runs import stable_steps
 from validation.trade.scenes import OUTPUTS, Seen, point, reference, seen, trade_scene

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from flexlink.describe.arm import Arm, Link, Section
+from flexlink.describe.arm import Arm
+from flexlink.describe.link import Link
+from flexlink.describe.material import Section
 from flexlink.describe.plausibility.ranges import Range, ranges, told
 from flexlink.describe.plausibility.situation import Situation, span
 from flexlink.describe.plausibility.sizes import largest_dimension

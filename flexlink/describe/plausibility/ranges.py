@@ -34,15 +34,9 @@ class Range(Spec, frozen=True):
         return next(fitting, None)
 
 
-class Ranges(Spec, frozen=True):
-    """All quantities, by name."""
-
-    quantity: dict[str, Range]
-
-
 def ranges() -> dict[str, Range]:
     """Plausible ranges by name of the quantity."""
-    return load("plausibility", "plausibility", "ranges", Ranges).quantity
+    return load("plausibility", "plausibility", "ranges", dict[str, dict[str, Range]])["quantity"]
 
 
 def told(

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.describe.arm import Link
+from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from flexlink.describe.arm import Arm, Section
+from flexlink.describe.arm import Arm
+from flexlink.describe.material import Section
 from flexlink.describe.plausibility.ranges import ranges, told
 
 

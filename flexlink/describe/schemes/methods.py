@@ -39,13 +39,6 @@ class Modes(NamedTuple):
     bA: Array  # noqa: N815  (s,) b A
 
 
-class Embedded(NamedTuple):
-    """Σ_i d_i c_i^(k−1) = −γ δ_k1 for k = 1 … s: the weights of Hairer & Wanner's error estimate, II, IV.8."""
-
-    γ: float  # the real eigenvalue of A
-    d: Array  # (s,)
-
-
 class Method(Spec, frozen=True):
     """A Runge-Kutta method: `family` and `stages`, or the Butcher tableau A, b, c.
 
@@ -133,8 +126,8 @@ class Method(Spec, frozen=True):
         return _modes(self)
 
     @property
-    def embedded(self) -> Embedded:
-        """Weights of an implicit method's error estimate.
+    def embedded(self) -> tuple[float, Array]:
+        """γ and d (stages,), the weights of an implicit method's error estimate.
 
         The polynomial through values at the nodes is Σ_i ℓ_i(0) f_i at 0, so that d_i = −γ ℓ_i(0).
 
@@ -245,9 +238,9 @@ def _error(method: Method) -> Array:
 
 
 @functools.lru_cache(maxsize=64)
-def _embedded(method: Method) -> Embedded:
+def _embedded(method: Method) -> tuple[float, Array]:
     γ = float(method.modes.real[0])
-    return Embedded(γ, -γ * float64(collocation.weights_at(method.exact[2], Fraction(0))))
+    return γ, -γ * float64(collocation.weights_at(method.exact[2], Fraction(0)))
 
 
 @functools.lru_cache(maxsize=64)

@@ -39,7 +39,7 @@ class SensorOutputs:
     Examples
     --------
     >>> gauge = fl.Sensor(name="gauge", kind="strain", link="upper", x=0.1, fibre=(0.025, 0.0), low_pass=50.0)  # Hz
-    >>> model = fl.linearize(chain, q, outputs=(fl.SensorOutputs(scene.varied({"sensor": (gauge,)})),))
+    >>> model = fl.linearize(chain, q, outputs=(fl.small_motion.SensorOutputs(scene.varied({"sensor": (gauge,)})),))
     >>> model
     <LinearModel: 13 states, 2 inputs, 1 outputs>
     >>> print(model.outputs, model.states[-1])

@@ -11,8 +11,8 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump, pieces
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
-from flexlink.describe.arm import Link
 from flexlink.describe.directions import unit
+from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor, is_on_base
 from flexlink.dynamics.floating_base import BODY

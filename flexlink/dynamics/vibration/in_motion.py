@@ -79,7 +79,7 @@ def modes_in_motion(
     --------
     >>> level = fl.lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))  # no gravity across the shaft
     >>> for rate in (0.0, 30.0):  # rad/s
-    ...     print(fl.modes_in_motion(level, {"upper": rate}, locked=["fore"], count=2).hertz.round(2))
+    ...     print(fl.small_motion.modes_in_motion(level, {"upper": rate}, locked=["fore"], count=2).hertz.round(2))
     [ 4.98 65.28]
     [ 5.45 70.4 ]
     """
@@ -119,7 +119,8 @@ def equilibrium_in_motion(
     Examples
     --------
     >>> level = fl.lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
-    >>> bent = fl.equilibrium_in_motion(level, {"upper": 3.0}, [0, 0, 0, 1.0, 0, 0], locked=["fore"])  # rad/s; rad
+    >>> start = [0, 0, 0, 1.0, 0, 0]  # rad
+    >>> bent = fl.small_motion.equilibrium_in_motion(level, {"upper": 3.0}, start, locked=["fore"])  # rad/s
     >>> print(np.degrees(bent.q[level.bending]).round(2))  # the elbow is bent, and swings outward
     [-0.02 -0.07 -0.06 -0.01]
     """

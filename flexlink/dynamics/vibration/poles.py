@@ -48,7 +48,7 @@ def pd_poles(
 
     Examples
     --------
-    >>> slow = fl.pd_poles(chain, q, kp=(2e4, 1e4), kd=(600.0, 250.0))
+    >>> slow = fl.small_motion.pd_poles(chain, q, kp=(2e4, 1e4), kd=(600.0, 250.0))
     >>> print((abs(slow[:2]) / (2 * np.pi)).round(2))  # Hz
     [ 4.28 26.51]
     """

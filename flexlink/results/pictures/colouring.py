@@ -80,10 +80,10 @@ def _bending(outline: Outline, placed: tuple[Array, Array], loads: InternalLoads
         return np.asarray(sum((at(cut, body, place) for cut in cuts), np.zeros((len(p), 3))))
 
     ends = np.empty((len(outline.pieces), 2, len(p), 3))
-    for k, (piece, cuts) in enumerate(zip(outline.pieces, outline.cuts, strict=True)):
+    for k, (piece, (before, beyond)) in enumerate(zip(outline.pieces, outline.cuts, strict=True)):
         start = piece.place.p
         stop = start + piece.length * piece.place.R[:, 0]
-        ends[k] = of(cuts.before, piece.body, start), of(cuts.beyond, piece.body, stop)
+        ends[k] = of(before, piece.body, start), of(beyond, piece.body, stop)
     between = np.moveaxis(ends[outline.piece], 2, 0)  # (frames, s, 2, 3)
     u = outline.part[:, None]
     vectors = (1 - u) * between[:, :, 0] + u * between[:, :, 1]

@@ -14,17 +14,17 @@ from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import pieces
 from flexlink.common.types import Array, Indices
-from flexlink.describe.arm import Arm, Link, Section
+from flexlink.describe.arm import Arm
+from flexlink.describe.link import Link
+from flexlink.describe.material import Section
 from flexlink.describe.scene import Scene
 
 Whole = Indices
 
 
-class Cuts(NamedTuple):
-    """Where loads are known at the ends of a piece: at hinge points of bodies, counted from 0."""
-
-    before: tuple[int, ...]  # what loads its start: the hinge that it begins at, or else what lies beyond
-    beyond: tuple[int, ...]  # all that hangs on its body and comes behind it
+Cuts = tuple[tuple[int, ...], tuple[int, ...]]
+"""Where loads are known at the ends of a piece: at hinge points of bodies, counted from 0. What loads its start, the
+hinge that it begins at, or else what lies beyond; and all that hangs on its body and comes behind it."""
 
 
 class Outline(NamedTuple):
@@ -84,7 +84,7 @@ def _order(chain: Chain, body: Whole, piece: Whole, cuts: list[Cuts]) -> Whole:
         order += [-1, branch[0]] if order else [branch[0]]
         for b, following in pairwise(branch):
             here = np.flatnonzero(body == b).tolist()
-            order += [count + s for s in here if following - 1 in cuts[piece[s]].beyond]
+            order += [count + s for s in here if following - 1 in cuts[piece[s]][1]]
             order += [*rails.get(following, []), following]
     return np.array(order, dtype=np.int64)
 
@@ -106,7 +106,7 @@ def _cuts(arm: Arm, chain: Chain, found: list[Piece]) -> list[Cuts]:
         beyond = tuple(j for j in hang if of_body[j] in behind[piece.link])
         first = piece.body > 0 and (not k or found[k - 1].body != piece.body)
         alone = len(beyond) == len(hang) or of_body[piece.body - 1] == piece.link
-        cuts.append(Cuts((piece.body - 1,) if first and alone else beyond, beyond))
+        cuts.append(((piece.body - 1,) if first and alone else beyond, beyond))
     return cuts
 
 

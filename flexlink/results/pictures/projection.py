@@ -80,7 +80,7 @@ class Projected:
     def skeleton_points(self) -> Array:
         """What is drawn as a line where there is no section: bodies and stations, payload; frame 0, shape (f, m, 3).
 
-        Not a number between two branches.
+        Not a number where the next station does not continue the one before.
         """
         film = self.film
         every = np.concatenate([film.p, film.points, film.rails, np.full_like(film.p[:, :1], np.nan)], axis=1)

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from flexlink.common.wording import short_list
-from flexlink.describe.arm import Link
 from flexlink.describe.hinges import hinges_of
+from flexlink.describe.link import Link
 from flexlink.describe.own_units import in_own
 from flexlink.describe.plausibility.hints import hints
 from flexlink.dynamics.notes import defaults, notes

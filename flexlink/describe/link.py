@@ -1,0 +1,170 @@
+"""A link: its place on the link before, its joint, its shape, its loads, and how finely it is cut."""
+
+from __future__ import annotations
+
+import functools
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+
+from flexlink.common.errors import SceneError
+from flexlink.common.wording import truncated
+from flexlink.data import documents
+from flexlink.describe.directions import Line, line_of, unit
+from flexlink.describe.drag import Drag
+from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
+from flexlink.describe.material import Damping, Friction
+from flexlink.describe.rigid_body import RigidBody
+from flexlink.describe.root import ROOT_AXES, RootDamping, RootStiffness
+from flexlink.describe.spec import NonNegative, Spec, Vector3, measured_in
+
+AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
+"""Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
+
+
+class Link(Spec, frozen=True):
+    """One link: an active joint, its hub, then a beam, rigid or cut into segments, then the rigid body at its end.
+
+    The beam runs along local X over `length` [m], or along `line`, from one point of the link's frame to another [m].
+    Its section's z points to `up`, by default to the joint's axis (`line_of` says more). The link ends where the beam
+    does, with the axes of its own frame: there hang `end` and the next link's mount.
+    A link that bends has segments − 1 hinges, where `lumping` puts them.
+
+    Examples
+    --------
+    >>> stiff = fl.Link(name="base", hub=fl.RigidBody(mass=3.0))
+    >>> link = fl.Link(name="boom", length=3.0, flex="yz", segments=5, material="steel", section="pipe")
+    >>> print(stiff.flex, link.flex, link.lumping)
+    rigid yz gauss
+    """
+
+    name: str
+    """Name of the link, and of its joint; paths and messages use it."""
+    on: str = ""
+    """Name of the link, further up in the list, that it hangs on, or "base". Default: the link before."""
+    mount: Mount = Mount()
+    """Where the joint's frame sits in the end frame of the link that it hangs on; on the base in the base's frame."""
+    dh: DenavitHartenberg | None = None
+    """A row of a table of Denavit and Hartenberg in place of a mount; all links of an arm use one convention."""
+    joint: Joint = Joint()
+    """The active joint at the link's root."""
+    hub: RigidBody = RigidBody()
+    """Rigid body that turns with the joint, in the link's frame: motor housing, bearing."""
+    root_stiffness: Annotated[RootStiffness | None, measured_in("N m/rad")] = None
+    """Springs where the beam begins, about axes of the link's frame [N m/rad]. Default: rigid."""
+    root_damping: Annotated[RootDamping | None, measured_in("N m s/rad")] = None
+    """Damping of these springs [N m s/rad]."""
+    length: Annotated[NonNegative, measured_in("m")] = 0.0
+    """Length of the beam, along the link's x [m]; 0: no beam."""
+    line: Annotated[tuple[Vector3, Vector3] | None, measured_in("m")] = None
+    """Where the beam runs in the link's frame, [[x, y, z], [x, y, z]] [m], in place of `length`."""
+    up: Vector3 | None = None
+    """Direction of the section's z in the link's frame; default: the joint's axis."""
+    flex: Literal["rigid", "z", "yz", "xyz"] = "rigid"
+    """How the link bends: not, about the section's z, about y and z, or about y and z with twist about x."""
+    segments: Annotated[int, msgspec.Meta(ge=1, le=100_001)] = 1  # lumped in seconds
+    """Rigid segments of a link that bends; it has one hinge less than segments."""
+    lumping: str = "gauss"
+    """Where the hinges sit: a rule's name, or the path of a rule's file."""
+    material: str | None = None
+    """Name of the beam's material; without material and section the link has no mass of its own."""
+    section: str | None = None
+    """Name of the beam's section at the joint."""
+    section_tip: str | None = None
+    """Name of the section at the link's end, of the same shape: every dimension runs linearly, the beam tapers."""
+    rigidity: str | None = None
+    """Name of a table of rigidities and mass along the beam, in place of material and section."""
+    damping: Damping | None = None
+    """Damping of the link's bending, in place of the material's `loss_time`."""
+    friction: Friction | None = None
+    """Dry friction in the link's hinges."""
+    drag: Drag | None = None
+    """Drag of the air that the beam moves through. Default: none."""
+    end: RigidBody = RigidBody()
+    """Rigid body at the end of the beam, with the axes of the link's frame: the next motor."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        msgspec.structs.force_setattr(self, "lumping", documents.absolute(self.lumping))
+        if not self.name:
+            raise SceneError("name = '': must not be empty")
+        if (self.material is None) != (self.section is None):
+            missing, given = ("section", "material") if self.section is None else ("material", "section")
+            said = f"{given} = {getattr(self, given)!r}"
+            raise SceneError(f"{missing}: missing; {said} is given: give both, or neither for a massless link")
+        if self.rigidity is not None and self.material is not None:
+            raise SceneError(f"rigidity = {self.rigidity!r}: material = {self.material!r} is given, too; give only one")
+        if self.section_tip is not None and self.section is None:
+            raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
+        if self.line is not None and self.length:
+            raise SceneError(f"length = {self.length!r}: line = {truncated(self.line)} is given, too; give only one")
+        if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
+            raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: with dh a joint turns about Z")
+        for axis in ROOT_AXES:
+            damping = getattr(self.root_damping, axis, 0.0)
+            if damping and axis not in self.root_springs:
+                raise SceneError(f"root_damping.{axis} = {damping!r}: needs a root_stiffness.{axis}")
+        length = self.beam.length
+        if self.flex != "rigid":
+            self._check_flexible(length)
+        elif self.segments != 1:
+            raise SceneError(f"segments = {self.segments}: a rigid link has 1; flex = 'z', 'yz' or 'xyz' makes it bend")
+        elif self.rigidity is not None and length == 0:
+            raise SceneError(
+                f"length = {self.length!r}, the default: a link with a rigidity needs a length > 0 or a line"
+            )
+        elif self.material is not None and length == 0:
+            raise SceneError(
+                f"length = {self.length!r}, the default: a link of material {self.material!r} needs a length > 0 or a "
+                "line; one without length has neither material nor section, but may have a hub"
+            )
+
+    def _check_flexible(self, length: float) -> None:
+        if self.segments < 2:
+            raise SceneError(f"segments = {self.segments}, the default: a flexible link needs at least 2, such as 5")
+        if length == 0:
+            raise SceneError(f"length = {self.length!r}, the default: a flexible link needs a length > 0 or a line")
+        if self.material is None and self.rigidity is None:
+            raise SceneError(
+                "material, section: missing; a flexible link needs a material and a section, or a rigidity"
+            )
+
+    @property
+    def elastic(self) -> bool:
+        """Whether the link bends, or turns in its gear or at its root."""
+        return self.flex != "rigid" or self.turns_rigidly
+
+    @property
+    def turns_rigidly(self) -> bool:
+        """Whether the link turns in its gear or at its root, as a whole."""
+        return self.joint.gear_stiffness is not None or bool(self.root_springs)
+
+    @property
+    def root_springs(self) -> dict[str, tuple[float, float]]:
+        """Stiffness [N m/rad] and damping [N m s/rad] of the springs at the root, by axis: x, y, z."""
+        springs = {axis: getattr(self.root_stiffness, axis, None) for axis in ROOT_AXES}
+        return {axis: (k, float(getattr(self.root_damping, axis, 0.0))) for axis, k in springs.items() if k is not None}
+
+    @property
+    def beam(self) -> Line:
+        """Where the beam runs: start, length and axes; of a link without length a point in its joint."""
+        return _beam(self.line, self.stop, self.up, self.joint.axis)
+
+    @property
+    def stop(self) -> Vector3:
+        """End of the beam in the link's frame [m]."""
+        if self.line is not None:
+            return self.line[1]
+        return self.dh.end if self.dh is not None and not self.length else (self.length, 0.0, 0.0)
+
+
+@functools.lru_cache(maxsize=256)
+def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | None, axis: Vector3) -> Line:
+    """Read-only: links of one geometry share it."""
+    if line is None and not any(stop):
+        beam = Line(np.zeros(3), 0.0, np.eye(3))
+    else:
+        beam = line_of(line or ((0.0, 0.0, 0.0), stop), up, unit("axis", axis))
+    beam.start.flags.writeable = beam.frame.flags.writeable = False
+    return beam

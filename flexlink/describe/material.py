@@ -1,0 +1,196 @@
+"""What links are made of: materials, cross sections, damping and friction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+import msgspec
+
+from flexlink.common.errors import SceneError
+from flexlink.describe.sections import BREADTHS, SHAPES, SectionProperties
+from flexlink.describe.spec import NonNegative, Positive, Spec, measured_in
+
+
+class Material(Spec, frozen=True):
+    """Isotropic, linear elastic, with Kelvin-Voigt loss: stress = E (strain + loss_time · strain rate).
+
+    Examples
+    --------
+    >>> steel = fl.Material(young=210e9, density=7850.0, poisson=0.3)  # Pa, kg/m³
+    >>> print(f"{scene.varied({'material.aluminium': steel}).arm.materials['aluminium'].young:.2g} Pa")
+    2.1e+11 Pa
+    """
+
+    young: Annotated[Positive, measured_in("Pa")]
+    """Young's modulus E [Pa]: steel 210e9, aluminium 70e9."""
+    density: Annotated[Positive, measured_in("kg/m³")]
+    """Density ρ [kg/m³]: steel 7850, aluminium 2700."""
+    poisson: Annotated[float, msgspec.Meta(gt=-1, le=0.5)] = 0.3
+    """Poisson's ratio ν [1]; the shear modulus is G = E / (2 (1 + ν))."""
+    loss_time: Annotated[NonNegative, measured_in("s")] = 0.0
+    """Kelvin-Voigt's loss time η [s]: a mode of frequency ω has the damping ratio η ω / 2."""
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus G = E / (2 (1 + ν)) [Pa]."""
+        return self.young / (2 * (1 + self.poisson))
+
+
+class Section(Spec, frozen=True):
+    """Cross-section of a link: a shape and exactly the dimensions that the shape takes [m, m², m⁴].
+
+    rectangle: height (along local y), width (along z); circle: diameter; tube: outer, inner (diameters);
+    box: height, width, wall; general: area, i_y = ∫ z² dA, i_z = ∫ y² dA, torsion (St Venant's constant J).
+
+    Examples
+    --------
+    >>> tube = fl.Section(shape="tube", outer=0.06, inner=0.05)  # m
+    >>> plate = fl.Section(shape="rectangle", height=0.005, width=0.03)
+    >>> measured = fl.Section(shape="general", area=3e-4, i_y=4e-8, i_z=4e-8, torsion=8e-8)  # m², m⁴
+    """
+
+    shape: Literal["rectangle", "circle", "tube", "box", "general"]
+    """Which shape; it takes exactly the dimensions that belong to it."""
+    height: Annotated[Positive | None, measured_in("m")] = None
+    """Of a rectangle or box: outer size along the section's y [m]."""
+    width: Annotated[Positive | None, measured_in("m")] = None
+    """Of a rectangle or box: outer size along the section's z [m]."""
+    diameter: Annotated[Positive | None, measured_in("m")] = None
+    """Of a circle [m]."""
+    outer: Annotated[Positive | None, measured_in("m")] = None
+    """Of a tube: outer diameter [m]."""
+    inner: Annotated[NonNegative | None, measured_in("m")] = None
+    """Of a tube: inner diameter [m]."""
+    wall: Annotated[Positive | None, measured_in("m")] = None
+    """Of a box: thickness of its wall [m]."""
+    area: Annotated[Positive | None, measured_in("m²")] = None
+    """Of a general section: area A [m²]."""
+    i_y: Annotated[Positive | None, measured_in("m⁴")] = None
+    """Of a general section: ∫ z² dA, which resists bending about y [m⁴]."""
+    i_z: Annotated[Positive | None, measured_in("m⁴")] = None
+    """Of a general section: ∫ y² dA, which resists bending about z [m⁴]."""
+    torsion: Annotated[Positive | None, measured_in("m⁴")] = None
+    """Of a general section: St Venant's torsion constant J [m⁴]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        wanted = SHAPES[self.shape][1]
+        dimensions = [n for n in self.__struct_fields__ if n != "shape" and getattr(self, n) is not None]
+        for name in dimensions:
+            if name not in wanted:
+                allowed = ", ".join(wanted)
+                raise SceneError(f"{name} = {getattr(self, name)!r}: a {self.shape} takes {allowed}")
+        for name in wanted:
+            if name not in dimensions:
+                raise SceneError(f"{name}: missing; a {self.shape} needs {', '.join(wanted)}")
+        if self.outer is not None and self.inner is not None and self.inner >= self.outer:
+            raise SceneError(f"inner = {self.inner!r}: must be smaller than outer = {self.outer!r}")
+        if self.wall and self.height and self.width and 2 * self.wall >= min(self.height, self.width):
+            raise SceneError(f"wall = {self.wall!r}: must be less than half of height and width")
+        self._check_properties(wanted)
+
+    def _check_properties(self, dimensions: tuple[str, ...]) -> None:
+        try:
+            properties = self.properties._asdict()
+        except OverflowError:  # of Python's own power
+            properties = {"area or second moment": math.inf}
+        for name, value in properties.items():
+            if not 0 < value < math.inf:
+                values = ", ".join(f"{key} = {getattr(self, key)!r}" for key in dimensions)
+                raise SceneError(f"{values}: {name} {'underflows' if value == 0 else 'overflows'} float64")
+
+    @property
+    def properties(self) -> SectionProperties:
+        """Area, second moments and St Venant constant of this section."""
+        return self.towards(self, 0.0)
+
+    def breadths(self, tip: Section, x: float) -> tuple[float, float] | None:
+        """How broad it is at the part `x` of the way to another section, seen along y and along z [m]; None: unknown.
+
+        Of a general section nothing is known but areas.
+        """
+        across = BREADTHS.get(self.shape)
+        if across is None:
+            return None
+        y, z = self._dimensions(across, tip, x)
+        return y, z
+
+    def towards(self, tip: Section, x: float) -> SectionProperties:
+        """Properties at the part `x` of the way to a section of the same shape, all dimensions linear in x."""
+        formula, names = SHAPES[self.shape]
+        return formula(*self._dimensions(names, tip, x))
+
+    def _dimensions(self, names: tuple[str, ...], tip: Section, x: float) -> Iterator[float]:
+        return ((1 - x) * getattr(self, name) + x * getattr(tip, name) for name in names)
+
+
+class Damping(Spec, frozen=True):
+    """Structural damping by its effect: the damping ratio of a bending or twisting mode at a frequency.
+
+    proportional: Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), the same in every hinge, under which the ratio
+    of a mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable
+    step of explicit methods: `flexlink info` says by how much.
+    constant: dampers between all hinges of the links that have it, root and gear, too, such that every mode of the arm
+    has the same ratio, if all links that bend have it, with its joints held where `initial.joint_deg` and `joint_m` put
+    them; elsewhere modes are near it. A whole state, `initial.q`, as of a run that is continued, changes no dampers.
+    For links without branches or slides between them.
+
+    Examples
+    --------
+    >>> welded = fl.Damping(ratio=0.01, at_hz=4.2)  # 1 % of critical at 4.2 Hz
+    >>> damped = fl.lump(scene.varied({"link.*.damping": welded}))
+    >>> found = fl.modes(damped, q, locked=damped.active)
+    >>> print(found.hertz[:2].round(2), found.damping_ratios[:2].round(4))  # in proportion to the frequency
+    [ 5.7  26.87] [0.0135 0.064 ]
+    >>> alike = fl.Damping(ratio=0.01, law="constant")
+    >>> damped = fl.lump(scene.varied({"link.*.damping": alike}))
+    >>> print(fl.modes(damped, q, locked=damped.active).damping_ratios.round(4))
+    [0.01 0.01 0.01 0.01]
+    """
+
+    ratio: NonNegative
+    """Damping ratio ζ of the mode at `at_hz`, or of all modes [1]: 0.01 is 1 % of critical."""
+    at_hz: Annotated[Positive | None, measured_in("Hz")] = None
+    """Of the proportional law: frequency of the mode that has this ratio [Hz]; at others the ratio grows in
+    proportion."""
+    law: Literal["proportional", "constant"] = "proportional"
+    """Whether the ratio of a mode grows in proportion to its frequency, or all modes of the link have the same."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.law == "proportional" and self.at_hz is None:
+            raise SceneError("at_hz: missing; this key is required, unless law = 'constant'")
+        if self.law == "constant" and self.at_hz is not None:
+            raise SceneError(f"at_hz = {self.at_hz!r}: has no effect with law = 'constant'; leave it out")
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether all modes have the same ratio."""
+        return self.law == "constant"
+
+    @property
+    def loss_time(self) -> float:
+        """Kelvin-Voigt's η [s]; 0 where the ratio is constant."""
+        return 0.0 if self.at_hz is None else self.ratio / (math.pi * self.at_hz)
+
+
+class Friction(Spec, frozen=True):
+    """Dry friction in each passive hinge of a link: coulomb · tanh(q̇ / coulomb_width), the law of the joints.
+
+    A link that bends by an angle loses coulomb times this
+    angle, however many hinges share it.
+
+    Examples
+    --------
+    >>> rubbing = scene.varied({"link.upper.friction": fl.Friction(coulomb=0.5)})  # N m in each hinge
+    >>> rates = np.ones(chain.n)  # rad/s
+    >>> print((fl.friction_torque(fl.lump(rubbing), rates) - fl.friction_torque(chain, rates)).round(2))
+    [0.  0.5 0.5 0.  0.  0. ]
+    """
+
+    coulomb: Annotated[NonNegative, measured_in("N m")]
+    """Dry friction torque of each hinge [N m]."""
+    coulomb_width: Annotated[Positive, measured_in("rad/s")] = 0.01
+    """Rate at which tanh has reached 76 % of it [rad/s]; smaller is closer to Coulomb's law, and stiffer."""

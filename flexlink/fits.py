@@ -1,0 +1,17 @@
+"""Fits of a scene to data: what is said of them, and what comes of them; `flexlink.fit` runs one."""
+
+from flexlink.identification.fit import check_fit
+from flexlink.identification.fitted import Fitted
+from flexlink.identification.loading import load_fit
+from flexlink.identification.problem import FitModes, FitParameter, FitProblem, FitRun, FitStatic
+
+__all__ = [
+    "FitModes",
+    "FitParameter",
+    "FitProblem",
+    "FitRun",
+    "FitStatic",
+    "Fitted",
+    "check_fit",
+    "load_fit",
+]

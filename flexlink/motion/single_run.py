@@ -1,0 +1,205 @@
+"""One run of a scene: prepared, taken to its end, verified by a second one."""
+
+from __future__ import annotations
+
+import dataclasses
+import signal
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from msgspec.structs import replace
+
+from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.interruption import Stop
+from flexlink.common.memo import Kept, keep_last
+from flexlink.describe.run_settings import check_method
+from flexlink.describe.whole_steps import multiples
+from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.kernels.inputs.record import Drive
+from flexlink.kernels.tools.machine_code import types_of
+from flexlink.motion.adaptive_steps import AdaptiveSteps
+from flexlink.motion.fixed_steps import FixedSteps
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.inputs.step_check import judge_step
+from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.sampled_control import Law, control_of
+from flexlink.motion.verification import GIVEN_UP, UNKNOWN, advice, doubt, second_runs
+from flexlink.results.record import Record
+from flexlink.results.stop_reasons import (
+    ControlError,
+    EvaluationLimitError,
+    InterruptedRunError,
+    LawFailure,
+    ended_early,
+)
+from flexlink.results.trajectory import Trajectory
+
+
+class SingleRun:
+    """A run that is ready to start: checked, allocated, compiled; errors as in `simulate`."""
+
+    def __init__(self, monitor: RunMonitor, halved: bool = False) -> None:
+        self.monitor = monitor
+        self.steps = steps_of(self.monitor, halved)
+
+    def finish(
+        self,
+        stop: Stop,
+        progress: Callable[[float], None] | None = None,
+        *,
+        compared: bool = True,
+        warn: Callable[[str], None] | None = None,
+    ) -> Trajectory:
+        """Run to the end, or until stopped; `compared` with a verification run where its steps call for one.
+
+        `warn` is told, once, and while the run goes on, where it hangs.
+        """
+        monitor, steps = self.monitor, self.steps
+        try:
+            self.advance(stop, progress or (lambda _: None), warn=warn)
+            if compared and not (monitor.failure or steps.failure or stop.asked):
+                monitor.warnings += verify(monitor, steps.steps.method, stop)
+        except LawFailure as failure:
+            raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
+        except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
+            stop.signal = signal.SIGINT
+        if monitor.failure or steps.failure:
+            raise monitor.diverged(steps.failure)
+        if stop.signal is not None:
+            raise InterruptedRunError(monitor.trajectory(), stop.signal)
+        return monitor.trajectory()
+
+    def advance(self, stop: Stop, report: Callable[[float], None], warn: Callable[[str], None] | None = None) -> None:
+        """Advance until the run ends, a check fails, or somebody stops it."""
+        monitor, steps = self.monitor, self.steps
+        for reached in steps:
+            good = True
+            if reached.rows > 1 or reached.part == 1.0 or steps.failure:  # one look is enough for a short run
+                good = monitor.check(
+                    reached.rows,
+                    steps.steps,
+                    methods=steps.methods,
+                    deflection=steps.deflection,
+                    angle_travelled=steps.angle_travelled,
+                )
+            row, slow = steps.slow
+            if warn and slow and row <= max(1, monitor.n_valid):  # not of what came after a sample that is wrong
+                warn(f"{monitor.record.chain.name}: {slow}")
+                warn = None
+            if not good:
+                monitor.steps = steps.steps_before(monitor.n_valid)
+                break
+            if steps.failure:
+                break
+            report(reached.part)
+            if stop.asked:
+                break
+        else:
+            steps.failure = ended_early(monitor.last_time, float(monitor.record.t[-1]))
+
+
+def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
+    """Compare a finished run of this method with verification runs: yields a warning where they contradict it."""
+    text, own, problem = "", monitor.steps.evaluations, monitor.record.problem
+    for second in second_runs(monitor, name):
+        text = text or UNKNOWN.format(times=GIVEN_UP, advice=advice(monitor))
+        most = min(second.run.max_evaluations, GIVEN_UP * own)
+        limited = replace(second.run, max_evaluations=most) if second.run.controlled else second.run
+        try:
+            again = replace(problem.scene, run=limited)  # whose steps may not be such that one begins at its start
+            other = SingleRun(prepare(problem_of(again, problem.original)), halved=limited.controlled)
+            other.advance(stop, lambda _: None)
+        except FlexlinkError:
+            continue
+        if stop.asked:
+            return
+        evaluations, wrong, failure = other.monitor.steps.evaluations, other.monitor.failure, other.steps.failure
+        limited_out = failure is not None and failure.kind is EvaluationLimitError and not wrong
+        if limited_out or evaluations > GIVEN_UP * own:
+            break
+        # a step of 2 h in two parts is two steps of the run itself, which would agree with themselves
+        in_parts = not second.run.controlled and other.steps.steps.failed > 0
+        if not (wrong or failure or in_parts):
+            text = doubt(monitor, second, other.monitor.record.compared(other.monitor.n_valid))
+            monitor.confirmed = not text
+            if not text or second.strict or evaluations > own:
+                break
+    if text:
+        yield text
+
+
+def steps_of(monitor: RunMonitor, halved: bool = False) -> FixedSteps | AdaptiveSteps:
+    """The stepper of a run: fixed steps of an explicit method, or adaptive and implicit ones, the longest `halved`."""
+    return FixedSteps(monitor) if monitor.explicit else AdaptiveSteps(monitor, halved)
+
+
+def prepare(
+    problem: InitialValueProblem,
+    law: Law | None = None,
+    rate: float | None = None,
+    *,
+    rows: int | None = None,
+    kept: Kept | None = None,
+) -> RunMonitor:
+    """`allocate` a run, with its checks compiled; errors as there."""
+    monitor = allocate(problem, law, rate, rows=rows, kept=kept)
+    monitor.compile()
+    return monitor
+
+
+def allocate(
+    problem: InitialValueProblem,
+    law: Law | None = None,
+    rate: float | None = None,
+    *,
+    rows: int | None = None,
+    kept: Kept | None = None,
+    warnings: tuple[str, ...] | None = None,
+) -> RunMonitor:
+    """Allocate the sample arrays of a run, write the initial state into row 0, and check the fixed step.
+
+    With scratch and machine code that is `kept` from another run of the problem, if there is one; `warnings`, if known:
+    those of the step check.
+
+    Raises
+    ------
+    SceneError
+        The method is unknown, or cannot do what the run asks of it, or the samples do not fit into memory.
+    UnstableStepError
+        As in `simulate`.
+    """
+    run, chain = problem.run, problem.chain
+    check_method(run)
+    control = control_of(problem, law, rate)
+    if control is not None:
+        problem = dataclasses.replace(problem, inputs=problem.inputs._replace(drive=control.drive))
+    try:
+        times = multiples(problem.start, run.between, run.samples if rows is None else rows)
+        q, qd = np.empty((2, len(times), chain.n))
+        record = Record(problem, times, q, qd, kept)
+    except (MemoryError, ValueError):  # ValueError: more than numpy can count
+        raise SceneError(
+            f"{run.said('sample', 'run.')} = {run.spacing!r}: {run.samples} samples of {chain.n} joints do not fit "
+            "into memory"
+        ) from None
+    record.q[0], record.qd[0] = problem.q, problem.qd
+    if not record.kept.types:  # all else that kernels are given here is made in one way
+        solver = f"{run.solver} {chain.is_planar}".encode()
+        drive, *others = problem.inputs
+        record.kept.types = types_of(chain.arrays, *others) + _types_of_drive(drive) + solver
+    about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
+    if warnings is None:
+        warnings = record.kept("step", about, lambda: judge_step(problem))
+    monitor = RunMonitor(record, warnings, control)
+    if control is not None:
+        try:
+            control.note(0, problem.q, problem.qd)
+        except LawFailure as failure:
+            raise ControlError(f"{chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
+    return monitor
+
+
+@keep_last(64)
+def _types_of_drive(drive: Drive) -> bytes:
+    """Types of the numbers of a drive, which runs share."""
+    return types_of(drive)

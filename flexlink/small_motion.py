@@ -1,0 +1,12 @@
+"""Small motion beyond `modes` and `linearize`: about a steady motion, with sensors, under a controller."""
+
+from flexlink.dynamics.sensors.outputs import SensorOutputs
+from flexlink.dynamics.vibration.in_motion import equilibrium_in_motion, modes_in_motion
+from flexlink.dynamics.vibration.poles import pd_poles
+
+__all__ = [
+    "SensorOutputs",
+    "equilibrium_in_motion",
+    "modes_in_motion",
+    "pd_poles",
+]
