@@ -1,0 +1,56 @@
+"""Compiled loops come in four kinds, plain and full, in a plane and in space, whatever is run (CONTRIBUTING)."""
+
+from __future__ import annotations
+
+import collections
+import subprocess
+import sys
+
+import pytest
+from conftest import MODELS, nasty_scene
+from test_continued import DRIVES, MOTION, arm
+
+import flexlink as fl
+from flexlink.kernels.stepping.adaptive import advance
+from flexlink.kernels.stepping.runge_kutta import integrate
+
+MOST = 4
+WAYS: dict[str, dict[str, object]] = {
+    "RK4": {"run.method": "RK4"},
+    "Radau5": {"run.method": "Radau5", "run.relative_tolerance": 1e-3},
+    "DOP853": {"run.method": "DOP853", "run.relative_tolerance": 1e-3},
+}
+
+
+def scenes() -> list[fl.Scene]:
+    """Every model, every law, prescribed motion, wrenches that change, drag, quadratic dampers, and all at once."""
+    bare = fl.load_scene("models/t2_spatial.toml")
+    laws = [arm(law) for law in DRIVES]
+    changed = [
+        {"link.*.drag": fl.Drag(coefficient=1.0)}, {"link.*.joint.quadratic": 1.0},
+        {"wrench": fl.Wrench(force=(1.0, 0.0, 0.0), frame="tip")}, {"drive": fl.Drive()},
+    ]  # fmt: skip
+    return [*map(fl.load_scene, MODELS), *laws, arm("linear").varied({"motion": (MOTION,)}), nasty_scene(),
+            *(bare.varied(change) for change in changed)]  # fmt: skip
+
+
+def count(way: str) -> None:
+    """Run all of them for two steps, and print how many kinds of each loop were compiled."""
+    for scene in scenes():
+        step = scene.run.fixed_step
+        own = {"run.duration": 2 * step, "run.sample": step, "run.unstable": "allow", **WAYS[way]}
+        fl.simulate(scene.varied(own if "run.relative_tolerance" in own else {**own, "run.step": step}))
+    found = collections.Counter("advance" for _ in advance.nopython_signatures)
+    for signature in integrate.nopython_signatures:
+        found["side by side" if "2d" in str(signature.args[9]) else "integrate"] += 1
+    print(dict(found))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", WAYS)
+def test_loops_are_compiled_for_four_kinds_of_scene(way: str) -> None:
+    code = f"import sys; sys.path[:0] = ['tests']; import test_kinds; test_kinds.count({way!r})"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    found = eval(told.strip().splitlines()[-1])
+    assert found, told
+    assert max(found.values()) <= MOST, found
