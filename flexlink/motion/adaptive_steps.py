@@ -39,7 +39,7 @@ from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.sampled_control import Control
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import SHORTEST, StopTimes
-from flexlink.motion.tolerable import LONG
+from flexlink.motion.tolerable import THRESHOLDS
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure
@@ -502,11 +502,11 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
             )
     order = float(method.order if method.explicit else method.stages + 1)
     long = method.stages >= long_stages
-    # Error that one step may have, as a part of the tolerance, of which a run has `LONG` times as much for all its
-    # steps. It is the error of a formula of lower order: that of the step itself is a few hundredths of it, or less.
-    # Measured on 16 scenes with 7 tolerances: the errors at the end have a median of 0.14 of the tolerance, or less,
-    # and are at most 6 times it where motion is sensitive. An explicit method's steps, small for stability's sake, have
-    # the errors they tell, all in one direction.
+    # Error that one step may have, as a part of the tolerance, of which a run has `Thresholds.long` times as much for
+    # all its steps. It is the error of a formula of lower order: that of the step itself is a few hundredths of it, or
+    # less. Measured on 16 scenes with 7 tolerances: the errors at the end have a median of 0.14 of the tolerance, or
+    # less, and are at most 6 times it where motion is sensitive. An explicit method's steps, small for stability's
+    # sake, have the errors they tell, all in one direction.
     one = 0.02 if method.explicit else 0.1 if long else 0.25
-    errors = one * absolute, of_a_deflection * one * part, run.duration / LONG, np.inf, of_the_iteration
+    errors = one * absolute, of_a_deflection * one * part, run.duration / THRESHOLDS.long, np.inf, of_the_iteration
     return *errors, order, run.duration, SHORTEST * run.duration, largest

@@ -19,30 +19,13 @@ from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance
 from flexlink.motion.hindrance import hindrance
 from flexlink.motion.sampled_control import Control, held_torques_advice
 from flexlink.motion.step_errors import step_errors
-from flexlink.motion.tolerable import allowed_imbalance, apart, probed, tolerance_of
+from flexlink.motion.tolerable import THRESHOLDS, allowed_imbalance, apart, probed, tolerance_of
 from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import DivergenceError, Failure
 from flexlink.results.tip_motion import extent_of_motion, motion_in_words
 from flexlink.results.trajectory import Trajectory
-
-FAR = float(np.radians(84.0))
-"""Angle of a hinge from which a chain says little of the beam, and of three axes at one point the outer two nearly
-coincide: cond(M) grows by 1/cos² 84° = 90, two decimal digits."""
-
-A_DEGREE = float(np.radians(1.0))
-
-AT_LIMIT = 1e-9
-"""How far past a limit an angle still counts as at it [rad]: rounding of a run that starts or is led there."""
-
-TIP_SHARE = 0.05
-"""Error of the tip, as a part of its motion, that counts as wrong: the same 5 % as in `balance.SHARE`."""
-
-
-DOUBT = 0.1
-"""Part of `balance.SHARE` and `TIP_SHARE` from which a run is doubtful: what is seen of the errors are the losses of
-energy and the steps' own errors, which sensitive motion, and motion that drifts out of phase, multiply."""
 
 
 class RunMonitor:
@@ -66,8 +49,8 @@ class RunMonitor:
         chain, run = record.chain, record.run
         self.record, self.run, self.control = record, run, control
         self._balance = balance.Balance(
-            chain, record.inputs.potential_force, insisted=run.unstable == "allow", bend=FAR, near=AT_LIMIT,
-            kept=record.kept,
+            chain, record.inputs.potential_force, insisted=run.unstable == "allow",
+            bend=THRESHOLDS.far_bent, near=THRESHOLDS.at_limit, kept=record.kept,
         )  # fmt: skip
         self.negative_rotors = _negative_rotors(chain)
         self.n_valid, self.failure = 0, ""
@@ -77,7 +60,7 @@ class RunMonitor:
         self.steps, self.deflection, self.angle_travelled = Steps(run.method, 0, 0), 0.0, 0.0
         self._warned: set[str] = set()
         self._step_errors = [np.zeros(0)]
-        self._furthest = -A_DEGREE  # bend of a hinge at which M was judged last [rad]
+        self._furthest = -THRESHOLDS.a_degree  # bend of a hinge at which M was judged last [rad]
         self._extent = 0, 0.0  # number of samples, and theirs
 
     def compile(self) -> None:
@@ -211,8 +194,8 @@ class RunMonitor:
     def _far_bends(self, rows: slice) -> Iterator[tuple[int, str, str]]:
         """The first sample in which a hinge is bent too far."""
         bends = self._bends(rows)
-        if bends.size and bends.max() > FAR:
-            row = int(np.argmax(bends.max(axis=1) > FAR))
+        if bends.size and bends.max() > THRESHOLDS.far_bent:
+            row = int(np.argmax(bends.max(axis=1) > THRESHOLDS.far_bent))
             bent = self._bent(rows.start + row, bends[row])
             text = f"{bent}: beyond 84° the chain is no longer a good model of a beam; use more segments"
             yield rows.start + row, "bend", text
@@ -226,7 +209,7 @@ class RunMonitor:
         Looked at where a hinge is bent a degree further than it was when M was judged last.
         """
         for row, bend in enumerate(self._bends(slice(first, stop)).max(axis=1).tolist(), first):
-            if bend >= self._furthest + A_DEGREE:
+            if bend >= self._furthest + THRESHOLDS.a_degree:
                 self._furthest, M = bend, mass_matrix(self.record.chain, self.record.q[row])
                 if np.linalg.eigvalsh(M)[0] <= 0:
                     return row
@@ -237,7 +220,7 @@ class RunMonitor:
         chain = self.record.chain
         for k in self._balance.bounds.limited:
             q, lower, upper = self.record.q[rows, k], chain.hinges["lower"][k], chain.hinges["upper"][k]
-            out = np.maximum(lower - q, q - upper) > AT_LIMIT
+            out = np.maximum(lower - q, q - upper) > THRESHOLDS.at_limit
             if out.any():
                 row, slides = rows.start + int(np.argmax(out)), bool(chain.slides[k])
                 at, least, most = (in_words(slides, float(part)) for part in (self.record.q[row, k], lower, upper))
@@ -269,13 +252,13 @@ class RunMonitor:
             return
         rounded = self._rounded_away()
         moved = self.extent if self.tip_error or rounded else np.inf
-        if self.tip_error > DOUBT * TIP_SHARE * moved:
+        if self.tip_error > THRESHOLDS.doubt * THRESHOLDS.tip_share * moved:
             yield (
                 f"doubtful: step errors add up to {self.tip_error:.2g} m, "
                 f"{motion_in_words(self.record.chain, moved)}; "
                 "halve the step and compare"
             )
-        if rounded > DOUBT * TIP_SHARE * moved:
+        if rounded > THRESHOLDS.doubt * THRESHOLDS.tip_share * moved:
             largest = np.abs(self.record.q[: self.n_valid]).max()
             yield (
                 f"doubtful: rounding of angles up to {largest:.2g} rad adds up, step by step, "
@@ -292,8 +275,8 @@ class RunMonitor:
     def suspicious(self) -> bool:
         """Whether the energy imbalance is notable, or so large that only the tolerance explains it."""
         exchanged, _, unbalanced, excused = self._balance.seen[SEEN.exchanged : SEEN.travelled].tolist()
-        least = DOUBT * balance.SHARE * exchanged
-        return bool(unbalanced > least or excused > least / DOUBT)
+        least = THRESHOLDS.doubt * balance.SHARE * exchanged
+        return bool(unbalanced > least or excused > least / THRESHOLDS.doubt)
 
     @property
     def travelled(self) -> float:

@@ -28,11 +28,10 @@ from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.fixed_steps import pieces, steps_up_to
 from flexlink.motion.inputs.drives import acts_on_many, same_law
-from flexlink.motion.monitor import AT_LIMIT, DOUBT, FAR, TIP_SHARE, RunMonitor
+from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.single_run import verify
 from flexlink.motion.step_errors import step_errors_side_by_side
-from flexlink.motion.tolerable import apart, probed
-from flexlink.motion.verification import FAR_TURNED
+from flexlink.motion.tolerable import THRESHOLDS, apart, probed
 from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -188,15 +187,18 @@ class Block:
         chains = [record.chain for record in self.records]
         rounded = rounding.of_reach(1.0) * np.array([chain.size for chain in chains])
         seen, good = self._look()
-        least = nearly * DOUBT * balance.SHARE * seen[:, SEEN.exchanged]
-        good &= (seen[:, SEEN.unbalanced] <= least) & (seen[:, SEEN.excused] <= least / DOUBT)
-        good &= seen[:, SEEN.travelled] <= nearly * FAR_TURNED
+        least = nearly * THRESHOLDS.doubt * balance.SHARE * seen[:, SEEN.exchanged]
+        good &= (seen[:, SEEN.unbalanced] <= least) & (seen[:, SEEN.excused] <= least / THRESHOLDS.doubt)
+        good &= seen[:, SEEN.travelled] <= nearly * THRESHOLDS.far_turned
         good &= np.array([not chain.hinges["armature"].min() < 0 for chain in chains])
         if self.rows > 1:
             errors = np.where(self.errors < rounded[:, None], 0.0, self.errors)
             tip_error = errors.sum(axis=1) * apart(self.run) * self.run.steps_per_sample
             extent = np.linalg.norm(np.ptp(self.tip[:, : self.rows], axis=1), axis=1)
-            good &= np.maximum(tip_error, self._rounded_away(chains, rounded)) <= nearly * DOUBT * TIP_SHARE * extent
+            good &= (
+                np.maximum(tip_error, self._rounded_away(chains, rounded))
+                <= nearly * THRESHOLDS.doubt * THRESHOLDS.tip_share * extent
+            )
         return good
 
     def _look(self) -> tuple[Array, NDArray[np.bool_]]:
@@ -207,7 +209,8 @@ class Block:
             record.derive(0, self.rows)
             force = record.inputs.potential_force
             judge = balance.Balance(
-                record.chain, force, insisted=insisted, bend=FAR, near=AT_LIMIT, kept=record.kept
+                record.chain, force, insisted=insisted, bend=THRESHOLDS.far_bent, near=THRESHOLDS.at_limit,
+                kept=record.kept,
             )  # fmt: skip
             judge.start(record.energy[:, 0], record.tip[0])
             row, wrong = judge.look(0, self.rows, record.samples)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,13 +13,35 @@ from flexlink.describe.run_settings import RunSettings
 from flexlink.kernels.stepping.judgement import Allowance
 from flexlink.results import balance
 
-LONG = 100
-"""Number of steps with a tolerance in a run from which each is short: the error that it may have is in proportion."""
+
+class Thresholds(NamedTuple):
+    """From what on a run is doubted, or judged."""
+
+    far_bent: float = float(np.radians(84.0))
+    """Angle of a hinge from which a chain says little of the beam, and of three axes at one point the outer two nearly
+    coincide: cond(M) grows by 1/cos² 84° = 90, two decimal digits."""
+    a_degree: float = float(np.radians(1.0))
+    """Bends of hinges between which M is judged again [rad]."""
+    at_limit: float = 1e-9
+    """How far past a limit an angle still counts as at it [rad]: rounding of a run that starts or is led there."""
+    tip_share: float = 0.05
+    """Error of the tip, as a part of its motion, that counts as wrong: the same 5 % as in `balance.SHARE`."""
+    doubt: float = 0.1
+    """Part of `balance.SHARE` and `tip_share` from which a run is doubtful: what is seen of the errors are the losses
+    of energy and the steps' own errors, which sensitive motion, and motion that drifts out of phase, multiply."""
+    far_turned: float = 8.0
+    """Angle travelled by all joints [rad] that calls for a verification run: errors of rates become errors of angles,
+    and postures change without end. The models of the project that swing or move from place to place travel 7.1 and
+    less. Arms with errors of more than ten tolerances travelled 29 and more of a thousand that were hit, 8.8 and
+    more of 300 whose motors saturate, which hold nothing meanwhile."""
+    long: int = 100
+    """Number of steps with a tolerance in a run from which each is short: the error that it may have is in
+    proportion."""
+    tolerable: float = 3.0
+    """Tolerances that a run may be off by: ten are the limit for an error at the end, one is what it should be."""
 
 
-TOLERABLE = 3.0
-"""Tolerances that a run may be off by: ten are the limit for an error at the end, one is what it should be."""
-
+THRESHOLDS = Thresholds()
 
 APART = 128
 """How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
@@ -33,14 +56,15 @@ def tolerance_of(run: RunSettings, chain: Chain, deflection: float) -> float:
 def allowed_imbalance(run: RunSettings, chain: Chain, least: float, explicit: bool, compared: bool) -> Allowance:
     """Energy imbalance that position errors δ of the bodies, as large as the tolerance, explain: m g δ and m v δ/τ.
 
-    τ, in which a body gets δ off its way, is a long step. Of a motion of a size errors of `TOLERABLE` δ that go as it
-    goes change rates by as large a part, and energies by twice that. An implicit method damps vibrations that stay
-    below δ, however fast they are, and all energy may have been theirs, or work that a drive does on them: it is
+    τ, in which a body gets δ off its way, is a long step. Of a motion of a size errors of `Thresholds.tolerable` δ that
+    go as it goes change rates by as large a part, and energies by twice that. An implicit method damps vibrations that
+    stay below δ, however fast they are, and all energy may have been theirs, or work that a drive does on them: it is
     `compared` with a second run, if there is one, which judges. No δ is below the `least` tolerance [m].
     """
     if not run.controlled or run.duration == 0:
         return balance.NOTHING
-    momentum, share = math.sqrt(2 * chain.mass) * LONG / run.duration, 2 * TOLERABLE if explicit else math.inf
+    momentum = math.sqrt(2 * chain.mass) * THRESHOLDS.long / run.duration
+    share = 2 * THRESHOLDS.tolerable if explicit else math.inf
     part = run.tolerance_within(1.0) if run.accuracy == "deflection" else 0.0
     δ = max(tolerance_of(run, chain, 0.0), least)
     return Allowance(δ, part, chain.weight, momentum, share, not explicit, compared)
