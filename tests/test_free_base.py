@@ -182,7 +182,7 @@ def test_slopes_of_a_run_go_through_all_turns_of_its_base() -> None:
 
 def test_slopes_of_an_angle_that_is_half_a_turn_are_those_of_any_other() -> None:
     """Beside it the angle is told from the next turn."""
-    spun = fl.InitialState(base=fl.BaseState(spin_deg=(0.0, 0.0, 180.0)))
+    spun = fl.InitialState(base=fl.details.BaseState(spin_deg=(0.0, 0.0, 180.0)))
     alone = fl.Arm(
         links=(fl.Link(name="a", joint=fl.Joint(locked=True), end=fl.RigidBody(mass=1.0)),),
         base=fl.Base(kind="free", mass=3.0, inertia=(0.2, 0.25, 0.3)),

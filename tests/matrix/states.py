@@ -10,11 +10,12 @@ import numpy as np
 
 import flexlink as fl
 from flexlink.dynamics import rounding
+from flexlink.dynamics.terms import algorithms_of
 from matrix.case import EPS, Array, Case, close, difference
 
 STEP = 1e-3
 """Of differences."""
-SOLVERS, MATRICES = ("articulated", "lu", "cholesky"), ("columns", "lower", "upper", "composite")
+SOLVERS = "articulated", "lu", "cholesky"
 
 
 def forces(chain: fl.Chain, q: Array, qd: Array) -> Array:
@@ -42,7 +43,7 @@ def mass_matrices(case: Case) -> None:
     bias, I = fl.bias_torque(case.chain, q, qd), np.eye(case.chain.n)
     columns = np.array([fl.inverse_dynamics(case.chain, q, qd, row) - bias for row in I])
     error = rounding.of_mass_matrix(case.chain, q)
-    for algorithm in MATRICES:
+    for algorithm in algorithms_of(case.chain):
         M = fl.mass_matrix(case.chain, q, algorithm=algorithm)
         assert np.abs(M - M.T).max() <= error and np.linalg.eigvalsh(M).min() > 0, algorithm
         close(M, columns, 0.0, error + 2 * rounding.of_bias_torque(case.chain, q, qd))

@@ -52,7 +52,11 @@ def run(case: Case, samples: int, seed: int = 0) -> Iterator[Measured]:
 
 
 def _asymmetry(chain: Chain, s: State) -> float:
-    M = fl.mass_matrix(chain, s.q, algorithm="columns")  # the one method that does not copy one half to the other
+    if chain.is_serial_revolute:
+        M = fl.mass_matrix(chain, s.q, algorithm="columns")  # the one method that does not copy one half to the other
+    else:
+        bias = fl.bias_torque(chain, s.q, np.zeros(chain.n))
+        M = np.array([fl.inverse_dynamics(chain, s.q, np.zeros(chain.n), unit) - bias for unit in np.eye(chain.n)])
     return float(np.abs(M - M.T).max() / np.abs(M).max())
 
 
