@@ -35,7 +35,7 @@ from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.formats import FORMATS
 from flexlink.formats.document import decimals, unique
-from flexlink.kernels.bodies.kinematics import forward_kinematics
+from flexlink.kernels.geometry.kinematics import forward_kinematics
 
 EPS = np.finfo(float).eps
 

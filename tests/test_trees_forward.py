@@ -13,7 +13,6 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.arm import Base
 from flexlink.dynamics.rounding import of_mass_matrix
 from flexlink.dynamics.terms import algorithms_of
-from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.forward.articulated import articulated
 from flexlink.kernels.forward.articulated_rows import articulated_lanes_workspace, articulated_workspace
 from flexlink.kernels.forward.inverse_mass import solve_on_articulated
@@ -22,6 +21,7 @@ from flexlink.kernels.forward.mass_plus_diagonal import displacement, factor, pl
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue
 from flexlink.kernels.forward.solvers import dense, dense_workspace
+from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.layout import SLIDES, Rare
 from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.lanes import LANES

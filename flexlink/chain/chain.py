@@ -30,7 +30,7 @@ from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Indices
 from flexlink.common.wording import short_list, truncated
 from flexlink.describe.links import link_number
-from flexlink.kernels.bodies.kinematics import forward_kinematics
+from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.layout import COUPLING, FORCES, SLIDES, ChainArrays, Rare
 
 _OF_LAYOUT = {

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Indices
-from flexlink.kernels.bodies.kinematics import KinematicsWork, forward_kinematics
+from flexlink.kernels.geometry.kinematics import KinematicsWork, forward_kinematics
 from flexlink.kernels.layout import SLIDES, ChainArrays
 
 NEARLY = 1e-9

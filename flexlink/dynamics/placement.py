@@ -12,7 +12,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import each, is_batch, rows
 from flexlink.dynamics.result import Result
-from flexlink.kernels.bodies.kinematics import forward_kinematics, tip_points
+from flexlink.kernels.geometry.kinematics import forward_kinematics, tip_points
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

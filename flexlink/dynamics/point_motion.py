@@ -24,7 +24,7 @@ from flexlink.common.types import Array
 from flexlink.dynamics.batches import about_state, is_batch, rows
 from flexlink.dynamics.placement import body_number, hinge_bodies
 from flexlink.dynamics.result import Result
-from flexlink.kernels.bodies.kinematics import forward_kinematics
+from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.tools.finite import is_finite
 
 AT_ONCE = 1000

@@ -46,8 +46,8 @@ from flexlink.chain.spans import spans_of, sums_inward, sums_outward
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.kernels.bodies.kinematics import arm_length, forward_kinematics
 from flexlink.kernels.forces.rotation_springs import stretches
+from flexlink.kernels.geometry.kinematics import arm_length, forward_kinematics
 
 EPS = float(np.finfo(np.float64).eps)
 ROUNDINGS = 10

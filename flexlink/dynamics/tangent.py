@@ -18,8 +18,8 @@ from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import about
 from flexlink.dynamics.terms import bias_torque
-from flexlink.kernels.bodies.kinematics import forward_kinematics, turned_with_tip
 from flexlink.kernels.derivatives.inverse_derivatives import load_slopes
+from flexlink.kernels.geometry.kinematics import forward_kinematics, turned_with_tip
 
 
 class Stiffness(NamedTuple):

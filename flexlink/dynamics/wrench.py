@@ -13,7 +13,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import wrench_rows
-from flexlink.kernels.bodies.kinematics import turned_with_tip
+from flexlink.kernels.geometry.kinematics import turned_with_tip
 
 
 def turns_with_tip(frame: Frame) -> bool:

@@ -23,7 +23,7 @@ from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.placement import unbent
 from flexlink.dynamics.terms import Energy
-from flexlink.kernels.bodies.kinematics import tip_points
+from flexlink.kernels.geometry.kinematics import tip_points
 from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.fixed_steps import pieces, steps_up_to

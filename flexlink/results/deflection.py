@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import unbent
-from flexlink.kernels.bodies.kinematics import tip_points
+from flexlink.kernels.geometry.kinematics import tip_points
 from flexlink.results.tip_motion import distances
 from flexlink.results.trajectory import Trajectory
 

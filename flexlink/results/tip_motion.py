@@ -10,7 +10,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.kernels.bodies.kinematics import forward_kinematics, tip_points
+from flexlink.kernels.geometry.kinematics import forward_kinematics, tip_points
 
 
 def judged_path(chain: Chain, q: Array) -> Array:

@@ -16,7 +16,7 @@ from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor, is_on_base
 from flexlink.dynamics.floating_base import BODY
-from flexlink.kernels.bodies.kinematics import forward_kinematics
+from flexlink.kernels.geometry.kinematics import forward_kinematics
 
 
 class Placement(NamedTuple):

@@ -1,7 +1,7 @@
 """Kinetic, gravity and elastic energy, body by body: an independent road beside ½ q̇ᵀ M q̇."""
 
-from flexlink.kernels.bodies.kinematics import forward_kinematics, motion_of
 from flexlink.kernels.forces.elements import elastic_energy, forces_of
+from flexlink.kernels.geometry.kinematics import forward_kinematics, motion_of
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import kernel, recursion, subroutine
 from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cross, dot, scale, sub, vector

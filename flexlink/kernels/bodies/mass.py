@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.branches import fork_lanes, fork_rows, rows_of_forks
-from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics, kinematics_workspace
+from flexlink.kernels.geometry.branches import fork_lanes, fork_rows, rows_of_forks
+from flexlink.kernels.geometry.kinematics import KinematicsWork, kinematics, kinematics_workspace
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.lanes import (

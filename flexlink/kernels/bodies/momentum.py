@@ -1,6 +1,6 @@
 """Momentum of all bodies, and their centre of mass, body by body, in frame 0."""
 
-from flexlink.kernels.bodies.kinematics import kinematics, kinematics_workspace, motion_of
+from flexlink.kernels.geometry.kinematics import kinematics, kinematics_workspace, motion_of
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, apply, apply_transposed, cross, put, scale, sub, vector

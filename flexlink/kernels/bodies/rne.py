@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.branches import fork_lanes, fork_rows
+from flexlink.kernels.geometry.branches import fork_lanes, fork_rows
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
 from flexlink.kernels.tools.lanes import (

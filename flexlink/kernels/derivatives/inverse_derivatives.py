@@ -38,7 +38,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.branches import fork_rows
+from flexlink.kernels.geometry.branches import fork_rows
 from flexlink.kernels.layout import SLIDES, ChainArrays
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite

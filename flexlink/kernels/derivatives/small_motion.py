@@ -27,7 +27,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.branches import rows_of_forks
 from flexlink.kernels.bodies.rne import rne, rne_workspace
 from flexlink.kernels.derivatives.inverse_derivatives import (
     BODY_MOTION,
@@ -39,6 +38,7 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
     own_spin,
     spin,
 )
+from flexlink.kernels.geometry.branches import rows_of_forks
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of

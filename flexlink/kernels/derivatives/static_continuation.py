@@ -8,10 +8,10 @@ import math
 
 import numpy as np
 
-from flexlink.kernels.bodies.kinematics import arm_length
 from flexlink.kernels.bodies.rne import rne, rne_workspace
 from flexlink.kernels.derivatives.inverse_derivatives import derivatives_workspace, inverse_derivatives
 from flexlink.kernels.forces.elements import add_slopes, add_torques, forces_of
+from flexlink.kernels.geometry.kinematics import arm_length
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.vec3 import vector

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics
+from flexlink.kernels.geometry.kinematics import KinematicsWork, kinematics
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import inlined, kernel, subroutine
 from flexlink.kernels.tools.lanes import Turns

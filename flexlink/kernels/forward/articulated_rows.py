@@ -4,11 +4,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.branches import fork_lanes, fork_rows
 from flexlink.kernels.forces.elements import eight_of, forces_of, forces_side_by_side
 from flexlink.kernels.forces.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
 from flexlink.kernels.forward.articulated_branches import DEMAND, FORK_SIZE
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT, common_layout, layout_of
+from flexlink.kernels.geometry.branches import fork_lanes, fork_rows
 from flexlink.kernels.layout import ChainArrays
 from flexlink.kernels.tools.compiler import inlined, kernel, shared
 from flexlink.kernels.tools.lanes import LANES, empty_lanes, put_vec_of, vec_of

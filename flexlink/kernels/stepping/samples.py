@@ -3,9 +3,9 @@
 import numpy as np
 
 from flexlink.kernels.bodies.energy import energies_of
-from flexlink.kernels.bodies.kinematics import kinematics, kinematics_workspace
 from flexlink.kernels.forces.elements import forces_of
 from flexlink.kernels.forward.solvers import forward_under
+from flexlink.kernels.geometry.kinematics import kinematics, kinematics_workspace
 from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
 from flexlink.kernels.tools.compiler import kernel, subroutine
 from flexlink.kernels.tools.vec3 import put, vector

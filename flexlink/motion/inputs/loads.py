@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.describe.scene import Scene
-from flexlink.kernels.bodies.branches import loaded_body, path_to
+from flexlink.kernels.geometry.branches import loaded_body, path_to
 from flexlink.kernels.inputs.record import Loads
 from flexlink.motion.inputs.interpolation import held_knots, pieces_of
 

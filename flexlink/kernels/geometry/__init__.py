@@ -1,0 +1,1 @@
+"""Where bodies and hinges are, and how a tree of them branches."""
