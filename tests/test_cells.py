@@ -22,7 +22,7 @@ from flexlink.errors import SceneError
 from flexlink.kernels.forces.couplings import cells_of
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, columns
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS
-from flexlink.kernels.layout import COUPLING, DRAG, Rare
+from flexlink.kernels.layout import COUPLING, FORCES, Rare
 
 EPS = np.finfo(float).eps
 HINGES = range(2, 7)
@@ -217,7 +217,8 @@ def test_products_with_the_springs_are_those_of_the_matrix() -> None:
 )
 def test_a_cell_is_a_run_of_hinges_that_couplings_overlap(pairs: list[tuple[int, int]], wanted: list[int]) -> None:
     couplings = np.array([(*pair, 1.0, 0.0) for pair in pairs], dtype=COUPLING)
-    assert cells_of(5, Rare(couplings, np.zeros(0, DRAG))).tolist() == wanted
+    others = (np.zeros(0, FORCES[name]) for name in Rare._fields[1:])
+    assert cells_of(5, Rare(couplings, *others)).tolist() == wanted
 
 
 # The algorithms.

@@ -292,13 +292,13 @@ def test_a_new_folder_removes_the_least_used_and_nothing_that_is_not_its_own(fol
     assert left == {f"{age:016x}" for age in range(machine_code.KEPT)} | {folder.name, "mine", "notes.txt"}
 
 
-def test_what_numba_does_not_document_is_used_in_one_file_alone() -> None:
+def test_what_numba_does_not_document_is_used_in_two_files_alone() -> None:
     """Documented are numba itself, its types, the extension API and, of the core, events and structures."""
     documented = {"numba", "numba.types", "numba.extending", "numba.core.event", "numba.core.cgutils"}
     private = re.compile(r"\b_nrt\b|\b_cache\b|\._re(?:duce|build)\b")
     for source in sorted(machine_code.HERE.parent.rglob("*.py")):
         text = source.read_text(encoding="utf-8")
-        if source.name != "machine_code.py":
+        if source.name not in {"machine_code.py", "absent.py"}:
             assert imported(text) <= documented, source.name
             assert not private.search(text), source.name
 

@@ -108,4 +108,4 @@ def test_every_public_name_is_there_and_engines_are_loaded_only_when_asked_for()
     with pytest.raises(AttributeError, match=r"no attribute 'compere'$"):
         fl.compere  # noqa: B018
     with pytest.raises(AttributeError, match=r"no attribute 'FitRun'; it is flexlink\.fits\.FitRun$"):
-        fl.fits.FitRun  # noqa: B018
+        fl.FitRun  # noqa: B018

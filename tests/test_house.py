@@ -24,7 +24,7 @@ BARS = {
     "functions of more than 60 lines of code": 2, "lines of contracts": 56,
 }  # fmt: skip
 FEATURES = {
-    "slides": ("slides|prismatic", 98), "couplings": ("coupl", 67), "branches": ("branch", 51),
+    "slides": ("slides|prismatic", 98), "couplings": ("coupl", 67), "branches": ("branch", 52),
     "free base": ("free.base", 55), "rotation springs": ("rotation.spring", 24), "drag": ("drag", 24),
 }  # fmt: skip
 

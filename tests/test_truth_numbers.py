@@ -21,17 +21,20 @@ from validation.random_arms import random_arm, random_tree
 
 
 @pytest.mark.parametrize(("make", "args", "known"), [
-    (random_scene, range(80), 24879.882549938),
-    (tumbling_scene, range(20), 6144.745983661),
-    (released_scene, range(20), 5631.496446998),
-    (robot_scene, (0.5, 1.0), 880.414351474),
-    (random_arm, range(40), 27321.595731314),
-    (random_tree, range(30), 22864.701397281),
+    (random_scene, range(80), 23761.367215524),
+    (tumbling_scene, range(20), 6393.112545017),
+    (released_scene, range(20), 5972.309018352),
+    (robot_scene, (0.5, 1.0), 970.857021555),
+    (random_arm, range(40), 26946.439598062),
+    (random_tree, range(30), 22684.321373375),
 ])  # fmt: skip
 def test_the_same_seed_gives_the_scene_of_the_stored_study(make: Any, args: Any, known: float) -> None:
-    """By a weighted sum of all its numbers: what the study says of a seed is of no use if it means another scene."""
+    """By a weighted sum of its numbers: what the study says of a seed is of no use if it means another scene.
+
+    Zeros do not count, and so a key that is new, and left out, changes nothing.
+    """
     found = (map(float, re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", repr(to_document(make(one))))) for one in args)
-    total = sum((1 + k % 7) * math.asinh(x) for numbers in found for k, x in enumerate(numbers))
+    total = sum((1 + k % 7) * math.asinh(x) for numbers in found for k, x in enumerate(filter(None, numbers)))
     assert total == pytest.approx(known, rel=1e-10)
 
 

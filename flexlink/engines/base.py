@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import ArgumentError, EngineError
+from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.forces import drag_torque
@@ -126,8 +126,6 @@ def drive_function(problem: InitialValueProblem) -> DriveTorque | None:
 def drag_function(problem: InitialValueProblem) -> Callable[[Array, Array], Array] | None:
     """The drag of the scene's links as T_DRAG(q, q̇), by flexlink, which engines take as torques; None without any."""
     chain = problem.chain
-    if unknown := chain.forces.keys() - {"drag"}:
-        raise EngineError(f"{chain.name}: engines know no {', '.join(sorted(unknown))}; leave them out of the scene")
     return (lambda q, qd: drag_torque(chain, q, qd)) if len(chain.drag) else None
 
 
@@ -223,11 +221,13 @@ def fixed_steps_problem(scene: Scene) -> InitialValueProblem:
     Raises
     ------
     ArgumentError
-        The run does not have fixed steps of an explicit method.
+        The run does not have fixed steps of an explicit method, or the chain has force elements other than drag.
     UnstableStepError
         The step exceeds the stability limit, and `run.unstable` does not allow it.
     """
     problem = problem_of(scene)
+    if unknown := problem.chain.forces.keys() - {"drag"}:
+        raise ArgumentError(f"{scene.name}: other engines know no {', '.join(sorted(unknown))}; leave them out")
     if not problem.explicit:
         raise ArgumentError(
             f"method = {scene.run.method!r}: other engines need fixed steps of an explicit method; set method and step"

@@ -153,9 +153,12 @@ def replaced(function: Function, by: Callable[[Callable[..., Any]], Callable[...
     holder = getattr(module, owner) if owner else module
     honest = getattr(holder, name)
     liar = by(honest)
+    public = {"flexlink", *(f"flexlink.{each}" for each in ("details", "fits", "measures", "small_motion", "strength"))}
+    for each in public:
+        importlib.import_module(each)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(holder, name, liar)
-        for other in [m for key, m in sys.modules.items() if key == "flexlink" or key.startswith(CALLERS)]:
+        for other in [m for key, m in sys.modules.items() if key in public or key.startswith(CALLERS)]:
             for alias, value in list(vars(other).items()):
                 if value is honest:
                     patch.setattr(other, alias, liar)
