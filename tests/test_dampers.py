@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import random_state
+from msgspec.structs import replace
 from scipy.integrate import solve_ivp
 
 import flexlink as fl

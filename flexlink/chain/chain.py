@@ -39,9 +39,6 @@ _OF_LAYOUT = {
 }  # fmt: skip
 """What is found of a chain without its masses, springs and gravity."""
 
-NO_FORCES = {name: np.frombuffer(b"", dtype) for name, dtype in FORCES.items()}
-"""Empty arrays, read-only as all of a chain: of one type to compiled loops."""
-
 Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
 """Joints of a chain: see `Chain.joint_indices`."""
 
@@ -165,7 +162,8 @@ class Chain:
         """The force elements of a name, "couplings", "drag", ...; an empty array where there are none."""
         if name == "couplings":
             return self.couplings
-        return self.forces.get(name, NO_FORCES[name])
+        nothing = np.frombuffer(b"", FORCES[name])  # read-only as all of a chain: of one type to compiled loops
+        return self.forces.get(name, nothing)
 
     def without_forces(self) -> Chain:
         """The chain without the elements of `forces`; itself where it has none."""
