@@ -47,8 +47,7 @@ def drag_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
     >>> print(f"{rates @ fl.drag_torque(in_air, q, rates):.2f} W")
     1.09 W
     """
-    own = {"drag": require_type("chain", chain, Chain).drag} if len(chain.drag) else {}
-    return force_torque(dataclasses.replace(chain, forces=own), q, qd)
+    return force_torque(_with(require_type("chain", chain, Chain), chain.forces.keys() & {"drag"}), q, qd)
 
 
 def force_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
@@ -73,8 +72,14 @@ def force_slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
 
 def of_single_joints(chain: Chain) -> Chain:
     """The chain with those force elements alone that act on one joint each by its rate, and belong to T_FR."""
-    own = {name: rows for name, rows in chain.forces.items() if "hinge" in (rows.dtype.names or ())}
-    return chain if len(own) == len(chain.forces) else dataclasses.replace(chain, forces=own)
+    return _with(chain, {name for name, rows in chain.forces.items() if "hinge" in (rows.dtype.names or ())})
+
+
+def _with(chain: Chain, names: set[str]) -> Chain:
+    """The chain with the force elements of these names alone; itself, with all that was found of it, if those are all."""
+    if len(names) == len(chain.forces):
+        return chain
+    return dataclasses.replace(chain, forces={name: chain.forces[name] for name in names})
 
 
 def names_of(chain: Chain) -> str:

@@ -274,7 +274,8 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
     hinges = chain.hinges
     with np.errstate(over="ignore"):  # far beyond the width tanh is 1
         torque: Array = chain.times("damping", qd) + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
-        torque = torque + force_torque(of_single_joints(chain), np.zeros(chain.n), qd)
+        if chain.forces:
+            torque = torque + force_torque(of_single_joints(chain), np.zeros(chain.n), qd)
     if not is_finite(torque):
         raise beyond_float64(_at("friction torque", chain, torque), qd=qd)
     return torque
