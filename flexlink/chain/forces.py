@@ -21,7 +21,8 @@ Rows = list[tuple[object, ...]]
 def damper_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
     """Quadratic dampers of the joints, rows of dtype `DAMPER`."""
     dampers = {link.name: link.joint.quadratic for link in scene.arm.links if link.joint.quadratic}
-    return [(chain.joint_index("dampers", link), c) for link, c in dampers.items()]
+    found = [(chain.joint_index("dampers", link, perhaps_locked=True), c) for link, c in dampers.items()]
+    return [(k, c) for k, c in found if k >= 0]
 
 
 ROWS: dict[str, Callable[[Scene, Chain, Sequence[Piece]], Rows]] = {"drag": drag_rows, "dampers": damper_rows}

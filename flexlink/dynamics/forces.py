@@ -76,7 +76,7 @@ def of_single_joints(chain: Chain) -> Chain:
 
 
 def _with(chain: Chain, names: set[str]) -> Chain:
-    """The chain with the force elements of these names alone; itself, with all that was found of it, if those are all."""
+    """The chain with the force elements of these names alone; itself where it has no others."""
     if len(names) == len(chain.forces):
         return chain
     return dataclasses.replace(chain, forces={name: chain.forces[name] for name in names})
@@ -96,4 +96,4 @@ def refuse_forces(what: str, chain: Chain, qd: Array | None = None) -> None:
         The chain has some, and moves.
     """
     if chain.forces and (qd is None or qd.any()):
-        raise ArgumentError(f"{chain.name}: {what} do not count {names_of(chain)}; leave out link.drag")
+        raise ArgumentError(f"{chain.name}: {what} do not count {names_of(chain)}; leave them out")

@@ -6,6 +6,7 @@ import numpy as np
 import scipy.linalg
 
 import flexlink as fl
+from flexlink.dynamics.forces import force_torque
 from matrix.case import Case, close, difference
 
 
@@ -43,15 +44,20 @@ def modes(case: Case) -> None:
 
 
 def _matrices(chain: fl.Chain, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M, slopes of torques along angles, and along rates; those of friction are about rest."""
+    """M, slopes of torques along angles, and along rates; those of joints' friction are about rest."""
 
     def torques(q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        return fl.bias_torque(chain, q, qd) + fl.elastic_torque(chain, q) + fl.drag_torque(chain, q, qd)
+        return fl.bias_torque(chain, q, qd) + fl.elastic_torque(chain, q) + force_torque(chain, q, qd)
 
     I = np.eye(chain.n)
     K = [difference(lambda h, e=e: torques(q + h * e, qd)) for e in I]
-    G = [difference(lambda h, e=e: torques(q, qd + h * e)) for e in I]
-    D = [difference(lambda h, e=e: fl.friction_torque(chain, h * e), 1e-5) for e in I]
+    G = [difference(lambda h, e=e: fl.bias_torque(chain, q, qd + h * e)) for e in I]
+    joints = chain.without_forces()
+    D = [
+        difference(lambda h, e=e: fl.friction_torque(joints, h * e), 1e-5)
+        + difference(lambda h, e=e: force_torque(chain, q, qd + h * e), 1e-5)
+        for e in I
+    ]
     return fl.mass_matrix(chain, q), np.array(K).T, np.array(G).T + np.array(D).T
 
 
