@@ -148,14 +148,6 @@ def add_up(work):
 
 
 @kernel
-def drag_torques_of_many(chain, qs, qds, found):
-    """Add T of states (b, n) to `found` (b, n)."""
-    work = drag_of(chain)
-    for row in range(len(qs)):
-        drag_torque(work, qs[row], qds[row], found[row])
-
-
-@kernel
 def drag_loads(chain, q, qd):
     """Force on every body and moment about its hinge point, frame 0, in a new array (bodies, 2, 3)."""
     work = drag_work(chain, len(chain.bodies), len(chain.hinges))
