@@ -23,11 +23,12 @@ WAYS: dict[str, dict[str, object]] = {
 
 
 def scenes() -> list[fl.Scene]:
-    """Every model, every law, prescribed motion, wrenches that change, drag, quadratic dampers, and all at once."""
+    """Every model, every law, prescribed motion, wrenches that change, drag, dampers, lags, and all at once."""
     bare = fl.load_scene("models/t2_spatial.toml")
     laws = [arm(law) for law in DRIVES]
     changed = [
         {"link.*.drag": fl.Drag(coefficient=1.0)}, {"link.*.joint.quadratic": 1.0},
+        {"link.*.joint": fl.Joint(viscous=1.0, viscous_lag=0.1)},
         {"wrench": fl.Wrench(force=(1.0, 0.0, 0.0), frame="tip")}, {"drive": fl.Drive()},
     ]  # fmt: skip
     return [*map(fl.load_scene, MODELS), *laws, arm("linear").varied({"motion": (MOTION,)}), nasty_scene(),

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, number_of, require_type, vector
-from flexlink.chain.coordinates import LAST_AXIS, Coordinate, joint_names
+from flexlink.chain.coordinates import LAG, LAST_AXIS, Coordinate, joint_names
 from flexlink.chain.couplings import add_products
 from flexlink.chain.size import on_elastic_gears, size_without_reach, turning_radii, without_lever
 from flexlink.chain.spans import spans_of, sums_outward
@@ -34,8 +34,8 @@ from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.layout import COUPLING, FORCES, SLIDES, ChainArrays, Rare
 
 _OF_LAYOUT = {
-    "active", "slides", "is_serial", "is_serial_revolute", "has_free_base", "joint_units", "bending", "axes",
-    "coupled_joints", "has_rotation_springs", "is_planar", "joint_names", "_sequential", "_layout",
+    "active", "internal", "slides", "is_serial", "is_serial_revolute", "has_free_base", "joint_units", "bending",
+    "axes", "coupled_joints", "has_rotation_springs", "is_planar", "joint_names", "_sequential", "_layout",
 }  # fmt: skip
 """What is found of a chain without its masses, springs and gravity."""
 
@@ -264,6 +264,16 @@ class Chain:
         active = np.array([k for k, c in enumerate(self.coordinates) if c.axis == 0], dtype=np.intp)
         active.flags.writeable = False
         return active
+
+    @functools.cached_property
+    def internal(self) -> NDArray[np.intp]:
+        """Sequential indices of internal coordinates: their rates are states of force elements, and they move no body.
+
+        Nothing depends on their angles: in statics they stay where they are.
+        """
+        internal = np.array([k for k, c in enumerate(self.coordinates) if c.axis == LAG], dtype=np.intp)
+        internal.flags.writeable = False
+        return internal
 
     @functools.cached_property
     def slides(self) -> NDArray[np.bool_]:

@@ -11,14 +11,17 @@ from flexlink.describe.arm import BASE
 
 ROOT = 4
 """Axis in a `Coordinate` of the spring at a link's root that turns about X; those about Y and Z follow."""
-LAST_AXIS = ROOT + 2
+LAG = ROOT + 3
+"""Axis of the internal coordinate of a joint's lagging friction."""
+LAST_AXIS = LAG
 
 
 class Coordinate(NamedTuple):
     """The paper's three indices: link from 1, segment from 0, axis 0 = active, 1 twist, 2 and 3 bending.
 
     (link, 0, 3) is the hinge of an elastic gear, about the joint's axis; (link, 0, 4) … (link, 0, 6) are those of
-    springs at the link's root, about X, Y, Z. (0, 0, 1) … (0, 0, 6) are the joints of a free base: three along X, Y, Z
+    springs at the link's root, about X, Y, Z; (link, 0, 7) is an internal coordinate, whose rate is the state of the
+    joint's lagging friction. (0, 0, 1) … (0, 0, 6) are the joints of a free base: three along X, Y, Z
     and three about them.
     """
 
@@ -29,7 +32,7 @@ class Coordinate(NamedTuple):
     @property
     def of_root(self) -> bool:
         """Whether it is that of a spring at the root of a link."""
-        return self.link > 0 and self.axis >= ROOT
+        return self.link > 0 and ROOT <= self.axis < LAG
 
 
 @functools.lru_cache(maxsize=64)
@@ -46,6 +49,8 @@ def _hinge_name(coordinate: Coordinate) -> str:
     link, segment, axis = coordinate
     if link == 0:
         return free_base.NAMES[axis - 1]
+    if axis == LAG:
+        return "lag"
     if axis >= ROOT:
         return f"root.{'xyz'[axis - ROOT]}"
     return "gear" if axis and not segment else f"{segment}.{' xyz'[axis]}"

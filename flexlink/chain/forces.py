@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
 from flexlink.chain.drag import drag_rows
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe.scene import Scene
 from flexlink.kernels.layout import FORCES
 
@@ -25,7 +25,18 @@ def damper_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
     return [(k, c) for k, c in found if k >= 0]
 
 
-ROWS: dict[str, Callable[[Scene, Chain, Sequence[Piece]], Rows]] = {"drag": drag_rows, "dampers": damper_rows}
+def gyrator_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
+    """Between joints and the internal coordinates of their lagging friction, rows of dtype `GYRATOR`."""
+    links = [chain.coordinates[k].link for k in chain.internal.tolist()]
+    return [
+        (chain.index(link, 0, 0), k, scene.arm.links[link - 1].joint.viscous)
+        for link, k in zip(links, chain.internal.tolist(), strict=True)
+    ]
+
+
+ROWS: dict[str, Callable[[Scene, Chain, Sequence[Piece]], Rows]] = {
+    "drag": drag_rows, "dampers": damper_rows, "gyrators": gyrator_rows,
+}  # fmt: skip
 """Rows of each kind of force element that a scene asks for, at hand of the straight pieces of its links."""
 
 
@@ -49,3 +60,18 @@ def _check_finite(scene: Scene, name: str, rows: NDArray[np.void]) -> None:
     for field in rows.dtype.names or ():
         if not np.isfinite(rows[field]).all():
             raise SceneError(f"{scene.name}: the {field} of {name} overflows float64; expected smaller numbers")
+
+
+def refuse_states(chain: Chain, what: str, instead: str = "", *, free: NDArray[np.intp] | None = None) -> None:
+    """For what does not know states of force elements; `free`: coordinates that move, by default all.
+
+    Raises
+    ------
+    ArgumentError
+        The friction of such a joint lags.
+    """
+    joints = chain.force("gyrators")["inner"]
+    lagging = joints if free is None else np.intersect1d(joints, free)
+    if len(lagging):
+        name = chain.joint_name(int(lagging[0]))
+        raise ArgumentError(f"{chain.name}: viscous_lag of joint {name!r}: {what}; leave it out{instead}")

@@ -17,9 +17,10 @@ from flexlink.chain.builder import Builder, Piece, record_inertia, recorded
 from flexlink.chain.chain import Chain
 from flexlink.chain.compliance import cell_constants, spring_constants
 from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
-from flexlink.chain.coordinates import ROOT, Coordinate
+from flexlink.chain.coordinates import LAG, ROOT, Coordinate
 from flexlink.chain.forces import with_forces
 from flexlink.chain.free_base import reference_rotation
+from flexlink.chain.rigid import HERE
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.chain.section_beam import SectionBeam
 from flexlink.chain.table_beam import TableBeam
@@ -168,6 +169,8 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
             _add_joint(builder, link, number, start, number in moved)
             springs += _add_line(builder, link, number, beams[number - 1], *placed[number - 1])
             ends[number] = builder.place
+            if number == len(arm.links):
+                _add_lags(builder, arm)
             if number in arm.tips:
                 builder.start_body()  # of a tip, which has no hinges
                 tips[link.name] = len(builder.bodies) - 2
@@ -252,14 +255,28 @@ def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, fl
     axis += SLIDES * joint.slides
     if not joint.locked:
         lower, upper = (joint.position(limit, limit) for limit in joint.own_limits or (-np.inf, np.inf))
+        viscous = 0.0 if joint.lags else joint.viscous
         builder.add_hinge(
-            Coordinate(number, 0, 0), axis, damping=joint.viscous, coulomb=joint.coulomb, width=joint.coulomb_width,
+            Coordinate(number, 0, 0), axis, damping=viscous, coulomb=joint.coulomb, width=joint.coulomb_width,
             armature=joint.armature, lower=lower, upper=upper, prescribed=prescribed,
         )  # fmt: skip
     if joint.gear_stiffness is not None:
         builder.add_hinge(Coordinate(number, 0, axis=3), axis, joint.gear_stiffness, joint.gear_damping)
     builder.turn(turn.T)
     builder.add_payload(link.hub)
+
+
+def _add_lags(builder: Builder, arm: Arm) -> None:
+    """Internal coordinates of friction that lags behind its joint: rotors d τ with dampers d, which carry nothing."""
+    last = builder.place
+    for number, link in enumerate(arm.links, 1):
+        joint = link.joint
+        if joint.lags:
+            builder.go_to((0, HERE))
+            builder.start_body()
+            rotor = joint.viscous * joint.viscous_lag
+            builder.add_hinge(Coordinate(number, 0, LAG), SLIDES * joint.slides, 0.0, joint.viscous, armature=rotor)
+    builder.go_to(last)
 
 
 def _add_line(

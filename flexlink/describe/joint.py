@@ -45,6 +45,9 @@ class Joint(Spec, frozen=True):
     """Whether the joint stays where it starts."""
     viscous: Annotated[NonNegative, measured_in("N m s/rad", "N s/m")] = 0.0
     """Viscous friction torque per rate [N m s/rad]; of a prismatic joint [N s/m]."""
+    viscous_lag: Annotated[NonNegative, measured_in("s")] = 0.0
+    """Time τ by which viscous friction lags behind the rate [s], as of a damper in series with a spring: d ζ with
+    τ ζ̇ = q̇ − ζ, in place of d q̇."""
     quadratic: Annotated[NonNegative, measured_in("N m s²/rad²", "N s²/m²")] = 0.0
     """Torque c |q̇| q̇ per squared rate, as of a hydraulic damper [N m s²/rad²]; of a prismatic joint [N s²/m²]."""
     coulomb: Annotated[NonNegative, measured_in("N m", "N")] = 0.0
@@ -72,6 +75,8 @@ class Joint(Spec, frozen=True):
             raise SceneError(f"{other} = {getattr(self, other)}: a {self.kind} joint takes {self.limits_key}")
         if self.own_limits is not None and self.own_limits[0] >= self.own_limits[1]:
             raise SceneError(f"{self.limits_key} = {self.own_limits}: the lower one must be below the upper one")
+        if self.viscous_lag and not self.viscous:
+            raise SceneError(f"viscous_lag = {self.viscous_lag!r}: needs a viscous friction > 0")
         if self.gear_stiffness is None and self.gear_damping:
             raise SceneError(f"gear_damping = {self.gear_damping!r}: needs a gear_stiffness")
         if self.gear_stiffness is not None and not self.armature and not self.locked:
@@ -84,6 +89,11 @@ class Joint(Spec, frozen=True):
     def slides(self) -> bool:
         """Whether it is prismatic."""
         return self.kind == "prismatic"
+
+    @property
+    def lags(self) -> bool:
+        """Whether it turns, or slides, with friction that lags behind."""
+        return self.viscous_lag > 0 and not self.locked
 
     @property
     def limits_key(self) -> str:

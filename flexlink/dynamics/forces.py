@@ -70,9 +70,9 @@ def force_slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
     return by_angle, by_rate
 
 
-def of_single_joints(chain: Chain) -> Chain:
-    """The chain with those force elements alone that act on one joint each by its rate, and belong to T_FR."""
-    return _with(chain, {name for name, rows in chain.forces.items() if "hinge" in (rows.dtype.names or ())})
+def of_joint_rates(chain: Chain) -> Chain:
+    """The chain with those force elements alone that act on joints by their rates, and belong to T_FR."""
+    return _with(chain, {name for name, rows in chain.forces.items() if "body" not in (rows.dtype.names or ())})
 
 
 def _with(chain: Chain, names: set[str]) -> Chain:

@@ -61,7 +61,7 @@ class Stiffness(NamedTuple):
 
 
 def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
-    """Sequential indices of the coordinates that may move: neither `locked` nor moving as prescribed.
+    """Sequential indices of the coordinates that may move: neither `locked`, nor moving as prescribed, nor internal.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
         `locked` holds something that is no joint, or leaves nothing to move.
     """
     held = chain.joint_indices("locked", locked)
-    free = np.setdiff1d(np.flatnonzero(chain.hinges["prescribed"] == 0), held)
+    free = np.setdiff1d(np.flatnonzero(chain.hinges["prescribed"] == 0), np.concatenate([held, chain.internal]))
     if not len(free):
         raise ArgumentError(f"locked = {truncated(locked)}: nothing is left to move; prescribed joints do not, either")
     return free
@@ -163,12 +163,12 @@ def has_potential(chain: Chain, wrench: Array, follower: bool) -> bool:
 
 
 def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
-    """G = ∂(T_GC + T_DRAG)/∂q̇, shape (n, n) [N m s/rad]; zero at rest, since both are quadratic in the rates."""
+    """G = ∂(T_GC + T_DRAG)/∂q̇, shape (n, n) [N m s/rad]; at rest that of gyrators alone."""
     G = np.zeros((chain.n, chain.n))
     if qd.any():
         G += load_matrices(chain, q, qd, np.zeros(6))[1]
-        if chain.forces:
-            G += force_slopes(chain, q, qd)[1]
+    if chain.forces:
+        G += force_slopes(chain, q, qd)[1]
     return G
 
 

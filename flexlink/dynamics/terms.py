@@ -21,7 +21,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch, rows
-from flexlink.dynamics.forces import force_torque, of_single_joints
+from flexlink.dynamics.forces import force_torque, of_joint_rates
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.springs import spring_torque
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
@@ -275,7 +275,7 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
     with np.errstate(over="ignore"):  # far beyond the width tanh is 1
         torque: Array = chain.times("damping", qd) + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
         if chain.forces:
-            torque = torque + force_torque(of_single_joints(chain), np.zeros(chain.n), qd)
+            torque = torque + force_torque(of_joint_rates(chain), np.zeros(chain.n), qd)
     if not is_finite(torque):
         raise beyond_float64(_at("friction torque", chain, torque), qd=qd)
     return torque

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from flexlink.chain.arguments import require_one_of, require_type
 from flexlink.chain.chain import Chain
+from flexlink.chain.forces import refuse_states
 from flexlink.common.errors import MissingDependencyError
 from flexlink.engines.base import Engine, ForeignFile
 from flexlink.engines.child_process import IsolatedEngine
@@ -55,8 +56,12 @@ def load(name: str, chain: Chain) -> Engine:
     EngineError
         The child process of the engine ended.
     """
-    if require_one_of("engine", name, ENGINES).isolated:
-        return IsolatedEngine(name, require_type("chain", chain, Chain))
+    isolated = require_one_of("engine", name, ENGINES).isolated
+    require_type("chain", chain, Chain)
+    if name != "native":
+        refuse_states(chain, "other engines do not know it")
+    if isolated:
+        return IsolatedEngine(name, chain)
     return load_here(name, chain)
 
 

@@ -60,6 +60,7 @@ def _features() -> dict[str, Feature]:
             "none: links meet no air; the fluid of MuJoCo's own, by boxes or ellipsoids, has another law",
         ),
         "quadratic dampers": feature(lambda _, chain: "dampers" in chain.forces, "none: the joint turns without them"),
+        "lagging friction": feature(lambda _, chain: len(chain.internal) > 0, "none: such a scene is refused"),
         "elastic gear": feature(
             lambda scene, _: any(link.joint.gear_stiffness is not None for link in scene.arm.links),
             "two joints of one axis, first the motor, then the gear",

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import require_bool, require_type, sequence, vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Coordinate
+from flexlink.chain.forces import refuse_states
 from flexlink.chain.free_base import rates_matrices, rotations_of
 from flexlink.chain.rigid import HERE, Pose
 from flexlink.chain.rotation import quaternion_from_matrix
@@ -109,7 +110,8 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     6 joints
     """
     most_bodies = 490  # MuJoCo's XML parser stops at 500 nested elements
-    if (nested := _nested(require_type("chain", chain, Chain))) > most_bodies:
+    refuse_states(require_type("chain", chain, Chain), "no file represents it")
+    if (nested := _nested(chain)) > most_bodies:
         raise ArgumentError(
             f"{chain.name}: {nested} bodies: MuJoCo reads at most {most_bodies}; use fewer segments, or URDF"
         )

@@ -20,6 +20,7 @@ import numpy as np
 from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import unique
+from flexlink.chain.forces import refuse_states
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
@@ -76,7 +77,7 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     >>> print("<spring_stiffness>" in text)
     True
     """
-    require_type("chain", chain, Chain)
+    refuse_states(require_type("chain", chain, Chain), "no file represents it")
     name, *names = sdf_names(chain)
     joints, links, frames = names[: chain.n], names[chain.n : 2 * chain.n], names[2 * chain.n :]
     sdf = ET.Element("sdf", {"version": "1.10", **NAMESPACES})

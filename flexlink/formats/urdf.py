@@ -20,6 +20,7 @@ from flexlink.chain import free_base
 from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import unique
+from flexlink.chain.forces import refuse_states
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.types import Array
 from flexlink.formats.capsules import Capsule, capsules_behind, colours
@@ -78,7 +79,7 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     >>> print(text.count("<joint"), "joints, the last one fixed")
     9 joints, the last one fixed
     """
-    require_type("chain", chain, Chain)
+    refuse_states(require_type("chain", chain, Chain), "no file represents it")
     joints, links = xml_joint_names(chain), xml_link_names(chain)
     robot = ET.Element("robot", name=valid(chain.name))
     own = ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=links_text(chain))

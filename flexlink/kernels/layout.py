@@ -81,7 +81,15 @@ DAMPER = record(
     ]
 )
 
-FORCES = {"couplings": COUPLING, "drag": DRAG, "dampers": DAMPER}
+GYRATOR = record(
+    [
+        ("inner", np.int64),  # two hinges
+        ("outer", np.int64),
+        ("gyration", np.float64),  # g: torque g q̇_outer resists at the inner one, −g q̇_inner at the outer one
+    ]
+)
+
+FORCES = {"couplings": COUPLING, "drag": DRAG, "dampers": DAMPER, "gyrators": GYRATOR}
 """Force elements of a chain by name; fields `hinge`, `inner` and `outer` are numbers of hinges, `body` of bodies."""
 
 
@@ -91,6 +99,7 @@ class Rare(NamedTuple):
     couplings: NDArray[np.void]
     drag: NDArray[np.void]
     dampers: NDArray[np.void]
+    gyrators: NDArray[np.void]
 
 
 class ChainArrays(NamedTuple):

@@ -151,8 +151,9 @@ def _driven(run: RunSamples, *, slides: bool) -> list[int]:
 
 def _hinges(run: RunSamples, *, slides: bool) -> list[int]:
     """Joints of links that nothing drives, those that turn, or slide."""
-    chain = run.chain
-    return [k for k, c in enumerate(chain.coordinates) if c.link and c.axis and chain.slides[k] == slides]
+    chain, internal = run.chain, run.chain.internal
+    passive = (k for k, c in enumerate(chain.coordinates) if c.link and c.axis and k not in internal)
+    return [k for k in passive if chain.slides[k] == slides]
 
 
 def _since_start(values: ArrayLike) -> NDArray[np.float64]:

@@ -63,7 +63,7 @@ class Case:
     @functools.cached_property
     def passive(self) -> NDArray[np.intp]:
         """Those of links, gears and roots, and of a base that floats."""
-        return np.setdiff1d(np.arange(self.chain.n), self.chain.active)
+        return np.setdiff1d(np.arange(self.chain.n), [*self.chain.active, *self.chain.internal])
 
     @property
     def held(self) -> list[str]:

@@ -107,14 +107,18 @@ def along(f: Callable[..., Array], *state: Array) -> Iterator[Array]:
 
 
 def linear_model(case: Case) -> None:
-    """A and B are the slopes of forward dynamics, C those of the tip."""
+    """A and B are the slopes of forward dynamics, C those of the tip; angles of internal coordinates are no states."""
     q, qd, tau, _ = case.state()
     found, n = fl.linearize(case.chain, q, qd, tau), case.chain.n
     slopes = fl.forward_dynamics_derivatives(case.chain, q, qd, tau)
-    close(found.A, np.block([[np.zeros((n, n)), np.eye(n)], [slopes.dq, slopes.dqd]]), 1e-12)
-    close(found.B[n:], slopes.dtau[:, case.chain.active], 1e-12)
-    tips = [difference(lambda h, e=e: fl.tip_position(case.chain, q + h * e)) for e in np.eye(n)]
-    close(found.C[:3, :n], np.array(tips).T, 1e-8, 1e-12)
+    kept = np.delete(np.arange(2 * n), case.chain.internal)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [slopes.dq, slopes.dqd]])
+    close(found.A, A[np.ix_(kept, kept)], 1e-12)
+    assert not A[n:, case.chain.internal].any()
+    close(found.B[-n:], slopes.dtau[:, case.chain.active], 1e-12)
+    angles = kept[kept < n]
+    tips = [difference(lambda h, e=e: fl.tip_position(case.chain, q + h * e)) for e in np.eye(n)[angles]]
+    close(found.C[:3, : len(angles)], np.array(tips).T, 1e-8, 1e-12)
 
 
 def potential(case: Case) -> None:

@@ -6,6 +6,7 @@
         | ∂q̈/∂q      ∂q̈/∂q̇      |            | ∂q̈/∂u      |
 
 u are the drive torques; where a motion is prescribed, the acceleration. Low-passes of sensors add states z behind x.
+Of internal coordinates, as of lagging friction, the rate is a state, the angle none: nothing depends on it.
 """
 
 from __future__ import annotations
@@ -73,7 +74,9 @@ class LinearModel(SavedResult):
     def eigenvalues(self) -> Complex:
         """λ of A [1/s], shape (2n + f,), slowest first, of A `graded`; low-passes, which nothing hears, keep theirs."""
         n2 = len([name for name in self.states if not name.startswith(LOW_PASS)])
-        λ = np.diag(linalg.schur(graded(self.A[:n2, :n2]), output="complex")[0])
+        own = self.A[:n2, :n2]
+        angles = sum(name.startswith("q ") for name in self.states)  # internal coordinates have a rate alone
+        λ = np.diag(linalg.schur(graded(own) if 2 * angles == n2 else own, output="complex")[0])
         if n2 < len(self.A):
             λ = np.concatenate([λ, linalg.eigvals(self.A[n2:, n2:])])
         return np.asarray(λ[np.argsort(np.abs(λ), kind="stable")])
@@ -166,7 +169,7 @@ def linearize(
     np.fill_diagonal(A[:n, n : 2 * n], 1.0)
     A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n], B[n : 2 * n] = slopes.dq, slopes.dqd, slopes.dtau[:, driven]
     C, D, z, states = _put_outputs(found, A, B, driven, n)
-    return LinearModel(
+    model = LinearModel(
         A=A,
         B=B,
         C=C,
@@ -184,6 +187,15 @@ def linearize(
         outputs=tuple(name for output in found for name in output.names),
         delays=np.concatenate([np.full(len(output.names), output.delay) for output in found]),
     )
+    return _without(model, chain.internal) if len(chain.internal) else model
+
+
+def _without(model: LinearModel, angles: NDArray[np.intp]) -> LinearModel:
+    """The model without some states on which nothing depends: the angles of internal coordinates."""
+    kept = np.delete(np.arange(len(model.x)), angles)
+    states = tuple(model.states[k] for k in kept)
+    parts = {name: getattr(model, name)[kept] for name in ("B", "x", "rate")}
+    return dataclasses.replace(model, A=model.A[np.ix_(kept, kept)], C=model.C[:, kept], states=states, **parts)
 
 
 def _put_outputs(

@@ -18,6 +18,7 @@ from scipy import linalg
 
 from flexlink.chain.arguments import integer, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
+from flexlink.chain.forces import refuse_states
 from flexlink.common.errors import ArgumentError, SingularMassError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Complex
@@ -179,6 +180,7 @@ def modes(
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
+    refuse_states(chain, "modes do not count it", ", lock the joint, or take the eigenvalues of linearize", free=free)
     few = None if count is None else integer("count", count, 1)
     small = _Small(chain, q, rates, wrench, follower, free)
     found = None

@@ -60,7 +60,7 @@ def pd_poles(
     moving = ~chain.hinges["prescribed"][driven].astype(bool)
     B, picked = model.B[:, moving], np.eye(n)[driven[moving]]
     gains = [_gains(name, value, len(driven))[moving, None] * picked for name, value in (("kp", kp), ("kd", kd))]
-    poles = np.linalg.eigvals(model.A - B @ np.hstack(gains))
+    poles = np.linalg.eigvals(model.A - B @ np.delete(np.hstack(gains), chain.internal, axis=1))
     vibrations = poles[poles.imag > 0]
     return np.asarray(vibrations[np.argsort(np.abs(vibrations), kind="stable")], dtype=np.complex128)
 

@@ -176,9 +176,9 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
         if qd.any() or gains.kp.any() or gains.kd.any():
             kp, kd = gains.matrices()
             K[k], C[k] = K[k] + kp, C[k] + by_rate + kd
-            if chain.forces:
-                of_angle, of_rate = force_slopes(chain, q, qd)
-                K[k], C[k] = K[k] + of_angle, C[k] + of_rate
+        if chain.forces:
+            of_angle, of_rate = force_slopes(chain, q, qd)
+            K[k], C[k] = K[k] + of_angle, C[k] + of_rate
         held[k] = chain.hinges["prescribed"] != 0
     if held.any():
         for A in (C, K, M):

@@ -28,7 +28,7 @@ from flexlink.kernels.derivatives.inverse_derivatives import (
     outward,
     own_spin,
 )
-from flexlink.kernels.forces.elements import add_slopes
+from flexlink.kernels.forces.elements import Slopes, find_slopes, force_slopes_of
 from flexlink.kernels.forward.articulated_layout import LAYOUT
 from flexlink.kernels.forward.articulated_rows import (
     BODY_ROW,
@@ -36,6 +36,7 @@ from flexlink.kernels.forward.articulated_rows import (
     ArticulatedWork,
     articulated_workspace,
     axes_of,
+    inertia_alone,
 )
 from flexlink.kernels.forward.inverse_mass import solve_on_articulated
 from flexlink.kernels.forward.solvers import forward_dynamics
@@ -44,6 +45,7 @@ from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subrouti
 from flexlink.kernels.tools.finite import are_finite, is_finite
 from flexlink.kernels.tools.lanes import LANES, put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sym3 import sym_apply
 from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, cross, dot, place, scale, sub
 
@@ -55,7 +57,7 @@ class ForwardDerivativesWork(NamedTuple):
 
     factors: ArticulatedWork
     solution: Any  # (2, n) T_EX and q̈
-    slopes: Any  # (2, n, n) ∂T/∂q and ∂T/∂q̇ of force elements; None of a plain chain
+    slopes: Slopes | None  # of force elements; None of a plain chain
     motion: Any  # of `outward`
     axes: Any  # (bodies, 9) working axes in frame 0
     accelerations: Any  # (bodies, 6) α of the body, and a − g of its hinge point, frame 0
@@ -69,20 +71,12 @@ class ForwardDerivativesWork(NamedTuple):
 def forward_derivatives_workspace(bodies, hinges, gravity, rare):
     """Scratch of `derivatives_in_space` for a chain."""
     n, m, factors = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity, rare)
+    chain = ChainArrays(bodies, hinges, gravity, rare)
     return ForwardDerivativesWork(
-        factors, np.empty((2, n)), slopes_like(rare, n),
-        motion_workspace(ChainArrays(bodies, hinges, gravity, rare)),
+        factors, np.empty((2, n)), force_slopes_of(chain, factors.forces), motion_workspace(chain),
         np.empty((m, 9)), np.empty((m, 6)), np.empty((m, 6)), np.empty((m, 6, LANES)),
         np.empty((n, LANES)), np.empty((n, LANES)),
     )  # fmt: skip
-
-
-@kernel
-def slopes_like(rare, n):
-    """Scratch for slopes of force elements, (2, n, n); None of a plain chain."""
-    if rare is None:
-        return None
-    return np.empty((2, n, n))
 
 
 @kernel
@@ -103,24 +97,14 @@ def derivatives_in_space(chain, wrench, q, qd, tau, found, work):
     force, moment = outward(chain, wrench, False, q, qd, qdd, work.accelerations, work.motion)
     transmit(chain, force, moment, work)
     if work.slopes is not None:
-        find_slopes(factors.forces, q, qd, work.slopes)
+        find_slopes(work.slopes, q, qd)
     for variable in range(3):
         for first in range((n - 1) // LANES * LANES, -1, -LANES):
             write_loads(chain, qd, variable, first, work)
-            solve_on_articulated(work.r, work.loads, work.x, factors)
+            solve_on_articulated(work.r, work.loads, work.x, inertia_alone(factors))
             keep_columns(work.x, first, found[variable])
     keep_prescribed(hinges, found[VARIABLE.tau])
     return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and are_finite(found)
-
-
-@recursion
-def find_slopes(forces, q, qd, slopes):
-    """Write ∂T/∂q and ∂T/∂q̇ of all force elements."""
-    for part in range(2):
-        for i in range(len(q)):
-            for j in range(len(q)):
-                slopes[part, i, j] = 0.0
-    add_slopes(forces.elements, q, qd, slopes[0], slopes[1])
 
 
 @recursion
@@ -199,11 +183,11 @@ def axes_on(axes, number):
 def write_loads(chain, qd, variable, first, work):
     """Write what the columns from `first` on ask of joints and bodies."""
     joint_loads(chain.hinges, qd, variable, first, work.r)
-    if work.slopes is not None and variable != VARIABLE.tau:
-        force_loads(work.slopes[variable], first, work.r)
+    if work.slopes is not None and rarely(work.slopes.act) and variable != VARIABLE.tau:
+        force_loads(work.slopes.found[variable], first, work.r)
     body_loads(chain, variable, first // LANES, work)
     if work.motion.slides is not None and len(work.motion.slides) > 0 and variable != VARIABLE.q:
-        slide_loads(chain, variable, first, work)
+        slide_loads(chain, variable, first, work.motion, work.axes, work.loads)
     if work.motion.forks is not None and len(work.motion.forks) > 0:
         part_branches(chain.bodies, first, work.loads)
     if variable == VARIABLE.q:
@@ -290,9 +274,8 @@ def body_loads(chain, variable, block, work):
 
 
 @subroutine
-def slide_loads(chain, variable, first, work):
+def slide_loads(chain, variable, first, motion, axes, loads):
     """What bodies demand where rates or accelerations of hinges from `first` on change that slide."""
-    motion = work.motion
     for number in range(len(motion.slides)):
         j = motion.slides[number]
         if first <= j < first + LANES and (variable == VARIABLE.qd or chain.hinges[j].prescribed):
@@ -301,10 +284,10 @@ def slide_loads(chain, variable, first, work):
                 δa = scale(2.0, of_hinge(motion.hinges, j, HINGE_MOTION.δv))
             for i in range(len(chain.bodies)):
                 if chain.bodies[i].stop > j:
-                    n = in_axes(work.axes, i, cross(vec_of(motion.bodies, i, BODY_MOTION.mc), δa))
-                    f = in_axes(work.axes, i, scale(chain.bodies[i].mass, δa))
+                    n = in_axes(axes, i, cross(vec_of(motion.bodies, i, BODY_MOTION.mc), δa))
+                    f = in_axes(axes, i, scale(chain.bodies[i].mass, δa))
                     for row in range(3):
-                        work.loads[i, row, j - first], work.loads[i, 3 + row, j - first] = n[row], f[row]
+                        loads[i, row, j - first], loads[i, 3 + row, j - first] = n[row], f[row]
 
 
 @subroutine

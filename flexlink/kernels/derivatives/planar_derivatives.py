@@ -28,9 +28,10 @@ from flexlink.kernels.derivatives.forward_derivatives import (
     keep_prescribed,
 )
 from flexlink.kernels.derivatives.inverse_derivatives import keep_columns
-from flexlink.kernels.forces.elements import add_slopes, forces_of
+from flexlink.kernels.forces.elements import find_slopes, force_slopes_of, forces_of
 from flexlink.kernels.forward.mass_plus_diagonal_plane import PlanePosture, levers_alone, turn_levers
 from flexlink.kernels.forward.solvers import forward_dynamics
+from flexlink.kernels.layout import ChainArrays
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.finite import are_finite, is_finite
 from flexlink.kernels.tools.lanes import LANES, at, put_at, put_lanes, put_vec_of, vec, vec_of, zero_of
@@ -66,13 +67,15 @@ def planar_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found)
     posture = levers_alone(planar, levers)
     weights = np.zeros((2, LANES + 1, LANES))
     work = PlanarDerivativesWork(posture, np.empty((n, ROW.size)), weights[0], weights[1], lanes[:3], lanes[3:])
-    slopes = slopes_of(planar.forces, q, qd)
+    slopes = force_slopes_of(ChainArrays(bodies, hinges, gravity, rare), planar.forces)
+    if rare is not None:
+        find_slopes(slopes, q, qd)
     differentiate(planar.base, wrench, qd, work)
     for first in range((n - 1) // LANES * LANES, -1, -LANES):
         for variable in range(3):
             joint_loads(hinges, qd, variable, first, work.r[variable])
-            if rare is not None and variable != VARIABLE.tau:
-                force_loads(slopes[variable], first, work.r[variable])
+            if rare is not None and slopes.act and variable != VARIABLE.tau:
+                force_loads(slopes.found[variable], first, work.r[variable])
         weigh(hinges, first, work)
         solve(first, work)
         for variable in range(3):
@@ -80,16 +83,6 @@ def planar_derivatives(bodies, hinges, gravity, rare, wrench, q, qd, tau, found)
     keep_prescribed(hinges, found[VARIABLE.tau])
     finite = is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd)
     return finite and are_finite((found[0], found[1], found[2]))
-
-
-@kernel
-def slopes_of(forces, q, qd):
-    """∂T/∂q and ∂T/∂q̇ of force elements, (2, n, n); None of a plain chain."""
-    if forces is None:
-        return None
-    slopes = np.zeros((2, len(q), len(q)))
-    add_slopes(forces.elements, q, qd, slopes[0], slopes[1])
-    return slopes
 
 
 @recursion
@@ -315,10 +308,10 @@ def slopes_side_by_side(chain):
 @kernel
 def find_slopes_of_eight(chain, q, qd, start, found):
     """Slopes of force elements of the states from `start` on."""
-    forces = forces_of(chain)
-    for lane in range(min(LANES, len(q) - start)):
-        slopes = slopes_of(forces, q[start + lane], qd[start + lane])
-        found[:, :, :, lane] = slopes
+    slopes = force_slopes_of(chain, forces_of(chain))
+    for lane in range(min(LANES, len(q) - start) if slopes.act else 0):
+        find_slopes(slopes, q[start + lane], qd[start + lane])
+        found[:, :, :, lane] = slopes.found
 
 
 @recursion

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexlink.kernels.bodies.rne import rne, rne_workspace
 from flexlink.kernels.derivatives.inverse_derivatives import derivatives_workspace, inverse_derivatives
-from flexlink.kernels.forces.elements import add_slopes, add_torques, forces_of
+from flexlink.kernels.forces.elements import add_slopes, add_torques, force_slopes_of, forces_of
 from flexlink.kernels.geometry.kinematics import arm_length
 from flexlink.kernels.layout import SLIDES
 from flexlink.kernels.tools.compiler import kernel, recursion
@@ -28,6 +28,7 @@ def follow_equilibria(chain, held, free, angles, q, postures):
     n, f = len(q), len(free)
     zero, none, torque, x, work = np.zeros(n), np.zeros(6), np.zeros(n), np.zeros(f), rne_workspace(chain)
     forces, spare = forces_of(chain), np.empty((n, n))
+    slopes_of_forces = force_slopes_of(chain, forces)
     K, L, known = np.zeros((n, n)), np.zeros((f, f)), False
     slopes, found = derivatives_workspace(chain), np.empty((3, n, n))
     sizes, length = np.ones(f), arm_length(chain.bodies)
@@ -45,7 +46,7 @@ def follow_equilibria(chain, held, free, angles, q, postures):
                     for j in range(n):
                         K[i, j] = chain.hinges[i].stiffness if i == j else 0.0
                 if chain.rare is not None:
-                    add_slopes(forces.elements, q, zero, K, spare)
+                    add_slopes(slopes_of_forces.elements, q, zero, K, spare)
                 inverse_derivatives(chain, none, q, zero, zero, (found[0], found[1], found[2]), slopes)
                 for i in range(n):
                     for j in range(n):

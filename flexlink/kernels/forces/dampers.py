@@ -2,32 +2,28 @@
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from flexlink.kernels.tools.compiler import kernel, recursion
 
 
 class Dampers(NamedTuple):
-    """Force element: c of every joint."""
+    """Force element: rows of dtype `DAMPER`."""
 
-    c: Any  # (n,) [N m s²/rad²]
+    rows: Any
 
 
 @kernel
 def dampers_of(chain):
     """Those of a chain."""
-    c = np.zeros(len(chain.hinges))
-    for damper in chain.rare.dampers:
-        c[damper.hinge] += damper.quadratic
-    return Dampers(c)
+    return Dampers(chain.rare.dampers)
 
 
 @recursion
 def damper_torque(element, q, qd, torque):
     """Add T to `torque` (n,); returns the power that is lost [W]."""
     power = 0.0
-    for k in range(len(torque)):
-        taken = element.c[k] * abs(qd[k]) * qd[k]
+    for damper in element.rows:
+        k = damper.hinge
+        taken = damper.quadratic * abs(qd[k]) * qd[k]
         torque[k] += taken
         power += taken * qd[k]
     return power
@@ -36,12 +32,14 @@ def damper_torque(element, q, qd, torque):
 @recursion
 def damper_slopes(element, q, qd, by_angle, by_rate):
     """Add ∂T/∂q̇ = 2 c |q̇| to the diagonal of (n, n)."""
-    for k in range(len(qd)):
-        by_rate[k, k] += 2.0 * element.c[k] * abs(qd[k])
+    for damper in element.rows:
+        k = damper.hinge
+        by_rate[k, k] += 2.0 * damper.quadratic * abs(qd[k])
 
 
 @recursion
 def damper_brakes(element, q, qd, brakes):
     """Add the same to (n,)."""
-    for k in range(len(qd)):
-        brakes[k] += 2.0 * element.c[k] * abs(qd[k])
+    for damper in element.rows:
+        k = damper.hinge
+        brakes[k] += 2.0 * damper.quadratic * abs(qd[k])

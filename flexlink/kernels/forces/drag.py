@@ -24,8 +24,8 @@ EPSILON = 1e-100
 """ε of the imaginary parts."""
 
 
-class DragWork(NamedTuple):
-    """Points of a chain's `rare.drag`, with scratch of floats or of complex numbers."""
+class Drag(NamedTuple):
+    """Force element: drag of links, with scratch of floats, or of complex numbers for its slopes."""
 
     chain: Any
     placed: KinematicsWork
@@ -34,48 +34,53 @@ class DragWork(NamedTuple):
     torque: Any  # (n,) T
 
 
-class Drag(NamedTuple):
-    """Force element: drag of links."""
+class DragSlopes(NamedTuple):
+    """Slopes of it."""
 
-    real: DragWork
-    complex: DragWork  # for slopes
+    drag: Drag
     turns: Turns  # complex angles (n,)
     rates: Any  # (n,) complex
 
 
 @kernel
 def drag_of(chain):
-    """That of a chain; its scratch is empty where no link meets drag."""
+    """That of a chain; its scratch is empty, and few arrays, where no link meets drag."""
+    m, n = drag_sizes(chain)
+    points, motion = np.empty((m, 3)), np.empty((m, 2, 3))
+    axes, loads = points, motion
+    if m > 0:
+        axes, loads = np.empty((n, 3)), np.empty((m, 2, 3))
+    return Drag(chain, KinematicsWork(np.empty((m, 3, 3)), points, axes), motion, loads, np.empty(n))
+
+
+@kernel
+def drag_slopes_of(chain):
+    """Its slopes; likewise."""
+    (m, n), c = drag_sizes(chain), np.complex128
+    points, motion, torque, angles = np.empty((m, 3), c), np.empty((m, 2, 3), c), np.empty(n, c), np.empty((3, n), c)
+    axes, loads, rates = points, motion, torque
+    if m > 0:
+        axes, loads, rates = np.empty((n, 3), c), np.empty((m, 2, 3), c), np.empty(n, c)
+    drag = Drag(chain, KinematicsWork(np.empty((m, 3, 3), c), points, axes), motion, loads, torque)
+    return DragSlopes(drag, Turns(angles[0], angles[1], angles[2]), rates)
+
+
+@kernel
+def drag_sizes(chain):
+    """How many bodies and hinges scratch is for: none where no link meets drag."""
     some = min(1, len(chain.rare.drag))
-    m, n = some * len(chain.bodies), some * len(chain.hinges)
-    angles, rates = np.empty((3, n), np.complex128), np.empty(n, np.complex128)
-    return Drag(drag_work(chain, m, n), complex_drag_work(chain, m, n), Turns(angles[0], angles[1], angles[2]), rates)
-
-
-@kernel
-def drag_work(chain, m, n):
-    """Scratch for m bodies and n hinges."""
-    placed = KinematicsWork(np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((n, 3)))
-    return DragWork(chain, placed, np.empty((m, 2, 3)), np.empty((m, 2, 3)), np.empty(n))
-
-
-@kernel
-def complex_drag_work(chain, m, n):
-    """Scratch of complex numbers."""
-    c = np.complex128
-    placed = KinematicsWork(np.empty((m, 3, 3), c), np.empty((m, 3), c), np.empty((n, 3), c))
-    return DragWork(chain, placed, np.empty((m, 2, 3), c), np.empty((m, 2, 3), c), np.empty(n, c))
+    return some * len(chain.bodies), some * len(chain.hinges)
 
 
 @subroutine
 def drag_torque(element, q, qd, torque):
     """Add T to `torque` (n,), at angles (n,) and rates (n,); returns the power q̇·T that is lost [W]."""
-    work, power = element.real, 0.0
-    if len(work.torque) > 0:
-        find_torques(work, q, qd)
+    power = 0.0
+    if len(element.torque) > 0:
+        find_torques(element, q, qd)
         for k in range(len(torque)):
-            torque[k] += work.torque[k]
-            power += qd[k] * work.torque[k]
+            torque[k] += element.torque[k]
+            power += qd[k] * element.torque[k]
     return power
 
 
@@ -150,15 +155,15 @@ def add_up(work):
 @kernel
 def drag_loads(chain, q, qd):
     """Force on every body and moment about its hinge point, frame 0, in a new array (bodies, 2, 3)."""
-    work = drag_work(chain, len(chain.bodies), len(chain.hinges))
-    put_loads(work, q, qd)
-    return work.loads
+    drag = drag_of(chain)
+    put_loads(drag, q, qd)
+    return drag.loads
 
 
 @subroutine
 def drag_slopes(element, q, qd, by_angle, by_rate):
     """Add ∂T/∂q and ∂T/∂q̇ to (n, n) each; O(n²) in all."""
-    work, turns, rates, moves = element.complex, element.turns, element.rates, False
+    work, turns, rates, moves = element.drag, element.turns, element.rates, False
     for k in range(len(work.torque)):
         moves = moves or qd[k] != 0.0
         turns.cosines[k], turns.sines[k], turns.angles[k] = np.cos(q[k]), np.sin(q[k]), q[k]

@@ -6,11 +6,13 @@ the tables below and into `in_motion`; its numbers are a structured array of the
 
     of a chain      (chain) -> record                             its constants and scratch
     torque          (record, q, qd, torque) -> power lost [W]     adds T (n,), which resists as T_FR does
-    energy          (record, q) -> V [J]                          of what has a potential
+    energy          (record, q) -> V [J]                          of a law that has a potential
     slopes          (record, q, qd, by_angle, by_rate)            adds ∂T/∂q and ∂T/∂q̇ (n, n)
-    brakes          (record, q, qd, brakes)                       adds ∂T_k/∂q̇_k (n,), or less, for implicit steps
+    brakes          (record, q, qd, brakes)                       adds ∂T_k/∂q̇_k (n,) where implicit steps need them
 
-None of them makes arrays. Springs and dampers between hinges go eight states side by side, too.
+None of them makes arrays. Slopes may have a record of their own, with more scratch. A law with states of its own is
+made of internal coordinates and gyrators (`gyrators`). Springs and dampers between hinges go eight states side by side,
+too.
 """
 
 from typing import Any, NamedTuple
@@ -26,56 +28,59 @@ from flexlink.kernels.forces.couplings import (
     couplings_side_by_side,
 )
 from flexlink.kernels.forces.dampers import Dampers, damper_brakes, damper_slopes, damper_torque, dampers_of
-from flexlink.kernels.forces.drag import Drag, drag_of, drag_slopes, drag_torque
-from flexlink.kernels.forces.rotation_tangent import (
-    Rotation,
+from flexlink.kernels.forces.drag import Drag, DragSlopes, drag_of, drag_slopes, drag_slopes_of, drag_torque
+from flexlink.kernels.forces.gyrators import Gyrators, gyrator_slopes, gyrator_torque, gyrators_of
+from flexlink.kernels.forces.rotation_springs import (
+    RotationSprings,
     rotation_energy,
     rotation_of,
-    rotation_side_by_side,
-    rotation_slopes,
+    rotation_springs_side_by_side,
     rotation_torque,
 )
+from flexlink.kernels.forces.rotation_tangent import RotationSlopes, rotation_slopes, rotation_slopes_of
 from flexlink.kernels.layout import ChainArrays, Rare
-from flexlink.kernels.tools.compiler import kernel, of_each, recursion
+from flexlink.kernels.tools.compiler import kernel, of_each, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, empty_lanes, put_at, zero_of
-
-
-@recursion
-def no_energy(element, q):
-    """Of what has no potential [J]."""
-    return 0.0
-
-
-@recursion
-def no_brake(element, q, qd, brakes):
-    """Of what implicit steps do not count, or count elsewhere."""
 
 
 class Forces(NamedTuple):
     """All force elements of a chain."""
 
     elements: Any  # a tuple of records
+    act: bool  # whether there is one
     torque: Any  # (n,) scratch, or (n, 8)
 
 
-@of_each({Couplings: coupling_torque, Rotation: rotation_torque, Drag: drag_torque, Dampers: damper_torque})
+class Slopes(NamedTuple):
+    """Slopes of them all."""
+
+    elements: Any  # a tuple of records
+    act: bool
+    found: Any  # (2, n, n) ∂T/∂q and ∂T/∂q̇; (2, 0, 0) where nothing acts
+
+
+@of_each({
+    Couplings: coupling_torque, RotationSprings: rotation_torque, Drag: drag_torque,
+    Dampers: damper_torque, Gyrators: gyrator_torque,
+})  # fmt: skip
 def add_torques(elements, q, qd, torque):
     """Add T of all elements to `torque` (n,), or (n, 8); returns the power that is lost [W]."""
 
 
-@of_each({Couplings: coupling_energy, Rotation: rotation_energy, Drag: no_energy, Dampers: no_energy})
+@of_each({Couplings: coupling_energy, RotationSprings: rotation_energy}, optional=True)
 def elastic_energy(elements, q):
     """Energy that all elements hold [J]."""
 
 
-@of_each(
-    {Couplings: coupling_slopes, Rotation: rotation_slopes, Drag: drag_slopes, Dampers: damper_slopes}, summed=False
-)
+@of_each({
+    Couplings: coupling_slopes, RotationSlopes: rotation_slopes, DragSlopes: drag_slopes,
+    Dampers: damper_slopes, Gyrators: gyrator_slopes,
+}, summed=False)  # fmt: skip
 def add_slopes(elements, q, qd, by_angle, by_rate):
     """Add the slopes of all elements' T to (n, n) each."""
 
 
-@of_each({Couplings: no_brake, Rotation: no_brake, Drag: no_brake, Dampers: damper_brakes}, summed=False)
+@of_each({Dampers: damper_brakes}, summed=False, optional=True)
 def add_brakes(elements, q, qd, brakes):
     """Add to (n,) the slopes of T by each joint's own rate that implicit steps and their errors are to count."""
 
@@ -85,7 +90,19 @@ def find_brakes(forces, q, qd, brakes):
     """Write them (n,)."""
     for k in range(len(brakes)):
         brakes[k] = 0.0
-    add_brakes(forces.elements, q, qd, brakes)
+    if forces.act:
+        add_brakes(forces.elements, q, qd, brakes)
+
+
+@recursion
+def find_slopes(slopes, q, qd):
+    """Write the slopes of all elements' T."""
+    if slopes.act:
+        for part in range(2):
+            for i in range(len(q)):
+                for j in range(len(q)):
+                    slopes.found[part, i, j] = 0.0
+        add_slopes(slopes.elements, q, qd, slopes.found[0], slopes.found[1])
 
 
 @kernel
@@ -93,13 +110,32 @@ def forces_of(chain):
     """Those of a chain; None of a plain one."""
     if chain.rare is None:
         return None
-    return Forces((couplings_of(chain), rotation_of(chain)) + in_motion(chain), np.empty(len(chain.hinges)))  # noqa: RUF005
+    elements = (couplings_of(chain), rotation_of(chain)) + in_motion(chain)  # noqa: RUF005
+    return Forces(elements, any_acts(chain.rare, elements[1]), np.empty(len(chain.hinges)))
+
+
+@recursion
+def any_acts(rare, rotation):
+    """Whether a chain has a force element."""
+    springs = len(rare.couplings) > 0 or len(rotation.hinges) > 0
+    return springs or len(rare.drag) > 0 or len(rare.dampers) > 0 or len(rare.gyrators) > 0
+
+
+@kernel
+def force_slopes_of(chain, forces):
+    """The slopes of the elements of a chain; None of a plain one."""
+    if forces is None:
+        return None
+    couplings, rotation, _, dampers, gyrators = forces.elements
+    elements = couplings, rotation_slopes_of(rotation), drag_slopes_of(chain), dampers, gyrators
+    n = len(chain.hinges) if forces.act else 0
+    return Slopes(elements, forces.act, np.empty((2, n, n)))
 
 
 @kernel
 def in_motion(chain):
-    """Those that are no springs between hinges, nor dampers."""
-    return drag_of(chain), dampers_of(chain)
+    """Elements that are no springs between hinges, nor dampers."""
+    return drag_of(chain), dampers_of(chain), gyrators_of(chain)
 
 
 @kernel
@@ -113,7 +149,7 @@ def motion_torques(chain, qs, qds, found):
 @kernel
 def motion_slopes(chain, q, qd, by_angle, by_rate):
     """Add the slopes of T of those `in_motion` to (n, n) each."""
-    add_slopes(in_motion(chain), q, qd, by_angle, by_rate)
+    add_slopes((drag_slopes_of(chain), dampers_of(chain), gyrators_of(chain)), q, qd, by_angle, by_rate)
 
 
 @kernel
@@ -127,7 +163,7 @@ def one_rare(rare, lane):
     """What is rare of it."""
     if rare is None:
         return None
-    return Rare(rare.couplings[lane], rare.drag[lane], rare.dampers[lane])
+    return Rare(rare.couplings[lane], rare.drag[lane], rare.dampers[lane], rare.gyrators[lane])
 
 
 @kernel
@@ -146,11 +182,11 @@ def forces_side_by_side(chains):
     """Those of eight chains, alike in hinges, none of them `in_motion`; None of plain ones."""
     if chains[0].rare is None:
         return None
-    elements = couplings_side_by_side(chains), rotation_side_by_side(chains)
-    return Forces(elements, empty_lanes((len(chains[0].hinges),)))
+    elements = couplings_side_by_side(chains), rotation_springs_side_by_side(chains)
+    return Forces(elements, any_acts(chains[0].rare, elements[1]), empty_lanes((len(chains[0].hinges),)))
 
 
-@recursion
+@subroutine
 def subtract_torques(forces, rows, q, qd, net):
     """Subtract T of all elements from column `net` of the rows of the hinges; returns the power that is lost [W]."""
     torque = forces.torque

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, shared
-from flexlink.kernels.tools.lanes import LANES, at, eight_of, put_at, put_eight
+from flexlink.kernels.tools.lanes import LANES, at, eight_of, put_at, put_eight, zero_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.vec3 import add, add_scaled, cross, dot, scale, sub
@@ -51,7 +51,7 @@ COTANGENT = (
 
 
 class RotationSprings(NamedTuple):
-    """Scratch of the springs of rotation vectors, with their constants; empty of a chain that has none."""
+    """Force element: springs of rotation vectors with scratch; empty of a chain that has none."""
 
     hinges: Any  # (t, 3) numbers of the hinges about X, Y, Z of every triple
     slots: Any  # (t,) where it stands in each row
@@ -70,31 +70,43 @@ class RotationSprings(NamedTuple):
 def rotation_springs(bodies, hinges, couplings):
     """Scratch of a chain."""
     triples, cells = triples_of(bodies, hinges)
+    if len(triples) == 0:
+        return no_springs(triples, cells)
     slots, outer = slots_of(cells, len(triples), LANES)
     within, pairs = joined(triples, slots, cells, couplings, len(hinges))
-    size = eights(slots.max() + 1) if len(slots) > 0 else 0
+    size = eights(slots.max() + 1)
     numbers, coupled = np.zeros((ROW.size, size)), np.zeros((len(pairs), 1))
     springs = RotationSprings(
         triples, slots, cells, np.full(1, outer), within, pairs, coupled, numbers, numbers, turns_of(numbers)
     )
-    if len(triples) > 0:
-        own, both = np.empty(len(hinges)), np.empty(len(couplings))
-        for k in range(len(hinges)):
-            own[k] = hinges[k].stiffness
-        for j in range(len(couplings)):
-            both[j] = couplings[j].stiffness
-        put_constants(springs, own, both)
-        for t in range(len(triples)):
-            numbers[ROW.sense, slots[t]] = 1.0 if triples[t, 0] < triples[t, 2] else -1.0
-            for a in range(3):
-                numbers[ROW.rest + a, slots[t]] = hinges[triples[t, a]].rest
+    own, both = np.empty(len(hinges)), np.empty(len(couplings))
+    for k in range(len(hinges)):
+        own[k] = hinges[k].stiffness
+    for j in range(len(couplings)):
+        both[j] = couplings[j].stiffness
+    put_constants(springs, own, both)
+    for t in range(len(triples)):
+        numbers[ROW.sense, slots[t]] = 1.0 if triples[t, 0] < triples[t, 2] else -1.0
+        for a in range(3):
+            numbers[ROW.rest + a, slots[t]] = hinges[triples[t, a]].rest
     return springs
+
+
+@kernel
+def no_springs(triples, cells):
+    """Scratch of a chain that has none, in few arrays: forward dynamics of one state asks for it."""
+    none, pairs, numbers = np.empty(0, np.int64), np.empty((0, 5), np.int64), np.empty((ROW.size, 0))
+    coupled = np.empty((0, 1))
+    return RotationSprings(triples, none, cells, none, triples, pairs, coupled, numbers, numbers, turns_of(numbers))
 
 
 @kernel
 def triples_of(bodies, hinges):
     """Hinges about X, Y, Z of every triple (t, 3), and the triples of every cell (c, 2)."""
-    triples, cells, t, c = np.empty((len(bodies), 3), np.int64), np.empty((len(bodies), 2), np.int64), 0, 0
+    t = c = 0
+    for i in range(len(bodies)):
+        t, c = t + (bodies[i].springs != SPRINGS.angles), c + (bodies[i].springs == SPRINGS.cell)
+    triples, cells, t, c = np.empty((t, 3), np.int64), np.empty((c, 2), np.int64), 0, 0
     for i in range(len(bodies)):
         if bodies[i].springs != SPRINGS.angles:
             for k in range(bodies[i].first, bodies[i].stop):
@@ -103,7 +115,7 @@ def triples_of(bodies, hinges):
                 cells[c, 0], cells[c, 1] = t, t + 1
                 c += 1
             t += 1
-    return triples[:t].copy(), cells[:c].copy()
+    return triples, cells
 
 
 @kernel
@@ -200,6 +212,26 @@ def move_slots(springs, slots, within, pairs):
             for place in (1, 3):
                 if springs.pairs[m, place] == springs.slots[t]:
                     pairs[m, place] = slots[t]
+
+
+@kernel
+def rotation_of(chain):
+    """Those of a chain, which may have none."""
+    return rotation_springs(chain.bodies, chain.hinges, chain.rare.couplings)
+
+
+@recursion
+def rotation_torque(springs, q, qd, torque):
+    """Add what the law takes more than K (θ − θ₀); no power is lost."""
+    if len(springs.hinges) > 0:
+        add_excess(q, springs, torque)
+    return zero_of(qd)
+
+
+@recursion
+def rotation_energy(springs, q):
+    """What the law holds more than ½ (θ − θ₀)·K (θ − θ₀) [J]."""
+    return excess_energy(q, springs) if len(springs.hinges) > 0 else 0.0
 
 
 @recursion

@@ -20,19 +20,16 @@ from flexlink.kernels.forces.rotation_springs import (
     NEAR,
     ROW,
     RotationSprings,
-    add_excess,
     bending_of_cell,
     by_axis,
-    excess_energy,
     find_excess,
     polynomial,
     rotation_springs,
-    rotation_springs_side_by_side,
     three,
     turned_back,
 )
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
-from flexlink.kernels.tools.lanes import put_vec_of, vec_of, zero_of
+from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.vec3 import X, Y, Z, add, add_scaled, cross, dot, pick, scale, vector
 
 SLOPE = tuple(k * c for k, c in enumerate(COTANGENT))[1:]  # of g
@@ -50,38 +47,17 @@ class RotationTangent(NamedTuple):
     turning: Any  # (t, 3, 3) A e_k
 
 
-class Rotation(NamedTuple):
-    """Force element: springs of rotation vectors, and scratch of their slopes, None of eight chains side by side."""
+class RotationSlopes(NamedTuple):
+    """Slopes of a force element: springs of rotation vectors, with scratch."""
 
     springs: RotationSprings
-    tangent: RotationTangent | None
+    tangent: RotationTangent
 
 
 @kernel
-def rotation_of(chain):
-    """Those of a chain, which may have none."""
-    springs = rotation_springs(chain.bodies, chain.hinges, chain.rare.couplings)
-    return Rotation(springs, rotation_tangent(springs))
-
-
-@kernel
-def rotation_side_by_side(chains):
-    """Those of eight chains, alike in hinges."""
-    return Rotation(rotation_springs_side_by_side(chains), None)
-
-
-@recursion
-def rotation_torque(element, q, qd, torque):
-    """Add what the law takes more than K (θ − θ₀); no power is lost."""
-    if len(element.springs.hinges) > 0:
-        add_excess(q, element.springs, torque)
-    return zero_of(qd)
-
-
-@recursion
-def rotation_energy(element, q):
-    """What the law holds more than ½ (θ − θ₀)·K (θ − θ₀) [J]."""
-    return excess_energy(q, element.springs) if len(element.springs.hinges) > 0 else 0.0
+def rotation_slopes_of(springs):
+    """Those of a chain's springs, of which there may be none."""
+    return RotationSlopes(springs, rotation_tangent(springs))
 
 
 @recursion
@@ -95,6 +71,9 @@ def rotation_slopes(element, q, qd, by_angle, by_rate):
 def rotation_tangent(springs):
     """Scratch of a chain's springs."""
     count, most = len(springs.hinges), len(springs.hinges) + len(springs.pairs) + len(springs.cells)
+    if count == 0:
+        none, values = springs.slots, np.empty((0, 3, 3))
+        return RotationTangent(springs.cells, values, values, none, none, values, values)
     blocks, b = np.empty((most, 2), np.int64), count
     of_pair, of_cell = np.empty(len(springs.pairs), np.int64), np.empty(len(springs.cells), np.int64)
     triple = np.empty(springs.numbers.shape[1], np.int64)

@@ -79,7 +79,7 @@ def articulated(wrench, q, qd, tau, qdd, work):
     layout, prescribed, bodies, hinges, trig = work.layout, work.prescribed, work.bodies, work.hinges, work.trig
     power = prepare(q, qd, tau, hinges, trig[0])
     lost = subtract_dry_friction(hinges, work.dry, qd, HINGE_ROW.torque)
-    if work.forces is not None:
+    if work.forces is not None and rarely(work.forces.act):
         lost += subtract_torques(work.forces, hinges, q, qd, HINGE_ROW.torque)
     cos_sin_all(work.flat[0], work.flat[1], work.flat[2])
     f, n, turning = outward(layout, work.axes, bodies, hinges, work.forks, wrench, qd, trig[0], trig[1], trig[2])

@@ -105,6 +105,15 @@ def articulated_lanes_workspace(bodies, hinges, gravity, rare):
 
 
 @inlined
+def inertia_alone(work):
+    """The scratch without force elements: a call hands over every number that describes its arrays."""
+    return ArticulatedWork(
+        work.gravity, work.layout, work.axes, work.prescribed, work.bodies, work.hinges, work.dry, work.flat, work.trig,
+        work.forks, None,
+    )  # fmt: skip
+
+
+@inlined
 def axes_of(bodies, i, first):
     """Three vectors that start at `first` of row `i`."""
     return vec_of(bodies, i, first), vec_of(bodies, i, first + 3), vec_of(bodies, i, first + 6)

@@ -20,6 +20,7 @@ from flexlink.kernels.forces.elements import subtract_torques
 from flexlink.kernels.forces.joint_torques import smooth_torques, subtract_dry_friction
 from flexlink.kernels.tools.compiler import inlined, recursion
 from flexlink.kernels.tools.lanes import at, put_at, vec, zero_of
+from flexlink.kernels.tools.rare import rarely
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.vec3 import (
     dot,
@@ -33,7 +34,7 @@ def planar(wrench, q, qd, tau, qdd, work):
     base, links, prescribed, trig = work.base, work.links, work.prescribed, work.trig
     ω, power = outward(q, qd, tau, links, trig[0])
     lost = subtract_dry_friction(links, work.dry, qd, LINK.torque)
-    if work.forces is not None:
+    if work.forces is not None and rarely(work.forces.act):
         lost += subtract_torques(work.forces, links, q, qd, LINK.torque)
     if cos_sin_all(work.flat[0], work.flat[1], work.flat[2]):
         cos_sin_less_turns(q, links, work.flat, trig[0])

@@ -142,6 +142,8 @@ def forward_under(inputs, t, middle, q, qd, tau, qdd, work):
 
     Returns the power of all that has no potential [W], which a force on the tip that changes has not, either.
     """
+    if inputs.loads is None:
+        return forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
     power = put_wrench(inputs.loads, t, middle, q, qd, inputs.wrench)
     return power + forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
 

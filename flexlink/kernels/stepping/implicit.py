@@ -50,6 +50,7 @@ from flexlink.kernels.stepping.newton import (
 )
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
+from flexlink.kernels.tools.rare import rarely
 
 FIRST_CONTRACTION = 0.3  # taken for granted in the first iteration
 
@@ -203,7 +204,7 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
     stage_torque(inputs.drive, t, middle, q, qd, tau)
     power = put_wrench(inputs.loads, t, middle, q, qd, inputs.wrench)
     power += inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)
-    if work.forces is not None:
+    if work.forces is not None and rarely(work.forces.act):
         power -= add_torques(work.forces.elements, q, qd, R)
     for k in range(len(q)):
         hinge = chain.hinges[k]
@@ -260,7 +261,8 @@ def does_work(inputs, work):
     works = len(inputs.drive.joints) + len(inputs.motion.joints) > 0
     if inputs.loads is not None:
         works = works or inputs.loads.varies
-    works = works or work.forces is not None
+    if work.forces is not None:
+        works = works or work.forces.act
     for k in range(3, len(inputs.wrench)):
         works = works or inputs.wrench[k] != 0.0
     for k in range(len(hinges)):

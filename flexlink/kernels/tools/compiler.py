@@ -123,22 +123,28 @@ def by_type(algorithms: dict[type, Any]) -> Callable[[Callable[..., Any]], Calla
     return decorate
 
 
-def of_each(functions: dict[type, Any], *, summed: bool = True) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def of_each(
+    functions: dict[type, Any], *, summed: bool = True, optional: bool = False
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Let a function of a tuple of records call, for each of them, the function for its type; sums what they return.
 
-    In a kernel that is compiled they stand one after another.
+    In a kernel that is compiled they stand one after another. `optional`: types without a function are left out.
     """
+
+    def of(kinds: list[type]) -> dict[int, Any]:
+        return {k: functions[kind] for k, kind in enumerate(kinds) if kind in functions or not optional}
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(function)
         def call(elements: Any, *arguments: Any) -> Any:
-            found = [functions[type(element)](element, *arguments) for element in elements]
+            found = [each(elements[k], *arguments) for k, each in of([type(element) for element in elements]).items()]
             return sum(found) if summed else None
 
         @overload(call, jit_options=INLINED)
         def unroll(elements, *arguments):
-            names = {f"f{k}": functions[element.instance_class] for k, element in enumerate(elements)}
-            calls = [f"{name}(elements[{k}], *arguments)" for k, name in enumerate(names)]
+            each = of([element.instance_class for element in elements])
+            names = {f"f{k}": function for k, function in each.items()}
+            calls = [f"f{k}(elements[{k}], *arguments)" for k in each]
             lines = calls if not summed else ["return " + " + ".join(calls)]
             exec("def unrolled(elements, *arguments):\n    " + "\n    ".join(lines), names)
             return names["unrolled"]
