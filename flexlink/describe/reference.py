@@ -31,8 +31,8 @@ TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """What each profile needs, and what it may have, or the same in metres."""
 TABLED = tuple(profile for profile, (needs, _) in TAKES.items() if "times" in needs)
 LISTS = ("to_deg", "from_deg", *LIMITS)
-TABLES = ("angle_deg", "rate_deg", "acceleration_deg")
-IN_BOTH = tuple((key, IN_METRES[key]) for key in (*LISTS, *TABLES))
+OF_MOTION = ("angle_deg", "rate_deg", "acceleration_deg")
+IN_BOTH = tuple((key, IN_METRES[key]) for key in (*LISTS, *OF_MOTION))
 
 
 class Reference(Spec, frozen=True):
@@ -253,7 +253,7 @@ class Reference(Spec, frozen=True):
 
     def _require_lists(self, kinds: set[bool]) -> None:
         """Joints of either kind have goals, or tables, in their own unit."""
-        for name in ("to_deg", *TABLES):
+        for name in ("to_deg", *OF_MOTION):
             for key, slides in ((name, False), (IN_METRES[name], True)):
                 if slides in kinds and self._said(name) and getattr(self, key) is None:
                     raise SceneError(f"{key}: missing; there are {KIND[slides]} joints")
@@ -299,7 +299,7 @@ class Reference(Spec, frozen=True):
 
     def _table(self, times: Row, links: list[int], slides: Slides) -> ReferenceTrajectory:
         t = np.array(times)
-        known = [self._rows(name, slides)[:, links] for name in TABLES if self._said(name)]
+        known = [self._rows(name, slides)[:, links] for name in OF_MOTION if self._said(name)]
         angles = known[0]
         if len(t) == 1:
             return still(angles[0])

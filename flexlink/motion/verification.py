@@ -27,16 +27,6 @@ STRICTER = 0.1
 """Part of the tolerance, or of the error from which a run is doubtful, that the second run is allowed."""
 
 
-GIVEN_UP = 50
-"""Times the evaluations of a run that a second one may take: one that ends takes a few times as many at most, and
-nobody waits for a second run much longer than for the first."""
-
-UNKNOWN = (
-    "doubtful: error unknown: no comparison run with other steps ended within {times} times the evaluations; "
-    "{advice} and compare"
-)
-
-
 class Second(NamedTuple):
     """A verification run, and how it compares."""
 
