@@ -76,11 +76,11 @@ class SingleRun:
     def advance(self, stop: Stop, report: Callable[[float], None], warn: Callable[[str], None] | None = None) -> None:
         """Advance until the run ends, a check fails, or somebody stops it."""
         monitor, steps = self.monitor, self.steps
-        for reached in steps:
+        for rows, part in steps:
             good = True
-            if reached.rows > 1 or reached.part == 1.0 or steps.failure:  # one look is enough for a short run
+            if rows > 1 or part == 1.0 or steps.failure:  # one look is enough for a short run
                 good = monitor.check(
-                    reached.rows,
+                    rows,
                     steps.steps,
                     methods=steps.methods,
                     deflection=steps.deflection,
@@ -95,7 +95,7 @@ class SingleRun:
                 break
             if steps.failure:
                 break
-            report(reached.part)
+            report(part)
             if stop.asked:
                 break
         else:
