@@ -11,7 +11,6 @@ from scipy.stats import qmc
 from flexlink.common.types import Array
 from flexlink.identification.block import Block
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Recorded
 from flexlink.identification.likelihood import Likelihood
 from flexlink.identification.signals import Signals
 
@@ -52,10 +51,10 @@ class Search(Likelihood):
         self.signals.model(x)
         sources = self.signals.sources
         blocks = [list(source.blocks) for source in sources]
-        single = [source for source in sources if not isinstance(source, Recorded)]
+        single = [source for source in sources if not source.is_run]
         runs = len(single) < len(sources)
         for part in windows if runs else ():
-            cut = [source.first(part) for source in sources if isinstance(source, Recorded)] if part else []
+            cut = [source.first(part) for source in sources if source.is_run] if part else []
             if part or single:
                 x = Search(Signals([*cut, *single], self.coordinates), self.loss).near(x)
         last = not (self.coloured or self._weighs(blocks)) or not runs
