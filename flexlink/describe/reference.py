@@ -286,8 +286,9 @@ class Reference(Spec, frozen=True):
         return side_by_side(courses)
 
     def _shape(self, link: int, distance: float, slides: bool) -> profiles.Shape:
+        plain, fastest = profiles.MOVES[self.profile]
         if self.duration is not None:
-            return profiles.PLAIN[self.profile]
+            return plain
         keys = [IN_METRES[name] if slides else name for name in LIMITS]
         limits = {key: values[link] for key in keys if (values := getattr(self, key)) is not None}
         for key, limit in limits.items():
@@ -295,7 +296,7 @@ class Reference(Spec, frozen=True):
         deciding = [IN_METRES[name] if slides else name for name in self._deciding]
         if not limits.keys() & set(deciding):
             raise SceneError(f"{deciding[0]}: missing; there are {KIND[slides]} joints that move")
-        return profiles.FASTEST[self.profile](distance, profiles.Limits(*(limits.get(key, math.inf) for key in keys)))
+        return fastest(distance, profiles.Limits(*(limits.get(key, math.inf) for key in keys)))
 
     def _table(self, times: Row, links: list[int], slides: Slides) -> ReferenceTrajectory:
         t = np.array(times)

@@ -39,7 +39,7 @@ from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.sampled_control import Control
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import SHORTEST, StopTimes
-from flexlink.motion.tolerable import THRESHOLDS
+from flexlink.motion.tolerable import Thresholds
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure
@@ -510,5 +510,5 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
     # less, and are at most 6 times it where motion is sensitive. An explicit method's steps, small for stability's
     # sake, have the errors they tell, all in one direction.
     one = 0.02 if method.explicit else 0.1 if long else 0.25
-    errors = one * absolute, of_a_deflection * one * part, run.duration / THRESHOLDS.long, np.inf, of_the_iteration
+    errors = one * absolute, of_a_deflection * one * part, run.duration / Thresholds.long, np.inf, of_the_iteration
     return *errors, order, run.duration, SHORTEST * run.duration, largest

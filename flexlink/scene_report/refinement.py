@@ -46,9 +46,8 @@ class Refinement:
     """Runs about one scene."""
 
     def __init__(self, study: Study) -> None:
-        self.study, self.scene, self.chain, self.run, self.runner = (
-            study, study.scene, study.chain, study.run, study.runner,
-        )  # fmt: skip
+        self.study, self.scene, self.chain = study, study.scene, study.chain
+        self.run, self.runner = study.run, study.runner
 
     @cached_property
     def model(self) -> Model:
