@@ -20,7 +20,6 @@ from flexlink.common.wording import truncated
 from flexlink.data import documents
 from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
-from flexlink.describe.drag import SEA_LEVEL
 from flexlink.describe.from_files import filled_from_files, without_starts
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.initial import InitialState
@@ -127,7 +126,8 @@ class Scene(Spec, frozen=True):
     @property
     def fluid_density(self) -> float:
         """Density of the air that links with drag move through [kg/m³]; 0 without any."""
-        return (self.air_density or SEA_LEVEL) if self.arm.has_drag else 0.0
+        sea_level = 1.225  # at 15 °C, of the International Standard Atmosphere
+        return (self.air_density or sea_level) if self.arm.has_drag else 0.0
 
     @property
     def starts(self) -> Row:

@@ -34,7 +34,7 @@ from flexlink.motion.hindrance import hindrance, loop_is_unstable
 from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.method_choice import cheapest, fastest_motion, tumbles
-from flexlink.motion.method_trial import FIRST, go_on_with_the_cheapest
+from flexlink.motion.method_trial import go_on_with_the_cheapest
 from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.sampled_control import Control
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
@@ -69,7 +69,8 @@ class AdaptiveSteps:
         n, self.memory = record.chain.n, np.zeros(3 * record.chain.n + 2)
         self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
         self.slow = 0, ""  # row of the next sample when it was found, and what is to be told while the run goes on
-        self.compare_at = NEVER if run.method == AUTO and tumbles(record) else FIRST  # tries of steps
+        # tries of steps before methods are first compared; the next time is after twice as many, and so on
+        self.compare_at = NEVER if run.method == AUTO and tumbles(record) else 100
         record.begin()
         self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
         self.tau = np.zeros(record.chain.n)
