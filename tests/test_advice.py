@@ -25,7 +25,7 @@ from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import Level, RefinementStudy
 from flexlink.advice.release import release
 from flexlink.advice.search import Search
-from flexlink.advice.thresholds import THRESHOLDS
+from flexlink.advice.thresholds import Thresholds
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.results.convergence import Limit
@@ -333,7 +333,7 @@ def test_two_limits_that_agree_by_chance_are_believed_no_better_than_a_fast_orde
     limit = study_of_levels(**first, n6=chance).limit
     assert limit is not None
     assert limit.tip == pytest.approx(before.tip)
-    assert limit.errors == pytest.approx(before.errors * (4 / 6) ** (2 + THRESHOLDS.limit_fall))
+    assert limit.errors == pytest.approx(before.errors * (4 / 6) ** (2 + Thresholds.limit_fall))
     assert limit.errors[1] < limit.errors[2]  # of each time by itself
 
 
@@ -396,7 +396,7 @@ def test_where_no_stricter_steps_can_be_taken_at_the_last_level_a_coarser_one_te
     refinement = with_strict_steps({1: 0.0, 2: 1e-6, 4: 0.0}, **{**exact, "n4": along_x(0.0, 0.2)})
     before = refinement.limit
     refinement.runner = cast("ModelRunner", Strict({2: exact["n2"], 4: along_x(0.0, np.nan)}))
-    assert refinement.remove_step_errors() == pytest.approx([0.0, THRESHOLDS.scatter * 1e-6])
+    assert refinement.remove_step_errors() == pytest.approx([0.0, Thresholds.scatter * 1e-6])
     assert refinement.limit is before
 
 
@@ -431,7 +431,7 @@ def test_axes_that_are_left_out_count_together() -> None:
 
     def run(model: Model, stepping: Stepping) -> Outcome:
         axes = tuple(bend.flex if bend else "rigid" for bend in model)
-        return outcome(along_x(0.0, moved[axes] * THRESHOLDS.allowed_share * ALLOWED))
+        return outcome(along_x(0.0, moved[axes] * Thresholds.allowed_share * ALLOWED))
 
     runner = SimpleNamespace(scene=SimpleNamespace(arm=SimpleNamespace(links=links)), run=run)
     screening = AxisScreening(cast("ModelRunner", runner), NORM, ("yz", "yz"), Stepping("Radau5"), ALLOWED)

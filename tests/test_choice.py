@@ -39,7 +39,7 @@ def chosen(duration: float, part: float = 1e-4, drive: dict[str, Any] | None = N
         run=SimpleNamespace(duration=duration),
         inputs=problem_of(scene, CHAIN).inputs,
     )
-    return cheapest(cast("Any", record), part * chain.reach, 10.0).method
+    return cheapest(cast("Any", record), part * chain.reach, 10.0)[0]
 
 
 def test_dampers_alone_make_an_arm_stiff() -> None:

@@ -23,7 +23,7 @@ from flexlink.identification import judge, page, solve
 from flexlink.identification.block import SHARE, Block, Colour, colour_of, whiteness
 from flexlink.identification.checked_page import told
 from flexlink.identification.coordinates import Coordinate, coordinate_of, coordinates_of, prior_rows
-from flexlink.identification.data import Recorded, Source, _noise_of_sensors, _with_noise, at_times, recorded, sagged
+from flexlink.identification.data import Source, _noise_of_sensors, _with_noise, at_times, recorded, sagged
 from flexlink.identification.fitted import Fitted
 from flexlink.identification.identifiability import checked
 from flexlink.identification.interval import Spread, estimates, linear_estimates, spread_of
@@ -92,7 +92,7 @@ class Toy:
         return ()
 
 
-class Film(Recorded):
+class Film(Source):
     def first(self, part: float) -> Film:
         k = max(10, int(part * len(self.blocks[0].y)))
         cut = tuple(dataclasses.replace(b, y=b.y[:k], σ=b.σ[:k], t=np.asarray(b.t)[:k]) for b in self.blocks)
@@ -426,7 +426,8 @@ class TestSingle:
         one = sagged(
             fl.fits.FitProblem(scene=still, parameter=(fl.fits.FitParameter(path=YOUNG),), static=(hung,)), hung, 1
         )
-        ((change,),) = one.of(one.scene)
+        assert one.at_rest is not None
+        ((change,),) = one.at_rest(one.scene)
         assert change == pytest.approx(-0.3 * 9.81 * 1.0**3 / (3 * E * 0.01**4 / 12), rel=0.02)
 
     def test_a_prior_weighs_as_its_deviation_in_the_value(self) -> None:
@@ -454,7 +455,7 @@ class TestTimes:
         later = SCENE.varied({"initial.time": 0.5})
         assert as_long(later, np.linspace(0.7, 1.5, 81)).run.duration == pytest.approx(1.0)
         whole = film(np.zeros(100), 1.0)
-        part = Recorded.first(whole, 0.15)
+        part = Source.first(whole, 0.15)
         assert len(part.blocks[0].y) == 15
         assert part.scene.run.duration == pytest.approx(0.14)  # samples 0 to 14
 

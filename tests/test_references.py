@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flexlink as fl
-from flexlink.describe.profiles import PLAIN
+from flexlink.describe.profiles import MOVES
 from flexlink.describe.reference_trajectory import still
 from flexlink.motion.inputs.references import reference_arrays
 
@@ -102,7 +102,7 @@ def test_no_limit_is_exceeded_and_the_slowest_joint_reaches_one(move: Move) -> N
         assert np.all(np.abs(values) <= most * (1 + rounding))
 
 
-@pytest.mark.parametrize("profile", sorted(PLAIN))
+@pytest.mark.parametrize("profile", sorted(MOVES))
 def test_joints_start_and_end_together_each_by_the_profile_it_would_take_alone(profile: str) -> None:
     """Stretched in time to that of the slowest one; a joint that stays where it is stays to the bit."""
     own = dict.fromkeys(MAY_LIMIT[profile], (60.0, 60.0, 60.0))

@@ -16,7 +16,7 @@ from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import RefinementStudy
 from flexlink.advice.run_time import run_time
 from flexlink.advice.search import Search
-from flexlink.advice.thresholds import THRESHOLDS
+from flexlink.advice.thresholds import Thresholds
 from flexlink.advice.verdict import Advice, length, line, time
 from flexlink.chain.arguments import positive, require_bool, require_type
 from flexlink.common.errors import AdviceError
@@ -122,7 +122,7 @@ class Advisor:
         self.lines = [line("rigid", f"estimated error {size}{vibration}")]
         clearly_rigid = 0.5 * tolerance  # an estimate below this settles it
         if error < clearly_rigid:
-            error *= max(1.0, rigid.growth(self.runner, strict, error) / THRESHOLDS.modest_growth)
+            error *= max(1.0, rigid.growth(self.runner, strict, error) / Thresholds.modest_growth)
         if error >= clearly_rigid:
             return None
 
@@ -133,14 +133,14 @@ class Advisor:
         return self._done(rigid.rigid_model(self.runner), outcome, total(outcome.tip), tolerance, travel, None)
 
     def _size(self) -> float:
-        return self.runner.chain(uniform(self.axes, THRESHOLDS.hinges)).size
+        return self.runner.chain(uniform(self.axes, Thresholds.hinges)).size
 
     def _first_flexible_run(self) -> tuple[Stepping, float]:
         """Steps of the levels, of errors far below the tolerance on the coarsest chain; and the tolerance [m]."""
-        model = uniform(self.axes, THRESHOLDS.hinges)
-        travel = tip_travel(self.rigid.tip) if self.rigid else THRESHOLDS.first_guess * self._size()
+        model = uniform(self.axes, Thresholds.hinges)
+        travel = tip_travel(self.rigid.tip) if self.rigid else Thresholds.first_guess * self._size()
         tolerance = self.goal.tolerance(travel, travel) or self.goal.size * self._size()
-        least, share = least_tolerance(self._size()), THRESHOLDS.reference_step_share
+        least, share = least_tolerance(self._size()), Thresholds.reference_step_share
         # stricter steps measure the errors of steps: in sensitive motion they are many times their tolerance
         strictness, passes = 0.1, 8
         stepping, known_tolerance = Stepping("auto", tolerance=share * tolerance), tolerance
@@ -156,7 +156,7 @@ class Advisor:
                 raise self._still(bent if self.goal.deflection else travel, least)
             if stepping.tolerance == least:
                 return stepping, known_tolerance
-            if known_tolerance >= tolerance / THRESHOLDS.rerun_factor:
+            if known_tolerance >= tolerance / Thresholds.rerun_factor:
                 strict = Stepping("auto", tolerance=max(share * strictness * tolerance, least))
                 stricter = self.runner.run(model, strict)
                 small = self.norm(stricter.tip - outcome.tip) <= 0.1 * known_tolerance
@@ -212,7 +212,7 @@ class Advisor:
             lines.append(
                 line("limit", f"the extrapolated path of the tip is known within {length(known_to)}; see converged_tip")
             )
-        if growth > THRESHOLDS.sensitive_growth:
+        if growth > Thresholds.sensitive_growth:
             fold = f"; by e in {e_fold:.3g} s" if np.isfinite(e_fold) else ""
             lines.append(line("sensitive", f"initial errors grow by a factor of {growth:.2g}{fold}"))
         lines.append(line("horizon", f"the tolerance is kept up to t = {holds:.6g} s"))

@@ -7,7 +7,7 @@ import numpy as np
 from flexlink.advice.goal import TipErrorNorm
 from flexlink.advice.model import FLEX, Axes, limited_axes, uniform
 from flexlink.advice.model_runner import ModelRunner, Stepping
-from flexlink.advice.thresholds import THRESHOLDS
+from flexlink.advice.thresholds import Thresholds
 
 
 class AxisScreening:
@@ -26,14 +26,10 @@ class AxisScreening:
     def __init__(
         self, runner: ModelRunner, norm: TipErrorNorm, axes: Axes, stepping: Stepping, tolerance: float
     ) -> None:
-        self.runner, self.norm, self.stepping, self.allowed = (
-            runner,
-            norm,
-            stepping,
-            THRESHOLDS.allowed_share * tolerance,
-        )
+        self.runner, self.norm, self.stepping = runner, norm, stepping
+        self.allowed = Thresholds.allowed_share * tolerance
         self.axes, self.trials = axes, list[str]()
-        self.tip = runner.run(uniform(axes, THRESHOLDS.screening_hinges), stepping).tip
+        self.tip = runner.run(uniform(axes, Thresholds.screening_hinges), stepping).tip
         self.left_out = np.zeros_like(self.tip)
         if not self._try("all: flex z only", limited_axes(axes, "z")):
             self._link_by_link()
@@ -51,7 +47,7 @@ class AxisScreening:
         """Take these axes if that changes the tip by no more than allowed."""
         if axes == self.axes:
             return True
-        tip = self.runner.run(uniform(axes, THRESHOLDS.screening_hinges), self.stepping).tip
+        tip = self.runner.run(uniform(axes, Thresholds.screening_hinges), self.stepping).tip
         without = self.left_out + tip - self.tip
         kept = self.norm(without) > self.allowed
         verdict = "too much" if kept else "accepted"

@@ -7,7 +7,7 @@ import numpy as np
 from flexlink.advice.goal import TipErrorNorm
 from flexlink.advice.model_runner import ModelRunner
 from flexlink.advice.refinement import RefinementStudy
-from flexlink.advice.thresholds import THRESHOLDS
+from flexlink.advice.thresholds import Thresholds
 from flexlink.common.types import Array
 
 
@@ -31,17 +31,17 @@ def growth(runner: ModelRunner, refinement: RefinementStudy, tolerance: float) -
     if it does not grow.
     """
     outcome, size = refinement.finest.outcome, runner.chain(refinement.model).size
-    angle = min(THRESHOLDS.perturbation * (outcome.stepping.tolerance or 0.0), tolerance) / size
+    angle = min(Thresholds.perturbation * (outcome.stepping.tolerance or 0.0), tolerance) / size
     perturbed = runner.perturbed_run(refinement.model, outcome.stepping, angle)
     if perturbed is None or outcome.run is None:
         return 1.0, np.inf
     apart = np.linalg.norm(perturbed.tip - outcome.tip, axis=1)
-    beyond = np.flatnonzero(~(apart <= THRESHOLDS.proportional * refinement.travel))
+    beyond = np.flatnonzero(~(apart <= Thresholds.proportional * refinement.travel))
     apart = apart[: beyond[0]] if beyond.size else apart
     grown = np.maximum.accumulate(apart) / (angle * size)
     factor = float(grown.max(initial=1.0))
     half = len(grown) // 2
-    if factor < THRESHOLDS.sensitive_growth or len(grown) - half < 3:
+    if factor < Thresholds.sensitive_growth or len(grown) - half < 3:
         return factor, np.inf
     rate = np.polyfit(outcome.run.t[half : len(grown)], np.log(np.maximum(grown[half:], np.finfo(float).tiny)), 1)[0]
     return factor, float(1 / rate) if rate > 0 else np.inf

@@ -12,7 +12,7 @@ from flexlink.advice.goal import Goal, TipErrorNorm
 from flexlink.advice.model import Axes, Model, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.straightness import may_pay
-from flexlink.advice.thresholds import THRESHOLDS
+from flexlink.advice.thresholds import Thresholds
 from flexlink.common.types import Array
 from flexlink.results.convergence import Limit, change_of_limit, extrapolated
 from flexlink.results.deflection import deflections
@@ -101,10 +101,8 @@ class RefinementStudy:
         tip, left = self.limit.tip, np.zeros(len(self.limit.tip))
         for weight, level in zip(self.limit.weights, self.levels[self.family][-2:], strict=True):
             change = weight * self._step_errors(level) if weight else np.zeros_like(tip)
-            tip, left = (
-                tip + change,
-                left + self.norm.up_to(change) * THRESHOLDS.strict**0.5,
-            )  # or less, whatever the order is
+            tip = tip + change
+            left = left + self.norm.up_to(change) * Thresholds.strict**0.5  # or less, whatever the order is
         if not np.isfinite(left[-1]):
             return self._step_errors_of_coarser()
         self.limit = self.limit._replace(tip=tip)
@@ -113,7 +111,7 @@ class RefinementStudy:
     def _step_errors(self, level: Level) -> Array:
         """Change of a level by stricter steps (samples, 3) [m]; nan where they cannot be run."""
         assert self.stepping.tolerance is not None
-        strict = self.stepping._replace(tolerance=THRESHOLDS.strict * self.stepping.tolerance)
+        strict = self.stepping._replace(tolerance=Thresholds.strict * self.stepping.tolerance)
         return self.runner.run(uniform(self.axes, level.hinges, self.family), strict).tip - level.outcome.tip
 
     def _step_errors_of_coarser(self) -> Array:
@@ -121,7 +119,7 @@ class RefinementStudy:
         for level in self.levels[self.family][-2::-1]:
             errors = self.norm.up_to(self._step_errors(level))
             if np.isfinite(errors[-1]):
-                return THRESHOLDS.scatter * errors
+                return Thresholds.scatter * errors
         return np.full(len(self.finest.outcome.tip), np.inf)
 
     def _is_known(self, hinges: int) -> bool:
@@ -166,10 +164,10 @@ class RefinementStudy:
         if limits:
             errors = self.norm.up_to(change_of_limit(levels, order)) / safe
             if len(limits) > 1:
-                errors = np.maximum(errors, limits[-1].errors * (Na / Nb) ** (order + THRESHOLDS.limit_fall))
+                errors = np.maximum(errors, limits[-1].errors * (Na / Nb) ** (order + Thresholds.limit_fall))
             limit = limit._replace(errors=errors)
             if Na >= 4:
-                itself = np.maximum(itself, self._itself[family] * (Na / Nb) ** (order + THRESHOLDS.limit_fall / 2))
+                itself = np.maximum(itself, self._itself[family] * (Na / Nb) ** (order + Thresholds.limit_fall / 2))
         limits.append(limit)
         self._itself[family] = itself
         return min(limit, Limit(b, itself), key=self._rank)

@@ -19,7 +19,7 @@ from flexlink.advice.goal import Goal, TipErrorNorm, least_tolerance
 from flexlink.advice.model import Axes, Model, can_move, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.release import release
-from flexlink.advice.thresholds import THRESHOLDS
+from flexlink.advice.thresholds import Thresholds
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.dynamics.forces import force_torque
@@ -40,7 +40,7 @@ def rigid_run(runner: ModelRunner, goal: Goal, size: float) -> Outcome | None:
 
     None where nothing can move, or where the run fails.
     """
-    model, motion = rigid_model(runner), THRESHOLDS.first_guess * size
+    model, motion = rigid_model(runner), Thresholds.first_guess * size
     if not can_move(runner.scene, model):
         return None
     while True:
@@ -48,14 +48,14 @@ def rigid_run(runner: ModelRunner, goal: Goal, size: float) -> Outcome | None:
         if not outcome.completed:
             return None
         assumed, motion = motion, tip_travel(outcome.tip)
-        if assumed <= THRESHOLDS.rerun_factor * motion or outcome.stepping.tolerance == _of_steps(
+        if assumed <= Thresholds.rerun_factor * motion or outcome.stepping.tolerance == _of_steps(
             goal.tolerance(motion, motion), size
         ):
             return outcome
 
 
 def _of_steps(allowed: float, size: float) -> float:
-    return max(THRESHOLDS.reference_step_share * allowed, least_tolerance(size))
+    return max(Thresholds.reference_step_share * allowed, least_tolerance(size))
 
 
 def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
@@ -84,7 +84,7 @@ def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Ste
 
 def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNorm) -> tuple[float, float]:
     """Error of the tip if links are rigid [m], vibration included, growth of errors not; lowest frequency [Hz]."""
-    run, model = strict.run, uniform(axes, THRESHOLDS.hinges)
+    run, model = strict.run, uniform(axes, Thresholds.hinges)
     assert run is not None
     chain = runner.chain(model)
     q, qd, qdd = (_spread(run.chain, chain, values) for values in (run.q, run.qd, run.qdd))
@@ -125,13 +125,13 @@ def growth(runner: ModelRunner, outcome: Outcome, error: float) -> float:
     """
     assert outcome.stepping.tolerance is not None
     size = runner.chain(rigid_model(runner)).size
-    start = max(error, THRESHOLDS.perturbation * outcome.stepping.tolerance)
+    start = max(error, Thresholds.perturbation * outcome.stepping.tolerance)
     perturbed = runner.perturbed_run(rigid_model(runner), outcome.stepping, start / size)
     if perturbed is None:
         return 1.0
     apart = largest_distance(perturbed.tip, outcome.tip)
     return (
         apart / start
-        if apart <= THRESHOLDS.proportional * max(tip_travel(outcome.tip), THRESHOLDS.modest_growth * start)
+        if apart <= Thresholds.proportional * max(tip_travel(outcome.tip), Thresholds.modest_growth * start)
         else np.inf
     )

@@ -17,7 +17,7 @@ from flexlink.advice.allocation import Allocation
 from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Bend, Model, can_move
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
-from flexlink.advice.thresholds import THRESHOLDS
+from flexlink.advice.thresholds import Thresholds
 
 
 class Solution(NamedTuple):
@@ -99,7 +99,7 @@ class Search:
     def _fixed(self, part: float, model: Model) -> Stepping | None:
         """Steps of this part of the stable one; None if the solution is cheaper."""
         stable = self.runner.stable_step(model) if any(model) else np.inf
-        stepping = self.runner.fixed_steps(part * THRESHOLDS.stable_share * stable)
+        stepping = self.runner.fixed_steps(part * Thresholds.stable_share * stable)
         most = self.runner.budget if self.solution is None else 0.99 * self.solution.outcome.seconds
         return stepping if stepping and self.runner.fixed_steps_cost(model, stepping) <= most else None
 
@@ -107,7 +107,7 @@ class Search:
         """Of a run, its stable step estimated [s]."""
         step = min((self._stable_step(k, bend) for k, bend in enumerate(model) if bend), default=np.inf)
         stepping = (
-            self.runner.fixed_steps(part * THRESHOLDS.stable_share * step)
+            self.runner.fixed_steps(part * Thresholds.stable_share * step)
             if can_move(self.runner.scene, model)
             else None
         )

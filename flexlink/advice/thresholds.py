@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
 
-
-class Thresholds(NamedTuple):
+class Thresholds:
     """Shares of what is allowed, factors of safety, and what is tried first."""
 
     reference_step_share: float = 0.02
@@ -38,6 +36,3 @@ class Thresholds(NamedTuple):
     """By how much the order by which errors of the limit are believed to fall exceeds that of the rule, at most.
 
     Two limits can agree by chance."""
-
-
-THRESHOLDS = Thresholds()

@@ -22,7 +22,7 @@ from flexlink.sweeps.plan import Plan, load_sweep
 from flexlink.sweeps.preflight import preflight
 from flexlink.sweeps.run import fill
 from flexlink.sweeps.store import Store
-from flexlink.sweeps.table import EXPORT_FORMATS, export, require_parquet
+from flexlink.sweeps.table import export, require_parquet
 from flexlink.sweeps.workers import MAX_WORKERS
 
 
@@ -37,7 +37,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--workers", type=int, default=1, metavar="N", help="number of processes; default: 1")
     command.add_argument("--dask", metavar="ADDRESS", help="run the members on the workers of this Dask scheduler")
     command.add_argument(
-        "--export", choices=EXPORT_FORMATS, help="also write all rows to a file of this format, next to the database"
+        "--export",
+        choices=("csv", "parquet"),
+        help="also write all rows to a file of this format, next to the database",
     )
     command.add_argument("--fresh", action="store_true", help="delete the rows of the database and start again")
 

@@ -28,8 +28,8 @@ UNITS = {
 }  # fmt: skip
 """Units of heads, each with the one in SI and its size in it; "/s" and "/s²" may follow those of angles and lengths."""
 WITH_RATES = {"rad", "m"}
-PER = {"": 0, "/s": 1, "/s²": 2, "/s^2": 2}
-OF_PER = {0: "", 1: "/s", 2: "/s²"}
+PER = {"": "", "/s": "/s", "/s²": "/s²", "/s^2": "/s²"}
+"""What may follow a unit, and how it is written in SI."""
 
 
 class Head(NamedTuple):
@@ -114,12 +114,12 @@ def conversion(given: str, wanted: str) -> float | None:
     return 1.0 if given == wanted else one[1] / other[1]
 
 
-def _split(unit: str) -> tuple[tuple[str, int], float] | None:
-    """What it measures, and its size in SI units."""
-    for per, power in PER.items():
+def _split(unit: str) -> tuple[str, float] | None:
+    """The unit in SI, and its size in it."""
+    for per, written in PER.items():
         base, size = UNITS.get(unit.removesuffix(per) if per else unit, ("", 0.0))
         if base and (not per or (unit.endswith(per) and base in WITH_RATES)):
-            return (base, power), size
+            return base + written, size
     return None
 
 
@@ -131,7 +131,10 @@ def units_like(unit: str) -> list[str]:
 def every_unit() -> list[str]:
     """All units that heads can have."""
     return [
-        f"{unit}{per}" for per in OF_PER.values() for unit, (base, _) in UNITS.items() if not per or base in WITH_RATES
+        f"{unit}{per}"
+        for per in dict.fromkeys(PER.values())
+        for unit, (base, _) in UNITS.items()
+        if not per or base in WITH_RATES
     ]
 
 
@@ -139,7 +142,7 @@ def in_si(head: str) -> tuple[str, float] | None:
     """A head's quantity with its unit in SI, and the size of the head's own; None where that is not known."""
     quantity, unit = head_of(head)
     split = _split(unit)
-    return None if split is None else (f"{quantity} [{split[0][0]}{OF_PER[split[0][1]]}]", split[1])
+    return None if split is None else (f"{quantity} [{split[0]}]", split[1])
 
 
 def read_csv(path: Path) -> CsvTable:

@@ -16,10 +16,6 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 
-NEAR = 0.2
-"""Part of 1 / (2π cutoff) that knots need not be closer than: accelerations of what is passed are then off by 1e-5, and
-the equations, whose condition is up to NEAR⁻⁶, keep eleven digits."""
-
 
 def smoothed(t: Array, y: Array, cutoff: float) -> tuple[Array, Array, Array]:
     """Values, rates and accelerations (samples,) of y (samples,) at times t [s] by a low-pass at `cutoff` [Hz].
@@ -43,7 +39,10 @@ def smoothed(t: Array, y: Array, cutoff: float) -> tuple[Array, Array, Array]:
     from scipy.linalg import solveh_banded  # noqa: PLC0415
 
     unit, degree, penalty = 1 / (2 * math.pi * cutoff), 5, 3
-    sites = _sites(t / unit, NEAR)
+    # Part of 1 / (2π cutoff) that knots need not be closer than: accelerations of what is passed are then off by 1e-5,
+    # and the equations, whose condition is up to near⁻⁶, keep eleven digits.
+    near = 0.2
+    sites = _sites(t / unit, near)
     knots = np.concatenate([[sites[0]] * degree, sites, [sites[-1]] * degree])
     weights = np.gradient(t / unit)
     weights[[0, -1]] /= 2

@@ -9,7 +9,7 @@ from flexlink.common.errors import SceneError
 from flexlink.common.wording import truncated
 from flexlink.describe.numbers import require_increasing
 from flexlink.describe.own_units import TWINS, Row
-from flexlink.describe.reference import Reference
+from flexlink.describe.reference import OF_MOTION, Reference
 from flexlink.describe.spec import (
     ONE_PER_LINK,
     NonNegative,
@@ -21,7 +21,6 @@ from flexlink.describe.spec import (
     measured_in,
 )
 
-OF_MOTION = "angle_deg", "rate_deg", "acceleration_deg"
 IN_METRES_OF_MOTION = "position_m", "rate_m", "acceleration_m"
 Frame = Literal["world", "tip"]
 """Axes that a tip wrench is given in: of frame 0, or of the tip frame, with which it turns."""

@@ -6,9 +6,6 @@ from typing import Annotated
 
 from flexlink.describe.spec import Positive, Spec, measured_in
 
-SEA_LEVEL = 1.225
-"""Density of air at sea level and 15 °C, of the International Standard Atmosphere [kg/m³]."""
-
 
 class Drag(Spec, frozen=True):
     """Drag against motion across a link, in proportion to the square of its speed; motion along it meets none.

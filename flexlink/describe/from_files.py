@@ -19,14 +19,10 @@ from flexlink.describe.arm import Arm
 from flexlink.describe.initial import InitialState
 from flexlink.describe.link import Link
 from flexlink.describe.own_units import IN_METRES, TORQUE, UNIT, Row
-from flexlink.describe.reference import TABLES, Reference
+from flexlink.describe.reference import OF_MOTION, Reference
 
-WRENCH = {"forces": ("force", "N"), "moments": ("moment", "N m")}
-"""What of a wrench stands in heads "force x [N]", "moment z [N m]"."""
 RATES = {"qd": "/s", "qdd": "/s²"}
 """Of angles in a head "q NAME [deg]", their rates and accelerations "qd NAME [deg/s]", and what follows the unit."""
-NEAR = {False: 1.0, True: 0.01}
-"""How far from a file's first angle [deg], of a joint that slides place [m], a scene may say that a joint starts."""
 
 
 def filled_from_files(
@@ -74,7 +70,8 @@ def _started_with(initial: InitialState, arm: Arm, number: int, motion: Prescrib
     SceneError
         Another angle is given, or a rate.
     """
-    near = {"joint": NEAR[motion.slides], "rate": 0.0}
+    # how far from a file's first angle [deg], of a joint that slides place [m], a scene may say that a joint starts
+    near = {"joint": 0.01 if motion.slides else 1.0, "rate": 0.0}
     changes = {}
     for (name, allowed), column in zip(near.items(), motion.columns, strict=False):
         key = f"{name}_{UNIT[motion.slides]}"
@@ -175,7 +172,7 @@ def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts:
             for k in led
         }
         rows: dict[str, tuple[Row, ...]] = {}
-        for part, key in zip(range(max(map(len, columns.values()), default=1)), TABLES, strict=False):
+        for part, key in zip(range(max(map(len, columns.values()), default=1)), OF_MOTION, strict=False):
             for slides in {link.joint.slides for link in arm.links if not link.joint.locked}:
                 values = np.zeros((len(table.values), len(arm.links)))
                 for k, link in enumerate(arm.links, 1):
@@ -205,10 +202,11 @@ def wrench_from_file(wrench: Wrench) -> Wrench:
     DataFileError
         There is none of them, or a head that begins so and is none; as in `drive_from_file`.
     """
+    parts = {"forces": ("force", "N"), "moments": ("moment", "N m")}
 
     def filled(table: CsvTable) -> Wrench:
         quantities = [head_of(head).quantity for head in table.heads]
-        allowed = {f"{name} {axis}" for name, _ in WRENCH.values() for axis in "xyz"}
+        allowed = {f"{name} {axis}" for name, _ in parts.values() for axis in "xyz"}
         for head, quantity in zip(table.heads, quantities, strict=True):
             if quantity not in allowed and quantity.startswith(("force", "moment")):
                 raise DataFileError(f"{table.path}: column {head!r}: not known; expected {short_list(sorted(allowed))}")
@@ -217,7 +215,7 @@ def wrench_from_file(wrench: Wrench) -> Wrench:
                 f"{table.path}: no column such as 'force x [N]' or 'moment z [N m]'; columns: {short_list(table.heads)}"
             )
         rows = {}
-        for key, (name, unit) in WRENCH.items():
+        for key, (name, unit) in parts.items():
             there = [f"{name} {axis}" in quantities for axis in "xyz"]
             if any(there):
                 none = np.zeros(len(table.values))
@@ -258,7 +256,7 @@ def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
                         "rates and accelerations are found, or a file that has them"
                     )
             columns = _angles(table, link, None, RATES)
-        keys = ("position_m", "rate_m", "acceleration_m") if slides else ("angle_deg", "rate_deg", "acceleration_deg")
+        keys = [IN_METRES[key] for key in OF_MOTION] if slides else OF_MOTION
         rows: dict[str, Row] = {key: tuple(part.tolist()) for key, part in zip(keys, columns, strict=True)}
         return replace(motion, file=None, cutoff=None, times=tuple(times.tolist()), **rows)
 

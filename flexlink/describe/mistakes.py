@@ -52,14 +52,13 @@ def raise_together(found: Iterable[str]) -> None:
     """
     # how many mistakes are told; a file with more is of another kind
     most = 20
-    told = list(found)
+    told = list(dict.fromkeys(found))
     if told:
-        told = list(dict.fromkeys(told))
         more = [f"{len(told) - most} more"] if len(told) > most else []
         raise SceneError(ALSO.join([*told[:most], *more]))
 
 
-def check_all(checks: Sequence[Callable[[], None]]) -> None:
+def check_all(checks: Sequence[Callable[[], object]]) -> None:
     """Make all checks, and raise what they find together; errors as in `raise_together`."""
     found = []
     for check in checks:
@@ -67,5 +66,4 @@ def check_all(checks: Sequence[Callable[[], None]]) -> None:
             check()
         except SceneError as error:
             found.append(str(error))
-    if found:
-        raise_together(found)
+    raise_together(found)

@@ -103,12 +103,10 @@ def fastest_ramps(distance: float, limits: Limits) -> Ramps:
     return Ramps(t_j, t_a, max(0.0, t_v) if by_speed < by_distance else 0.0)
 
 
-PLAIN: dict[str, Shape] = {
-    "quintic": Quintic(1.0), "trapezoidal": Ramps(0.0, 1 / 3, 1 / 3), "s_curve": Ramps(1 / 9, 1 / 9, 1 / 3),
-}  # fmt: skip
-"""Of moves that are given a duration and no limits: a third each for speeding up, cruise and braking, and of the ramps
-of an S-curve a third each for rising, constant and falling acceleration."""
-FASTEST: dict[str, Callable[[float, Limits], Shape]] = {
-    "quintic": fastest_quintic, "trapezoidal": fastest_ramps, "s_curve": fastest_ramps,
-}  # fmt: skip
-"""Of moves that are given limits."""
+MOVES: dict[str, tuple[Shape, Callable[[float, Limits], Shape]]] = {
+    "quintic": (Quintic(1.0), fastest_quintic),
+    "trapezoidal": (Ramps(0.0, 1 / 3, 1 / 3), fastest_ramps),
+    "s_curve": (Ramps(1 / 9, 1 / 9, 1 / 3), fastest_ramps),
+}
+"""Of each profile the move that is given a duration, and the one that is given limits. With a duration, a third each is
+for speeding up, cruise and braking, and of the ramps of an S-curve for rising, constant and falling acceleration."""

@@ -31,8 +31,7 @@ TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """What each profile needs, and what it may have, or the same in metres."""
 TABLED = tuple(profile for profile, (needs, _) in TAKES.items() if "times" in needs)
 LISTS = ("to_deg", "from_deg", *LIMITS)
-TABLES = ("angle_deg", "rate_deg", "acceleration_deg")
-IN_BOTH = tuple((key, IN_METRES[key]) for key in (*LISTS, *TABLES))
+OF_MOTION = ("angle_deg", "rate_deg", "acceleration_deg")
 
 
 class Reference(Spec, frozen=True):
@@ -141,15 +140,14 @@ class Reference(Spec, frozen=True):
                 f"file = {self.file!r}: profile {self.profile!r} takes {_taken(*TAKES[self.profile])}; a file is a "
                 f"table's, of profile {', '.join(TABLED)}"
             )
-        keys = {key for keys in IN_BOTH for key in keys} | {"times", "start", "duration"}
-        for key in sorted(keys):
+        for key in sorted([*_in_both(*LISTS, *OF_MOTION), "times", "start", "duration"]):
             if getattr(self, key) not in (None, 0.0):
                 raise SceneError(f"file = {self.file!r}: {key} is given, too; give only one")
 
     def _check_limits(self) -> None:
         """A limit is positive, but of a joint whose limit is in the other unit."""
-        both = all(any(getattr(self, key) is not None for key in keys) for keys in zip(*IN_BOTH, strict=True))
-        for key in () if both else (key for keys in IN_BOTH for key in keys if key.startswith("max_")):
+        given = {key.endswith("_m") for key in _in_both(*LISTS, *OF_MOTION) if getattr(self, key) is not None}
+        for key in () if len(given) == 2 else _in_both(*LIMITS):
             beside = "; 0 is for joints that turn, whose lists in deg are given, too" if key.endswith("_m") else ""
             for k, limit in enumerate(getattr(self, key) or (), 1):
                 require_positive(f"{key}.{k}", limit, beside)
@@ -177,7 +175,7 @@ class Reference(Spec, frozen=True):
         require_increasing("times", times)
         if self._said("acceleration_deg") and not self._said("rate_deg"):
             raise SceneError("rate_deg: missing; acceleration_deg needs it")
-        for name in (key for keys in IN_BOTH[len(LISTS) :] for key in keys):
+        for name in _in_both(*OF_MOTION):
             rows = getattr(self, name)
             if rows is not None and len(rows) != len(times):
                 raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}")
@@ -189,8 +187,8 @@ class Reference(Spec, frozen=True):
     @property
     def per_link(self) -> dict[str, Row]:
         """Every list of one number per link, by its key."""
-        lists = {key: getattr(self, key) for keys in IN_BOTH[: len(LISTS)] for key in keys}
-        for key in (key for keys in IN_BOTH[len(LISTS) :] for key in keys):
+        lists = {key: getattr(self, key) for key in _in_both(*LISTS)}
+        for key in _in_both(*OF_MOTION):
             lists |= {f"{key}[{k}]": row for k, row in enumerate(getattr(self, key) or ())}
         return {name: row for name, row in lists.items() if row is not None}
 
@@ -253,7 +251,7 @@ class Reference(Spec, frozen=True):
 
     def _require_lists(self, kinds: set[bool]) -> None:
         """Joints of either kind have goals, or tables, in their own unit."""
-        for name in ("to_deg", *TABLES):
+        for name in ("to_deg", *OF_MOTION):
             for key, slides in ((name, False), (IN_METRES[name], True)):
                 if slides in kinds and self._said(name) and getattr(self, key) is None:
                     raise SceneError(f"{key}: missing; there are {KIND[slides]} joints")
@@ -286,8 +284,9 @@ class Reference(Spec, frozen=True):
         return side_by_side(courses)
 
     def _shape(self, link: int, distance: float, slides: bool) -> profiles.Shape:
+        plain, fastest = profiles.MOVES[self.profile]
         if self.duration is not None:
-            return profiles.PLAIN[self.profile]
+            return plain
         keys = [IN_METRES[name] if slides else name for name in LIMITS]
         limits = {key: values[link] for key in keys if (values := getattr(self, key)) is not None}
         for key, limit in limits.items():
@@ -295,11 +294,11 @@ class Reference(Spec, frozen=True):
         deciding = [IN_METRES[name] if slides else name for name in self._deciding]
         if not limits.keys() & set(deciding):
             raise SceneError(f"{deciding[0]}: missing; there are {KIND[slides]} joints that move")
-        return profiles.FASTEST[self.profile](distance, profiles.Limits(*(limits.get(key, math.inf) for key in keys)))
+        return fastest(distance, profiles.Limits(*(limits.get(key, math.inf) for key in keys)))
 
     def _table(self, times: Row, links: list[int], slides: Slides) -> ReferenceTrajectory:
         t = np.array(times)
-        known = [self._rows(name, slides)[:, links] for name in TABLES if self._said(name)]
+        known = [self._rows(name, slides)[:, links] for name in OF_MOTION if self._said(name)]
         angles = known[0]
         if len(t) == 1:
             return still(angles[0])
@@ -317,6 +316,11 @@ class Reference(Spec, frozen=True):
         both = getattr(self, name), getattr(self, IN_METRES[name])
         deg, m = (rows or (None,) * len(self.times or ()) for rows in both)
         return in_si(slides, [together(slides, *row) for row in zip(deg, m, strict=True)])
+
+
+def _in_both(*keys: str) -> list[str]:
+    """Keys of angles, each with its own in metres behind it."""
+    return [one for key in keys for one in (key, IN_METRES[key])]
 
 
 def _taken(needs: Sequence[str], may: Sequence[str]) -> str:

@@ -20,7 +20,6 @@ from flexlink.common.wording import truncated
 from flexlink.data import documents
 from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
-from flexlink.describe.drag import SEA_LEVEL
 from flexlink.describe.from_files import filled_from_files, without_starts
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.initial import InitialState
@@ -127,7 +126,8 @@ class Scene(Spec, frozen=True):
     @property
     def fluid_density(self) -> float:
         """Density of the air that links with drag move through [kg/m³]; 0 without any."""
-        return (self.air_density or SEA_LEVEL) if self.arm.has_drag else 0.0
+        sea_level = 1.225  # at 15 °C, of the International Standard Atmosphere
+        return (self.air_density or sea_level) if self.arm.has_drag else 0.0
 
     @property
     def starts(self) -> Row:
@@ -344,8 +344,8 @@ class Scene(Spec, frozen=True):
 
     def document(self, keys: Container[str] | None = None) -> dict[str, Any]:
         """What a TOML parser returns of this scene, or of some of its keys, with all defaults written out."""
-        parts = {**_parts(self), **_parts(self.arm)}
-        return _document_of_parts(parts, FIELDS if keys is None else keys)
+        parts, wanted = {**_parts(self), **_parts(self.arm)}, FIELDS if keys is None else keys
+        return {key: to_document(value) for key, value in parts.items() if key in wanted and value is not None}
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -415,15 +415,7 @@ def check_named(scene: Scene) -> None:
         hinges_of(scene.arm)
         check_method(scene.run)
     except SceneError:
-        check_all([lambda: _check_rules(scene.arm), lambda: check_method(scene.run)])
-
-
-def _check_rules(arm: Arm) -> None:
-    hinges_of(arm)
-
-
-def _document_of_parts(parts: Mapping[str, Any], keys: Container[str]) -> dict[str, Any]:
-    return {key: to_document(value) for key, value in parts.items() if key in keys and value is not None}
+        check_all([lambda: hinges_of(scene.arm), lambda: check_method(scene.run)])
 
 
 def _seen(value: Any) -> Any:

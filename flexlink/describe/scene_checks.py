@@ -10,12 +10,13 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.wording import did_you_mean, truncated
-from flexlink.describe.actions import OF_MOTION, Drive, PrescribedMotion, Wrench
+from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.initial import BaseState, InitialState
 from flexlink.describe.joint import refuse_beyond
 from flexlink.describe.link import Link
 from flexlink.describe.own_units import KIND, misplaced
+from flexlink.describe.reference import OF_MOTION
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.spec import link_key

@@ -21,10 +21,6 @@ from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.own_units import IN_METRES, TWINS
 from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, to_builtin, type_below
 
-PATH = re.compile(r"""(?:"[^"]+"|'[^']+'|[^."']+)(?:\.(?:"[^"]+"|'[^']+'|[^."']+))*""")
-PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")
-
-
 Keys = tuple[Any, ...]
 """Of tables, and numbers of items from 0."""
 
@@ -72,7 +68,10 @@ def top_level_keys(changes: Mapping[str, object]) -> set[str]:
 @functools.lru_cache(maxsize=256)
 def parts_of(path: str) -> tuple[str, ...]:
     """The keys and names of a path, none of what is no path."""
-    return tuple(PART.findall(path)) if PATH.fullmatch(path) else ()
+    part = r"""(?:"[^"]+"|'[^']+'|[^."']+)"""
+    if not re.fullmatch(rf"{part}(?:\.{part})*", path):
+        return ()
+    return tuple(re.findall(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""", path))
 
 
 def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[Any]:

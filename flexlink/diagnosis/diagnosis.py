@@ -27,7 +27,6 @@ from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, ReadBack, of_chain, to_chain
 
 WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
-SINGULAR = "q̈ (M is singular)"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -205,6 +204,7 @@ def _explain(
     """Add what every finding affects by itself, and whether the findings explain all that differs."""
     names, some = [row.quantity for row in rows] or WITHOUT_WRENCH, states[:20]
     tolerance = 10.0  # rounding bounds; a record is rotated into frame 0 and back
+    singular_mass = "q̈ (M is singular)"
 
     def differing(record: ReadBack, other: Engine) -> tuple[str, ...]:
         exact = to_chain(record, chain)
@@ -213,7 +213,7 @@ def _explain(
             compared = compare_engines(exact, native, [other], some, quantities=names)
         except SingularMassError:
             defined = [name for name in names if name != "q̈"]
-            compared, singular = compare_engines(exact, native, [other], some, quantities=defined), (SINGULAR,)
+            compared, singular = compare_engines(exact, native, [other], some, quantities=defined), (singular_mass,)
         return (*(row.quantity for row in compared if not row.error <= tolerance), *singular)
 
     right = NativeEngine(to_chain(of_chain(chain), chain))
@@ -221,5 +221,5 @@ def _explain(
     explained, whole = None, match.whole if match is not None else None
     if whole is not None and not all(row.passed for row in rows):
         theirs, joints = whole
-        explained = set(differing(theirs, Reordered(engine, joints))) <= {SINGULAR}
+        explained = set(differing(theirs, Reordered(engine, joints))) <= {singular_mass}
     return Diagnosis(engine.name, tuple(rows), tuple(each), explained)

@@ -19,8 +19,6 @@ from flexlink.engines.actuators import limits
 from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
 
-OF_JOINTS = (*JOINT_FIELDS, *ACTUATOR_FIELDS)
-
 EXACT, PLACED = 1e-12, 1e-11
 """Relative tolerances of numbers that are copied, and of those that are rotated into frame 0 joint by joint."""
 
@@ -328,7 +326,7 @@ def _instead(field: str, diff: Discrepancy) -> str:
 def _of_joints(field: str, diff: Discrepancy) -> Field:
     """The field in words, with the unit of joints that slide where all of these do."""
     words = table().fields[field]
-    of_joints = field in OF_JOINTS and diff.rows.ndim == 1
+    of_joints = field in (*JOINT_FIELDS, *ACTUATOR_FIELDS) and diff.rows.ndim == 1
     if of_joints and diff.our_record.slides[diff.rows].all():
         return words._replace(unit=table().sliding_units.get(words.unit, words.unit))
     return words

@@ -25,9 +25,7 @@ class Displacement(NamedTuple):
     offset: float  # [m]
     rigid: bool = True  # whether all links behind follow rigidly; if not, they are displaced otherwise, too
     axes: tuple[Array, Array] | None = None  # of an axis alone: theirs and ours, in the frame of the file
-    unit_factor: float | None = (
-        None  # the distance from the joint before over the right one, if a wrong unit explains it
-    )
+    unit_factor: float | None = None  # distance from the joint before over the right one, if a wrong unit explains it
 
 
 def undo_displacements(
@@ -198,9 +196,8 @@ def _rigid_motion(
     one, other = (_marker_points(read, joints) for read in (ours, theirs))
     L = reach(ours)
     p, moved = one[0], other[0]
-    a, b = (
-        np.concatenate([read.axes[joints], (points - points[0]) / L]) for read, points in ((ours, one), (theirs, other))
-    )
+    both = (ours, one), (theirs, other)
+    a, b = (np.concatenate([read.axes[joints], (points - points[0]) / L]) for read, points in both)
     U, sizes, V = np.linalg.svd(b.T @ a)
     if sizes[1] <= RIGID_TOLERANCE * sizes[0]:
         R = _smallest_turn(V[0], U[:, 0])

@@ -16,8 +16,6 @@ from flexlink.describe.units import unit_of
 from flexlink.describe.vary import number_in
 from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 
-LARGEST = math.log(sys.float_info.max)
-
 
 @dataclasses.dataclass(frozen=True)
 class Coordinate:
@@ -66,7 +64,7 @@ class Coordinate:
     def value(self, x: float) -> float:
         """The value at a coordinate; inf where it is beyond float64, as ends of intervals may be."""
         if self.log:
-            return math.exp(x) if x < LARGEST else math.inf
+            return math.exp(x) if x < math.log(sys.float_info.max) else math.inf
         return self.unit * x
 
     def size(self, value: float) -> float:

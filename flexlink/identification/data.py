@@ -35,8 +35,8 @@ from flexlink.results.trajectory import Trajectory
 
 
 @dataclasses.dataclass(eq=False)
-class Recorded:
-    """A run that was recorded.
+class Source:
+    """A run that was recorded, or single numbers that were measured at rest.
 
     Attributes
     ----------
@@ -45,25 +45,33 @@ class Recorded:
     scene
         What it is computed from, but for the parameters.
     blocks
-        Its columns.
+        Columns of the run, or the numbers.
     rate
-        Samples per second of the file [Hz].
+        Samples per second of a run's file [Hz].
     shows
-        How long it is, and how much of the slowest mode it shows, in words.
+        How long a run is, and how much of the slowest mode it shows, in words.
     doubts
-        What is to be known of its times.
+        What is to be known of a run's times.
+    at_rest
+        What a scene has in place of single numbers; None of a run.
     """
 
     name: str
     use: Use
     scene: Scene
     blocks: tuple[Block, ...]
-    rate: float
+    rate: float = 0.0
     shows: str = ""
     doubts: tuple[str, ...] = ()
+    at_rest: Callable[[Scene], list[Array]] | None = None
 
-    def first(self, part: float) -> Recorded:
-        """The first part of the run, ten samples at least."""
+    @property
+    def is_run(self) -> bool:
+        """Whether it was recorded in time."""
+        return self.at_rest is None
+
+    def first(self, part: float) -> Source:
+        """The first part of a run, ten samples at least."""
         blocks = tuple(_first(block, part) for block in self.blocks)
         end = max(float(np.asarray(block.t)[-1]) for block in blocks)
         run = self.scene.run
@@ -78,7 +86,7 @@ class Recorded:
         return [at_times(run.t, columns[block.name], np.asarray(block.t)) for block in self.blocks]
 
 
-def recorded(problem: FitProblem, run: FitRun) -> Recorded:
+def recorded(problem: FitProblem, run: FitRun) -> Source:
     """A run of a problem, read.
 
     Raises
@@ -108,7 +116,7 @@ def recorded(problem: FitProblem, run: FitRun) -> Recorded:
     _check_reach(run, scene, blocks)
     rate, smooth, hertz = float((len(t) - 1) / (t[-1] - t[0])), exact(scene, problem.tolerance), slowest_mode(scene)
     doubts = doubts_of_times(smooth, blocks, t, hertz)
-    return Recorded(run.name, run.use, as_long(smooth, t), _with_noise(blocks), rate, in_periods(t, hertz), doubts)
+    return Source(run.name, run.use, as_long(smooth, t), _with_noise(blocks), rate, in_periods(t, hertz), doubts)
 
 
 def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
@@ -203,30 +211,7 @@ def at_times(t: Array, samples: Array, times: Array) -> Array:
     return np.asarray(CubicSpline(t, samples)(times))
 
 
-@dataclasses.dataclass(eq=False)
-class Single:
-    """Single numbers that were measured at rest.
-
-    Attributes
-    ----------
-    name, use
-        As the problem says.
-    scene
-        What they are computed from, but for the parameters.
-    blocks
-        The numbers.
-    of
-        What a scene has in their place.
-    """
-
-    name: str
-    use: Use
-    scene: Scene
-    blocks: tuple[Block, ...]
-    of: Callable[[Scene], list[Array]]
-
-
-def tapped(problem: FitProblem, part: FitModes, number: int) -> Single:
+def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
     """Frequencies, and damping ratios."""
     name = f"modes {number}"
     modes_asked = np.array(part.numbers or range(1, len(part.hertz) + 1)) - 1
@@ -248,10 +233,11 @@ def tapped(problem: FitProblem, part: FitModes, number: int) -> Single:
         which = elastic[modes_asked]
         return [found.hertz[which], found.damping_ratios[which]][: len(blocks)]
 
-    return Single(name, part.use, problem.scene.varied(part.set) if part.set else problem.scene, tuple(blocks), of)
+    scene = problem.scene.varied(part.set) if part.set else problem.scene
+    return Source(name, part.use, scene, tuple(blocks), at_rest=of)
 
 
-def sagged(problem: FitProblem, part: FitStatic, number: int) -> Single:
+def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
     """One coordinate of the tip, or by how much it differs from another state."""
 
     def tip(scene: Scene) -> float:
@@ -264,7 +250,7 @@ def sagged(problem: FitProblem, part: FitStatic, number: int) -> Single:
 
     scene = problem.scene.varied(part.set) if part.set else problem.scene
     block = Block(f"tip {part.axis} [m]", np.array([part.value]), np.array([part.deviation]), True)
-    return Single(f"static {number}", part.use, scene, (block,), of)
+    return Source(f"static {number}", part.use, scene, (block,), at_rest=of)
 
 
 def _at_rest(scene: Scene) -> tuple[Chain, Array, dict[str, Any]]:
@@ -273,9 +259,6 @@ def _at_rest(scene: Scene) -> tuple[Chain, Array, dict[str, Any]]:
     wrench, frame = initial_wrench(scene, chain)
     load: dict[str, Any] = {"tip_wrench": wrench, "frame": frame}
     return chain, rest_of(chain, initial_state(scene, chain)[0], **load).q, load
-
-
-Source = Recorded | Single
 
 
 def sources_of(problem: FitProblem, use: Use) -> list[Source]:

@@ -20,7 +20,7 @@ from scipy.stats import t as student
 from flexlink.common.types import Array
 from flexlink.identification.block import Colour, colour_of
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Recorded, Source
+from flexlink.identification.data import Source
 from flexlink.identification.fitted import Estimate
 from flexlink.identification.likelihood import Row, linear_names, stacked
 
@@ -135,7 +135,7 @@ def parts_of(sources: Sequence[Source], rows: Sequence[Sequence[Row]]) -> list[P
         for row in part:
             slopes.append(whole[at : at + len(row.residual)])
             at += len(row.residual)
-        parts.append(([row.residual for row in part], slopes, isinstance(source, Recorded)))
+        parts.append(([row.residual for row in part], slopes, source.is_run))
     return parts
 
 

@@ -11,7 +11,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.identification.block import Block, whiteness
 from flexlink.identification.coordinates import own_coordinates
-from flexlink.identification.data import Recorded, Source
+from flexlink.identification.data import Source
 from flexlink.identification.fitted import FittedColumn
 from flexlink.identification.likelihood import Row, row_of, white
 from flexlink.identification.linear_reference import linear_models
@@ -35,19 +35,19 @@ def columns_of(
     gains = _gains(best.blocks, rows)
     noises = {block.name: float(np.sqrt(np.mean(white(block).σ ** 2))) for part in best.blocks for block in part}
     values = {one.path: one.value(float(x)) for one, x in zip(signals.coordinates, best.x, strict=True) if not one.run}
-    fitted = [(one, signals.scene(k, best.x)) for k, one in enumerate(signals.sources) if isinstance(one, Recorded)]
-    checks: list[tuple[Recorded, Scene]] = []
+    fitted = [(one, signals.scene(k, best.x)) for k, one in enumerate(signals.sources) if one.is_run]
+    checks: list[tuple[Source, Scene]] = []
     for source in kept:
         source.blocks = tuple(_known(block, gains, noises) for block in source.blocks)
         columns, scene = _kept(problem, source, values, gains)
         found += columns
-        checks += [(source, scene)] if isinstance(source, Recorded) else []
+        checks += [(source, scene)] if source.is_run else []
         tell(f"checked against {source.name}")
     return tuple(_with_linear(found, fitted, checks))
 
 
 def _with_linear(
-    columns: Sequence[FittedColumn], fitted: Sequence[tuple[Recorded, Scene]], kept: Sequence[tuple[Recorded, Scene]]
+    columns: Sequence[FittedColumn], fitted: Sequence[tuple[Source, Scene]], kept: Sequence[tuple[Source, Scene]]
 ) -> list[FittedColumn]:
     """The same columns, those of runs with what a free linear model gives."""
     models = linear_models(fitted, kept)

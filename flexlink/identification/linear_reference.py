@@ -21,7 +21,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.at_rest import modes_at_rest, rest_of
-from flexlink.identification.data import Recorded, at_times
+from flexlink.identification.data import Source, at_times
 from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 
@@ -30,7 +30,7 @@ Shapes = dict[tuple[int, bytes], tuple[Array, Array]]
 
 
 def linear_models(
-    fitted: Sequence[tuple[Recorded, Scene]], kept: Sequence[tuple[Recorded, Scene]]
+    fitted: Sequence[tuple[Source, Scene]], kept: Sequence[tuple[Source, Scene]]
 ) -> list[list[Array]] | None:
     """What the model gives in place of all blocks of the runs that are fitted, then of those kept to check.
 
@@ -111,7 +111,7 @@ def _shapes(λ: Array, times: Array, taken: tuple[Array, Array]) -> tuple[Array,
 
 
 def _stacked(
-    name: str, λ: Array, fitted: Sequence[tuple[Recorded, Scene]], inputs: Sequence[tuple[Array, Array]],
+    name: str, λ: Array, fitted: Sequence[tuple[Source, Scene]], inputs: Sequence[tuple[Array, Array]],
     shapes: Shapes,
 ) -> tuple[Array, Array, int]:  # fmt: skip
     """Basis functions and measurements of one column, stacked over all runs and over the noise; how many are of inputs.
@@ -145,14 +145,14 @@ def _left(Φ: Array, target: Array) -> Array:
 
 
 def _weights(
-    name: str, λ: Array, fitted: Sequence[tuple[Recorded, Scene]], inputs: Sequence[tuple[Array, Array]]
+    name: str, λ: Array, fitted: Sequence[tuple[Source, Scene]], inputs: Sequence[tuple[Array, Array]]
 ) -> Array:
     """What inputs weigh in a column."""
     Φ, target, forced = _stacked(name, λ, fitted, inputs, {})
     return np.asarray(np.linalg.lstsq(Φ, target, rcond=None)[0][:forced])
 
 
-def _given(name: str, λ: Array, source: Recorded, taken: tuple[Array, Array], shared: dict[str, Array]) -> Array:
+def _given(name: str, λ: Array, source: Source, taken: tuple[Array, Array], shared: dict[str, Array]) -> Array:
     """What the model gives of a column of one run; its own start and zero at their best."""
     block = next(block for block in source.blocks if block.name == name)
     if name not in shared:

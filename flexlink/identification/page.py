@@ -22,13 +22,6 @@ from flexlink.pages.style import RC, legend_over, stacked_axes
 from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.pages.verdict import Fact, Report, Verdict
 
-PANELS = 4
-"""Columns that are drawn; more panels are too many for a page."""
-FAILS = 50.0
-"""Part of the signal [%] below which a free linear model is no measure."""
-VISIBLE = 5.0
-"""Largest curve that is drawn beside the residuals, over them."""
-
 
 def build(fitted: Fitted, folder: Path, command: str) -> Report:
     """Write the page and its files: fitted scene, JSON, tables, pictures. Errors as in `Fitted.report`."""
@@ -103,9 +96,10 @@ def _verdicts(fitted: Fitted) -> list[Verdict]:
 
 def _beside_linear(ours: float, theirs: float) -> Verdict:
     """The scene beside a free linear model, by what each explains of the signal [%]."""
+    fails = 50.0  # part of the signal [%] below which a free linear model is no measure
     both = f"The fitted scene explains {number(ours)} % of the signal, a free linear model of the same order "
     both += f"{number(theirs)} %: "
-    if theirs < FAILS:
+    if theirs < fails:
         return Verdict("Model", "info", "not compared", f"{both}that one does not hold here, and tells nothing.")
     if ours >= theirs - 1.0:  # %
         return Verdict("Model", "pass", "complete", f"{both}nothing is missing that a linear model has.")
@@ -173,43 +167,41 @@ def _data(fitted: Fitted) -> Part:
 
 def _drawn(fitted: Fitted) -> list[FittedColumn]:
     """Columns that were fitted, then those kept to check."""
+    most = 4  # more panels are too many for a page
     runs = (one for one in fitted.columns if one.t is not None)
-    return sorted(runs, key=lambda one: one.use == "check")[:PANELS]
+    return sorted(runs, key=lambda one: one.use == "check")[:most]
 
 
 def _overlay(drawn: list[FittedColumn]) -> Picture:
-    curves = [
-        {"measured": one.measured, "before": one.before, "fitted": one.after} for one in drawn
-    ]  # fmt: skip
+    curves = [{"measured": one.measured, "before": one.before, "fitted": one.after} for one in drawn]
     return _panels("beside", "Measured and computed", "Measured, before and after the fit.", drawn, curves)
 
 
 def _difference(drawn: list[FittedColumn]) -> Picture:
+    visible = 5.0  # largest curve that is drawn beside the residuals, over them
     curves = []
     for one in drawn:
         linear = {}
-        if one.linear is not None and one.off(one.linear) < VISIBLE * one.off(one.after):
+        if one.linear is not None and one.off(one.linear) < visible * one.off(one.after):
             linear = {"free linear": one.linear - one.measured}
         curves.append({"fitted": one.after - one.measured, **linear})
     return _panels("difference", "Computed less measured", "Computed less measured.", drawn, curves)
-
-
-LOOKS: dict[str, dict[str, Any]] = {
-    "measured": {"color": GREY, "linestyle": "", "marker": ".", "markersize": 3}, "fitted": {"color": BLUE},
-    "before": {"color": VERMILION, "linewidth": 0.8}, "free linear": {"color": INK, "linewidth": 0.8},
-}  # fmt: skip
 
 
 def _panels(
     name: str, title: str, caption: str, drawn: list[FittedColumn], curves: list[dict[str, np.ndarray]]
 ) -> Picture:
     """One panel a column, of what is drawn of it by name."""
+    looks: dict[str, dict[str, Any]] = {
+        "measured": {"color": GREY, "linestyle": "", "marker": ".", "markersize": 3}, "fitted": {"color": BLUE},
+        "before": {"color": VERMILION, "linewidth": 0.8}, "free linear": {"color": INK, "linewidth": 0.8},
+    }  # fmt: skip
     figure, axes = stacked_axes(len(drawn), 2.2, share=False)
     columns: dict[str, np.ndarray] = {}
     for panel, one, several in zip(axes, drawn, curves, strict=True):
         columns[f"{one.source}: t [s] of {one.name}"] = np.asarray(one.t)
         for label, values in several.items():
-            panel.plot(one.t, values, label=label, **LOOKS[label])
+            panel.plot(one.t, values, label=label, **looks[label])
             columns[f"{one.source}: {label} {one.name}"] = values
         panel.set_ylabel(one.name)
         panel.set_title(f"{one.source} ({one.use})", loc="left")

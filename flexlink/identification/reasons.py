@@ -12,7 +12,6 @@ from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 from flexlink.describe.vary import parts_of
 from flexlink.identification.block import unit_in
-from flexlink.identification.data import Recorded
 from flexlink.identification.identifiability import Direction
 from flexlink.identification.signals import Signals
 from flexlink.motion.simulate import simulate
@@ -40,7 +39,7 @@ def _moves(signals: Signals, x: Array, k: int) -> str:
     moves = 1e-3  # part of the range of columns of one unit
     by = 0.05  # change in the coordinate
     runs = [n for n, one in enumerate(signals.sources)
-            if isinstance(one, Recorded) and signals.coordinates[k].run in ("", one.name)]  # fmt: skip
+            if one.is_run and signals.coordinates[k].run in ("", one.name)]  # fmt: skip
     if not runs:
         return ""
     source, beside = signals.sources[runs[0]], x.copy()

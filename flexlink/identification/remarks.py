@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink.common.types import Array
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Recorded, Source
+from flexlink.identification.data import Source
 from flexlink.identification.fitted import Estimate, FittedColumn
 from flexlink.identification.identifiability import Check
 from flexlink.identification.signals import Model
@@ -22,7 +22,7 @@ def notes(sources: Sequence[Source]) -> list[str]:
     for source in sources:
         names = ", ".join(block.name for block in source.blocks)
         use, count = f" ({source.use})" if source.use != "fit" else "", len(source.blocks[0].y)
-        if isinstance(source, Recorded):
+        if source.is_run:
             found.append(f"{source.name}{use}: {names}; {count} samples at {source.rate:.4g} Hz, {source.shows}")
             found += [f"{source.name}: {doubt}" for doubt in source.doubts]
         else:
@@ -130,7 +130,7 @@ def warnings(
     told += [_beside_prior(one, known) for one, known in zip(numbers, coordinates, strict=False) if _strays(one, known)]
     told += [one.text for one in check.directions]
     told += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > far]
-    told += [f"{source.name}: {doubt}" for source in sources for doubt in getattr(source, "doubts", ())]
+    told += [f"{source.name}: {doubt}" for source in sources for doubt in source.doubts]
     told += [_worse_than_fitted(one, columns) for one in columns if _times_fitted(one, columns) > far]
     if len(found) > 1:
         same = sum(bool(np.allclose(end.x, found[0].x, rtol=0, atol=1e-4)) for end in found)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.variants import Variants
 from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Recorded, Single, Source
+from flexlink.identification.data import Source
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
 from flexlink.motion.slopes_of_runs import CENTRAL, FORWARD, Places, mirrored, moved, neighbours
@@ -149,8 +149,8 @@ class Signals:
                 scenes.append(self.scene(number, x))
             except FlexlinkError as error:
                 scenes.append(error)
-        if not isinstance(source, Recorded):
-            return [_single(source, scene) for scene in scenes]
+        if source.at_rest is not None:
+            return [_single(source.at_rest, scene) for scene in scenes]
         good = [scene for scene in scenes if isinstance(scene, Scene)]
         self.runs += len(good)
         with deferred() as stop:
@@ -158,16 +158,16 @@ class Signals:
         return [scene if isinstance(scene, FlexlinkError) else _of_run(source, next(ends)) for scene in scenes]
 
 
-def _single(source: Single, scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
+def _single(at_rest: Callable[[Scene], list[Array]], scene: Scene | FlexlinkError) -> list[Array] | FlexlinkError:
     if isinstance(scene, FlexlinkError):
         return scene
     try:
-        return source.of(scene)
+        return at_rest(scene)
     except FlexlinkError as error:
         return error
 
 
-def _of_run(source: Recorded, end: object) -> list[Array] | FlexlinkError:
+def _of_run(source: Source, end: object) -> list[Array] | FlexlinkError:
     if isinstance(end, InterruptedRunError):
         raise end
     if isinstance(end, Trajectory):

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.stats import qmc
 
+from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.identification.block import Block
-from flexlink.identification.coordinates import Coordinate
-from flexlink.identification.data import Recorded
-from flexlink.identification.likelihood import Likelihood
+from flexlink.identification.block import Block, colour_of
+from flexlink.identification.coordinates import Coordinate, prior_rows
+from flexlink.identification.likelihood import Row, row_of, white
 from flexlink.identification.signals import Signals
 
 ROUNDS = 2
@@ -37,8 +39,90 @@ class Found(NamedTuple):
     blocks: list[list[Block]]
 
 
-class Search(Likelihood):
-    """The search for the largest likelihood."""
+class Search:
+    """The search for the largest likelihood: sources as functions of the parameters, beside the data.
+
+    Attributes
+    ----------
+    signals
+        The sources.
+    loss
+        As `scipy.optimize.least_squares` has it.
+    coloured
+        Whether noise of runs may be autocorrelated.
+    """
+
+    def __init__(self, signals: Signals, loss: str, *, coloured: bool = False) -> None:
+        self.signals, self.loss, self.coloured = signals, loss, coloured
+        self.coordinates: Sequence[Coordinate] = signals.coordinates
+
+    def rows(self, x: Array, blocks: Sequence[Sequence[Block]], *, slopes: bool = True) -> list[list[Row]]:
+        """All blocks at a point; errors as in `Signals.model`."""
+        y = self.signals.model(x)
+        if not slopes:
+            return [[row_of(*one) for one in zip(*part, strict=True)] for part in zip(blocks, y, strict=True)]
+        J = self.signals.slopes(x)
+        return [[row_of(*one) for one in zip(*part, strict=True)] for part in zip(blocks, y, J, strict=True)]
+
+    def cost(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
+        """Half the sum of squares."""
+        residual = self._residual(x, blocks)
+        return 0.5 * float(residual @ residual)
+
+    def unlikelihood(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
+        """−2 ln of likelihood and priors at a point, the noise of runs being the residuals there, up to a constant.
+
+        Coefficients of that noise have their price: a higher order alone makes no point likelier than another.
+        """
+        known, _ = prior_rows(self.coordinates, x)
+        plain, total = [[white(block) for block in part] for part in blocks], float(known @ known)
+        for part, of_part in zip(plain, self.rows(x, plain, slopes=False), strict=True):
+            for block, row in zip(part, of_part, strict=True):
+                if block.t is None:
+                    total += float(row.residual @ row.residual)
+                else:
+                    colour = colour_of(row.residual)
+                    w = colour.whitened(row.residual[:, None])
+                    total += len(w) * float(np.log(np.mean(w**2))) + colour.price
+        return total
+
+    def weighed(self, x: Array, blocks: Sequence[Sequence[Block]], *, coloured: bool = False) -> list[list[Block]]:
+        """The blocks with the noise of the residuals at a point: its size where none is stated, and its colour."""
+        plain = [[white(block) for block in part] for part in blocks]
+        rows = self.rows(x, plain, slopes=False)
+        return [
+            [_with(block, row, coloured=coloured) for block, row in zip(*part, strict=True)]
+            for part in zip(plain, rows, strict=True)
+        ]
+
+    def least(
+        self, x: Array, blocks: Sequence[Sequence[Block]], *, rough: bool = False, held: int | None = None
+    ) -> Array:
+        """Where the sum of squares is least, from a point on; the coordinate `held` stays."""
+        free = np.arange(len(x)) != held
+        if not free.any():
+            return x
+        bounds = np.array([one.bounds for one in self.coordinates]).T[:, free]
+        change = 1e-4 if rough else 1e-12  # of a search on the way to another, and of the last
+        smallest = 1e-8  # part of x: sums of squares of runs are known to 1e-11, and smaller steps are luck
+        end: dict[str, Any] = {"ftol": change, "xtol": max(smallest, change), "gtol": change}
+
+        def whole(part: Array) -> Array:
+            point = x.copy()
+            point[free] = part
+            return point
+
+        found = least_squares(
+            lambda part: self._residual(whole(part), blocks), np.clip(x[free], *bounds),
+            lambda part: self._jacobian(whole(part), blocks)[:, free], bounds=bounds, loss=self.loss, x_scale=1.0,
+            max_nfev=30 if rough else 100, **end,
+        )  # fmt: skip
+        return whole(np.asarray(found.x))
+
+    def covariance(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        """Covariance if all noise were white, of the size that was taken, gains and biases at their best."""
+        J = self._jacobian(x, blocks)
+        return np.asarray(np.linalg.pinv(J.T @ J))
 
     def from_start(self, x: Array) -> Found:
         """Search from a point.
@@ -52,10 +136,10 @@ class Search(Likelihood):
         self.signals.model(x)
         sources = self.signals.sources
         blocks = [list(source.blocks) for source in sources]
-        single = [source for source in sources if not isinstance(source, Recorded)]
+        single = [source for source in sources if not source.is_run]
         runs = len(single) < len(sources)
         for part in windows if runs else ():
-            cut = [source.first(part) for source in sources if isinstance(source, Recorded)] if part else []
+            cut = [source.first(part) for source in sources if source.is_run] if part else []
             if part or single:
                 x = Search(Signals([*cut, *single], self.coordinates), self.loss).near(x)
         last = not (self.coloured or self._weighs(blocks)) or not runs
@@ -73,26 +157,39 @@ class Search(Likelihood):
         """Where a rough search leads."""
         return self.least(x, [list(source.blocks) for source in self.signals.sources], rough=True)
 
-    def _coloured(self, white: Found) -> Found:
+    def _coloured(self, plain: Found) -> Found:
         """The search with autocorrelated noise.
 
         Where it leaves clearly more than with white noise, the rest is no noise, but something that the scene does not
         have: then what leaves least stays.
         """
         more = 1.1  # times the sum of squares that autocorrelated noise may leave
-        x, blocks = white.x, white.blocks
+        x, blocks = plain.x, plain.blocks
         for _ in range(ROUNDS):
             blocks = self.weighed(x, blocks, coloured=True)
             x = self.least(x, blocks)
-        if self.cost(x, white.blocks) > more * self.cost(white.x, white.blocks):
-            return white
-        return Found(x, white.cost, self.weighed(x, blocks, coloured=True))
+        if self.cost(x, plain.blocks) > more * self.cost(plain.x, plain.blocks):
+            return plain
+        return Found(x, plain.cost, self.weighed(x, blocks, coloured=True))
 
     @staticmethod
     def _weighs(blocks: Sequence[Sequence[Block]]) -> bool:
         """Whether there is noise that is not stated, and that weighs."""
         several = [block for part in blocks for block in part]
         return len(several) > 1 and not all(block.stated for block in several)
+
+    def _residual(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        nowhere = 1e8  # residual where the scene does not run: the search turns back
+        known, _ = prior_rows(self.coordinates, x)
+        try:
+            rows = self.rows(x, blocks, slopes=False)
+        except FlexlinkError:
+            return np.full(sum(len(b.y) for part in blocks for b in part) + len(known), nowhere)
+        return np.concatenate([known, *(row.residual for part in rows for row in part)])
+
+    def _jacobian(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
+        _, known = prior_rows(self.coordinates, x)
+        return np.vstack([known, *(row.slopes for part in self.rows(x, blocks) for row in part)])
 
 
 def start_points(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
@@ -109,3 +206,14 @@ def _around(one: Coordinate) -> tuple[float, float]:
     if one.prior is not None:
         x, far = one.x(one.prior[0]), min(far, 2 * one.prior[1] / one.size(one.prior[0]))
     return max(low, x - far), min(high, x + far)
+
+
+def _with(block: Block, row: Row, *, coloured: bool) -> Block:
+    e = row.residual * block.σ
+    if not e.any():
+        return block
+    σ = block.σ if block.stated else np.full(len(e), float(np.sqrt(np.mean(e**2))))
+    if not coloured or block.t is None:
+        return dataclasses.replace(block, σ=σ)
+    colour = colour_of(e)
+    return dataclasses.replace(block, σ=σ * colour.share, colour=colour)

@@ -33,13 +33,13 @@ from flexlink.motion.floating_steps import is_far
 from flexlink.motion.hindrance import hindrance, loop_is_unstable
 from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.inputs.drives import remembered
-from flexlink.motion.method_choice import Choice, cheapest, fastest_motion, tumbles
-from flexlink.motion.method_trial import FIRST, go_on_with_the_cheapest
+from flexlink.motion.method_choice import cheapest, fastest_motion, tumbles
+from flexlink.motion.method_trial import go_on_with_the_cheapest
 from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.sampled_control import Control
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import SHORTEST, StopTimes
-from flexlink.motion.tolerable import THRESHOLDS
+from flexlink.motion.tolerable import Thresholds
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure
@@ -69,7 +69,8 @@ class AdaptiveSteps:
         n, self.memory = record.chain.n, np.zeros(3 * record.chain.n + 2)
         self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
         self.slow = 0, ""  # row of the next sample when it was found, and what is to be told while the run goes on
-        self.compare_at = NEVER if run.method == AUTO and tumbles(record) else FIRST  # tries of steps
+        # tries of steps before methods are first compared; the next time is after twice as many, and so on
+        self.compare_at = NEVER if run.method == AUTO and tumbles(record) else 100
         record.begin()
         self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
         self.tau = np.zeros(record.chain.n)
@@ -89,7 +90,7 @@ class AdaptiveSteps:
             self.work.stepper[STEPPER.step] = run.fixed_step
 
     def __iter__(self) -> Iterator[Reached]:
-        yield Reached(1, 0.0 if self.ends else 1.0)
+        yield 1, 0.0 if self.ends else 1.0
         self.budget.begin(self._spent(), float(self.record.t[-1]))
         pace, start = ChunkSize(self.record.chain.n), self.time
         for k, end in enumerate(self.ends, 1):
@@ -100,14 +101,14 @@ class AdaptiveSteps:
                 how = self._advance(pace.size) if pace.size else OUTCOME.stuck
                 if how == OUTCOME.goes_on:
                     if pace.end():
-                        yield self._reached()
+                        yield self.row, self._part
                     pace.start()
             if how == OUTCOME.stuck:
-                yield self._reached()
+                yield self.row, self._part
                 return
             yield from self._ask(k)
             if pace.over or k == len(self.ends):
-                yield self._reached()
+                yield self.row, self._part
                 pace.start()
 
     def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
@@ -178,11 +179,13 @@ class AdaptiveSteps:
             self.control.note(k, *self.state[:2])
         except (LawFailure, KeyboardInterrupt):
             before = self.control.times[k] - NEAR * self.run.spacing
-            yield Reached(int(np.searchsorted(self.record.t, before)), self._reached().part)
+            yield int(np.searchsorted(self.record.t, before)), self._part
             raise
 
-    def _reached(self) -> Reached:
-        return Reached(self.row, (self.time - float(self.record.t[0])) / self.run.duration)
+    @property
+    def _part(self) -> float:
+        """Of the run's time."""
+        return (self.time - float(self.record.t[0])) / self.run.duration
 
     @property
     def steps(self) -> Steps:
@@ -228,8 +231,8 @@ class AdaptiveSteps:
         count = self.count.tolist()
         return int(count[COUNT.steps] + count[COUNT.rejected] + count[COUNT.failed])
 
-    def _take(self, choice: Choice, now: float) -> None:
-        """Prepare steps by a method from a time on; compiles, while no signal is deferred."""
+    def _take(self, choice: tuple[str, str], now: float) -> None:
+        """Prepare steps by a method, chosen for a reason, from a time on; compiles, while no signal is deferred."""
         record, (self.name, self.why) = self.record, choice
         first = self.row if self.methods else 0
         self.methods = *(other for other in self.methods if other[0] < first), (first, *choice)
@@ -405,7 +408,7 @@ class AdaptiveSteps:
         """Go on with another method, from where it is to a time [s]."""
         before, time, self.evaluations_before = self.work.stepper.copy(), self.time, self.evaluations
         self.count[COUNT.iterations] = 0
-        self._take(Choice(name, f"{self.why}; {self.name} until t = {time:.3g} s"), time)
+        self._take((name, f"{self.why}; {self.name} until t = {time:.3g} s"), time)
         self._put_gains()  # of the inputs that act now: a simulator's are not always the record's
         self.aim(time, end)
         now, carried = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
@@ -462,10 +465,10 @@ def pieces(record: Record, control: Control | None) -> tuple[float, list[float]]
     return start, [*(t for t in between if t < end - NEAR * run.spacing), *([end] if end > start else [])]
 
 
-def choose(run: RunSettings, record: Record, slowest: float) -> Choice:
+def choose(run: RunSettings, record: Record, slowest: float) -> tuple[str, str]:
     """The method of a run, and the reason where it was chosen automatically."""
     if run.method != AUTO:
-        return Choice(run.method, "")
+        return run.method, ""
     return cheapest(record, run.tolerance_within(record.chain.size), slowest)
 
 
@@ -508,5 +511,5 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
     # less, and are at most 6 times it where motion is sensitive. An explicit method's steps, small for stability's
     # sake, have the errors they tell, all in one direction.
     one = 0.02 if method.explicit else 0.1 if long else 0.25
-    errors = one * absolute, of_a_deflection * one * part, run.duration / THRESHOLDS.long, np.inf, of_the_iteration
+    errors = one * absolute, of_a_deflection * one * part, run.duration / Thresholds.long, np.inf, of_the_iteration
     return *errors, order, run.duration, SHORTEST * run.duration, largest

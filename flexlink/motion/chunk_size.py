@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import time
-from typing import NamedTuple
 
 BREATH = 0.1  # time between two looks at the samples, at signals and the terminal [s]
 
 
-class Reached(NamedTuple):
-    """Progress of a run."""
-
-    rows: int  # samples that are there
-    part: float  # of its time
+Reached = tuple[int, float]
+"""Progress of a run: samples that are there, and the part of its time."""
 
 
 class ChunkSize:

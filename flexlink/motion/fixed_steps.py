@@ -47,12 +47,12 @@ class FixedSteps:
     def __iter__(self) -> Iterator[Reached]:
         run, (q, qd, _) = self.run, self.state
         last = (run.samples - 1) * run.steps_per_sample
-        yield Reached(1, 0.0 if last else 1.0)
+        yield 1, 0.0 if last else 1.0
         for done in self._pieces:
             self._done = done
             if not (np.isfinite(q).all() and np.isfinite(qd).all()):
                 self.failure = self._not_finite()
-            yield Reached(self._done // run.steps_per_sample + 1, self._done / last)
+            yield self._done // run.steps_per_sample + 1, self._done / last
 
     def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
         """Go on from `start` to `end` [s] under these inputs; returns why not, if not."""

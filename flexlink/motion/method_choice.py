@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from flexlink.common.types import Array
@@ -21,15 +19,8 @@ SMALL = 1e-5
 """Part of the size: tolerances up to which Radau9 needs so many steps less than Radau5 that it is cheaper."""
 
 
-class Choice(NamedTuple):
-    """A method, and why it was chosen."""
-
-    method: str
-    why: str
-
-
-def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
-    """The method that is expected to be the cheapest for an error of `tolerance` [m] on the chain of a record.
+def cheapest(record: Record, tolerance: float, slowest: float) -> tuple[str, str]:
+    """The method that is expected to be the cheapest for an error of `tolerance` [m] on a record's chain, and why.
 
     Its lowest frequency `slowest` [rad/s] is what the stiffness ratio is told by.
 
@@ -40,11 +31,11 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
     chain, fastest = record.chain, max(fastest_motion(record, record.q[0]))
     duration, part = record.run.duration, tolerance / chain.size
     if fastest * duration <= STIFF:
-        return Choice("DOP853", f"not stiff: fastest mode {fastest:.3g} rad/s")
+        return "DOP853", f"not stiff: fastest mode {fastest:.3g} rad/s"
     stiffness = f"stiffness ratio {fastest / slowest:.3g}"
     if part <= SMALL and not chain.hinges["coulomb"].any():
-        return Choice("Radau9", f"{stiffness}, tolerance {part:.2g} of the {chain.size_name}")
-    return Choice("Radau5", stiffness)
+        return "Radau9", f"{stiffness}, tolerance {part:.2g} of the {chain.size_name}"
+    return "Radau5", stiffness
 
 
 def tumbles(record: Record) -> bool:

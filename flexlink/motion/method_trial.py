@@ -12,9 +12,6 @@ from typing import Any, Protocol
 from flexlink.describe.schemes.methods import method
 from flexlink.kernels.stepping.adaptive import OUTCOME
 
-FIRST = 100
-"""Tries of steps before the first stretch; the next is after twice as many, and so on."""
-
 
 class Stepping(Protocol):
     """What a trial asks of a run: name of its method, end of its piece [s], evaluations by other methods."""

@@ -19,7 +19,7 @@ from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance
 from flexlink.motion.hindrance import hindrance
 from flexlink.motion.sampled_control import Control, held_torques_advice
 from flexlink.motion.step_errors import step_errors
-from flexlink.motion.tolerable import THRESHOLDS, allowed_imbalance, apart, probed, tolerance_of
+from flexlink.motion.tolerable import Thresholds, allowed_imbalance, apart, probed, tolerance_of
 from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -50,7 +50,7 @@ class RunMonitor:
         self.record, self.run, self.control = record, run, control
         self._balance = balance.Balance(
             chain, record.inputs.potential_force, insisted=run.unstable == "allow",
-            bend=THRESHOLDS.far_bent, near=THRESHOLDS.at_limit, kept=record.kept,
+            bend=Thresholds.far_bent, near=Thresholds.at_limit, kept=record.kept,
         )  # fmt: skip
         self.negative_rotors = _negative_rotors(chain)
         self.n_valid, self.failure = 0, ""
@@ -60,7 +60,7 @@ class RunMonitor:
         self.steps, self.deflection, self.angle_travelled = Steps(run.method, 0, 0), 0.0, 0.0
         self._warned: set[str] = set()
         self._step_errors = [np.zeros(0)]
-        self._furthest = -THRESHOLDS.a_degree  # bend of a hinge at which M was judged last [rad]
+        self._furthest = -Thresholds.a_degree  # bend of a hinge at which M was judged last [rad]
         self._extent = 0, 0.0  # number of samples, and theirs
 
     def compile(self) -> None:
@@ -194,8 +194,8 @@ class RunMonitor:
     def _far_bends(self, rows: slice) -> Iterator[tuple[int, str, str]]:
         """The first sample in which a hinge is bent too far."""
         bends = self._bends(rows)
-        if bends.size and bends.max() > THRESHOLDS.far_bent:
-            row = int(np.argmax(bends.max(axis=1) > THRESHOLDS.far_bent))
+        if bends.size and bends.max() > Thresholds.far_bent:
+            row = int(np.argmax(bends.max(axis=1) > Thresholds.far_bent))
             bent = self._bent(rows.start + row, bends[row])
             text = f"{bent}: beyond 84° the chain is no longer a good model of a beam; use more segments"
             yield rows.start + row, "bend", text
@@ -209,7 +209,7 @@ class RunMonitor:
         Looked at where a hinge is bent a degree further than it was when M was judged last.
         """
         for row, bend in enumerate(self._bends(slice(first, stop)).max(axis=1).tolist(), first):
-            if bend >= self._furthest + THRESHOLDS.a_degree:
+            if bend >= self._furthest + Thresholds.a_degree:
                 self._furthest, M = bend, mass_matrix(self.record.chain, self.record.q[row])
                 if np.linalg.eigvalsh(M)[0] <= 0:
                     return row
@@ -220,7 +220,7 @@ class RunMonitor:
         chain = self.record.chain
         for k in self._balance.bounds.limited:
             q, lower, upper = self.record.q[rows, k], chain.hinges["lower"][k], chain.hinges["upper"][k]
-            out = np.maximum(lower - q, q - upper) > THRESHOLDS.at_limit
+            out = np.maximum(lower - q, q - upper) > Thresholds.at_limit
             if out.any():
                 row, slides = rows.start + int(np.argmax(out)), bool(chain.slides[k])
                 at, least, most = (in_words(slides, float(part)) for part in (self.record.q[row, k], lower, upper))
@@ -252,13 +252,13 @@ class RunMonitor:
             return
         rounded = self._rounded_away()
         moved = self.extent if self.tip_error or rounded else np.inf
-        if self.tip_error > THRESHOLDS.doubt * THRESHOLDS.tip_share * moved:
+        if self.tip_error > Thresholds.doubt * Thresholds.tip_share * moved:
             yield (
                 f"doubtful: step errors add up to {self.tip_error:.2g} m, "
                 f"{motion_in_words(self.record.chain, moved)}; "
                 "halve the step and compare"
             )
-        if rounded > THRESHOLDS.doubt * THRESHOLDS.tip_share * moved:
+        if rounded > Thresholds.doubt * Thresholds.tip_share * moved:
             largest = np.abs(self.record.q[: self.n_valid]).max()
             yield (
                 f"doubtful: rounding of angles up to {largest:.2g} rad adds up, step by step, "
@@ -275,8 +275,8 @@ class RunMonitor:
     def suspicious(self) -> bool:
         """Whether the energy imbalance is notable, or so large that only the tolerance explains it."""
         exchanged, _, unbalanced, excused = self._balance.seen[SEEN.exchanged : SEEN.travelled].tolist()
-        least = THRESHOLDS.doubt * balance.SHARE * exchanged
-        return bool(unbalanced > least or excused > least / THRESHOLDS.doubt)
+        least = Thresholds.doubt * balance.SHARE * exchanged
+        return bool(unbalanced > least or excused > least / Thresholds.doubt)
 
     @property
     def travelled(self) -> float:

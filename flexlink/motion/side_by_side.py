@@ -31,7 +31,7 @@ from flexlink.motion.inputs.drives import acts_on_many, same_law
 from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.single_run import verify
 from flexlink.motion.step_errors import step_errors_side_by_side
-from flexlink.motion.tolerable import THRESHOLDS, apart, probed
+from flexlink.motion.tolerable import Thresholds, apart, probed
 from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -102,12 +102,8 @@ class Block:
         self.energy, self.works = np.empty((b, 3, rows)), np.zeros((b, rows))
         self.records = [Record(member.problem, self.t, self.q[k], self.qd[k]) for k, member in enumerate(members)]
         for k, record in enumerate(self.records):
-            record.tau, record.tip, record.energy, record.works = (
-                self.tau[k],
-                self.tip[k],
-                self.energy[k],
-                self.works[k],
-            )
+            record.tau, record.tip = self.tau[k], self.tip[k]
+            record.energy, record.works = self.energy[k], self.works[k]
             if not problem.inputs.motion.joints.size:  # whose torques take scratch of a member's own chain
                 record.kept = kept
         self.rows, self.steps = 0, Steps(self.run.method, 0, 0)
@@ -187,9 +183,9 @@ class Block:
         chains = [record.chain for record in self.records]
         rounded = rounding.of_reach(1.0) * np.array([chain.size for chain in chains])
         seen, good = self._look()
-        least = nearly * THRESHOLDS.doubt * balance.SHARE * seen[:, SEEN.exchanged]
-        good &= (seen[:, SEEN.unbalanced] <= least) & (seen[:, SEEN.excused] <= least / THRESHOLDS.doubt)
-        good &= seen[:, SEEN.travelled] <= nearly * THRESHOLDS.far_turned
+        least = nearly * Thresholds.doubt * balance.SHARE * seen[:, SEEN.exchanged]
+        good &= (seen[:, SEEN.unbalanced] <= least) & (seen[:, SEEN.excused] <= least / Thresholds.doubt)
+        good &= seen[:, SEEN.travelled] <= nearly * Thresholds.far_turned
         good &= np.array([not chain.hinges["armature"].min() < 0 for chain in chains])
         if self.rows > 1:
             errors = np.where(self.errors < rounded[:, None], 0.0, self.errors)
@@ -197,7 +193,7 @@ class Block:
             extent = np.linalg.norm(np.ptp(self.tip[:, : self.rows], axis=1), axis=1)
             good &= (
                 np.maximum(tip_error, self._rounded_away(chains, rounded))
-                <= nearly * THRESHOLDS.doubt * THRESHOLDS.tip_share * extent
+                <= nearly * Thresholds.doubt * Thresholds.tip_share * extent
             )
         return good
 
@@ -209,7 +205,7 @@ class Block:
             record.derive(0, self.rows)
             force = record.inputs.potential_force
             judge = balance.Balance(
-                record.chain, force, insisted=insisted, bend=THRESHOLDS.far_bent, near=THRESHOLDS.at_limit,
+                record.chain, force, insisted=insisted, bend=Thresholds.far_bent, near=Thresholds.at_limit,
                 kept=record.kept,
             )  # fmt: skip
             judge.start(record.energy[:, 0], record.tip[0])

@@ -23,7 +23,7 @@ from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.step_check import judge_step
 from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.sampled_control import Law, control_of
-from flexlink.motion.verification import GIVEN_UP, UNKNOWN, advice, doubt, second_runs
+from flexlink.motion.verification import advice, doubt, second_runs
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import (
     ControlError,
@@ -33,6 +33,10 @@ from flexlink.results.stop_reasons import (
     ended_early,
 )
 from flexlink.results.trajectory import Trajectory
+
+GIVEN_UP = 50
+"""Times the evaluations of a run that a second one may take: one that ends takes a few times as many at most, and
+nobody waits for a second run much longer than for the first."""
 
 
 class SingleRun:
@@ -72,11 +76,11 @@ class SingleRun:
     def advance(self, stop: Stop, report: Callable[[float], None], warn: Callable[[str], None] | None = None) -> None:
         """Advance until the run ends, a check fails, or somebody stops it."""
         monitor, steps = self.monitor, self.steps
-        for reached in steps:
+        for rows, part in steps:
             good = True
-            if reached.rows > 1 or reached.part == 1.0 or steps.failure:  # one look is enough for a short run
+            if rows > 1 or part == 1.0 or steps.failure:  # one look is enough for a short run
                 good = monitor.check(
-                    reached.rows,
+                    rows,
                     steps.steps,
                     methods=steps.methods,
                     deflection=steps.deflection,
@@ -91,7 +95,7 @@ class SingleRun:
                 break
             if steps.failure:
                 break
-            report(reached.part)
+            report(part)
             if stop.asked:
                 break
         else:
@@ -102,7 +106,10 @@ def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
     """Compare a finished run of this method with verification runs: yields a warning where they contradict it."""
     text, own, problem = "", monitor.steps.evaluations, monitor.record.problem
     for second in second_runs(monitor, name):
-        text = text or UNKNOWN.format(times=GIVEN_UP, advice=advice(monitor))
+        text = text or (
+            "doubtful: error unknown: no comparison run with other steps ended within "
+            f"{GIVEN_UP} times the evaluations; {advice(monitor)} and compare"
+        )
         most = min(second.run.max_evaluations, GIVEN_UP * own)
         limited = replace(second.run, max_evaluations=most) if second.run.controlled else second.run
         try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from flexlink.kernels.stepping.judgement import Allowance
 from flexlink.results import balance
 
 
-class Thresholds(NamedTuple):
+class Thresholds:
     """From what on a run is doubted, or judged."""
 
     far_bent: float = float(np.radians(84.0))
@@ -41,8 +40,6 @@ class Thresholds(NamedTuple):
     """Tolerances that a run may be off by: ten are the limit for an error at the end, one is what it should be."""
 
 
-THRESHOLDS = Thresholds()
-
 APART = 128
 """How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
 one in so many, which costs three in 128, 2 %."""
@@ -63,8 +60,8 @@ def allowed_imbalance(run: RunSettings, chain: Chain, least: float, explicit: bo
     """
     if not run.controlled or run.duration == 0:
         return balance.NOTHING
-    momentum = math.sqrt(2 * chain.mass) * THRESHOLDS.long / run.duration
-    share = 2 * THRESHOLDS.tolerable if explicit else math.inf
+    momentum = math.sqrt(2 * chain.mass) * Thresholds.long / run.duration
+    share = 2 * Thresholds.tolerable if explicit else math.inf
     part = run.tolerance_within(1.0) if run.accuracy == "deflection" else 0.0
     δ = max(tolerance_of(run, chain, 0.0), least)
     return Allowance(δ, part, chain.weight, momentum, share, not explicit, compared)

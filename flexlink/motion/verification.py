@@ -20,21 +20,11 @@ from flexlink.common.types import Array
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.motion.hindrance import sampled_growth
 from flexlink.motion.monitor import RunMonitor
-from flexlink.motion.tolerable import THRESHOLDS
+from flexlink.motion.tolerable import Thresholds
 from flexlink.results.tip_motion import apart, motion_in_words
 
 STRICTER = 0.1
 """Part of the tolerance, or of the error from which a run is doubtful, that the second run is allowed."""
-
-
-GIVEN_UP = 50
-"""Times the evaluations of a run that a second one may take: one that ends takes a few times as many at most, and
-nobody waits for a second run much longer than for the first."""
-
-UNKNOWN = (
-    "doubtful: error unknown: no comparison run with other steps ended within {times} times the evaluations; "
-    "{advice} and compare"
-)
 
 
 class Second(NamedTuple):
@@ -82,7 +72,7 @@ def doubt(monitor: RunMonitor, second: Second, path: Array) -> str:
         text = (
             f"doubtful: error {error:.2g} m, of places or angles times {chain.size:.3g} m, against a run with {steps}"
         )
-    if monitor.run.controlled and error > THRESHOLDS.tolerable * _tolerance(monitor):
+    if monitor.run.controlled and error > Thresholds.tolerable * _tolerance(monitor):
         return f"{text}{multiplies(monitor)}; {advice(monitor)} and compare"
     if not monitor.run.controlled and error > _tolerance(monitor):
         grown = multiplies(monitor) if monitor.explicit else ""
@@ -95,7 +85,7 @@ def multiplies(monitor: RunMonitor) -> str:
     # Growth of motion by a sampled loop within a run, beyond that without the drive, that calls for a verification run.
     # Of 44 random loops the stable ones came to 2.1 and less, the others to 4e3 and more.
     notable_growth = 10.0
-    if monitor.travelled > THRESHOLDS.far_turned:
+    if monitor.travelled > Thresholds.far_turned:
         return ": this motion amplifies errors"
     # a motor that switches between its limits without end: of 120 arms whose motors saturate none rejected more than
     # 0.7 of the steps taken
@@ -147,4 +137,4 @@ def _tolerance(monitor: RunMonitor) -> float:
     """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if monitor.run.controlled:
         return monitor.tolerance
-    return max(THRESHOLDS.doubt * THRESHOLDS.tip_share * monitor.extent, monitor.record.least_tolerance / STRICTER)
+    return max(Thresholds.doubt * Thresholds.tip_share * monitor.extent, monitor.record.least_tolerance / STRICTER)

@@ -15,8 +15,6 @@ from flexlink.chain.builder import record_branches
 from flexlink.chain.chain import Chain
 from flexlink.kernels.layout import FORCES
 
-ONE, JOINTS = 0, -1
-
 
 def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
     """Numbers of every sample, those that are there.
@@ -26,16 +24,14 @@ def check_samples(arrays: Mapping[str, NDArray[Any]], n: int) -> None:
     ValueError
         They are none, not finite, too few or too many, or times do not increase.
     """
-    # numbers per sample: one, one for each joint, or so many in a row
-    columns = {
-        "t": ONE, "q": JOINTS, "qd": JOINTS, "tau": JOINTS, "tip": 3, "tip_wrench": 6, "kinetic": ONE,
-        "gravity": ONE, "elastic": ONE, "work": ONE, "attitude": 4, "spin": 3, "momentum_linear": 3,
-        "momentum_angular": 3, "momentum_center": 3,
+    shapes: dict[str, tuple[int, ...]] = {  # of one sample
+        "t": (), "q": (n,), "qd": (n,), "tau": (n,), "tip": (3,), "tip_wrench": (6,), "kinetic": (), "gravity": (),
+        "elastic": (), "work": (), "attitude": (4,), "spin": (3,), "momentum_linear": (3,), "momentum_angular": (3,),
+        "momentum_center": (3,),
     }  # fmt: skip
     samples = len(arrays["t"]) if arrays["t"].ndim else 0
-    for name in (name for name in columns if name in arrays):
-        array, width = arrays[name], columns[name]
-        wanted = (samples,) if width == ONE else (samples, n if width == JOINTS else width)
+    for name in (name for name in shapes if name in arrays):
+        array, wanted = arrays[name], (samples, *shapes[name])
         if array.dtype != np.float64:
             raise ValueError(f"{name} is of type {array.dtype}; expected float64")
         if array.shape != wanted and not (name == "tip_wrench" and array.shape == (0, 6)):  # of no run

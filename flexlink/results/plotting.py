@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,41 +25,37 @@ if TYPE_CHECKING:
 
 
 def plot_trajectory(run: RunSamples) -> Figure:
-    """All `PANELS` that have something to show, against time, each with its legend beside it."""
+    """All `panels` against time, each with its legend beside it."""
     # of the curves that a legend names, each its own
     colours = (*CYCLE, GREY, INK)
     panel_height = 1.9  # height [in]
-    shown = [panel for panel, has_content in PANELS if has_content(run)]
+    shown = list(panels(run))
     figure = Figure(figsize=(8.4, panel_height * len(shown) + 0.7), layout="constrained")
     axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False).ravel()
     figure.suptitle(run.chain.name)
     for draw, panel in zip(shown, axes, strict=True):
         panel.set_prop_cycle(color=colours)
-        draw(panel, run)
+        draw(panel)
         panel.grid(alpha=0.3)
         panel.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
     axes[-1].set_xlabel("time [s]")
     return figure
 
 
-def active_joints(panel: Axes, run: RunSamples) -> None:
-    """Angles of the driven joints."""
-    _coordinates(panel, run, _driven(run, slides=False), "active joints [deg]")
-
-
-def sliding_joints(panel: Axes, run: RunSamples) -> None:
-    """Positions of the driven joints that slide."""
-    _coordinates(panel, run, _driven(run, slides=True), "sliding joints [m]")
-
-
-def passive_joints(panel: Axes, run: RunSamples) -> None:
-    """Angles of the hinges."""
-    _coordinates(panel, run, _hinges(run, slides=False), "passive joints [deg]")
-
-
-def sliding_springs(panel: Axes, run: RunSamples) -> None:
-    """By how much elastic drives of sliding joints give."""
-    _coordinates(panel, run, _hinges(run, slides=True), "springs of\nsliding joints [m]")
+def panels(run: RunSamples) -> Iterator[Callable[[Axes], None]]:
+    """What a picture of a run shows, from top to bottom: functions that draw it."""
+    of_joints = (
+        (_driven(run, slides=False), "active joints [deg]"),
+        (_driven(run, slides=True), "sliding joints [m]"),
+        (_hinges(run, slides=False), "passive joints [deg]"),
+        (_hinges(run, slides=True), "springs of\nsliding joints [m]"),
+    )
+    yield from (partial(_coordinates, run=run, joints=joints, label=label) for joints, label in of_joints if joints)
+    there = {
+        base: run.chain.has_free_base, tip: True, exchanged_energy: True,
+        elastic_energy: bool(run.chain.stiffness.any()), imbalance: run.work is not None,
+    }  # fmt: skip
+    yield from (partial(draw, run=run) for draw, shown in there.items() if shown)
 
 
 def base(panel: Axes, run: RunSamples) -> None:
@@ -94,20 +91,6 @@ def imbalance(panel: Axes, run: RunSamples) -> None:
     panel.plot(run.t, run.imbalance, label="E − E(0) − W", color=VERMILION)
     panel.set_ylabel("power\nbalance [J]")
     panel.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
-
-
-PANELS: tuple[tuple[Callable[[Axes, RunSamples], None], Callable[[RunSamples], bool]], ...] = (
-    (active_joints, lambda run: bool(_driven(run, slides=False))),
-    (sliding_joints, lambda run: bool(_driven(run, slides=True))),
-    (passive_joints, lambda run: bool(_hinges(run, slides=False))),
-    (sliding_springs, lambda run: bool(_hinges(run, slides=True))),
-    (base, lambda run: run.chain.has_free_base),
-    (tip, lambda run: True),
-    (exchanged_energy, lambda run: True),
-    (elastic_energy, lambda run: bool(run.chain.stiffness.any())),
-    (imbalance, lambda run: run.work is not None),
-)
-"""What a picture of a run shows, from top to bottom, and of which runs."""
 
 
 def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:

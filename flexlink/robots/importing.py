@@ -131,7 +131,8 @@ def import_urdf(
         if not isinstance(table, Mapping):
             raise ArgumentError(f"{key} = {truncated(table)}: expected a dict, got {type(table).__name__}")
     robot = path if isinstance(path, Robot) else read_robot(path)
-    way, lifeless = living_paths(robot, base, tip, posture, locked, free_base=free_base, rotors=_rotors(armature))
+    rotors = {joint for joint, inertia in armature.items() if finite(inertia)}
+    way, lifeless = living_paths(robot, base, tip, posture, locked, free_base=free_base, rotors=rotors)
     _check_links(way, flexible)
     _check_joints(way, armature)
     scene, parts = assembled(robot.name, way, flexible, armature, gravity)
@@ -158,11 +159,6 @@ def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
             raise ArgumentError(f"flexible: link {truncated(link)} is not between base and tip; allowed are {allowed}")
         if not isinstance(asked, FlexibleLink):
             raise ArgumentError(f"flexible: {truncated(link)} = {truncated(asked)}: expected a FlexibleLink")
-
-
-def _rotors(armature: Mapping[str, object]) -> set[str]:
-    """Joints that have one."""
-    return {joint for joint, value in armature.items() if finite(value)}
 
 
 def _check_joints(way: Paths, armature: Mapping[str, float]) -> None:

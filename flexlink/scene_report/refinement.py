@@ -27,14 +27,8 @@ from flexlink.scene_report.study import Study
 FACTORS = (0.5, 2.0, 4.0)
 """Of the scene's hinges, in the cuts beside its own."""
 
-STEP_ERROR = 1e-5
-"""Part of the tip's travel that the steps of runs with other cuts may be off by: it hides in no error of a cut."""
-
 ENOUGH = 0.01
 """Part of the tip's travel: a limit that is not known so well is none, and a model that is off by more is doubted."""
-
-LOWEST_ORDER, HIGHEST_ORDER = math.log2(1.5), 4.0
-"""Observed orders of convergence below which none is believed, and at most."""
 
 
 class Choice(NamedTuple):
@@ -52,9 +46,8 @@ class Refinement:
     """Runs about one scene."""
 
     def __init__(self, study: Study) -> None:
-        self.study, self.scene, self.chain, self.run, self.runner = (
-            study, study.scene, study.chain, study.run, study.runner,
-        )  # fmt: skip
+        self.study, self.scene, self.chain = study, study.scene, study.chain
+        self.run, self.runner = study.run, study.runner
 
     @cached_property
     def model(self) -> Model:
@@ -67,7 +60,8 @@ class Refinement:
     @cached_property
     def strict(self) -> Stepping:
         """Steps whose errors are small beside those of cuts."""
-        return Stepping("auto", tolerance=STEP_ERROR * self.study.travel)
+        off = 1e-5  # part of the tip's travel: it hides in no error of a cut
+        return Stepping("auto", tolerance=off * self.study.travel)
 
     @property
     def says_state(self) -> bool:
@@ -98,9 +92,10 @@ class Refinement:
         cuts = [(factor, self.cuts[factor].tip) for factor in (1.0, 2.0, 4.0) if factor in self.cuts]
         if len(cuts) < 2:
             return None
-        order = min(observed_order(cuts), HIGHEST_ORDER) if len(cuts) == 3 else math.nan
+        lowest, highest = math.log2(1.5), 4.0  # observed orders below which none is believed, and at most
+        order = min(observed_order(cuts), highest) if len(cuts) == 3 else math.nan
         finest = cuts[-1][1]
-        if not order >= LOWEST_ORDER:
+        if not order >= lowest:
             changes = [largest_so_far(distances(b, a)) for (_, a), (_, b) in itertools.pairwise(cuts)]
             return Limit(finest, np.maximum.reduce(changes))
         limit = extrapolated(cuts, order)

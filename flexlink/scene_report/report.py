@@ -12,7 +12,7 @@ from flexlink.data.documents import require_path
 from flexlink.describe.scene import Scene
 from flexlink.pages.builders import builder
 from flexlink.pages.verdict import Report
-from flexlink.scene_report.study import FILES, MEASURED, Study
+from flexlink.scene_report.study import MEASURED, Study
 
 
 def report(
@@ -82,9 +82,9 @@ def building() -> ModuleType:
 
 
 def _beside(against: str | Path) -> Path:
-    path = require_path("against", against)
-    if path.suffix.lower() not in (*FILES, MEASURED):
-        raise ArgumentError(f"against = {str(path)!r}: expected {', '.join(FILES)}, or {MEASURED} of measurements")
+    path, arms = require_path("against", against), (".urdf", ".xml", ".mjcf", ".sdf")
+    if path.suffix.lower() not in (*arms, MEASURED):
+        raise ArgumentError(f"against = {str(path)!r}: expected {', '.join(arms)}, or {MEASURED} of measurements")
     if not path.is_file():
         raise ArgumentError(f"against = {str(path)!r}: there is no such file")
     return path

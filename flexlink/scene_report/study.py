@@ -22,8 +22,8 @@ from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
 from flexlink.results.trajectory import Trajectory
 
-FILES, MEASURED = (".urdf", ".xml", ".mjcf", ".sdf"), ".csv"
-"""Endings of what a scene is laid beside: an arm in somebody else's words, and measurements."""
+MEASURED = ".csv"
+"""Ending of measurements that a scene is laid beside."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,7 +17,7 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.wording import truncated
 from flexlink.describe.spec import Positive, Spec, decode
-from flexlink.sweeps.sample_points import LATIN, point
+from flexlink.sweeps.sample_points import point
 
 Spacing = Literal["linear", "log"]
 Whole = Annotated[int, msgspec.Meta(ge=0)]
@@ -142,9 +142,10 @@ class RandomDesign(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.method == "latin" and self.count > LATIN:
+        most = 1_000_000  # 8 MB for each key in every worker, drawn in a tenth of a second
+        if self.method == "latin" and self.count > most:
             raise SceneError(
-                f"count = {self.count}: a Latin hypercube is drawn as a whole, of {LATIN} members at most; take "
+                f"count = {self.count}: a Latin hypercube is drawn as a whole, of {most} members at most; take "
                 "method = 'sobol' or 'random', whose members are drawn one by one"
             )
 

@@ -20,9 +20,6 @@ from flexlink.common.types import Array
 BLOCK = 1024
 """Points that are found at once; a power of two, which keeps the balance of Sobol's first ones."""
 
-LATIN = 1_000_000
-"""Members of a Latin hypercube at most: 8 MB for each key in every worker, drawn in a tenth of a second."""
-
 DIGITS = 30
 """Of Sobol's points in base 2."""
 

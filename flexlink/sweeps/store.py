@@ -155,15 +155,11 @@ class Store:
                 why = "another process is writing to it; wait until it ends, or name another file"
             elif "malformed" in text:
                 why = f"is damaged ({text}); name another file, or start again (--fresh)"
-            elif isinstance(error, ForeignError) or "not a database" in text:
+            elif "another program's" in text or "not a database" in text:
                 why = f"is not a database of a sweep ({text}), and stays unchanged; name another file"
             else:
                 why = f"cannot be written: {text}{then}"
             raise OutputError(f"{self.path}: {why}") from None
-
-
-class ForeignError(sqlite3.DatabaseError):
-    """Another program's database."""
 
 
 def _is_ours(db: sqlite3.Connection) -> bool:
@@ -171,12 +167,12 @@ def _is_ours(db: sqlite3.Connection) -> bool:
 
     Raises
     ------
-    ForeignError
+    sqlite3.DatabaseError
         It has something else.
     """
     ours = bool(db.execute("PRAGMA application_id").fetchone()[0] == APPLICATION_ID)
     if not ours and db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-        raise ForeignError("another program's database")
+        raise sqlite3.DatabaseError("another program's database")
     return ours
 
 

@@ -14,8 +14,6 @@ from flexlink.common.notebook import html_table
 from flexlink.common.output import write_whole
 from flexlink.sweeps.plan import ROW_COLUMNS
 
-EXPORT_FORMATS = ("csv", "parquet")
-
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class SweepRows:

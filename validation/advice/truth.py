@@ -14,7 +14,7 @@ import numpy as np
 
 from flexlink.advice.model import Axes, Bend, Model, all_axes, can_move, uniform
 from flexlink.advice.model_runner import ModelRunner, Stepping
-from flexlink.advice.thresholds import THRESHOLDS
+from flexlink.advice.thresholds import Thresholds
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.results.convergence import change_of_limit, extrapolated
@@ -99,7 +99,7 @@ def _tip_of(runner: ModelRunner, model: Model, tolerance: float) -> Array | None
 def naive_cost(scene: Scene) -> float:
     """CPU time of the careless model [s], by its evaluations, without running it."""
     runner, model = ModelRunner(scene, np.inf), uniform(all_axes(scene), NAIVE)
-    stepping = runner.fixed_steps(THRESHOLDS.stable_share * runner.stable_step(model))
+    stepping = runner.fixed_steps(Thresholds.stable_share * runner.stable_step(model))
     return np.inf if stepping is None else runner.fixed_steps_cost(model, stepping)
 
 
@@ -137,7 +137,7 @@ def _steppings(scene: Scene, model: Model, best: dict[float, float]) -> Iterator
     runner = ModelRunner(scene, np.inf)
     stable = runner.stable_step(model)
     for factor in FACTORS:
-        stepping = runner.fixed_steps(factor * THRESHOLDS.stable_share * stable)
+        stepping = runner.fixed_steps(factor * Thresholds.stable_share * stable)
         if stepping is not None:
             yield stepping
     for method, tolerance, factor in itertools.product(METHODS, best, TOLERANCES):

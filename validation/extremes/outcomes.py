@@ -30,7 +30,7 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun, prepare
-from flexlink.motion.tolerable import THRESHOLDS
+from flexlink.motion.tolerable import Thresholds
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.tip_motion import largest_distance, tip_travel
 from flexlink.results.trajectory import Trajectory
@@ -172,7 +172,7 @@ def allowed(scene: Scene, truth: Truth) -> float:
     """The tolerance of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if scene.run.controlled:
         return scene.run.tolerance_within(lump(scene).reach)
-    return max(THRESHOLDS.doubt * THRESHOLDS.tip_share * tip_travel(truth.tip), 1e-12)
+    return max(Thresholds.doubt * Thresholds.tip_share * tip_travel(truth.tip), 1e-12)
 
 
 def _judged(error: float, apart: float, tolerance: float, doubted: bool) -> Outcome:

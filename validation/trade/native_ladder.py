@@ -40,8 +40,7 @@ def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
     """A run of a scene: the time of its steps alone; errors as in `simulate`, and of one longer than `longest` [s]."""
     run = SingleRun(prepare(problem_of(scene)))
     monitor, rows, begun = run.monitor, 1, time.thread_time()
-    for reached in run.steps:
-        rows = reached.rows
+    for rows, _ in run.steps:  # noqa: B007  where it ended
         if run.steps.failure:
             break
         if time.thread_time() - begun > longest:

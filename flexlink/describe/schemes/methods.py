@@ -39,7 +39,7 @@ class Modes(NamedTuple):
     bA: Array  # noqa: N815  (s,) b A
 
 
-class Method(Spec, frozen=True):
+class Method(Spec, frozen=True, dict=True):  # with a dict, for cached properties
     """A Runge-Kutta method: `family` and `stages`, or the Butcher tableau A, b, c.
 
     Coefficients are decimal strings or fractions such as "1/6". A is a strictly lower triangle (rows of 0, 1, 2, …
@@ -81,38 +81,49 @@ class Method(Spec, frozen=True):
             self._check_family(self.family)
         self._check_error()
         if not self.explicit:
-            _modes(self)
+            self.modes  # noqa: B018  there are some
 
-    @property
+    @functools.cached_property
     def explicit(self) -> bool:
         """Whether every stage needs the stages before it only."""
-        return _explicit(self)
+        return not any(any(row[i:]) for i, row in enumerate(self.exact[0]))
 
-    @property
+    @functools.cached_property
     def controlled(self) -> bool:
         """Whether the method estimates the error of its steps.
 
         An explicit one by its rows `error`; an implicit one, as Radau IIA of 3, 5, … stages, if it ends on its last
         stage and A has one real eigenvalue.
         """
-        return _controlled(self)
+        if self.explicit:
+            return bool(self.error_rows)
+        A, b, c = self.exact
+        return A[-1] == b and len(set(c)) == len(c) and len(self.modes.real) == 1
 
-    @property
+    @functools.cached_property
     def exact(self) -> collocation.Tableau:
         """A (square), b and c as exact fractions: of their strings, or within 2^−255 of a family."""
-        return _exact(self)
+        if self.family is not None:
+            return collocation.tableau(self.family, self.stages)
+        rows = [[Fraction(x) for x in row] for row in self.A or ()]
+        b, c = [Fraction(x) for x in self.b or ()], [Fraction(x) for x in self.c or ()]
+        return [row + [Fraction(0)] * (len(c) - len(row)) for row in rows], b, c
 
-    @property
+    @functools.cached_property
     def arrays(self) -> tuple[Array, Array, Array]:
         """A (s, s), b (s,), c (s,), each rounded once to float64."""
-        return _rounded(self)
+        A, b, c = self.exact
+        return float64(A), float64(b), float64(c)
 
-    @property
+    @functools.cached_property
     def error(self) -> Array:
         """The rows `error` of an explicit method over its stages and q̈ at the end of the step (rows, s + 1)."""
-        return _error(self)
+        weights = np.zeros((len(self.error_rows), self.stages + 1))
+        for row, given in zip(weights, self.error_rows, strict=True):
+            row[: len(given)] = float64([Fraction(x) for x in given])
+        return weights
 
-    @property
+    @functools.cached_property
     def modes(self) -> Modes:
         """Eigenvalues and eigenvectors of A of an implicit method.
 
@@ -120,12 +131,33 @@ class Method(Spec, frozen=True):
         ------
         ArgumentError
             The method is explicit.
+        SceneError
+            A has no basis of eigenvectors, or an eigenvalue for which M + h λ D + h² λ² K is singular at some step.
         """
         if self.explicit:
             raise ArgumentError(f"{self.about}: explicit; only implicit methods are solved by the eigenvectors of A")
-        return _modes(self)
+        exact, b, _ = self.exact
+        A = float64(exact)
+        λ, T = np.linalg.eig(A)
+        if not np.linalg.cond(T) < 1e7:  # Newton's corrections pass through T and keep 9 digits
+            raise SceneError("A: too few eigenvectors, as with repeated diagonal elements; use another method")
+        wrong = λ[(λ.real < 0) | ((λ.real == 0) & (λ.imag != 0))]
+        if wrong.size:
+            first = wrong[0] if wrong[0].imag else wrong[0].real  # NumPy 2.5: always complex
+            raise SceneError(f"A: eigenvalue {first:.3g}: its real part must be positive, else some steps are singular")
+        Tinv = np.linalg.inv(T)
+        real, pair = λ.imag == 0, λ.imag > 0
+        columns = list(zip(*exact, strict=True))
+        return Modes(
+            real=λ[real].real.copy(), complex=λ[pair].astype(complex),
+            T_real=np.ascontiguousarray(T[:, real].real), T_complex=np.ascontiguousarray(T[:, pair].astype(complex)),
+            Tinv_real=np.ascontiguousarray(Tinv[real].real),
+            Tinv_complex=np.ascontiguousarray(Tinv[pair].astype(complex)),
+            A2=float64([[dot(row, column) for column in columns] for row in exact]),
+            bA=float64([dot(b, column) for column in columns]),
+        )  # fmt: skip
 
-    @property
+    @functools.cached_property
     def embedded(self) -> tuple[float, Array]:
         """γ and d (stages,), the weights of an implicit method's error estimate.
 
@@ -140,7 +172,8 @@ class Method(Spec, frozen=True):
             raise ArgumentError(
                 f"{self.about}: has no error estimate of an implicit method; Radau IIA with 3, 5, … stages has one"
             )
-        return _embedded(self)
+        γ = float(self.modes.real[0])
+        return γ, -γ * float64(collocation.weights_at(self.exact[2], Fraction(0)))
 
     def _check_family(self, family: str) -> None:
         for name in ("A", "b", "c"):
@@ -208,75 +241,3 @@ def _check_number(where: str, x: str) -> None:
     # short exponents: a Fraction of "1e999999999" would take all the memory there is
     if not re.fullmatch(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)", x):
         raise SceneError(f"{where}: {truncated(x)}: expected a decimal such as '1e-12', or a fraction such as '1/6'")
-
-
-@functools.lru_cache(maxsize=64)
-def _rounded(method: Method) -> tuple[Array, Array, Array]:
-    A, b, c = method.exact
-    return float64(A), float64(b), float64(c)
-
-
-@functools.lru_cache(maxsize=64)
-def _explicit(method: Method) -> bool:
-    return not any(any(row[i:]) for i, row in enumerate(method.exact[0]))
-
-
-@functools.lru_cache(maxsize=64)
-def _controlled(method: Method) -> bool:
-    if method.explicit:
-        return bool(method.error_rows)
-    A, b, c = method.exact
-    return A[-1] == b and len(set(c)) == len(c) and len(method.modes.real) == 1
-
-
-@functools.lru_cache(maxsize=64)
-def _error(method: Method) -> Array:
-    weights = np.zeros((len(method.error_rows), method.stages + 1))
-    for row, given in zip(weights, method.error_rows, strict=True):
-        row[: len(given)] = float64([Fraction(x) for x in given])
-    return weights
-
-
-@functools.lru_cache(maxsize=64)
-def _embedded(method: Method) -> tuple[float, Array]:
-    γ = float(method.modes.real[0])
-    return γ, -γ * float64(collocation.weights_at(method.exact[2], Fraction(0)))
-
-
-@functools.lru_cache(maxsize=64)
-def _exact(method: Method) -> collocation.Tableau:
-    if method.family is not None:
-        return collocation.tableau(method.family, method.stages)
-    rows = [[Fraction(x) for x in row] for row in method.A or ()]
-    b, c = [Fraction(x) for x in method.b or ()], [Fraction(x) for x in method.c or ()]
-    return [row + [Fraction(0)] * (len(c) - len(row)) for row in rows], b, c
-
-
-@functools.lru_cache(maxsize=64)
-def _modes(method: Method) -> Modes:
-    """Modes of an implicit method.
-
-    Raises
-    ------
-    SceneError
-        A has no basis of eigenvectors, or an eigenvalue for which M + h λ D + h² λ² K is singular at some step.
-    """
-    exact, b, _ = method.exact
-    A = float64(exact)
-    λ, T = np.linalg.eig(A)
-    if not np.linalg.cond(T) < 1e7:  # Newton's corrections pass through T and keep 9 digits
-        raise SceneError("A: too few eigenvectors, as with repeated diagonal elements; use another method")
-    wrong = λ[(λ.real < 0) | ((λ.real == 0) & (λ.imag != 0))]
-    if wrong.size:
-        first = wrong[0] if wrong[0].imag else wrong[0].real  # NumPy 2.5: always complex
-        raise SceneError(f"A: eigenvalue {first:.3g}: its real part must be positive, else some steps are singular")
-    Tinv = np.linalg.inv(T)
-    real, pair = λ.imag == 0, λ.imag > 0
-    columns = list(zip(*exact, strict=True))
-    return Modes(
-        real=λ[real].real.copy(), complex=λ[pair].astype(complex),
-        T_real=np.ascontiguousarray(T[:, real].real), T_complex=np.ascontiguousarray(T[:, pair].astype(complex)),
-        Tinv_real=np.ascontiguousarray(Tinv[real].real), Tinv_complex=np.ascontiguousarray(Tinv[pair].astype(complex)),
-        A2=float64([[dot(row, column) for column in columns] for row in exact]),
-        bA=float64([dot(b, column) for column in columns]),
-    )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import html
 import importlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,11 +21,14 @@ from flexlink.data.documents import require_path
 from flexlink.results.pictures.colouring import Colour
 from flexlink.results.pictures.film import Film, film_of
 from flexlink.results.pictures.page import page
-from flexlink.results.pictures.played import PlayedPath
 from flexlink.results.pictures.video import require_ffmpeg, write_gif, write_mp4
 
 if TYPE_CHECKING:
     from flexlink.results.samples import RunSamples
+
+    Base = Path
+else:
+    Base = type(Path())  # before Python 3.12 only the class of this system's paths has heirs
 
 Progress = Callable[[float], None]
 
@@ -37,6 +42,22 @@ class InterruptedFilmError(KeyboardInterrupt):
     def __init__(self, path: Path, signal: int) -> None:
         super().__init__(f"{path}: {word(signal)}, not written")
         self.signal = signal
+
+
+class PlayedPath(Base):
+    """The path of a film, which a notebook plays where it is the value of a cell."""
+
+    def _repr_html_(self) -> str | None:
+        # bytes of a file that a cell takes in
+        if not self.is_file() or self.stat().st_size > 20_000_000:
+            return None  # the notebook shows the path
+        if self.suffix == ".html":
+            text = html.escape(self.read_text(encoding="utf-8"))
+            return f'<iframe srcdoc="{text}" width="100%" height="640" style="border: 0"></iframe>'
+        data = base64.b64encode(self.read_bytes()).decode()
+        if self.suffix == ".mp4":
+            return f'<video controls loop style="max-width: 100%" src="data:video/mp4;base64,{data}"></video>'
+        return f'<img alt="{html.escape(self.name)}" style="max-width: 100%" src="data:image/gif;base64,{data}">'
 
 
 class Shot(NamedTuple):

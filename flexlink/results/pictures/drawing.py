@@ -13,7 +13,7 @@ from flexlink.pages.colours import INK, PALE
 from flexlink.results.pictures.captions import time_text
 from flexlink.results.pictures.film import Film
 from flexlink.results.pictures.legend import BASE, COLOURS, FOOT, GREY, HEAD, TRACE, Legend
-from flexlink.results.pictures.projection import Projected, Window
+from flexlink.results.pictures.projection import Projected
 
 Image = NDArray[np.uint8]
 
@@ -32,7 +32,8 @@ class Drawing:
         self.figure = Figure(figsize=(self.size[0] / dpi, self.size[1] / dpi), dpi=dpi, facecolor="white")
         self.canvas = FigureCanvasAgg(self.figure)
         self.axes = self.figure.add_axes((0, FOOT / self.size[1], 1, self.scene_height / self.size[1]))
-        self._set_window(self.window)
+        self.axes.set(xlim=self.window[:2], ylim=self.window[2:], aspect="equal")
+        self.axes.set_axis_off()
         legend = Legend(self.figure, self.size)
         self._clock = legend.head(film)
         legend.foot(film, self.window)
@@ -48,10 +49,6 @@ class Drawing:
         for artist in self._movers:
             self.figure.draw_artist(artist)
         return np.ascontiguousarray(np.asarray(self.canvas.buffer_rgba())[..., :3])
-
-    def _set_window(self, window: Window) -> None:
-        self.axes.set(xlim=window[:2], ylim=window[2:], aspect="equal")
-        self.axes.set_axis_off()
 
     def _still(self) -> None:
         floor = LineCollection(list(self.projected.floor[..., :2]), colors=PALE, linewidths=0.7, zorder=0)

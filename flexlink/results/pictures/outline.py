@@ -136,17 +136,13 @@ def half_dimensions(arm: Arm, link: Link, x: float) -> tuple[tuple[float, float]
     def between(name: str) -> float:
         return float((1 - x) * getattr(root, name) + x * getattr(tip, name)) / 2
 
-    if root.shape in ROUND:
-        radius = between(ROUND[root.shape])
+    if root.shape in {"circle", "tube"}:
+        radius = between("diameter" if root.shape == "circle" else "outer")
         return (radius, radius), True
     if root.shape == "general":
         area, i_y, i_z, _ = root.towards(tip, x)
         return (math.sqrt(3 * i_z / area), math.sqrt(3 * i_y / area)), False
     return (between("height"), between("width")), False
-
-
-ROUND = {"circle": "diameter", "tube": "outer"}
-"""Shapes with one width from all sides, and the dimension that is it."""
 
 
 def has_rectangle_instead(section: Section) -> bool:

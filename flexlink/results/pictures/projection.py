@@ -44,11 +44,8 @@ class Projected:
         self.film, self.view = film, film.view
         self.points = self.view(film.points)  # (f, s, 3): right, up, depth
         self.joints = self.view(film.p[:, film.outline.joints])
-        self.ball, self.trace, self.base = (
-            self.view(film.ball),
-            self.view(film.trace),
-            self.view(film.p[:, film.outline.base]),
-        )
+        self.ball, self.trace = self.view(film.ball), self.view(film.trace)
+        self.base = self.view(film.p[:, film.outline.base])
 
     @functools.cached_property
     def window(self) -> Window:

@@ -6,7 +6,7 @@ import contextlib
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import IO
 
@@ -26,12 +26,7 @@ def write_gif(place: Path, images: Iterable[Image], like: Iterable[Image], milli
     from PIL import Image as Pillow  # noqa: PLC0415  only those who draw need it
 
     palette = Pillow.fromarray(np.concatenate(list(like))).quantize(256, dither=Pillow.Dither.NONE)
-
-    def few_coloured() -> Iterator[Pillow.Image]:
-        for image in images:
-            yield Pillow.fromarray(image).quantize(palette=palette, dither=Pillow.Dither.NONE)
-
-    frames = few_coloured()
+    frames = (Pillow.fromarray(image).quantize(palette=palette, dither=Pillow.Dither.NONE) for image in images)
     first = next(frames)
     first.save(place, format="GIF", save_all=True, append_images=frames, duration=milliseconds, loop=0, optimize=False)
 

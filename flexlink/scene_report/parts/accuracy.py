@@ -17,9 +17,6 @@ from flexlink.pages.verdict import State, Verdict
 from flexlink.scene_report.refinement import ENOUGH, Choice, Refinement
 from flexlink.scene_report.study import Study
 
-LOOKS = ((INK, "*"), *zip((*CYCLE, GREY, INK, BLUE), (*MARKERS, "X", "<", ">"), strict=True))
-"""Colours and markers of choices, the scene's own first."""
-
 
 def made(study: Study) -> Part | None:
     """The chapter."""
@@ -170,8 +167,9 @@ def _prices(choices: Sequence[Choice]) -> Picture | None:
     if len(known) < 2:
         return None
     figure, (axes,) = stacked_axes(1, 3.8)
+    looks = ((INK, "*"), *zip((*CYCLE, GREY, INK, BLUE), (*MARKERS, "X", "<", ">"), strict=True))
     for place, one in enumerate(known):
-        colour, marker = LOOKS[place % len(LOOKS)]
+        colour, marker = looks[place % len(looks)]
         size = 7 if place else 11
         axes.plot([one.seconds], [one.error], marker, color=colour, markersize=size, label=one.label)
     axes.set(xscale="log", yscale="log", xlabel="CPU time [s]", ylabel="tip error [m]")

@@ -16,9 +16,6 @@ from flexlink.pages.verdict import State, Verdict
 from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.study import Study
 
-NOTHING = 1e6
-"""Times what rounding may do to the balance: an arm that exchanges less energy is at rest, as in `Study.moves`."""
-
 
 def made(study: Study) -> Part | None:
     """The chapter."""
@@ -29,7 +26,8 @@ def made(study: Study) -> Part | None:
     worst = int(np.argmax(imbalance))
     share = float(imbalance[worst]) / exchanged if exchanged > 0 else 0.0
     once, steps = _rounding(run), run.steps.taken if run.steps is not None else 0
-    still = exchanged <= NOTHING * float(once[-1])
+    nothing = 1e6  # times what rounding may do to the balance: who exchanges less is at rest, as in `Study.moves`
+    still = exchanged <= nothing * float(once[-1])
     of = (
         "; the arm is at rest, and exchanges none"
         if still

@@ -38,11 +38,7 @@ def made(study: Study) -> Part:
         )
     sentences += [f"Warning: {warning}." for warning in run.warnings]
     pictures = (_postures(study), _in_time(study))
-    return Part(tuple(sentences), pictures=pictures, files={"run.csv": table_csv(list(run.columns), _rows(study))})
-
-
-def _rows(study: Study) -> list[tuple[float, ...]]:
-    return list(zip(*(column.tolist() for column in study.run.columns.values()), strict=True))
+    return Part(tuple(sentences), pictures=pictures, files={"run.csv": columns_csv(run.columns)})
 
 
 def _postures(study: Study) -> Picture:

@@ -6,9 +6,7 @@ import math
 
 import numpy as np
 
-from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.at_rest import rest_of
 from flexlink.motion.inputs.tip_wrench import initial_wrench
@@ -66,12 +64,8 @@ def _goal(study: Study) -> tuple[Array, float] | None:
     if course is not None:
         end = float(course.knots[-1])
         return course(end)[0], end
-    return _targets(scene, chain), scene.initial.time
-
-
-def _targets(scene: Scene, chain: Chain) -> Array:
     links = [chain.coordinate(int(k)).link - 1 for k in chain.active]
-    return scene.joint_targets[links]
+    return scene.joint_targets[links], scene.initial.time
 
 
 def _table(study: Study, target: Array, end: float) -> Table:
