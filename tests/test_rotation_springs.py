@@ -27,8 +27,8 @@ from flexlink.engines.base import ForeignFile
 from flexlink.errors import ArgumentError, DataFileError
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.small_mass import with_small_mass
-from flexlink.kernels.forces.rotation_springs import SPRINGS
 from flexlink.kernels.forces.rotation_tangent import excess_stiffness
+from flexlink.kernels.layout import SPRINGS
 from validation.physics.hinge_sweep import order
 
 EPS = np.finfo(float).eps

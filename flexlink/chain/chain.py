@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, number_of, require_type, vector
-from flexlink.chain.coordinates import LAG, LAST_AXIS, Coordinate, joint_names
+from flexlink.chain.coordinates import LAG, Coordinate, joint_names
 from flexlink.chain.couplings import add_products
 from flexlink.chain.size import on_elastic_gears, size_without_reach, turning_radii, without_lever
 from flexlink.chain.spans import spans_of, sums_outward
@@ -446,7 +446,7 @@ class Chain:
         1 upper.1.z
         """
         number = 0 if number_of(link) == 0 and self.has_free_base else link_number("link", link, self.link_names)
-        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, LAST_AXIS))
+        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, LAG))
         if wanted not in self._sequential:
             known = truncated(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
             raise ArgumentError(

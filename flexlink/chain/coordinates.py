@@ -13,7 +13,6 @@ ROOT = 4
 """Axis in a `Coordinate` of the spring at a link's root that turns about X; those about Y and Z follow."""
 LAG = ROOT + 3
 """Axis of the internal coordinate of a joint's lagging friction."""
-LAST_AXIS = LAG
 
 
 class Coordinate(NamedTuple):

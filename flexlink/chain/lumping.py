@@ -35,8 +35,7 @@ from flexlink.describe.root import ROOT_AXES
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
-from flexlink.kernels.forces.rotation_springs import SPRINGS
-from flexlink.kernels.layout import COUPLING, HINGE, SLIDES
+from flexlink.kernels.layout import COUPLING, HINGE, SLIDES, SPRINGS
 
 TWIST = 1  # axis of a coordinate
 SPACE = "xyz"  # axes of a hinge that turns any way

@@ -32,7 +32,7 @@ from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.batches import is_batch, rows
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.springs import held_angles
-from flexlink.kernels.forces.rotation_springs import SPRINGS
+from flexlink.kernels.layout import SPRINGS
 from flexlink.kernels.tools.finite import is_finite
 
 

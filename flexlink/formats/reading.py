@@ -22,15 +22,14 @@ from numpy.typing import NDArray
 from flexlink.chain import free_base
 from flexlink.chain.builder import Body, recorded
 from flexlink.chain.chain import Chain
-from flexlink.chain.coordinates import LAST_AXIS, Coordinate
+from flexlink.chain.coordinates import LAG, Coordinate
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.safe_xml import numbers_of, parse
 from flexlink.common.types import Array
 from flexlink.describe.arm import BASE
 from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE, WIDE
-from flexlink.kernels.forces.rotation_springs import SPRINGS
-from flexlink.kernels.layout import COUPLING, HINGE
+from flexlink.kernels.layout import COUPLING, HINGE, SPRINGS
 
 ROUNDING = 1e-14  # of angles and quaternions, which depends on the machine's mathematical library
 Mass = tuple[float, Array, Array]
@@ -186,8 +185,8 @@ def coupling_of(node: Node) -> Coupled:
 def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Coordinate:
     """The three indices of a hinge."""
     link, segment, axis = (int(number) if number == int(number) else -1 for number in numbers)
-    if not (1 <= link <= len(links) and segment >= 0 and 0 <= axis <= LAST_AXIS):
-        raise node.error(f"coordinate {list(numbers)}: expected link 1 … {len(links)}, segment, axis 0 … {LAST_AXIS}")
+    if not (1 <= link <= len(links) and segment >= 0 and 0 <= axis < LAG):
+        raise node.error(f"coordinate {list(numbers)}: expected link 1 … {len(links)}, segment, axis 0 … {LAG - 1}")
     return Coordinate(link, segment, axis)
 
 

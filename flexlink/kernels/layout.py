@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.kernels.tools.numbered import numbered
+
 
 def record(fields: list[Any]) -> np.dtype[Any]:
     """Aligned records whose fields are attributes in Python, too, as in compiled kernels, which so run as either."""
@@ -70,6 +72,8 @@ DRAG = record(
     ]
 )
 
+SPRINGS = numbered("angles rotation cell")
+"""What springs of a body's hinges hold (`BODY.springs`); the last with those of the next body outward, too."""
 SLIDES = 3
 """Hinges whose axis is as large slide; a body's hinges either all turn, or all slide."""
 

@@ -37,7 +37,7 @@ from flexlink.kernels.forces.rotation_springs import (
     rotation_springs_side_by_side,
     rotation_torque,
 )
-from flexlink.kernels.forces.rotation_tangent import RotationSlopes, rotation_slopes, rotation_slopes_of
+from flexlink.kernels.forces.rotation_tangent import RotationTangent, rotation_slopes, rotation_tangent
 from flexlink.kernels.layout import ChainArrays, Rare
 from flexlink.kernels.tools.compiler import kernel, of_each, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, empty_lanes, put_at, zero_of
@@ -73,7 +73,7 @@ def elastic_energy(elements, q):
 
 
 @of_each({
-    Couplings: coupling_slopes, RotationSlopes: rotation_slopes, DragSlopes: drag_slopes,
+    Couplings: coupling_slopes, RotationTangent: rotation_slopes, DragSlopes: drag_slopes,
     Dampers: damper_slopes, Gyrators: gyrator_slopes,
 }, summed=False)  # fmt: skip
 def add_slopes(elements, q, qd, by_angle, by_rate):
@@ -127,7 +127,7 @@ def force_slopes_of(chain, forces):
     if forces is None:
         return None
     couplings, rotation, _, dampers, gyrators = forces.elements
-    elements = couplings, rotation_slopes_of(rotation), drag_slopes_of(chain), dampers, gyrators
+    elements = couplings, rotation_tangent(rotation), drag_slopes_of(chain), dampers, gyrators
     n = len(chain.hinges) if forces.act else 0
     return Slopes(elements, forces.act, np.empty((2, n, n)))
 

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.layout import SPRINGS
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, shared
 from flexlink.kernels.tools.lanes import LANES, at, eight_of, put_at, put_eight, zero_of
 from flexlink.kernels.tools.numbered import numbered
@@ -39,7 +40,6 @@ ROW = numbered(
     "φ:3 moment:3 linear:3 excess:3",  # φ, m, K (θ − θ₀) and what the law takes more
 )
 """Rows of numbers, each with one of every triple."""
-SPRINGS = numbered("angles rotation cell")  # of a body's hinges; the last with those of the next body outward, too
 NEAR = 1 / 16  # v·v, |φ| < 0.505 rad: up to it both series are exact to rounding
 ARCSINE = tuple(2 * math.comb(2 * k, k) / 4**k / (2 * k + 1) for k in range(13))
 """2 arcsin(s) / s in powers of s²; the next term is below 1e-17."""

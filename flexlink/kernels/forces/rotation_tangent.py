@@ -36,8 +36,9 @@ SLOPE = tuple(k * c for k, c in enumerate(COTANGENT))[1:]  # of g
 
 
 class RotationTangent(NamedTuple):
-    """Scratch of `find_tangent`."""
+    """Slopes of springs of rotation vectors, with scratch."""
 
+    springs: RotationSprings
     blocks: Any  # (b, 2) triples t ≤ u that springs join, first each with itself
     values: Any  # (b, 3, 3) ∂excess_t/∂θ_u, by the hinges about X, Y, Z; that of u, t is its transpose
     bent: Any  # (b, 3, 3) ∂²V/∂φ_t∂φ_u
@@ -47,33 +48,20 @@ class RotationTangent(NamedTuple):
     turning: Any  # (t, 3, 3) A e_k
 
 
-class RotationSlopes(NamedTuple):
-    """Slopes of a force element: springs of rotation vectors, with scratch."""
-
-    springs: RotationSprings
-    tangent: RotationTangent
-
-
-@kernel
-def rotation_slopes_of(springs):
-    """Those of a chain's springs, of which there may be none."""
-    return RotationSlopes(springs, rotation_tangent(springs))
-
-
 @recursion
 def rotation_slopes(element, q, qd, by_angle, by_rate):
     """Add all blocks to ∂T/∂q (n, n)."""
     if len(element.springs.hinges) > 0:
-        add_tangent(q, element.springs, element.tangent, by_angle)
+        add_tangent(q, element.springs, element, by_angle)
 
 
 @kernel
 def rotation_tangent(springs):
-    """Scratch of a chain's springs."""
+    """Those of a chain's springs, of which there may be none."""
     count, most = len(springs.hinges), len(springs.hinges) + len(springs.pairs) + len(springs.cells)
     if count == 0:
         none, values = springs.slots, np.empty((0, 3, 3))
-        return RotationTangent(springs.cells, values, values, none, none, values, values)
+        return RotationTangent(springs, springs.cells, values, values, none, none, values, values)
     blocks, b = np.empty((most, 2), np.int64), count
     of_pair, of_cell = np.empty(len(springs.pairs), np.int64), np.empty(len(springs.cells), np.int64)
     triple = np.empty(springs.numbers.shape[1], np.int64)
@@ -86,7 +74,7 @@ def rotation_tangent(springs):
         of_cell[c] = block_of(springs.cells[c, 0], springs.cells[c, 1], blocks, b)
         b = max(b, of_cell[c] + 1)
     values, axes = np.zeros((2, b, 3, 3)), np.zeros((2, count, 3, 3))
-    return RotationTangent(blocks[:b].copy(), values[0], values[1], of_pair, of_cell, axes[0], axes[1])
+    return RotationTangent(springs, blocks[:b].copy(), values[0], values[1], of_pair, of_cell, axes[0], axes[1])
 
 
 @kernel
