@@ -55,6 +55,31 @@ def test_code_that_is_on_disk_is_not_compiled_again(folder: Path) -> None:
     assert compilations(lambda: fresh()(3)) == 1  # another signature
 
 
+@pytest.mark.parametrize("cpu", ["host", "x86-64-v4", "x86-64-v3"])
+def test_code_of_the_package_serves_where_the_user_has_none(folder: Path, monkeypatch, cpu: str) -> None:
+    """That of the CPU, and of each family that it is of."""
+    host = numba.core.registry.cpu_target.target_context.codegen().magic_tuple()
+    monkeypatch.setattr(machine_code, "_SHIPPED", folder.parent / "shipped")
+    monkeypatch.setattr(machine_code, "families", lambda _: [(host[0], name, "") for name in machine_code.FAMILIES])
+    kernel = fresh()
+    assert compilations(lambda: kernel(3.0)) == 1
+    (file,) = folder.glob("*.bin")
+    shipped = machine_code._key(kernel.py_func, (numba.float64,), host if cpu == "host" else (host[0], cpu, ""))
+    machine_code._SHIPPED.mkdir()
+    file.rename(machine_code._SHIPPED / f"{shipped}.bin")
+    assert compilations(lambda: fresh()(3.0)) == 0
+    assert not [*folder.glob("*.bin")]
+
+
+def test_a_cpu_is_of_the_families_whose_instructions_it_has() -> None:
+    triple = "x86_64-unknown-linux-gnu"
+    old, new = (f"+{name}" for name in ("sse2", "avx2"))
+    third = ",".join(f"+{name}" for name in machine_code.FAMILIES["x86-64-v3"].split())
+    fourth = ",".join(f"+{name}" for name in machine_code.FAMILIES["x86-64-v4"].split())
+    of = [[name for _, name, _ in machine_code.families((triple, "any", each))] for each in (old, new, third, fourth)]
+    assert of == [[], [], ["x86-64-v3"], ["x86-64-v4", "x86-64-v3"]]
+
+
 def test_a_recursion_answers_python_with_an_error_not_with_a_crash(folder: Path) -> None:
     @compiler.recursion
     def twice(x: float) -> float:

@@ -15,7 +15,21 @@ from typing import NoReturn
 
 import numpy as np
 
-from flexlink.cli import advise, compare, export, fit, import_robot, info, modes, report, robots, show, simulate, sweep
+from flexlink.cli import (
+    advise,
+    compare,
+    compile,
+    export,
+    fit,
+    import_robot,
+    info,
+    modes,
+    report,
+    robots,
+    show,
+    simulate,
+    sweep,
+)
 from flexlink.cli.terminal import announced
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import finish, word
@@ -68,7 +82,7 @@ class _Parser(argparse.ArgumentParser):
 
 def build_parser() -> argparse.ArgumentParser:
     """The whole command line: one command a module."""
-    modules = info, simulate, advise, modes, show, export, compare, report, fit, import_robot, robots, sweep
+    modules = info, simulate, advise, modes, show, export, compare, report, fit, import_robot, robots, sweep, compile
     texts = {name: (module, text, examples) for module in modules for name, text, examples in [_help_of(module)]}
     parser = _Parser(
         prog="flexlink",

@@ -76,6 +76,6 @@ def _largest_eigenvalue(chain: Chain, name: str, q: Array, weights: Array) -> fl
     if not weights.any():
         return 0.0
     posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
-    coupled = np.ascontiguousarray(chain.couplings[name])
+    weights, coupled = np.ascontiguousarray(weights), np.ascontiguousarray(chain.couplings[name])
     found = largest_eigenvalue(chain.arrays, q, weights, coupled, PASSES, CLOSE, posture)
     return float(found) if np.isfinite(found) else np.inf

@@ -8,6 +8,10 @@ their records among them, and the versions that compile them. A user's NUMBA_CAC
 
 Borrowed arrays. Numba has no documented way to leave out the counting of references.
 
+Code of the package. A wheel carries code for families of CPUs, x86-64-v3 and v4, one built from source that for the CPU
+that it was built on, in a folder of the same name. It is looked up where a user's own folder has none. Code of several
+families works together: all calls are alike.
+
 Code that callers share. Numba copies the code of a callee into that of its caller, to optimise both together, and so
 does the caller's caller: a recursion is compiled once more for each of them. Most that are long get nothing from it.
 Callers know those by a symbol instead, which says module, name and types, and is the same in every process.
@@ -30,7 +34,7 @@ import re
 import shutil
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, cast
 
@@ -40,6 +44,7 @@ import numba
 from numba._dispatcher import compute_fingerprint
 from numba.core import serialize
 from numba.core.compiler import CompileResult
+from numba.core.registry import cpu_target
 
 from flexlink.common.output import write_whole
 
@@ -95,7 +100,7 @@ def share(compiled: Any) -> None:
     def add_overload(result: Any) -> None:
         own(result)
         context, types = result.target_context, tuple(result.signature.args)
-        symbol = f"{SHARED}{_key(compiled.py_func, types, context.codegen())}"
+        symbol = f"{SHARED}{_key(compiled.py_func, types)}"
         if _SHARED.setdefault(symbol, (compiled, types))[0] is not compiled:
             return  # a function of the same name, defined anew
         llvmlite.binding.add_symbol(symbol, result.library.get_pointer_to_function(result.fndesc.mangled_name))
@@ -127,11 +132,16 @@ def sources() -> list[Path]:
     return sorted(HERE.rglob("*.py"))
 
 
-def cache_folder() -> Path:
-    """Where compiled kernels are kept: the user's cache folder, one sub-folder per state of sources and versions."""
+def state() -> str:
+    """Name of the state of sources and versions, the same on every machine."""
     digest = hashlib.sha256(f"{sys.implementation.cache_tag} {numba.__version__} {llvmlite.__version__}".encode())
     for source in sources():
         digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_folder() -> Path:
+    """Where compiled kernels are kept: the user's cache folder, one sub-folder per state of sources and versions."""
     root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
     if not root and sys.platform == "win32":
         root = os.environ.get("LOCALAPPDATA")
@@ -139,10 +149,32 @@ def cache_folder() -> Path:
         place = Path(root or Path.home() / ".cache").absolute()
     except RuntimeError:  # a user without a home
         place = Path(os.devnull)
-    return place / "flexlink" / digest.hexdigest()[:16]
+    return place / "flexlink" / state()
+
+
+SHIPPED = HERE.parent / "machine_code"
+"""Folder of the package's own code, one sub-folder a state."""
+FAMILIES = {
+    "x86-64-v4": "avx512f avx512bw avx512cd avx512dq avx512vl avx2 bmi bmi2 f16c fma lzcnt movbe",
+    "x86-64-v3": "avx2 bmi bmi2 f16c fma lzcnt movbe",
+}
+"""Families of CPUs, the best first, and what their members have (System V ABI, x86-64 psABI, table 3.1)."""
+
+
+def families(cpu: tuple[str, str, str]) -> list[tuple[str, str, str]]:
+    """Those that a CPU is of, as Numba names targets: triple, name, features."""
+    triple, _, features = cpu
+    has = {feature[1:] for feature in features.split(",") if feature[:1] == "+"}
+    return [(triple, name, "") for name, needed in FAMILIES.items() if has.issuperset(needed.split())]
+
+
+def families_here() -> list[str]:
+    """Those that this machine's CPU is of."""
+    return [name for _, name, _ in families(cpu_target.target_context.codegen().magic_tuple())]
 
 
 _FOLDER = cache_folder()  # now, before the sources can change under a running process
+_SHIPPED = SHIPPED / _FOLDER.name
 with contextlib.suppress(OSError):
     os.utime(_FOLDER)  # used
 
@@ -171,13 +203,14 @@ class DiskCache:
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The compiled function for `signature`, or None."""
         target.refresh()
-        with contextlib.suppress(Exception):  # whatever is wrong with the file, or with where it should lie
-            checksum, payload = _split(self._file(signature, target.codegen()).read_bytes())
-            if hashlib.sha256(payload).digest() == checksum:
-                called, code = pickle.loads(payload)
-                for module, name, types in called:  # before the code, which looks for their symbols
-                    getattr(importlib.import_module(module), name).compile(types)
-                return CompileResult._rebuild(target, *pickle.loads(code))
+        for file in self._files(signature, target.codegen().magic_tuple()):
+            with contextlib.suppress(Exception):  # whatever is wrong with the file, or with where it should lie
+                checksum, payload = _split(file.read_bytes())
+                if hashlib.sha256(payload).digest() == checksum:
+                    called, code = pickle.loads(payload)
+                    for module, name, types in called:  # before the code, which looks for their symbols
+                        getattr(importlib.import_module(module), name).compile(types)
+                    return CompileResult._rebuild(target, *pickle.loads(code))
         return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
@@ -186,7 +219,7 @@ class DiskCache:
             return  # holds what only this process knows
         payload = serialize.dumps((_called(compiled.library), serialize.dumps(compiled._reduce())))
         try:
-            file = self._file(signature, compiled.codegen)
+            file = next(self._files(signature, compiled.codegen.magic_tuple()))
             _make(file.parent)
             write_whole(file, lambda place: place.write_bytes(hashlib.sha256(payload).digest() + payload))
         except OSError as error:
@@ -195,8 +228,12 @@ class DiskCache:
     def flush(self) -> None:
         """Forget nothing: a file that is there is right."""
 
-    def _file(self, signature: Any, codegen: Any) -> Path:
-        return _FOLDER / f"{_key(self._function, signature, codegen)}.bin"
+    def _files(self, signature: Any, cpu: tuple[str, str, str]) -> Iterator[Path]:
+        """Where the code of this CPU is kept, and others that serve."""
+        yield _FOLDER / f"{_key(self._function, signature, cpu)}.bin"
+        if _SHIPPED.is_dir():
+            for each in (cpu, *families(cpu)):
+                yield _SHIPPED / f"{_key(self._function, signature, each)}.bin"
 
     @classmethod
     def _tell(cls, why: OSError) -> None:
@@ -210,10 +247,10 @@ class DiskCache:
             )
 
 
-def _key(function: Callable[..., Any], types: Any, codegen: Any) -> str:
-    """Name of the code of a function for arguments of these types."""
+def _key(function: Callable[..., Any], types: Any, cpu: tuple[str, str, str] = ("", "", "")) -> str:
+    """Name of the code of a function for arguments of these types, on a CPU as Numba names it, or on any."""
     own = _source(function.__code__.co_filename)
-    digest = hashlib.sha256(repr((types, codegen.magic_tuple())).encode() + own).hexdigest()[:16]
+    digest = hashlib.sha256(repr((types, cpu)).encode() + own).hexdigest()[:16]
     return f"{function.__module__}.{function.__qualname__}-{digest}"
 
 

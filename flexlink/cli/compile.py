@@ -1,0 +1,86 @@
+"""`flexlink compile`: Compile the solver for every kind of scene ahead of its first use, on all cores.
+
+flexlink compile
+flexlink compile --out build/machine_code --cpu x86-64-v3 --cpu x86-64-v4
+"""
+
+from __future__ import annotations
+
+import argparse
+import concurrent.futures
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from flexlink.cli import rehearsal
+from flexlink.cli.rehearsal import GROUPS
+from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.progress import Progress, clock
+from flexlink.kernels.tools.machine_code import FAMILIES, cache_folder, families_here, state
+
+HERE = "this CPU"
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `compile`."""
+    command.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes; default: one a core")
+    command.add_argument(
+        "--out", type=Path, metavar="FOLDER", help="folder that gets the code, for a package; default: the user's cache"
+    )
+    command.add_argument(
+        "--cpu", action="append", metavar="FAMILY",
+        help=f"compile for a family of CPUs, {', '.join(FAMILIES)}, with --out; default: {HERE}; may be repeated",
+    )  # fmt: skip
+
+
+def run_command(options: argparse.Namespace) -> int:
+    """Compile; each family of CPUs after the other."""
+    cpus, begun = options.cpu or [HERE], time.perf_counter()
+    if options.out is None and not options.cpu and done_before().exists():
+        print(f"solver is compiled: {done_before().parent}")
+        return 0
+    for cpu in cpus:
+        if cpu != HERE and (options.out is None or cpu not in families_here()):
+            allowed = ", ".join(families_here()) or "none"
+            raise ArgumentError(f"--cpu = {cpu}: expected one that this machine is of, {allowed}, and --out")
+        _compile(cpu, options.out, options.jobs)
+    if options.out is None:
+        done_before().touch()
+    print(f"solver compiled in {clock(time.perf_counter() - begun)}")
+    return 0
+
+
+def done_before() -> Path:
+    """The file in the cache that says that all has been compiled, by the rehearsal as it is."""
+    of = [Path(rehearsal.__file__), *sorted((Path(__file__).parent / "data").glob("*.toml"))]
+    digest = hashlib.sha256(b"".join(file.read_bytes() for file in of)).hexdigest()[:16]
+    return cache_folder() / f"rehearsed-{digest}"
+
+
+def _compile(cpu: str, out: Path | None, jobs: int) -> None:
+    """Rehearse in processes of their own, which leave the code in the cache, or in a folder for a package."""
+    with tempfile.TemporaryDirectory() as cache:
+        own = {} if out is None else {"NUMBA_CACHE_DIR": cache}
+        target = {} if cpu == HERE else {"NUMBA_CPU_NAME": cpu, "NUMBA_CPU_FEATURES": ""}
+        with concurrent.futures.ThreadPoolExecutor(max(1, jobs)) as pool:
+            progress = Progress(f"compiling for {cpu}", parts=len(GROUPS), what="kinds of scenes")
+            runs = [pool.submit(_rehearse, group, own | target) for group in GROUPS]
+            for done, run in enumerate(concurrent.futures.as_completed(runs), 1):
+                run.result()
+                progress(done / len(runs))
+        if out is not None:
+            shutil.copytree(Path(cache) / "flexlink" / state(), out / state(), dirs_exist_ok=True)
+
+
+def _rehearse(group: tuple[str, ...], environment: dict[str, str]) -> None:
+    """Rehearse scenes, one after the other."""
+    command = [sys.executable, "-m", "flexlink.cli.rehearsal", *group]
+    run = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=False)
+    if run.returncode:
+        last = (run.stderr.strip().splitlines() or ["no message"])[-1]
+        raise FlexlinkError(f"compiling {', '.join(group)} failed: {last}")

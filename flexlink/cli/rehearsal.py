@@ -1,0 +1,133 @@
+"""What compiles all machine code: every public function, on a few small arms that are all kinds of scenes together."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+import flexlink as fl
+
+GROUPS = ("tree", "free"), ("space",), ("cells",), ("plane",)
+"""Files of `data/`, those of one kind together: processes share hardly any code. The longest come first."""
+METHODS = ("RK4", "DOP853", "Radau5", "auto")
+PUSH = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+STEPS = {"run.method": "RK4", "run.step": 1e-4, "run.unstable": "allow"}
+
+
+def scene_of(name: str) -> fl.Scene:
+    """A scene of `data/`."""
+    return fl.load_scene(Path(__file__).parent / "data" / f"{name}.toml")
+
+
+def calls(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
+    """Names of functions, and calls of them."""
+    for method in METHODS:
+        yield method, functools.partial(fl.simulate, _by(scene, method))
+    yield from _of_states(scene)
+    yield from _of_runs(scene)
+
+
+def _by(scene: fl.Scene, method: str) -> fl.Scene:
+    return scene.varied(STEPS if method == "RK4" else {"run.method": method, "run.relative_tolerance": 1e-4})
+
+
+def _of_states(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
+    """Functions of a chain and its state, one and many, chains one by one and eight side by side."""
+    chain = fl.lump(scene)
+    n, held = chain.n, chain.active
+    state, many = np.full((3, n), 0.1), np.full((3, 9, n), 0.1)
+    q, qd, qs = state[0], state[1], many[0]
+    both = (state, many)
+    yield "forward dynamics", _each(*(functools.partial(fl.forward_dynamics, chain, *one) for one in both))
+    solvers = ("lu", "cholesky")
+    yield "solvers", _each(*(functools.partial(fl.forward_dynamics, chain, *state, solver=each) for each in solvers))
+    yield "inverse dynamics", _each(*(functools.partial(fl.inverse_dynamics, chain, *one) for one in both))
+    for name in ("forward_dynamics_derivatives", "inverse_dynamics_derivatives"):
+        yield name, _each(*(functools.partial(getattr(fl, name), chain, *one) for one in both))
+    yield "mass matrix", _each(*(functools.partial(fl.mass_matrix, chain, one) for one in (q, qs)))
+    for name in ("gravity_torque", "elastic_torque", "tip_position", "frames", "jacobian", "stable_step", "linearize"):
+        yield name, functools.partial(getattr(fl, name), chain, q)
+    for name in ("bias_torque", "drag_torque", "energy", "momentum", "modes"):
+        yield name, functools.partial(getattr(fl, name), chain, q, qd)
+    yield "friction_torque", functools.partial(fl.friction_torque, chain, qd)
+    yield "com", functools.partial(chain.com, q)
+    yield "point_motion", functools.partial(fl.point_motion, chain, *state)
+    yield "internal_loads", functools.partial(fl.strength.internal_loads, chain, *state)
+    for name in ("solve_static", "modes", "natural_frequencies"):
+        yield f"{name} of held joints", functools.partial(getattr(fl, name), chain, locked=held)
+    yield "buckling", functools.partial(fl.strength.buckling_loads, chain, locked=held, tip_wrench=PUSH)
+    floating = fl.lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
+    spun = {chain.joint_name(int(held[0])): 1.0} if len(held) else {}
+    yield "modes in motion", functools.partial(fl.small_motion.modes_in_motion, floating, spun, locked=held[1:])
+    yield "many joints", lambda: _of_many_joints(scene)
+
+
+def _each(*calls: Callable[[], object]) -> Callable[[], None]:
+    """All of them, whatever refuses."""
+
+    def call() -> None:
+        for each in calls:
+            with contextlib.suppress(fl.FlexlinkError):
+                each()
+
+    return call
+
+
+def _of_many_joints(scene: fl.Scene) -> None:
+    """What is O(n) from a hundred joints on."""
+    fine = scene.varied({f"link.{link.name}.segments": 121 for link in scene.arm.links if link.segments > 1})
+    chain = fl.lump(fine)
+    fl.stable_step(chain, np.zeros(chain.n))
+    for call in (functools.partial(fl.modes, count=3), fl.solve_static):
+        with contextlib.suppress(fl.FlexlinkError):
+            call(chain, locked=chain.active)
+
+
+def _of_runs(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
+    """Runs side by side, step by step, sampled, stored, with advice."""
+    mass = f"link.{scene.arm.links[-1].name}.end.mass"
+    fixed, sampled = _by(scene, "RK4"), {"drive.rate": 1000.0}
+    for method in METHODS:
+        members = [_by(scene, method).varied({mass: 0.01 * k}) for k in range(9)]
+        yield f"many by {method}", functools.partial(fl.simulate_many, members)
+    yield "sampled law", lambda: fl.simulate(fixed.varied(sampled))
+    free = fixed.varied({"drive": None})
+    yield "control", lambda: fl.simulate(free, control=lambda t, q, qd: np.zeros(len(fl.lump(free).active)), rate=1e3)
+    yield "simulator", lambda: _stepped(fixed)
+    yield "stored run", lambda: _stored(fixed)
+    yield "sensitivities", lambda: fl.sensitivities(scene.varied({mass: 0.1}), [mass])
+    yield "advice", lambda: fl.advise(scene, 0.3, budget=0.01)
+
+
+def _stepped(scene: fl.Scene) -> None:
+    simulator = fl.Simulator(scene)
+    simulator.step()
+
+
+def _stored(scene: fl.Scene) -> None:
+    run = fl.simulate(scene)
+    with tempfile.TemporaryDirectory() as folder:
+        fl.load_trajectory(run.save(Path(folder) / "run.npz")).columns["imbalance [J]"]
+
+
+def main(names: Sequence[str]) -> None:
+    """Rehearse scenes of `data/`; says on stderr what takes long."""
+    for name in names:
+        for what, call in calls(scene_of(name)):
+            begun = time.process_time()
+            with contextlib.suppress(fl.FlexlinkError), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                call()
+            print(f"{name}: {what}: {time.process_time() - begun:.1f} s", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

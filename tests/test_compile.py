@@ -1,0 +1,52 @@
+"""The solver compiled ahead: every kind of scene and every public function, by a command that says what it lacks."""
+
+from __future__ import annotations
+
+import inspect
+import re
+
+import pytest
+
+import flexlink as fl
+from flexlink.cli import rehearsal
+from flexlink.cli.main import main
+from flexlink.kernels.tools.machine_code import families_here
+
+NOT_KERNELS = {
+    "check_fit", "compare", "compare_trajectories", "fit", "import_urdf", "initial_state", "load_fit", "load_scene",
+    "load_sweep", "lump", "report", "rigidified", "sweep", "to_mjcf", "to_sdf", "to_urdf",
+}  # fmt: skip
+"""Functions that run what others rehearse."""
+SCENES = [name for group in rehearsal.GROUPS for name in group]
+
+
+def test_the_scenes_are_all_kinds() -> None:
+    chains = [fl.lump(rehearsal.scene_of(name)) for name in SCENES]
+    assert len({(chain.is_planar, chain.arrays.rare is None) for chain in chains}) == 4
+    assert any(chain.has_free_base for chain in chains)
+    assert any(chain.has_rotation_springs for chain in chains)
+    assert any(chain.slides.any() for chain in chains)
+
+
+def test_every_public_function_of_numbers_is_rehearsed() -> None:
+    text = inspect.getsource(rehearsal)
+    public = {name for name in fl.__all__ if inspect.isfunction(getattr(fl, name))}
+    assert {name for name in public - NOT_KERNELS if not re.search(rf"\b{name}\b", text)} == set()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["plane", "cells"])
+def test_a_rehearsal_runs_to_its_end(name: str, capsys) -> None:
+    rehearsal.main([name])
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == len([*rehearsal.calls(rehearsal.scene_of(name))])
+
+
+@pytest.mark.parametrize("arguments", [["--cpu", "x86-64-v3"], ["--cpu", "z80", "--out", "nowhere"]])
+def test_a_family_that_the_machine_is_not_of_is_refused(arguments: list[str], capsys) -> None:
+    assert main(["compile", *arguments]) == 2
+    assert capsys.readouterr().err.startswith(f"flexlink: --cpu = {arguments[1]}: expected one that this machine is of")
+
+
+def test_this_machine_is_of_a_family_or_of_none() -> None:
+    assert families_here() in ([], ["x86-64-v3"], ["x86-64-v4", "x86-64-v3"])
