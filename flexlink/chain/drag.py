@@ -14,19 +14,18 @@ from flexlink.describe.arm import Arm
 from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
 
-FEWEST, OF_LINK = 2, 8
-"""Gauss points of a piece, and of a link. Two integrate the moment of a drag that does not change sign exactly, in a
-plane and of constant breadth; 8 points of a link put 1e-4 of the torque right where it does, or the link tapers."""
-
 
 def drag_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> list[tuple[object, ...]]:
     """The points at which links meet drag, rows of dtype `DRAG`, at hand of the pieces of the links."""
     arm, counts = scene.arm, Counter(piece.link for piece in pieces)
+    # Gauss points of a piece and of a link. Two integrate the moment of a drag that does not change sign exactly, in a
+    # plane and of constant breadth; 8 points of a link put 1e-4 of the torque right where it does, or the link tapers.
+    fewest, of_link = 2, 8
     rows = []
     for piece in pieces:
         link = arm.links[piece.link - 1]
         if link.drag is not None and piece.body and piece.length:
-            rows += _of_piece(piece, link, arm, max(FEWEST, -(-OF_LINK // counts[piece.link])), scene.fluid_density)
+            rows += _of_piece(piece, link, arm, max(fewest, -(-of_link // counts[piece.link])), scene.fluid_density)
     return rows
 
 

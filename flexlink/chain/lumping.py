@@ -38,7 +38,6 @@ from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 from flexlink.kernels.layout import COUPLING, HINGE, SLIDES, SPRINGS
 
 TWIST = 1  # axis of a coordinate
-SPACE = "xyz"  # axes of a hinge that turns any way
 PAIR = 2  # hinges of the cells whose springs hold the curvature of the rotation between them
 
 
@@ -325,7 +324,7 @@ def _add_segments(
                 rotor = rotors[segment - 1] if axis == TWIST else 0.0
                 coordinate = Coordinate(number, segment, axis)
                 builder.add_hinge(coordinate, axis - 1, 0.0, 0.0, *friction, armature=rotor)
-            if rule.springs == "rotation" and len(AXES[link.flex]) == len(SPACE):
+            if rule.springs == "rotation" and AXES[link.flex] == AXES["xyz"]:
                 builder.body.springs = _springs_of(rule, segment - 1)
         if body is not None:
             builder.add(body)

@@ -23,8 +23,6 @@ from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.progress import Progress, clock
 from flexlink.kernels.tools.machine_code import FAMILIES, cache_folder, families_here, state
 
-HERE = "this CPU"
-
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `compile`."""
@@ -34,18 +32,18 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--cpu", action="append", metavar="FAMILY",
-        help=f"compile for a family of CPUs, {', '.join(FAMILIES)}, with --out; default: {HERE}; may be repeated",
+        help=f"compile for a family of CPUs, {', '.join(FAMILIES)}, with --out; default: this CPU; may be repeated",
     )  # fmt: skip
 
 
 def run_command(options: argparse.Namespace) -> int:
     """Compile; each family of CPUs after the other."""
-    cpus, begun = options.cpu or [HERE], time.perf_counter()
+    cpus, begun = options.cpu or [None], time.perf_counter()
     if options.out is None and not options.cpu and done_before().exists():
         print(f"solver is compiled: {done_before().parent}")
         return 0
     for cpu in cpus:
-        if cpu != HERE and (options.out is None or cpu not in families_here()):
+        if cpu and (options.out is None or cpu not in families_here()):
             allowed = ", ".join(families_here()) or "none"
             raise ArgumentError(f"--cpu = {cpu}: expected one that this machine is of, {allowed}, and --out")
         _compile(cpu, options.out, options.jobs)
@@ -62,13 +60,13 @@ def done_before() -> Path:
     return cache_folder() / f"rehearsed-{digest}"
 
 
-def _compile(cpu: str, out: Path | None, jobs: int) -> None:
+def _compile(cpu: str | None, out: Path | None, jobs: int) -> None:
     """Rehearse in processes of their own, which leave the code in the cache, or in a folder for a package."""
     with tempfile.TemporaryDirectory() as cache:
         own = {} if out is None else {"NUMBA_CACHE_DIR": cache}
-        target = {} if cpu == HERE else {"NUMBA_CPU_NAME": cpu, "NUMBA_CPU_FEATURES": ""}
+        target = {"NUMBA_CPU_NAME": cpu, "NUMBA_CPU_FEATURES": ""} if cpu else {}
         with concurrent.futures.ThreadPoolExecutor(max(1, jobs)) as pool:
-            progress = Progress(f"compiling for {cpu}", parts=len(GROUPS), what="kinds of scenes")
+            progress = Progress(f"compiling for {cpu or 'this CPU'}", parts=len(GROUPS), what="kinds of scenes")
             runs = [pool.submit(_rehearse, group, own | target) for group in GROUPS]
             for done, run in enumerate(concurrent.futures.as_completed(runs), 1):
                 run.result()

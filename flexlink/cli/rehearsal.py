@@ -17,9 +17,6 @@ import flexlink as fl
 
 GROUPS = ("tree", "free"), ("space",), ("cells",), ("plane",)
 """Files of `data/`, those of one kind together: processes share hardly any code. The longest come first."""
-METHODS = ("RK4", "DOP853", "Radau5", "auto")
-PUSH = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-STEPS = {"run.method": "RK4", "run.step": 1e-4, "run.unstable": "allow"}
 
 
 def scene_of(name: str) -> fl.Scene:
@@ -29,14 +26,15 @@ def scene_of(name: str) -> fl.Scene:
 
 def calls(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
     """Names of functions, and calls of them."""
-    for method in METHODS:
+    for method in ("RK4", "DOP853", "Radau5", "auto"):
         yield method, functools.partial(fl.simulate, _by(scene, method))
     yield from _of_states(scene)
     yield from _of_runs(scene)
 
 
 def _by(scene: fl.Scene, method: str) -> fl.Scene:
-    return scene.varied(STEPS if method == "RK4" else {"run.method": method, "run.relative_tolerance": 1e-4})
+    steps = {"run.step": 1e-4, "run.unstable": "allow"} if method == "RK4" else {"run.relative_tolerance": 1e-4}
+    return scene.varied({"run.method": method, **steps})
 
 
 def _of_states(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
@@ -63,7 +61,10 @@ def _of_states(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
     yield "internal_loads", functools.partial(fl.strength.internal_loads, chain, *state)
     for name in ("solve_static", "modes", "natural_frequencies"):
         yield f"{name} of held joints", functools.partial(getattr(fl, name), chain, locked=held)
-    yield "buckling", functools.partial(fl.strength.buckling_loads, chain, locked=held, tip_wrench=PUSH)
+    yield (
+        "buckling",
+        functools.partial(fl.strength.buckling_loads, chain, locked=held, tip_wrench=[-1.0, 0, 0, 0, 0, 0]),
+    )
     floating = fl.lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
     spun = {chain.joint_name(int(held[0])): 1.0} if len(held) else {}
     yield "modes in motion", functools.partial(fl.small_motion.modes_in_motion, floating, spun, locked=held[1:])
@@ -95,7 +96,7 @@ def _of_runs(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
     """Runs side by side, step by step, sampled, stored, with advice."""
     mass = f"link.{scene.arm.links[-1].name}.end.mass"
     fixed, sampled = _by(scene, "RK4"), {"drive.rate": 1000.0}
-    for method in METHODS:
+    for method in ("RK4", "DOP853", "Radau5", "auto"):
         members = [_by(scene, method).varied({mass: 0.01 * k}) for k in range(9)]
         yield f"many by {method}", functools.partial(fl.simulate_many, members)
     yield "sampled law", lambda: fl.simulate(fixed.varied(sampled))

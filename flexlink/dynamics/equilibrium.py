@@ -41,7 +41,6 @@ STEPS = 500
 TRIES = (1.0, 0.2), (0.1, 0.2), (1.0, 3.0)
 """Lengths of arcs, over the usual one, and how far a corrector may leave the end of an arc, over its length: the last
 where the others are lost, for free joints that no spring holds and whose path begins with a jump."""
-TINY = float(np.finfo(np.float64).tiny)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -344,7 +343,7 @@ class _Slopes:
             small[:-1, 0] = self.by_s[spared] - of_spared[0]
             small[:-1, 1:] = of_spared[2:].T
             small[-1] = along
-            sizes = np.append(self.motion.sizes[spared], max(np.abs(along).max(), TINY))
+            sizes = np.append(self.motion.sizes[spared], max(np.abs(along).max(), np.finfo(float).tiny))
             sizes[sizes == 0] = 1.0
             if held:
                 small[:-1, 1:] += np.diag(np.sqrt(self.motion.rounding) * sizes[:-1])

@@ -76,7 +76,7 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
 
 
 def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
-    """T_GC + T_DRAG with a dead or a follower wrench, shape (n,) [N m]; T_EX − T_FL in (relative) equilibrium.
+    """T_GC and T of force elements with a dead or a follower wrench, (n,) [N m]; T_EX − T_FL in (relative) equilibrium.
 
     `wrench` (6,) [N, N m] acts on the tip in axes of frame 0 and keeps its direction there; with `follower` its
     components are in axes of the tip frame and it turns with the tip.
@@ -88,7 +88,7 @@ def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool
 
 
 def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
-    """K = ∂(T_GC + T_FL + T_DRAG)/∂q at constant rates, shape (n, n) [N m/rad], exact up to rounding.
+    """K = ∂(T_GC + T_FL + T of force elements)/∂q at constant rates, shape (n, n) [N m/rad], exact up to rounding.
 
     Elastic + gravity + load + centrifugal stiffness; not symmetric under a follower wrench or a spatial moment.
     """
@@ -163,7 +163,7 @@ def has_potential(chain: Chain, wrench: Array, follower: bool) -> bool:
 
 
 def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
-    """G = ∂(T_GC + T_DRAG)/∂q̇, shape (n, n) [N m s/rad]; at rest that of gyrators alone."""
+    """G = ∂(T_GC + T of force elements)/∂q̇, shape (n, n) [N m s/rad]; at rest that of gyrators alone."""
     G = np.zeros((chain.n, chain.n))
     if qd.any():
         G += load_matrices(chain, q, qd, np.zeros(6))[1]

@@ -22,10 +22,6 @@ from flexlink.dynamics.tangent import Stiffness
 
 EPS = np.finfo(float).eps
 
-_DEFECT = 4
-"""The QR algorithm moves a simple eigenvalue of A by N eps ‖A‖/|wᴴ v| at most (Golub & Van Loan, section 7.2.2). A
-multiple one is moved as many times as far: two where a joint rests, four where two such meet."""
-
 
 class Solution(NamedTuple):
     """λ [1/s], slowest first, φ in columns, and how far rounding may have moved each λ [1/s]."""
@@ -130,7 +126,10 @@ def _eigenvalues(A: Array) -> tuple[Complex, Complex, Array]:
     """Eigenvalues and right eigenvectors of A, and how far rounding may have moved each."""
     λ, left, right = linalg.eig(A, left=True)
     overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
-    size = _DEFECT * len(A) * EPS * np.linalg.norm(A, 2)
+    # The QR algorithm moves a simple eigenvalue by N eps ‖A‖/|wᴴ v| at most (Golub & Van Loan, section 7.2.2), a
+    # multiple one as many times as far: two where a joint rests, four where two such meet.
+    defect = 4
+    size = defect * len(A) * EPS * np.linalg.norm(A, 2)
     return λ, right, np.asarray(size / np.maximum(overlap, EPS))
 
 

@@ -152,8 +152,6 @@ def cache_folder() -> Path:
     return place / "flexlink" / state()
 
 
-SHIPPED = HERE.parent / "machine_code"
-"""Folder of the package's own code, one sub-folder a state."""
 FAMILIES = {
     "x86-64-v4": "avx512f avx512bw avx512cd avx512dq avx512vl avx2 bmi bmi2 f16c fma lzcnt movbe",
     "x86-64-v3": "avx2 bmi bmi2 f16c fma lzcnt movbe",
@@ -174,7 +172,7 @@ def families_here() -> list[str]:
 
 
 _FOLDER = cache_folder()  # now, before the sources can change under a running process
-_SHIPPED = SHIPPED / _FOLDER.name
+_SHIPPED = HERE.parent / "machine_code" / _FOLDER.name  # the code that the package carries
 with contextlib.suppress(OSError):
     os.utime(_FOLDER)  # used
 
