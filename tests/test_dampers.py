@@ -70,7 +70,7 @@ def test_torques_and_slopes_are_those_of_the_law(rng) -> None:
 
 def test_a_stiff_damper_takes_no_short_steps() -> None:
     runs = [fl.simulate(wheel(**{"run.method": "Radau5", "run.relative_tolerance": 1e-4, HARD: c})) for c in (0.5, 1e4)]
-    assert runs[1].steps.evaluations <= 3 * runs[0].steps.evaluations
+    assert runs[1].steps.evaluations <= 2.4 * runs[0].steps.evaluations  # 2.1; 2.7 without its slope in the matrices
     np.testing.assert_allclose(runs[1].qd[:, 0], 3 / (1 + 3e4 * runs[1].t), atol=1e-5)
 
 
