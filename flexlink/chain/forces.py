@@ -27,11 +27,8 @@ def damper_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
 
 def gyrator_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
     """Between joints and the internal coordinates of their lagging friction, rows of dtype `GYRATOR`."""
-    links = [chain.coordinates[k].link for k in chain.internal.tolist()]
-    return [
-        (chain.index(link, 0, 0), k, scene.arm.links[link - 1].joint.viscous)
-        for link, k in zip(links, chain.internal.tolist(), strict=True)
-    ]
+    links = [(k, chain.coordinates[k].link) for k in chain.internal.tolist()]
+    return [(chain.index(link, 0, 0), k, scene.arm.links[link - 1].joint.viscous) for k, link in links]
 
 
 ROWS: dict[str, Callable[[Scene, Chain, Sequence[Piece]], Rows]] = {
