@@ -20,8 +20,8 @@ from flexlink.describe.schemes.cells import Cells, cell_of
 from flexlink.describe.schemes.lumping_rules import Element, LumpingRule, lumping_rule
 from flexlink.errors import SceneError
 from flexlink.kernels.forces.couplings import cells_of
+from flexlink.kernels.forward.mass_plus import FACTORS
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, columns
-from flexlink.kernels.forward.mass_plus_diagonal import FACTORS
 from flexlink.kernels.layout import COUPLING, FORCES, Rare
 
 EPS = np.finfo(float).eps

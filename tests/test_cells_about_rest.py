@@ -24,8 +24,8 @@ from flexlink.dynamics.vibration.extremes import CLOSE, fastest_decay, fastest_f
 from flexlink.dynamics.vibration.stability import (
     fastest_eigenvalues,
 )
-from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
-from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.forward.mass_plus_plane import plane_posture
+from flexlink.kernels.forward.mass_plus_space import space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue
 from flexlink.pages.tables import Table
 from flexlink.results.resolved_modes import resolved

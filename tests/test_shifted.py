@@ -7,9 +7,9 @@ import pytest
 from conftest import compiled, flexible, make_scene, nasty_scene
 
 import flexlink as fl
-from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, place_bodies, solve
-from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
-from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.forward.mass_plus import FACTORS, displacement, factor, place_bodies, solve
+from flexlink.kernels.forward.mass_plus_plane import plane_posture
+from flexlink.kernels.forward.mass_plus_space import space_posture
 from flexlink.kernels.tools.compiler import kernel
 
 MOVED = fl.PrescribedMotion(link="b", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))

@@ -10,10 +10,10 @@ from conftest import compiled, flexible, make_scene
 from scipy.linalg import eigh
 
 import flexlink as fl
+from flexlink.kernels.forward.mass_plus import displacement, place_bodies
 from flexlink.kernels.forward.mass_plus_cells import columns
-from flexlink.kernels.forward.mass_plus_diagonal import displacement, place_bodies
-from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
-from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.forward.mass_plus_plane import plane_posture
+from flexlink.kernels.forward.mass_plus_space import space_posture
 from flexlink.kernels.stepping.error_norm import CLOSER, Springs, step_error_norm
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import kernel

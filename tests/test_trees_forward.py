@@ -16,9 +16,9 @@ from flexlink.dynamics.terms import algorithms_of
 from flexlink.kernels.forward.articulated import articulated
 from flexlink.kernels.forward.articulated_rows import articulated_lanes_workspace, articulated_workspace
 from flexlink.kernels.forward.inverse_mass import solve_on_articulated
+from flexlink.kernels.forward.mass_plus import displacement, factor, place_bodies, solve
 from flexlink.kernels.forward.mass_plus_cells import COUPLED, columns, put_couplings
-from flexlink.kernels.forward.mass_plus_diagonal import displacement, factor, place_bodies, solve
-from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.forward.mass_plus_space import space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue
 from flexlink.kernels.forward.solvers import dense, dense_workspace
 from flexlink.kernels.geometry.kinematics import forward_kinematics

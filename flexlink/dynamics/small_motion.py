@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,8 +13,9 @@ from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.dynamics.forces import refuse_forces
 from flexlink.dynamics.springs import about, damping_slope
-from flexlink.kernels.derivatives.small_motion import HINGE, factor, mass_products, multiply, place, small_motion, solve
-from flexlink.kernels.derivatives.small_motion_cells import factor_in_cells, small_motion_in_cells, solve_in_cells
+from flexlink.kernels.derivatives.small_motion import HINGE, mass_products, multiply, place, small_motion
+from flexlink.kernels.derivatives.small_motion_cells import cells_workspace
+from flexlink.kernels.derivatives.small_motion_factors import factor, solve
 
 K_ALONE, C_ALONE, M_ALONE = np.eye(3)
 """Weights of K, C and M in a sum of them."""
@@ -41,8 +44,8 @@ class SmallMotion:
         sprung = about(chain, q)
         self._diagonals = np.array([sprung.stiffness, damping_slope(chain), chain.hinges["armature"]])
         self._chain, self._state, self._couplings = chain, (wrench, follower, qd), sprung.couplings
-        self._cells = small_motion_in_cells(sprung.arrays) if len(sprung.couplings) else None
-        self._work = small_motion(chain.arrays) if self._cells is None else self._cells.whole
+        self._work = small_motion(sprung.arrays)
+        self._cells = cells_workspace(sprung.arrays) if len(sprung.couplings) else None
         self.place(q)
         self.scales = rounding.scales(chain)
         self.locked, self.rounding = locked, int((~locked).sum()) * rounding.of_load_stiffness(chain)
@@ -58,10 +61,13 @@ class SmallMotion:
 
     def _bend(self, sprung: Chain) -> None:
         """Take on the stiffness of the chain about a posture."""
-        assert self._cells is not None  # the hinges of a triple are coupled
         self._diagonals[0], self._couplings = sprung.stiffness, sprung.couplings
-        self._work = self._cells.whole._replace(chain=sprung.arrays)
-        self._cells = self._cells._replace(whole=self._work)
+        self._work = self._work._replace(chain=sprung.arrays)
+
+    @property
+    def _matrix(self) -> Any:
+        """The scratch with its cells, of which `place` and products need no code."""
+        return self._work._replace(cells=self._cells)
 
     def times(self, weights: Array, x: Array) -> Array:
         """(weights · (K, C, M)) x for rows x (m, n), 0 at locked coordinates, shape (m, n)."""
@@ -86,16 +92,16 @@ class SmallMotion:
         """
         self.sizes, given = sizes, self._work.given
         given[:] = self.locked
-        negative = self._factor(weights, weights @ self._diagonals, w, sizes, smallest)
+        negative = factor(self._matrix, weights, weights @ self._diagonals, w, sizes, smallest)
         self.spared = np.flatnonzero(given & ~self.locked)
-        return negative
+        return int(negative)
 
     def inertias(self) -> tuple[Array, Array]:
         """The diagonal of M, and what each coordinate moves while all beyond it give way, shape (n,) each [kg m²]."""
         found, ones = [], np.ones(len(self.locked))
         for given in (True, self.locked):
             self._work.given[:] = given
-            self._factor(M_ALONE, M_ALONE @ self._diagonals, ones, ones, -1.0)
+            factor(self._matrix, M_ALONE, M_ALONE @ self._diagonals, ones, ones, -1.0)
             found.append(self._work.hinges[:, HINGE.D].copy())
         return found[0], found[1]
 
@@ -108,19 +114,11 @@ class SmallMotion:
         right, x = (np.zeros((m + len(spared), r.shape[1])) for _ in range(2))
         right[:m], left = r, np.zeros_like(right)
         x[m + np.arange(len(spared)), spared] = 1.0
-        if self._cells is None:
-            solve(self._work, right, x, left)
-        else:
-            solve_in_cells(self._cells, right, x, left)
+        solve(self._matrix, right, x, left)
         return x, left[:, spared]
 
     def falling(self, weights: Array, more: Array) -> int:
         """Number of negative eigenvalues of weights · (K, C, M) + diag(more), if that is symmetric."""
         self._work.given[:] = self.locked
         ones = np.ones(len(more))
-        return self._factor(weights, weights @ self._diagonals + more, ones, ones, -1.0)
-
-    def _factor(self, weights: Array, diagonal: Array, w: Array, sizes: Array, smallest: float) -> int:
-        if self._cells is None:
-            return int(factor(self._work, weights, diagonal, w, sizes, smallest))
-        return int(factor_in_cells(self._cells, weights, diagonal, w, sizes, smallest))
+        return int(factor(self._matrix, weights, weights @ self._diagonals + more, ones, ones, -1.0))

@@ -16,8 +16,8 @@ from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.forces.elements import forces_of
 from flexlink.kernels.forward.mass_plus_cells import columns
-from flexlink.kernels.forward.mass_plus_diagonal_plane import PlanePosture, plane_posture, plane_postures
-from flexlink.kernels.forward.mass_plus_diagonal_space import SpacePosture, space_posture, space_postures
+from flexlink.kernels.forward.mass_plus_plane import PlanePosture, plane_posture, plane_postures
+from flexlink.kernels.forward.mass_plus_space import SpacePosture, space_posture, space_postures
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.stepping.error_norm import Springs

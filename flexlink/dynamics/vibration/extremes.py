@@ -11,8 +11,8 @@ from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.dynamics.terms import inverse_dynamics
-from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
-from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.forward.mass_plus_plane import plane_posture
+from flexlink.kernels.forward.mass_plus_space import space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue, smallest_square
 
 FOUND = Memo(256)

@@ -30,6 +30,7 @@ from flexlink.kernels.tools.lanes import (
     zero_of,
 )
 from flexlink.kernels.tools.rare import rarely
+from flexlink.kernels.tools.records import added, keep, kept
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import (
     ZERO6,
@@ -171,7 +172,7 @@ def mass_upper(chain, q, M):
     for start in range(len(bodies) - 1, -1, -1):
         b = bodies[start]
         if chain.rare is not None and b.fork > 0:
-            m, h, J = with_branches(beyond[start], m, h, J)
+            m, h, J = added(beyond, start, (m, h, J))
         c = vector(b.center)
         m += b.mass
         h = add(h, scale(b.mass, c))
@@ -214,25 +215,9 @@ def mass_upper(chain, q, M):
         h = add(h, scale(m, r))
         if chain.rare is not None and b.begins:
             if b.parent > 0:
-                m, h, J = with_branches(beyond[b.parent - 1], m, h, J)
-                put_branches(beyond[b.parent - 1], m, h, J)
+                keep(beyond, b.parent - 1, added(beyond, b.parent - 1, (m, h, J)))
             m, h, J = 0.0, ZERO, ZERO6
     return trace(M)
-
-
-@subroutine
-def with_branches(row, m, h, J):
-    """Mass, first moment and inertia with what is kept in a row."""
-    J = sym_add(J, (row[4], row[5], row[6], row[7], row[8], row[9]))
-    return m + row[0], add(h, (row[1], row[2], row[3])), J
-
-
-@subroutine
-def put_branches(row, m, h, J):
-    """Keep them there."""
-    row[0] = m
-    row[1], row[2], row[3] = h
-    row[4], row[5], row[6], row[7], row[8], row[9] = J
 
 
 class CompositeWork(NamedTuple):
@@ -300,8 +285,7 @@ def composite(chain, q, M, work):
         b = bodies[i]
         p = vec_of(points, i, 0)
         if chain.rare is not None and rarely(b.fork > 0):
-            m_b, C_b, J_b = branches_at(work, b.fork)
-            m, C, J = together(m, C, J, m_b, C_b, J_b)
+            m, C, J = together(m, C, J, work.masses[b.fork], *kept(work.forks, b.fork, (C, J)))
         J = sym_add(J, sym_rotate(rotations[i], symmetric(b.inertia)))
         if b.mass > 0.0:
             d = sub(add(p, apply(rotations[i], vector(b.center))), C)
@@ -332,8 +316,9 @@ def composite(chain, q, M, work):
             put_at(M, at(M, k, k) + hinges[k].armature, k, k)
         if chain.rare is not None and rarely(b.begins):
             if b.slot > 0:
-                m_b, C_b, J_b = branches_at(work, b.slot)
-                keep_branches(work, b.slot, *together(m, C, J, m_b, C_b, J_b))
+                m, C, J = together(m, C, J, work.masses[b.slot], *kept(work.forks, b.slot, (C, J)))
+                work.masses[b.slot] = m
+                keep(work.forks, b.slot, (C, J))
             m, C, J = 0.0, (o, o, o), (o, o, o, o, o, o)
     for k in range(len(hinges)):
         for j in range(k):
@@ -360,22 +345,6 @@ def together(m, C, J, m_other, C_other, J_other):
     d = sub(C_other, C)
     J = sym_add(sym_add(J, J_other), point_inertia(m * m_other / (m + m_other), d))
     return m + m_other, add(C, scale(m_other / (m + m_other), d)), J
-
-
-@inlined
-def branches_at(work, row):
-    """Mass, centre and inertia that are kept for a fork."""
-    a, b = vec_of(work.forks, row, 3), vec_of(work.forks, row, 6)
-    return work.masses[row], vec_of(work.forks, row, 0), (a[0], a[1], a[2], b[0], b[1], b[2])
-
-
-@inlined
-def keep_branches(work, row, m, C, J):
-    """Keep them."""
-    work.masses[row] = m
-    put_vec_of(work.forks, C, row, 0)
-    put_vec_of(work.forks, (J[0], J[1], J[2]), row, 3)
-    put_vec_of(work.forks, (J[3], J[4], J[5]), row, 6)
 
 
 @kernel

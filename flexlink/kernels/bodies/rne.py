@@ -26,12 +26,11 @@ from flexlink.kernels.tools.lanes import (
     position_of,
     put_at,
     put_lanes,
-    put_vec_of,
     vec,
-    vec_of,
     zero_of,
 )
 from flexlink.kernels.tools.rare import rarely
+from flexlink.kernels.tools.records import added, keep, kept
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.vec3 import (
     add,
@@ -104,12 +103,12 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
     a = scale(-1.0 + o, gravity)
     f_tip, n_tip = vec(wrench, 0), vec(wrench, 3)
     if work.forks is not None and rarely(len(forks) > 0):
-        keep_state(forks, 0, ω, α, a, f_tip, n_tip)
+        keep(forks, 0, (ω, α, a, f_tip, n_tip))
     power = o
     for i in range(len(bodies)):
         b = bodies[i]
         if chain.rare is not None and rarely(b.begins):
-            ω, α, a, f_tip, n_tip = state_at(forks, b.slot)
+            ω, α, a, f_tip, n_tip = kept(forks, b.slot, (ω, α, a, f_tip, n_tip))
         r = vector(b.translation)
         a = add(a, add(cross(α, r), cross(ω, cross(ω, r))))
         if b.turned:
@@ -139,15 +138,13 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
         if b.loaded:
             F, N, power = sub(F, f_tip), sub(N, n_tip), dot(n_tip, ω)
         if chain.rare is not None and rarely(b.fork > 0):
-            keep_state(forks, b.fork, ω, α, a, f_tip, n_tip)
-        put_vec_of(loads, F, i, 0)
-        put_vec_of(loads, N, i, 3)
+            keep(forks, b.fork, (ω, α, a, f_tip, n_tip))
+        keep(loads, i, (F, N))
 
     f = n = (o, o, o)
     for i in range(len(bodies) - 1, -1, -1):
         b = bodies[i]
-        f = add(f, vec_of(loads, i, 0))
-        n = add(n, vec_of(loads, i, 3))
+        f, n = added(loads, i, (f, n))
         for k in range(b.stop - 1, b.first - 1, -1):
             axis = hinges[k].axis
             if chain.rare is not None and rarely(axis >= SLIDES):
@@ -164,8 +161,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
         n = add(n, cross(vector(b.translation), f))
         if chain.rare is not None and rarely(b.begins):
             if b.parent > 0:
-                put_vec_of(loads, add(vec_of(loads, b.parent - 1, 0), f), b.parent - 1, 0)
-                put_vec_of(loads, add(vec_of(loads, b.parent - 1, 3), n), b.parent - 1, 3)
+                keep(loads, b.parent - 1, added(loads, b.parent - 1, (f, n)))
             f = n = (o, o, o)
     return power
 
@@ -176,22 +172,3 @@ def slide(axis, q, qd, qdd, ω, α, a):
     o = 0.0 * q
     ωe = cross_unit(ω, axis, o)
     return add_along(axis, qdd, add(a, add(scale(q, add(cross_unit(α, axis, o), cross(ω, ωe))), scale(2.0 * qd, ωe))))
-
-
-@inlined
-def keep_state(forks, row, ω, α, a, f_tip, n_tip):
-    """Keep what branches go on from."""
-    put_vec_of(forks, ω, row, 0)
-    put_vec_of(forks, α, row, 3)
-    put_vec_of(forks, a, row, 6)
-    put_vec_of(forks, f_tip, row, 9)
-    put_vec_of(forks, n_tip, row, 12)
-
-
-@inlined
-def state_at(forks, row):
-    """Read it."""
-    return (
-        vec_of(forks, row, 0), vec_of(forks, row, 3), vec_of(forks, row, 6),
-        vec_of(forks, row, 9), vec_of(forks, row, 12),
-    )  # fmt: skip

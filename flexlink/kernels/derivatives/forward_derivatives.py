@@ -46,7 +46,7 @@ from flexlink.kernels.tools.finite import are_finite, is_finite
 from flexlink.kernels.tools.lanes import LANES, put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.rare import rarely
-from flexlink.kernels.tools.sym3 import sym_apply
+from flexlink.kernels.tools.sym3 import sym_apply, sym_of
 from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, cross, dot, place, scale, sub
 
 VARIABLE = numbered("q qd tau")  # along which the derivatives are taken
@@ -307,9 +307,7 @@ def part_branches(bodies, first, loads):
 @inlined
 def load_of_body(bodies, hinges, i, m, variable, block):
     """Moment and force of body `i` for a block of changes."""
-    mc, ω, a = vec_of(bodies, i, BODY_MOTION.mc), vec_of(bodies, i, BODY_MOTION.ω), vec_of(bodies, i, BODY_MOTION.I)
-    b = vec_of(bodies, i, BODY_MOTION.I + 3)
-    I = (a[0], a[1], a[2], b[0], b[1], b[2])
+    mc, ω, I = vec_of(bodies, i, BODY_MOTION.mc), vec_of(bodies, i, BODY_MOTION.ω), sym_of(bodies, i, BODY_MOTION.I)
     ρ = sub(vec_of(bodies, i, BODY_MOTION.p), vec_of(hinges, block, HINGE_MOTION.p))
     u = sub(vec_of(bodies, i, BODY_MOTION.v), vec_of(hinges, block, HINGE_MOTION.v))
     δω, η = vec_of(hinges, block, HINGE_MOTION.δω), vec_of(hinges, block, HINGE_MOTION.η)

@@ -42,8 +42,9 @@ from flexlink.kernels.geometry.branches import fork_rows
 from flexlink.kernels.layout import SLIDES, ChainArrays
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subroutine
 from flexlink.kernels.tools.finite import are_finite
-from flexlink.kernels.tools.lanes import LANES, at, put_at, put_eight, put_vec_of, vec_of
+from flexlink.kernels.tools.lanes import LANES, at, put_at, put_eight, vec_of
 from flexlink.kernels.tools.numbered import numbered
+from flexlink.kernels.tools.records import added, keep, kept
 from flexlink.kernels.tools.sym3 import (
     ZERO6,
     point_inertia,
@@ -51,6 +52,7 @@ from flexlink.kernels.tools.sym3 import (
     sym_add,
     sym_apply,
     sym_from_axes,
+    sym_of,
     symmetric,
 )
 from flexlink.kernels.tools.vec3 import (
@@ -77,10 +79,8 @@ HINGE_MOTION = numbered("e:3 p:3 v:3 δa:3 η:3 δω:3 δF:3 δm:3 δv:3")
 BODY_MOTION = numbered("r:3 u:3 mc:3 ω:3 F:3 N:3 I:6 p:3 v:3")
 """Numbers of a body: r from the body that it hangs on and u = dr/dt, m c, ω, force and moment that its motion takes, I
 about the hinge point, and p and v of this point."""
-STATE = numbered("x:3 y:3 z:3 p:3 v:3 ω:3 α:3 a:3")
-"""What branches go on from: axes, hinge point, motion."""
 COMPOSITE = numbered("m s:3 I:6 P:3 G:9 f:3 n:3 d:3 loaded")
-"""What they bring: their composite, f, n and d, and 1 with the wrench, which is d from there."""
+"""What branches bring: their composite, f, n and d, and 1 with the wrench, which is d from there."""
 
 
 class MotionWork(NamedTuple):
@@ -229,11 +229,11 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
     a = scale(-1.0, vector(chain.gravity))
     f_tip, n_tip = force, moment
     if work.forks is not None and len(work.forks) > 0:
-        keep_state(work.forks, 0, x, y, z, p, v, ω, α, a)
+        keep(work.forks, 0, (x, y, z, p, v, ω, α, a))
     for i in range(len(chain.bodies)):
         b = chain.bodies[i]
         if chain.rare is not None and b.begins:
-            x, y, z, p, v, ω, α, a = kept_state(work.forks, b.slot)
+            x, y, z, p, v, ω, α, a = kept(work.forks, b.slot, (x, y, z, p, v, ω, α, a))
         r = place(vector(b.translation), x, y, z)
         u = cross(ω, r)
         p, v, a = add(p, r), add(v, u), add(a, add(cross(α, r), cross(ω, u)))
@@ -269,44 +269,14 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
         center = place(vector(b.center), x, y, z)
         mc = scale(b.mass, center)
         I = sym_add(sym_from_axes(x, y, z, symmetric(b.inertia)), point_inertia(b.mass, center))
-        put_vec_of(rows, r, i, BODY_MOTION.r)
-        put_vec_of(rows, u, i, BODY_MOTION.u)
-        put_vec_of(rows, p, i, BODY_MOTION.p)
-        put_vec_of(rows, v, i, BODY_MOTION.v)
-        put_vec_of(rows, mc, i, BODY_MOTION.mc)
-        put_vec_of(rows, ω, i, BODY_MOTION.ω)
-        put_vec_of(rows, add(scale(b.mass, a), add(cross(α, mc), cross(ω, cross(ω, mc)))), i, BODY_MOTION.F)
-        put_vec_of(rows, add(cross(mc, a), add(sym_apply(I, α), cross(ω, sym_apply(I, ω)))), i, BODY_MOTION.N)
-        put_vec_of(rows, (I[0], I[1], I[2]), i, BODY_MOTION.I)
-        put_vec_of(rows, (I[3], I[4], I[5]), i, BODY_MOTION.I + 3)
+        F = add(scale(b.mass, a), add(cross(α, mc), cross(ω, cross(ω, mc))))
+        N = add(cross(mc, a), add(sym_apply(I, α), cross(ω, sym_apply(I, ω))))
+        keep(rows, i, (r, u, mc, ω, F, N, I, p, v))  # `BODY_MOTION`
         if chain.rare is not None and b.fork > 0:
-            keep_state(work.forks, b.fork, x, y, z, p, v, ω, α, a)
+            keep(work.forks, b.fork, (x, y, z, p, v, ω, α, a))
         if b.loaded and follower:
             f_tip, n_tip = place(force, x, y, z), place(moment, x, y, z)
     return f_tip, n_tip
-
-
-@recursion
-def keep_state(forks, row, x, y, z, p, v, ω, α, a):
-    """Keep what branches go on from."""
-    put_vec_of(forks, x, row, STATE.x)
-    put_vec_of(forks, y, row, STATE.y)
-    put_vec_of(forks, z, row, STATE.z)
-    put_vec_of(forks, p, row, STATE.p)
-    put_vec_of(forks, v, row, STATE.v)
-    put_vec_of(forks, ω, row, STATE.ω)
-    put_vec_of(forks, α, row, STATE.α)
-    put_vec_of(forks, a, row, STATE.a)
-
-
-@recursion
-def kept_state(forks, row):
-    """Read it."""
-    return (
-        vec_of(forks, row, STATE.x), vec_of(forks, row, STATE.y), vec_of(forks, row, STATE.z),
-        vec_of(forks, row, STATE.p), vec_of(forks, row, STATE.v), vec_of(forks, row, STATE.ω),
-        vec_of(forks, row, STATE.α), vec_of(forks, row, STATE.a),
-    )  # fmt: skip
 
 
 @inlined
@@ -388,7 +358,7 @@ def inward(chain, force, moment, work):
     """Composites from the tips on, and with each hinge its row of slopes."""
     rows, forks = work.motion.bodies, work.motion.forks
     if work.motion.forks is not None:
-        clear(forks)
+        forks[:] = 0.0
     m, s, I, P, G = 0.0, ZERO, ZERO6, ZERO, (ZERO, ZERO, ZERO)
     f = n = d = ZERO
     loaded = 0.0
@@ -396,11 +366,10 @@ def inward(chain, force, moment, work):
         b, mc, ω = chain.bodies[i], vec_of(rows, i, BODY_MOTION.mc), vec_of(rows, i, BODY_MOTION.ω)
         r = vec_of(rows, i, BODY_MOTION.r)
         if chain.rare is not None and b.fork > 0:
-            m, s, I, P, G, f, n, d, loaded = with_branches(forks, b.fork, m, s, I, P, G, f, n, d, loaded)
+            m, s, I, P, G, f, n, d, loaded = added(forks, b.fork, (m, s, I, P, G, f, n, d, loaded))
         if b.loaded:
             f, n, d, loaded = scale(-1.0, force), scale(-1.0, moment), ZERO, 1.0
-        low, high = vec_of(rows, i, BODY_MOTION.I), vec_of(rows, i, BODY_MOTION.I + 3)
-        own = (low[0], low[1], low[2], high[0], high[1], high[2])
+        own = sym_of(rows, i, BODY_MOTION.I)
         turned = own_spin(ω, own)
         m, s, I, P = m + b.mass, add(s, mc), sym_add(I, own), add(P, cross(ω, mc))
         G = add(G[0], turned[0]), add(G[1], turned[1]), add(G[2], turned[2])
@@ -420,50 +389,9 @@ def inward(chain, force, moment, work):
             I, s = sym_add(I, sym_add(product_inertia(s, r), point_inertia(m, r))), t
             n, d = add(n, cross(r, f)), add_scaled(d, loaded, r)
         if chain.rare is not None and b.begins:
-            add_branch(forks, b.slot, m, s, I, P, G, f, n, d, loaded)
+            keep(forks, b.slot, added(forks, b.slot, (m, s, I, P, G, f, n, d, loaded)))
             m, s, I, P, G, loaded = 0.0, ZERO, ZERO6, ZERO, (ZERO, ZERO, ZERO), 0.0
             f = n = d = ZERO
-
-
-@recursion
-def clear(forks):
-    """Nothing has been brought yet."""
-    for row in range(len(forks)):
-        for k in range(forks.shape[1]):
-            forks[row, k] = 0.0
-
-
-@recursion
-def with_branches(forks, row, m, s, I, P, G, f, n, d, loaded):
-    """A composite with those of branches."""
-    low, high = vec_of(forks, row, COMPOSITE.I), vec_of(forks, row, COMPOSITE.I + 3)
-    return (
-        m + forks[row, COMPOSITE.m], add(s, vec_of(forks, row, COMPOSITE.s)),
-        sym_add(I, (low[0], low[1], low[2], high[0], high[1], high[2])),
-        add(P, vec_of(forks, row, COMPOSITE.P)),
-        (
-            add(G[0], vec_of(forks, row, COMPOSITE.G)), add(G[1], vec_of(forks, row, COMPOSITE.G + 3)),
-            add(G[2], vec_of(forks, row, COMPOSITE.G + 6)),
-        ),
-        add(f, vec_of(forks, row, COMPOSITE.f)), add(n, vec_of(forks, row, COMPOSITE.n)),
-        add(d, vec_of(forks, row, COMPOSITE.d)), loaded + forks[row, COMPOSITE.loaded],
-    )  # fmt: skip
-
-
-@recursion
-def add_branch(forks, row, m, s, I, P, G, f, n, d, loaded):
-    """Add the composite of a branch."""
-    m, s, I, P, G, f, n, d, loaded = with_branches(forks, row, m, s, I, P, G, f, n, d, loaded)
-    forks[row, COMPOSITE.m], forks[row, COMPOSITE.loaded] = m, loaded
-    put_vec_of(forks, s, row, COMPOSITE.s)
-    put_vec_of(forks, (I[0], I[1], I[2]), row, COMPOSITE.I)
-    put_vec_of(forks, (I[3], I[4], I[5]), row, COMPOSITE.I + 3)
-    put_vec_of(forks, P, row, COMPOSITE.P)
-    for column in range(3):
-        put_vec_of(forks, G[column], row, COMPOSITE.G + 3 * column)
-    put_vec_of(forks, f, row, COMPOSITE.f)
-    put_vec_of(forks, n, row, COMPOSITE.n)
-    put_vec_of(forks, d, row, COMPOSITE.d)
 
 
 @subroutine

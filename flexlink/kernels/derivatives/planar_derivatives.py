@@ -29,7 +29,7 @@ from flexlink.kernels.derivatives.forward_derivatives import (
 )
 from flexlink.kernels.derivatives.inverse_derivatives import keep_columns
 from flexlink.kernels.forces.elements import find_slopes, force_slopes_of, forces_of
-from flexlink.kernels.forward.mass_plus_diagonal_plane import PlanePosture, levers_alone, turn_levers
+from flexlink.kernels.forward.mass_plus_plane import PlanePosture, levers_alone, turn_levers
 from flexlink.kernels.forward.solvers import forward_dynamics
 from flexlink.kernels.layout import ChainArrays
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion

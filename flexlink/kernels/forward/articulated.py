@@ -34,10 +34,6 @@ from flexlink.kernels.forward.articulated_branches import (
     add_inertia_of_branch,
     add_load_of_branch,
     clear,
-    inertia_of_branches,
-    keep_state,
-    load_of_branches,
-    state_of,
 )
 from flexlink.kernels.forward.articulated_groups import (
     add_pair,
@@ -68,6 +64,7 @@ from flexlink.kernels.forward.slides import accelerate_slides, eliminate_slides,
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec, vec_of, zero_of
 from flexlink.kernels.tools.rare import rarely
+from flexlink.kernels.tools.records import keep, kept
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import sym_apply, sym_of, sym_turn
 from flexlink.kernels.tools.vec3 import add, add_along, add_scaled, cross, dot, pick, place, scale, sub, turn_axes
@@ -113,10 +110,10 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
     x, y, z = (1.0 + o, o, o), (o, 1.0 + o, o), (o, o, 1.0 + o)
     ω, acting = (o, o, o), (f, n, o)
     if forks is not None and rarely(len(forks) > 0):
-        keep_state(forks, 0, x, y, z, ω, f, n)
+        keep(forks, 0, (x, y, z, ω, f, n))
     for i in range(len(layout)):
         if forks is not None and rarely(layout[i, LAYOUT.begins]):
-            x, y, z, ω, f, n = state_of(forks, layout[i, LAYOUT.slot])
+            x, y, z, ω, f, n = kept(forks, layout[i, LAYOUT.slot], (x, y, z, ω, f, n))
         put_lever(bodies, i, ω, x, y, z)
         if layout[i, LAYOUT.turned]:
             u, v, w = axes_of(bodies, i, BODY_ROW.mount)
@@ -146,7 +143,7 @@ def outward(layout, axes, bodies, hinges, forks, wrench, qd, places, cosines, si
         if layout[i, LAYOUT.loaded]:
             acting = f, n, -dot(n, ω)
         if forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
-            keep_state(forks, layout[i, LAYOUT.fork], x, y, z, ω, f, n)
+            keep(forks, layout[i, LAYOUT.fork], (x, y, z, ω, f, n))
     return acting
 
 
@@ -276,7 +273,7 @@ def add_branch(bodies, i, forks, slot, J, H, M, n, f):
 def with_branches(bodies, i, forks, k, J, H, M, n, f):
     """What all that hangs on a fork demands at its hinge point: the branches, and, from here on, body `i` after it."""
     add_branch(bodies, i, forks, k, J, H, M, n, f)
-    return inertia_of_branches(forks, k) + load_of_branches(forks, k)
+    return kept(forks, k, (J, H, M, n, f))
 
 
 @inlined

@@ -1,7 +1,4 @@
-"""Hinges that slide in (M + A) x = r, a body's in one call: see `mass_plus_diagonal_space` and `mass_plus_cells_space`.
-
-No springs are coupled with theirs, so that both treat them alike.
-"""
+"""Hinges that slide in (M + A) x = r, a body's in one call: see `mass_plus_space`; their springs are not coupled."""
 
 from flexlink.kernels.forward.articulated_layout import LAYOUT
 from flexlink.kernels.forward.mass_plus_cells import COUPLED

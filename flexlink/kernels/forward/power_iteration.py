@@ -13,8 +13,8 @@ import numpy as np
 
 from flexlink.kernels.bodies.rne import rne, rne_workspace
 from flexlink.kernels.forces.couplings import factor_springs, solve_springs
+from flexlink.kernels.forward.mass_plus import FACTORS, factor, place_bodies, solve
 from flexlink.kernels.forward.mass_plus_cells import columns
-from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, factor, place_bodies, solve
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.vec3 import ZERO
 

@@ -13,7 +13,7 @@ who starts from the state there goes on with the same numbers.
 
 import math
 
-from flexlink.kernels.forward.mass_plus_diagonal import displacement, place_bodies
+from flexlink.kernels.forward.mass_plus import displacement, place_bodies
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
 from flexlink.kernels.stepping.by_stage import count_step, tried_again

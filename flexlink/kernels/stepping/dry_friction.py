@@ -12,7 +12,7 @@ which one or two iterations do, and narrowed by a factor of eight at a time. K i
 
 import math
 
-from flexlink.kernels.forward.mass_plus_diagonal import solve
+from flexlink.kernels.forward.mass_plus import solve
 from flexlink.kernels.stepping.implicit_layout import BUTCHER, STAGE, VECTOR
 from flexlink.kernels.stepping.newton import add_change, changes, inertia_beyond
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine

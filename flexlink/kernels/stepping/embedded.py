@@ -12,7 +12,7 @@ import math
 from typing import Any, NamedTuple
 
 from flexlink.kernels.forces.elements import find_brakes
-from flexlink.kernels.forward.mass_plus_diagonal import place_bodies
+from flexlink.kernels.forward.mass_plus import place_bodies
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, stage_torque
 from flexlink.kernels.stepping.error_norm import step_error_norm

@@ -18,8 +18,8 @@ that comes to nothing by itself becomes an impulse T k_d e_v, which throws bodie
 import math
 from typing import Any, NamedTuple
 
+from flexlink.kernels.forward.mass_plus import FACTORS, displacement, factor, solve
 from flexlink.kernels.forward.mass_plus_cells import add_products, put_couplings
-from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, solve
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 

@@ -21,8 +21,7 @@ so that x_γ = T⁻¹ w. Without dampers what is left of δM is (1 − λ²/γ²
 
 import math
 
-from flexlink.kernels.forward.mass_plus_cells import COUPLED, add_products, put_couplings
-from flexlink.kernels.forward.mass_plus_diagonal import (
+from flexlink.kernels.forward.mass_plus import (
     FACTORS,
     displacement,
     factor,
@@ -30,6 +29,7 @@ from flexlink.kernels.forward.mass_plus_diagonal import (
     posture_of_stage,
     solve,
 )
+from flexlink.kernels.forward.mass_plus_cells import COUPLED, add_products, put_couplings
 from flexlink.kernels.stepping.implicit_layout import STAGE, VECTOR, WEIGHT
 from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine

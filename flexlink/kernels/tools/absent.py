@@ -53,6 +53,12 @@ def _type_of(func_ir: Any, arguments: Any, variable: Any) -> Any:
         whole = _type_of(func_ir, arguments, value.value)
         if isinstance(whole, types.BaseNamedTuple) and value.attr in whole.fields:
             return whole[whole.fields.index(value.attr)]
+    if isinstance(value, ir.Expr) and value.op == "static_getitem":  # one of a, b, c = x.a, x.b, x.c
+        items = guard(get_definition, func_ir, value.value)
+        while isinstance(items, ir.Expr) and items.op == "exhaust_iter":
+            items = guard(get_definition, func_ir, items.value)
+        if isinstance(items, ir.Expr) and items.op == "build_tuple":
+            return _type_of(func_ir, arguments, items.items[value.index])
     if isinstance(value, ir.Expr) and value.op in ("getitem", "static_getitem"):
         whole = _type_of(func_ir, arguments, value.value)
         return whole.dtype if isinstance(whole, types.UniTuple | types.NamedUniTuple) else None

@@ -1,28 +1,28 @@
 """(M + A) x = r for an A that is diagonal, or full in cells of coupled springs; and what small changes of angles move.
 
-The type of the posture says whether the recursion is for a plane or for space, as in `forward`. All numbers may be
-complex but the posture's.
+The type of the posture says whether the recursion is for a plane or for space, as in `forward`, and whether springs are
+coupled: where `first` is None the same recursion has no code for cells. All numbers may be complex but the posture's.
 """
 
-from flexlink.kernels.forward.mass_plus_cells_plane import factor_cells_in_plane, solve_cells_in_plane
-from flexlink.kernels.forward.mass_plus_cells_space import factor_cells_in_space, solve_cells_in_space
-from flexlink.kernels.forward.mass_plus_diagonal_plane import (
+from flexlink.kernels.forward.mass_plus_plane import (
     PlanePosture,
     displacement_in_plane,
     factor_in_plane,
     place_in_plane,
     plane_posture_of,
+    plane_without_cells,
     solve_in_plane,
 )
-from flexlink.kernels.forward.mass_plus_diagonal_space import (
+from flexlink.kernels.forward.mass_plus_space import (
     SpacePosture,
     displacement_in_space,
     factor_in_space,
     place_in_space,
     solve_in_space,
     space_posture_of,
+    space_without_cells,
 )
-from flexlink.kernels.tools.compiler import by_type, inlined, recursion
+from flexlink.kernels.tools.compiler import by_type, inlined, recursion, subroutine
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.rare import rarely
 
@@ -39,50 +39,49 @@ def place_bodies(q, posture):
     """Take on the posture of angles q (n,)."""
 
 
-@recursion
-def factor_plane(factors, posture):
-    """In a plane."""
-    if posture.first is not None and len(posture.first) > 0:
-        factor_cells_in_plane(factors, posture)
-    else:
-        factor_in_plane(factors, posture)
+@by_type({PlanePosture: plane_without_cells, SpacePosture: space_without_cells})
+def without_cells(posture):
+    """The posture by whose type no springs are coupled."""
+
+
+@by_type({PlanePosture: factor_in_plane, SpacePosture: factor_in_space})
+def factor_by_type(factors, posture):
+    """`factor` with cells or without."""
+
+
+@subroutine
+def factor_cells(factors, posture):
+    """`factor` with cells, which few chains have: no kernel holds a copy."""
+    factor_by_type(factors, posture)
 
 
 @recursion
-def factor_space(factors, posture):
-    """In space."""
-    if posture.first is not None and len(posture.first) > 0:
-        factor_cells_in_space(factors, posture)
-    else:
-        factor_in_space(factors, posture)
-
-
-@by_type({PlanePosture: factor_plane, SpacePosture: factor_space})
 def factor(factors, posture):
     """Prepare `solve` for the diagonal of A in the first column of `factors` (n, 8), the rest from `COUPLED.L` on."""
+    if posture.first is not None and len(posture.first) > 0:
+        factor_cells(factors, posture)
+    else:
+        factor_by_type(factors, without_cells(posture))
+
+
+@by_type({PlanePosture: solve_in_plane, SpacePosture: solve_in_space})
+def solve_by_type(factors, r, x, posture):
+    """`solve` with cells or without."""
+
+
+@subroutine
+def solve_cells(factors, r, x, posture):
+    """`solve` with cells, which few chains have: no kernel holds a copy."""
+    solve_by_type(factors, r, x, posture)
 
 
 @recursion
-def solve_plane(factors, r, x, posture):
-    """In a plane."""
-    if posture.first is not None and len(posture.first) > 0:
-        solve_cells_in_plane(factors, r, x, posture)
-    else:
-        solve_in_plane(factors, r, x, posture)
-
-
-@recursion
-def solve_space(factors, r, x, posture):
-    """In space."""
-    if posture.first is not None and len(posture.first) > 0:
-        solve_cells_in_space(factors, r, x, posture)
-    else:
-        solve_in_space(factors, r, x, posture)
-
-
-@by_type({PlanePosture: solve_plane, SpacePosture: solve_space})
 def solve(factors, r, x, posture):
     """Write x (n,) with (M + A) x = r, 0 at prescribed joints, M without rotors; after `factor`."""
+    if posture.first is not None and len(posture.first) > 0:
+        solve_cells(factors, r, x, posture)
+    else:
+        solve_by_type(factors, r, x, without_cells(posture))
 
 
 @by_type({PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space})

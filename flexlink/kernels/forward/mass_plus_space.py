@@ -1,6 +1,6 @@
-"""(M + A) x = r in space, O(n), with A diagonal, real or complex: a mass matrix with other rotors.
+"""(M + A) x = r in space, O(n), real or complex: a mass matrix with other rotors, and springs and dampers with them.
 
-Articulated bodies as in `articulated`, hinge by hinge, at rest and without forces, in axes of frame 0:
+Articulated bodies as in `articulated`, hinge by hinge, at rest and without forces, in axes of frame 0. With A diagonal:
 
     inward      J ← J + I + Σ…       H ← H + M r̃ + m c̃       M ← M + m 1              (a body, r̃ its lever)
                 D = e·J e + A         J ← J − J e (J e)ᵀ / D    H ← H − J e (Hᵀ e)ᵀ / D    M ← M − Hᵀ e (Hᵀ e)ᵀ / D
@@ -8,6 +8,18 @@ Articulated bodies as in `articulated`, hinge by hinge, at rest and without forc
     outward     x = T − (J e·α + Hᵀ e·a) / D                    α ← α + x e                a ← a + α × r
 
 Of a hinge that slides D = e·M e + A, H e and M e stand for J e and Hᵀ e, f for n, a for α.
+
+Where springs of a cell are coupled, with the open columns of `mass_plus_plane`, here a moment c_j and a force g_j: what
+hinge j's equation asks of the motion at the place of the recursion, c_j·α + g_j·a.
+
+    body        c_j ← c_j + r × g_j
+    hinge       U = J e + c_k        G = Hᵀ e + g_k        S = e·J e + 2 e·c_k + A_kk        L_kj = A_kj + e·c_j
+                J ← J − U Uᵀ / S        H ← H − U Gᵀ / S        M ← M − G Gᵀ / S
+                c_j ← c_j − L_kj U / S          g_j ← g_j − L_kj G / S         A_ij ← A_ij − L_ki L_kj / S
+    load        T = (r − e·n) / S       n ← n + T U       f ← f + T G       r_j ← r_j − L_kj T
+    outward     x = T − (U·α + G·a + Σ_j L_kj x_j) / S
+
+No branch begins within a cell, and its hinges turn. One that slides is a cell by itself: U = H e, G = M e, S = e·G + A.
 """
 
 import math
@@ -16,19 +28,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.forces.couplings import cells_of
-from flexlink.kernels.forward.articulated_branches import (
-    add_inertia_of_branch,
-    add_load_of_branch,
-    clear,
-    keep_axes,
-    keep_motion,
-    motion_of,
-    with_inertia_of_branches,
-    with_load_of_branches,
-)
+from flexlink.kernels.forward.articulated_branches import DEMAND, add_inertia_of_branch, add_load_of_branch, clear
 from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
 from flexlink.kernels.forward.articulated_rows import BODY_ROW, articulated_workspace, axes_of
-from flexlink.kernels.forward.mass_plus_cells import rows_beside
+from flexlink.kernels.forward.mass_plus_cells import COUPLED, rows_beside
 from flexlink.kernels.forward.mass_plus_slides import (
     displace_slides,
     factor_slides,
@@ -41,11 +44,13 @@ from flexlink.kernels.tools.compiler import inlined, kernel, recursion, subrouti
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.rare import rarely
+from flexlink.kernels.tools.records import added, keep, kept
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply, sym_from_axes, sym_of
 from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, pick, place, scale, turn_axes
 
-FACTORS = numbered("A inverse Je:3 He:3")  # of a hinge: A, 1 / D, J e and Hᵀ e
+ROW = numbered("A inverse U:3 G:3")  # of a hinge that is out: A_kk, 1 / S, U and G
+OPEN = numbered("rotor c:3 g:3", start=ROW.inverse)  # of one that is not: A_kk so far, its open column
 
 
 class SpacePosture(NamedTuple):
@@ -97,6 +102,15 @@ def space_postures(s, posture):
     )  # fmt: skip
 
 
+@inlined
+def space_without_cells(posture):
+    """The posture by whose type no springs are coupled."""
+    return SpacePosture(
+        posture.layout, posture.axes, posture.rows, posture.prescribed, posture.trig, posture.e, posture.r,
+        posture.moments, posture.inertias, None, None, posture.forks, posture.radius,
+    )  # fmt: skip
+
+
 @recursion
 def space_posture_of(i, postures):
     """Posture `i` of several, whose arrays have a leading dimension."""
@@ -117,10 +131,10 @@ def place_in_space(q, posture):
     cos_sin_all(trig[0], trig[1], trig[2])
     x, y, z = X, Y, Z
     if posture.forks is not None and rarely(len(posture.forks) > 0):
-        keep_axes(posture.forks, 0, x, y, z)
+        keep(posture.forks, 0, (x, y, z))
     for i in range(len(layout)):
         if posture.forks is not None and rarely(layout[i, LAYOUT.begins]):
-            x, y, z = axes_of(posture.forks, layout[i, LAYOUT.slot], 0)
+            x, y, z = kept(posture.forks, layout[i, LAYOUT.slot], (x, y, z))
         put_vec_of(rs, place(vec_of(rows, i, BODY_ROW.reach), x, y, z), i, 0)
         if layout[i, LAYOUT.turned]:
             u, v, w = axes_of(rows, i, BODY_ROW.mount)
@@ -136,41 +150,88 @@ def place_in_space(q, posture):
         put_vec_of(inertias, (I[0], I[1], I[2]), i, 0)
         put_vec_of(inertias, (I[3], I[4], I[5]), i, 3)
         if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
-            keep_axes(posture.forks, layout[i, LAYOUT.fork], x, y, z)
+            keep(posture.forks, layout[i, LAYOUT.fork], (x, y, z))
 
 
 @recursion
 def factor_in_space(factors, posture):
-    """From A in the first column of `factors` (n, 8) keep J e, Hᵀ e and 1 / D in the others."""
-    layout, prescribed, es = posture.layout, posture.prescribed, posture.e
+    """Prepare `solve_in_space`; A_kk in the first column of `factors`, with cells A_kj from `COUPLED.L` on."""
+    layout, prescribed, es, rs, first = posture.layout, posture.prescribed, posture.e, posture.r, posture.first
     o = factors.dtype.type(0)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
     forks = posture.forks
     if posture.forks is not None:
         forks = posture.forks.view(factors.dtype)
         clear(forks)
+    begin = len(factors)  # hinges from here on that are not out yet have open columns
     for i in range(len(layout) - 1, -1, -1):
         J, H, M = add_body(posture, i, J, H, M)
         if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
-            J, H, M = with_inertia_of_branches(forks, layout[i, LAYOUT.fork], J, H, M)
+            J, H, M = added(forks, layout[i, LAYOUT.fork], (J, H, M))
+        if first is not None:
+            move_columns(factors, begin, layout[i, LAYOUT.stop], vec_of(rs, i + 1, 0))
         if posture.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             J, H, M = factor_slides(factors, posture, i, J, H, M)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+                if first is not None and first[k] != begin:
+                    begin = first[k]
+                    open_columns(factors, begin, k + 1)
                 if not prescribed[k]:
                     e = vec_of(es, k, 0)
-                    Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
-                    inverse = 1.0 / (dot(e, Je) + factors[k, FACTORS.A])
-                    put_vec_of(factors, Je, k, FACTORS.Je)
-                    put_vec_of(factors, He, k, FACTORS.He)
-                    factors[k, FACTORS.inverse] = inverse
-                    u = scale(inverse, Je)
-                    J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
-                    H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
+                    U, G = sym_apply(J, e), place(e, H[0], H[1], H[2])
+                    if first is None:
+                        inverse = 1.0 / (dot(e, U) + factors[k, ROW.A])
+                    else:
+                        c, factors[k, COUPLED.inertia] = vec_of(factors, k, OPEN.c), dot(e, U)
+                        inverse = 1.0 / (dot(e, U) + 2.0 * dot(e, c) + factors[k, OPEN.rotor])
+                        U, G = add(U, c), add(G, vec_of(factors, k, OPEN.g))
+                    put_vec_of(factors, U, k, ROW.U)
+                    put_vec_of(factors, G, k, ROW.G)
+                    factors[k, ROW.inverse] = inverse
+                    if first is not None:
+                        close_hinge(factors, k, begin, e, U, G)
+                    u = scale(inverse, U)
+                    J, M = sym_add_dyad(J, -inverse, U), sym_add_dyad(M, -inverse, G)
+                    H = (add_scaled(H[0], -u[0], G), add_scaled(H[1], -u[1], G), add_scaled(H[2], -u[2], G))
         if posture.forks is not None and rarely(layout[i, LAYOUT.begins]):
             if layout[i, LAYOUT.slot] > 0:
-                add_inertia_of_branch(forks, layout[i, LAYOUT.slot], vec_of(posture.r, i, 0), J, H, M)
+                add_inertia_of_branch(forks, layout[i, LAYOUT.slot], vec_of(rs, i, 0), J, H, M)
             J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
+
+
+@inlined
+def move_columns(factors, begin, stop, r):
+    """Open columns of hinges begin … stop − 1 at a place that is −r away."""
+    for j in range(begin, stop):
+        c, g = vec_of(factors, j, OPEN.c), vec_of(factors, j, OPEN.g)
+        put_vec_of(factors, add(c, cross(r, g)), j, OPEN.c)
+
+
+@inlined
+def open_columns(factors, begin, stop):
+    """Nothing has been taken out of a cell of hinges begin … stop − 1."""
+    o = factors.dtype.type(0)
+    for j in range(begin, stop):
+        factors[j, OPEN.rotor] = factors[j, ROW.A]
+        put_vec_of(factors, (o, o, o), j, OPEN.c)
+        put_vec_of(factors, (o, o, o), j, OPEN.g)
+
+
+@inlined
+def close_hinge(factors, k, begin, e, U, G):
+    """What hinge k leaves to those before it in its cell, from `begin` on."""
+    inverse = factors[k, ROW.inverse]
+    for j in range(begin, k):
+        c = vec_of(factors, j, OPEN.c)
+        L = factors[k, COUPLED.L + j - begin] + dot(e, c)
+        part = L * inverse
+        factors[k, COUPLED.L + j - begin] = L
+        put_vec_of(factors, add_scaled(c, -part, U), j, OPEN.c)
+        put_vec_of(factors, add_scaled(vec_of(factors, j, OPEN.g), -part, G), j, OPEN.g)
+        factors[j, OPEN.rotor] -= part * L
+        for l in range(begin, j):
+            factors[j, COUPLED.L + l - begin] -= part * factors[k, COUPLED.L + l - begin]
 
 
 @inlined
@@ -192,9 +253,13 @@ def add_body(posture, i, J, H, M):
 @recursion
 def solve_in_space(factors, r, x, posture):
     """Write x with (M + A) x = r, 0 at prescribed joints."""
-    layout, prescribed, es, rs = posture.layout, posture.prescribed, posture.e, posture.r
+    layout, prescribed, es, rs, first = posture.layout, posture.prescribed, posture.e, posture.r, posture.first
     o = factors.dtype.type(0)
     n, f = (o, o, o), (o, o, o)
+    if first is not None:
+        for k in range(len(factors)):
+            x[k] = r[k]
+        r = x
     forks = posture.forks
     if posture.forks is not None:
         forks = posture.forks.view(factors.dtype)
@@ -202,26 +267,28 @@ def solve_in_space(factors, r, x, posture):
     for i in range(len(layout) - 1, -1, -1):
         n = add(n, cross(vec_of(rs, i + 1, 0), f))
         if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
-            n, f = with_load_of_branches(forks, layout[i, LAYOUT.fork], n, f)
+            n, f = added(forks, layout[i, LAYOUT.fork], (n, f), DEMAND.n)
         if posture.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             n, f = load_slides(factors, r, x, posture, i, n, f)
         else:
             for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
                 if not prescribed[k]:
-                    T = (r[k] - dot(vec_of(es, k, 0), n)) * factors[k, FACTORS.inverse]
+                    T = (r[k] - dot(vec_of(es, k, 0), n)) * factors[k, ROW.inverse]
                     x[k] = T
-                    n = add_scaled(n, T, vec_of(factors, k, FACTORS.Je))
-                    f = add_scaled(f, T, vec_of(factors, k, FACTORS.He))
+                    if first is not None:
+                        for j in range(first[k], k):
+                            x[j] -= factors[k, COUPLED.L + j - first[k]] * T
+                    n, f = add_scaled(n, T, vec_of(factors, k, ROW.U)), add_scaled(f, T, vec_of(factors, k, ROW.G))
         if posture.forks is not None and rarely(layout[i, LAYOUT.begins]):
             if layout[i, LAYOUT.slot] > 0:
                 add_load_of_branch(forks, layout[i, LAYOUT.slot], vec_of(rs, i, 0), n, f)
             n, f = (o, o, o), (o, o, o)
     α, a = (o, o, o), (o, o, o)
     if posture.forks is not None and rarely(len(forks) > 0):
-        keep_motion(forks, 0, α, a)
+        keep(forks, 0, (α, a))
     for i in range(len(layout)):
         if posture.forks is not None and rarely(layout[i, LAYOUT.begins]):
-            α, a = motion_of(forks, layout[i, LAYOUT.slot])
+            α, a = kept(forks, layout[i, LAYOUT.slot], (α, a))
         a = add(a, cross(α, vec_of(rs, i, 0)))
         if posture.forks is not None and rarely(layout[i, LAYOUT.group] == GROUP.slides):
             a = move_slides(factors, x, posture, i, α, a)
@@ -230,11 +297,14 @@ def solve_in_space(factors, r, x, posture):
                 if prescribed[k]:
                     x[k] = o
                 else:
-                    Je, He = vec_of(factors, k, FACTORS.Je), vec_of(factors, k, FACTORS.He)
-                    x[k] -= factors[k, FACTORS.inverse] * (dot(Je, α) + dot(He, a))
+                    pull = dot(vec_of(factors, k, ROW.U), α) + dot(vec_of(factors, k, ROW.G), a)
+                    if first is not None:
+                        for j in range(first[k], k):
+                            pull += factors[k, COUPLED.L + j - first[k]] * x[j]
+                    x[k] -= factors[k, ROW.inverse] * pull
                     α = add_scaled(α, x[k], vec_of(es, k, 0))
         if posture.forks is not None and rarely(layout[i, LAYOUT.fork] > 0):
-            keep_motion(forks, layout[i, LAYOUT.fork], α, a)
+            keep(forks, layout[i, LAYOUT.fork], (α, a))
 
 
 @recursion
@@ -257,11 +327,11 @@ def displacement_in_tree(δ, posture):
     """The same where branches begin or joints slide: apart, as implicit steps call the loop above most of all."""
     layout, es, rs, forks = posture.layout, posture.e, posture.r, posture.forks
     φ, p, largest = ZERO, ZERO, 0.0
-    keep_motion(forks, 0, φ, p)
+    keep(forks, 0, (φ, p))
     for i in range(len(layout)):
         if layout[i, LAYOUT.begins]:
             largest += φ[0] - φ[0]
-            φ, p = motion_of(forks, layout[i, LAYOUT.slot])
+            φ, p = kept(forks, layout[i, LAYOUT.slot], (φ, p))
         p = add(p, cross(φ, vec_of(rs, i, 0)))
         largest = max(largest, dot(p, p))
         if layout[i, LAYOUT.group] == GROUP.slides:
@@ -271,5 +341,5 @@ def displacement_in_tree(δ, posture):
             for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
                 φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
         if layout[i, LAYOUT.fork] > 0:
-            keep_motion(forks, layout[i, LAYOUT.fork], φ, p)
+            keep(forks, layout[i, LAYOUT.fork], (φ, p))
     return math.sqrt(largest + (φ[0] - φ[0]))

@@ -1,0 +1,254 @@
+"""(λ² M + λ C + K) x = r in O(n) for small motion of a chain: see `small_motion`, whose y and j these are.
+
+Force and moment at a hinge point are linear in the y there, (f, n) = A y + b, with whatever the hinges beyond do. So
+from the tip on, as articulated bodies (Featherstone 2008, chapter 7), with A and b in place of the articulated inertia:
+
+    body        A ← A + what it asks for              then moved by r to the hinge point of the body before
+    hinge       c = A j + (e × f, e × n)      p = e·A                 D = κ + w p·j        κ = k + λ d + λ² armature
+                A ← A − c w pᵀ / D            b ← b + c (r − w e·b) / D
+    outward     x = (r − w (e·b + p·y)) / D                           row by row  κ x + w (e·n) = r
+
+A hinge that slides has e·f in place of e·n. Branches add up their A and b where they begin, and go on from the y there.
+Where springs of a cell are coupled, κ is full within it: see `small_motion_cells`, which adds to c, p and D.
+
+w scales a row's part of the loads. D are the pivots of an elimination from the tip on: of a symmetric matrix as many
+are negative as eigenvalues are (Sylvester). Hinges with too small a pivot are not eliminated, their x is given.
+
+Columns of A stand in the order of y; those that nothing can ask for, behind `size`, are zero and left out.
+"""
+
+from flexlink.kernels.derivatives.inverse_derivatives import BODY_MOTION
+from flexlink.kernels.derivatives.small_motion import (
+    HINGE,
+    PARTS,
+    UNITS,
+    add_column,
+    add_loads,
+    by_acceleration,
+    by_spin,
+    by_turning,
+    carried,
+    clear_loads,
+    felt,
+    keep_motion,
+    kept_motion,
+    weigh,
+    with_loads,
+)
+from flexlink.kernels.derivatives.small_motion_cells import (
+    demand_in_cell,
+    eliminate_in_cell,
+    load_in_cell,
+    move_open,
+    open_cell,
+    pull_in_cell,
+    put_couplings,
+)
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.lanes import put_vec_of, vec_of
+from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, scale
+
+
+@kernel
+def factor(work, weights, κ, w, sizes, smallest):
+    """Eliminate (weights[0] K + weights[1] C + weights[2] M) x, springs, friction and rotors in `κ` (n,),
+    those between the hinges of a cell beside it.
+
+    Hinges that are `given` keep their x, and so do those with |D| ≤ smallest · sizes[k], which become given, too.
+    Returns how many pivots are not positive; of hinges that are given D is the diagonal of what is left of the matrix.
+    """
+    weigh(work, weights[0], weights[1], weights[2])
+    rows, bodies, A, given, size = work.hinges, work.motion.bodies, work.A, work.given, work.size[0]
+    negative = open_ = 0
+    if work.cells is not None:
+        put_couplings(work, weights)
+    begin(work)
+    for i in range(len(bodies) - 1, -1, -1):
+        b = work.chain.bodies[i]
+        if work.forks is not None and b.fork > 0:
+            add_matrix(work.forks[b.fork], A)
+        if b.loaded:
+            begin_at_tip(work.tip, A)
+        add_body(bodies, b.mass, i, size, A)
+        for k in range(b.stop - 1, b.first - 1, -1):
+            D = demand(rows, k, felt(work.chain, k), size, weights[0], A)
+            if work.cells is None:
+                D, part = κ[k] + w[k] * D, w[k]
+            else:
+                open_ = open_cell(work.cells, κ, k)
+                D, part = demand_in_cell(work, k, size, D, w[k]), 1.0
+            rows[k, HINGE.D], rows[k, HINGE.w] = D, w[k]
+            if given[k] or not abs(D) > smallest * sizes[k]:
+                given[k] = True
+            else:
+                negative += not D > 0.0
+                eliminate(rows, k, size, part / D, A)
+                if work.cells is not None:
+                    eliminate_in_cell(work, k, size)
+        if b.parent > 0:
+            move_columns(bodies, i, size, A)
+            if work.cells is not None:
+                move_open(work, i, size, open_)
+        if work.forks is not None and b.begins:  # no cell is open here: the hinges of one are in a row
+            add_matrix(A, work.forks[b.slot])
+            A[:] = 0.0
+    return negative
+
+
+@recursion
+def begin(work):
+    """A of the last tip, and of what branches have brought so far."""
+    work.A[:] = 0.0
+    if work.forks is not None:
+        work.forks[:] = 0.0
+
+
+@recursion
+def add_matrix(B, A):
+    """A ← A + B."""
+    for column in range(PARTS.size):
+        for i in range(6):
+            A[column, i] += B[column, i]
+
+
+@recursion
+def begin_at_tip(tip, A):
+    """A of the loaded tip: a wrench that keeps its direction turns against the arm."""
+    for column in range(3):
+        put_vec_of(A, cross(UNITS[column], vec_of(tip, 0, 0)), PARTS.δφ + column, 0)
+        put_vec_of(A, cross(UNITS[column], vec_of(tip, 1, 0)), PARTS.δφ + column, 3)
+
+
+@recursion
+def add_body(bodies, m, i, size, A):
+    """A ← A + what body i asks for."""
+    for column in range(3):
+        unit = UNITS[column]
+        add_column(A, PARTS.δa + column, *by_acceleration(bodies, m, i, unit))
+        if size > PARTS.η:
+            add_column(A, PARTS.η + column, *by_turning(bodies, i, unit))
+        if size > PARTS.δω:
+            add_column(A, PARTS.δω + column, *by_spin(bodies, i, unit))
+
+
+@recursion
+def move_columns(bodies, i, size, A):
+    """A at the hinge point of the body that i hangs on."""
+    r, u = vec_of(bodies, i, BODY_MOTION.r), scale(2.0, vec_of(bodies, i, BODY_MOTION.u))
+    for column in range(3):
+        if size > PARTS.η:
+            add_combined(A, PARTS.η + column, cross(UNITS[column], r))
+        if size > PARTS.δω:
+            add_combined(A, PARTS.δω + column, cross(UNITS[column], u))
+    for column in range(size):
+        put_vec_of(A, add(vec_of(A, column, 3), cross(r, vec_of(A, column, 0))), column, 3)
+
+
+@inlined
+def add_combined(A, column, δa):
+    """Column += that of an acceleration δa."""
+    for i in range(6):
+        A[column, i] += A[PARTS.δa, i] * δa[0] + A[PARTS.δa + 1, i] * δa[1] + A[PARTS.δa + 2, i] * δa[2]
+
+
+@recursion
+def demand(rows, k, part, size, by_angle, A):
+    """c and p of hinge k, which feels such a `part`, into its row, and p·j."""
+    e, total = vec_of(rows, k, HINGE.e), 0.0
+    for i in range(6):
+        rows[k, HINGE.c + i] = by_angle * rows[k, HINGE.moved + i]
+    for column in range(size):
+        j, p = rows[k, HINGE.j + column], dot(e, vec_of(A, column, part))
+        rows[k, HINGE.p + column] = p
+        total += p * j
+        for i in range(6):
+            rows[k, HINGE.c + i] += A[column, i] * j
+    return total
+
+
+@recursion
+def eliminate(rows, k, size, factor, A):
+    """A ← A − c w pᵀ / D."""
+    for column in range(size):
+        part = factor * rows[k, HINGE.p + column]
+        for i in range(6):
+            A[column, i] -= rows[k, HINGE.c + i] * part
+
+
+@kernel
+def solve(work, r, x, left):
+    """Write x with the matrix of `factor` times x = r (columns, n), x as it is where it is given.
+
+    `left` (columns, n): of given hinges, which the elimination has not touched, the matrix times x.
+    """
+    for column in range(len(r)):
+        load(work, r[column], x[column])
+        move(work, x[column], left[column])
+
+
+@recursion
+def load(work, r, x):
+    """b from the tip on; T into x, of given hinges e·b into their rows; of cells, what is taken off r into `known`."""
+    rows, bodies, given = work.hinges, work.motion.bodies, work.given
+    f = n = ZERO
+    if work.cells is not None:
+        work.cells.known[:] = 0.0
+    if work.forks is not None:
+        clear_loads(work.forks)
+    for i in range(len(bodies) - 1, -1, -1):
+        b = work.chain.bodies[i]
+        if work.forks is not None and b.fork > 0:
+            f, n = with_loads(work.forks, b.fork, f, n)
+        for k in range(b.stop - 1, b.first - 1, -1):
+            eb = dot(vec_of(rows, k, HINGE.e), n if felt(work.chain, k) else f)
+            if work.cells is not None:
+                load_in_cell(work, k, eb, r, x)
+            elif given[k]:
+                rows[k, HINGE.eb] = eb
+            else:
+                x[k] = (r[k] - rows[k, HINGE.w] * eb) / rows[k, HINGE.D]
+            f = add_scaled(f, x[k], vec_of(rows, k, HINGE.c))
+            n = add_scaled(n, x[k], vec_of(rows, k, HINGE.c + 3))
+        n = add(n, cross(vec_of(bodies, i, BODY_MOTION.r), f))
+        if work.forks is not None and b.begins:
+            f, n = add_loads(work.forks, b.slot, f, n)
+
+
+@recursion
+def move(work, x, left):
+    """x = T − (w p·y + Σ_j L_j x_j) / D, and y with it."""
+    rows, bodies, given, size = work.hinges, work.motion.bodies, work.given, work.size[0]
+    δa = δφ = η = δω = ZERO
+    if work.forks is not None and len(work.forks) > 0:
+        keep_motion(work.forks, 0, δa, δφ, η, δω)
+    for i in range(len(bodies)):
+        b = work.chain.bodies[i]
+        if work.forks is not None and b.begins:
+            δa, δφ, η, δω = kept_motion(work.forks, b.slot)
+        δa = carried(bodies, i, δa, η, δω)
+        for k in range(b.first, b.stop):
+            w, D, py = rows[k, HINGE.w], rows[k, HINGE.D], along(rows, k, size, δa, δφ, η, δω)
+            pull = w * py if work.cells is None else pull_in_cell(work.cells, k, py, x)
+            if not given[k]:
+                x[k] -= pull / D
+            elif work.cells is None:
+                left[k] = D * x[k] + w * (py + rows[k, HINGE.eb])
+            else:
+                left[k] = D * x[k] + pull + work.cells.known[k]
+            δa = add_scaled(δa, x[k], vec_of(rows, k, HINGE.j + PARTS.δa))
+            δφ = add_scaled(δφ, x[k], vec_of(rows, k, HINGE.j + PARTS.δφ))
+            η = add_scaled(η, x[k], vec_of(rows, k, HINGE.j + PARTS.η))
+            δω = add_scaled(δω, x[k], vec_of(rows, k, HINGE.j + PARTS.δω))
+        if work.forks is not None and b.fork > 0:
+            keep_motion(work.forks, b.fork, δa, δφ, η, δω)
+
+
+@inlined
+def along(rows, k, size, δa, δφ, η, δω):
+    """p·y of hinge k."""
+    py = dot(vec_of(rows, k, HINGE.p + PARTS.δa), δa) + dot(vec_of(rows, k, HINGE.p + PARTS.δφ), δφ)
+    if size > PARTS.η:
+        py += dot(vec_of(rows, k, HINGE.p + PARTS.η), η)
+    if size > PARTS.δω:
+        py += dot(vec_of(rows, k, HINGE.p + PARTS.δω), δω)
+    return py
