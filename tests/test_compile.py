@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import inspect
 import re
+from pathlib import Path
 
 import pytest
 
 import flexlink as fl
 from flexlink.cli import rehearsal
+from flexlink.cli.compile import _put
 from flexlink.cli.main import main
-from flexlink.kernels.tools.machine_code import families_here
+from flexlink.kernels.tools.machine_code import PARTS, families_here
 
 NOT_KERNELS = {
     "check_fit", "compare", "compare_trajectories", "fit", "import_urdf", "initial_state", "load_fit", "load_scene",
@@ -46,6 +48,17 @@ def test_a_rehearsal_runs_to_its_end(name: str, capsys) -> None:
 def test_a_family_that_the_machine_is_not_of_is_refused(arguments: list[str], capsys) -> None:
     assert main(["compile", *arguments]) == 2
     assert capsys.readouterr().err.startswith(f"flexlink: --cpu = {arguments[1]}: expected one that this machine is of")
+
+
+def test_a_package_gets_what_is_called_and_nothing_of_other_sources(tmp_path: Path) -> None:
+    code, out = tmp_path / "fedcba9876543210", tmp_path / "out"
+    for file in ("called.bin", "called.bc", f"{PARTS}/copied.bin", f"{PARTS}/copied.bc"):
+        (code / file).parent.mkdir(parents=True, exist_ok=True)
+        (code / file).write_bytes(b"code")
+    (out / "0123456789abcdef").mkdir(parents=True)
+    _put(code, out)
+    assert [path.relative_to(out).as_posix() for path in out.rglob("*.b*")] == ["fedcba9876543210/called.bin"]
+    assert [path.name for path in out.iterdir()] == ["fedcba9876543210"]
 
 
 def test_this_machine_is_of_a_family_or_of_none() -> None:

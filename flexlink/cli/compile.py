@@ -21,7 +21,7 @@ from flexlink.cli import rehearsal
 from flexlink.cli.rehearsal import GROUPS
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.progress import Progress, clock
-from flexlink.kernels.tools.machine_code import FAMILIES, cache_folder, families_here, state
+from flexlink.kernels.tools.machine_code import FAMILIES, PARTS, cache_folder, families_here, state
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -72,7 +72,15 @@ def _compile(cpu: str | None, out: Path | None, jobs: int) -> None:
                 run.result()
                 progress(done / len(runs))
         if out is not None:
-            shutil.copytree(Path(cache) / "flexlink" / state(), out / state(), dirs_exist_ok=True)
+            _put(Path(cache) / "flexlink" / state(), out)
+
+
+def _put(code: Path, out: Path) -> None:
+    """Put code into a package's folder, without what only compiling needs, in place of that of other sources."""
+    for old in out.glob("[0-9a-f]" * 16):
+        if old.name != code.name:
+            shutil.rmtree(old)
+    shutil.copytree(code, out / code.name, ignore=shutil.ignore_patterns(PARTS, "*.bc"), dirs_exist_ok=True)
 
 
 def _rehearse(group: tuple[str, ...], environment: dict[str, str]) -> None:

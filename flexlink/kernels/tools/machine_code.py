@@ -6,11 +6,16 @@ file raises; and where its folder cannot be written it falls back to one beside 
 sources may have left there. Here the name of the folder hashes every kernel file, the layout of
 their records among them, and the versions that compile them. A user's NUMBA_CACHE_DIR says where that folder lies.
 
+A file `.bin` has the machine code, with what Numba knows of the function; one of the same name, `.bc`, LLVM's bitcode,
+which another function that copies this one needs, when that is compiled. It is read then. Functions that no Python and
+no symbol calls lie in a folder of their own.
+
 Borrowed arrays. Numba has no documented way to leave out the counting of references.
 
 Code of the package. A wheel carries code for families of CPUs, x86-64-v3 and v4, one built from source that for the CPU
 that it was built on, in a folder of the same name. It is looked up where a user's own folder has none. Code of several
-families works together: all calls are alike.
+families works together: all calls are alike. No bitcode is with it, which would be three times as large: a function
+that a new one copies is then compiled once more.
 
 Code that callers share. Numba copies the code of a callee into that of its caller, to optimise both together, and so
 does the caller's caller: a recursion is compiled once more for each of them. Most that are long get nothing from it.
@@ -91,6 +96,7 @@ def refuse_python(compiled: Any) -> None:
         raise TypeError(f"{compiled.__name__}: only kernels can call it; as an `entry` Python can, too")
 
     compiled.add_overload, compiled._compile_for_args = add_overload, refuse
+    compiled._cache.folder = PARTS
 
 
 def share(compiled: Any) -> None:
@@ -110,6 +116,7 @@ def share(compiled: Any) -> None:
         context.insert_user_function(result.entry_point, known)
 
     compiled.add_overload = add_overload
+    compiled._cache.folder = ""
 
 
 SHARED = "flexlink."
@@ -179,19 +186,25 @@ with contextlib.suppress(OSError):
 
 def keep_on_disk(compiled: Any, function: Callable[..., Any]) -> None:
     """Let a compiled function look for its machine code on disk first, and leave it there."""
-    compiled._cache = DiskCache(function)
+    compiled._cache = DiskCache(function, compiled)
+
+
+PARTS = "parts"
+"""Folder of code that is only copied by other code."""
+NO_BITCODE = llvmlite.binding.parse_assembly("").as_bitcode()
 
 
 class DiskCache:
-    """Machine code of one function in the place of numba's cache: one file a signature, with its checksum.
+    """Machine code of one function in the place of numba's cache: files of each signature, with their checksums.
 
     A file that is missing, torn or damaged is as good as none: the code is compiled anew.
     """
 
     told = False  # that code cannot be kept
+    folder = ""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._function = function
+    def __init__(self, function: Callable[..., Any], compiled: Any = None) -> None:
+        self._function, self._compiled = function, compiled
 
     @property
     def cache_path(self) -> str:
@@ -203,23 +216,50 @@ class DiskCache:
         target.refresh()
         for file in self._files(signature, target.codegen().magic_tuple()):
             with contextlib.suppress(Exception):  # whatever is wrong with the file, or with where it should lie
-                checksum, payload = _split(file.read_bytes())
-                if hashlib.sha256(payload).digest() == checksum:
-                    called, code = pickle.loads(payload)
-                    for module, name, types in called:  # before the code, which looks for their symbols
-                        getattr(importlib.import_module(module), name).compile(types)
-                    return CompileResult._rebuild(target, *pickle.loads(code))
+                called, rest = pickle.loads(_read(file))
+                for module, name, types in called:  # before the code, which looks for their symbols
+                    getattr(importlib.import_module(module), name).compile(types)
+                symbols, name, code, *others = pickle.loads(rest)
+                target.codegen()._engine._defined_symbols.update(symbols)
+                found = CompileResult._rebuild(target, (name, "object", (code, NO_BITCODE)), *others)
+                found.library._shared_module = None
+                found.library._get_module_for_linking = functools.partial(self._module, found, file)
+                return found
         return None
+
+    def _module(self, found: Any, file: Path) -> Any:
+        """LLVM's module of code that was on disk, for a function that copies it."""
+        if found.library._shared_module is None:
+            try:
+                bitcode = _read(file.with_suffix(".bc"))
+            except (OSError, ValueError):
+                found.library._shared_module = self._module_of_sources(found)
+            else:
+                found.library._shared_module = llvmlite.binding.parse_bitcode(bitcode)
+        return found.library._shared_module
+
+    def _module_of_sources(self, found: Any) -> Any:
+        """The same, compiled anew, under the name by which the function is known."""
+        anew = self._compiled._compiler._compile_core(tuple(found.signature.args), None)
+        module = llvmlite.binding.parse_bitcode(anew.library._get_module_for_linking().as_bitcode())
+        module.get_function(anew.fndesc.mangled_name).name = found.fndesc.mangled_name
+        return module
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep a compiled function; where that fails, the process says so, once, and goes on."""
         if compiled.lifted or compiled.library.has_dynamic_globals or self._function.__closure__:
             return  # holds what only this process knows
-        payload = serialize.dumps((_called(compiled.library), serialize.dumps(compiled._reduce())))
+        (name, _, (code, bitcode)), *others = compiled._reduce()
+        others[ANNOTATION] = ""
+        module = compiled.library._get_module_for_linking()
+        symbols = [each.name for each in (*module.functions, *module.global_variables) if not each.is_declaration]
+        rest = serialize.dumps((symbols, name, code, *others))
         try:
             file = next(self._files(signature, compiled.codegen.magic_tuple()))
-            _make(file.parent)
-            write_whole(file, lambda place: place.write_bytes(hashlib.sha256(payload).digest() + payload))
+            _make(_FOLDER)
+            file.parent.mkdir(exist_ok=True)
+            _write(file.with_suffix(".bc"), bitcode)
+            _write(file, serialize.dumps((_called(compiled.library), rest)))
         except OSError as error:
             self._tell(error)
 
@@ -228,7 +268,7 @@ class DiskCache:
 
     def _files(self, signature: Any, cpu: tuple[str, str, str]) -> Iterator[Path]:
         """Where the code of this CPU is kept, and others that serve."""
-        yield _FOLDER / f"{_key(self._function, signature, cpu)}.bin"
+        yield _FOLDER / self.folder / f"{_key(self._function, signature, cpu)}.bin"
         if _SHIPPED.is_dir():
             for each in (cpu, *families(cpu)):
                 yield _SHIPPED / f"{_key(self._function, signature, each)}.bin"
@@ -259,9 +299,18 @@ def _source(file: str) -> bytes:
     return b"" if source.is_relative_to(HERE) else source.read_bytes()
 
 
-def _split(content: bytes) -> tuple[bytes, bytes]:
-    size = hashlib.sha256().digest_size
-    return content[:size], content[size:]
+ANNOTATION = 5  # place in what Numba keeps of a function, behind its code: the sources with all types, as text
+
+
+def _read(file: Path) -> bytes:
+    content, size = file.read_bytes(), hashlib.sha256().digest_size
+    if hashlib.sha256(content[size:]).digest() != content[:size]:
+        raise ValueError(f"{file}: damaged")
+    return content[size:]
+
+
+def _write(file: Path, content: bytes) -> None:
+    write_whole(file, lambda place: place.write_bytes(hashlib.sha256(content).digest() + content))
 
 
 def _make(folder: Path) -> None:
