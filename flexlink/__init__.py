@@ -31,6 +31,7 @@ from flexlink.describe.sensor import Sensor
 from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
+from flexlink.dynamics.energy import energy
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.forces import drag_torque
 from flexlink.dynamics.momentum import momentum
@@ -39,7 +40,6 @@ from flexlink.dynamics.point_motion import point_motion
 from flexlink.dynamics.terms import (
     bias_torque,
     elastic_torque,
-    energy,
     friction_torque,
     gravity_torque,
     inverse_dynamics,

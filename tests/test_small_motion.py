@@ -10,10 +10,10 @@ from beams import cantilever
 from conftest import ROOT, random_state
 
 import flexlink as fl
-from flexlink.dynamics import equilibrium, small_motion
+from flexlink.dynamics import load_path, small_motion
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import damping_slope
-from flexlink.dynamics.tangent import displacements, falls, gyroscopic_matrix, stiffness_matrix, tangent
+from flexlink.dynamics.tangent import LoadedState, displacements, falls, gyroscopic_matrix, stiffness_matrix, tangent
 from flexlink.errors import ConvergenceError
 
 Rng = np.random.Generator
@@ -52,11 +52,12 @@ def test_whatever_is_spared_a_step_of_newton_s_method_is_that_of_the_whole_matri
 ) -> None:
     """Coordinates whose pivots are too small, none, some or all, are found with the load and the row below."""
     monkeypatch.setattr(small_motion.SmallMotion.eliminate, "__defaults__", (smallest,))
-    q, acting = rng.uniform(-1, 1, chain.n), equilibrium._Load(np.zeros(chain.n), np.zeros(6), False, np.zeros(chain.n))
-    equations = equilibrium._Equations(chain, acting, np.arange(chain.n), q)
+    q, n = rng.uniform(-1, 1, chain.n), chain.n
+    acting = LoadedState(q, np.zeros(n), np.zeros(6), False, np.arange(n))
+    equations = load_path.Equations(chain, acting, np.zeros(chain.n))
     x = np.append(0.6, q + rng.normal(size=chain.n) * 0.1)
     _, slopes = equations.with_slopes(x)
-    K, k = stiffness_matrix(chain, x[1:], acting.rates, acting.wrench), np.diag(chain.stiffness)
+    K, k = stiffness_matrix(chain, x[1:], acting.qd, acting.wrench), np.diag(chain.stiffness)
     w = np.where(chain.stiffness > 0, x[0], 1.0)
     row = rng.normal(size=chain.n + 1)
     A = np.vstack([np.column_stack([slopes.by_s, k + w[:, None] * (K - k)]), row])

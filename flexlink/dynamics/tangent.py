@@ -22,6 +22,16 @@ from flexlink.kernels.derivatives.inverse_derivatives import load_slopes
 from flexlink.kernels.geometry.kinematics import forward_kinematics, turned_with_tip
 
 
+class LoadedState(NamedTuple):
+    """What small motion is about: a posture, steady rates, a constant tip wrench, and the coordinates that may move."""
+
+    q: Array
+    qd: Array
+    wrench: Array
+    follower: bool  # whether it turns with the tip
+    free: NDArray[np.intp]
+
+
 class Stiffness(NamedTuple):
     """K of the free coordinates, and what is needed to tell its zeros from rounding.
 

@@ -18,6 +18,7 @@ from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each
+from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.loads import InternalLoads, internal_loads
 from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.notes import defaults, notes
@@ -25,7 +26,6 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.sensors.columns import coarse_samples, sensor_columns
 from flexlink.dynamics.sensors.signals import column_names
-from flexlink.dynamics.terms import Energy
 from flexlink.results import balance
 
 

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from flexlink.describe.schemes.methods import Method
+from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.equilibrium import Equilibrium
-from flexlink.dynamics.terms import Energy
 from flexlink.results.trajectory import Trajectory
 
 Wrong = Callable[[Any, float], Any]
