@@ -13,16 +13,14 @@ from flexlink.formats.reading import (
     End,
     Hinge,
     Mass,
-    Node,
     chain_of,
     coordinate,
-    coupling_of,
     inertia_matrix,
     link_of,
-    read,
     tree_of,
 )
 from flexlink.formats.sdf import DYNAMICS, NAMESPACES, STANDARD_FIELDS, to_sdf
+from flexlink.formats.strict_reading import Node, read
 from flexlink.kernels.layout import HINGE, SLIDES
 
 OWN = f"{{{NAMESPACES['xmlns:flexlink']}}}"  # the prefix as parsers write it
@@ -44,7 +42,7 @@ def _chain(sdf: Node) -> Chain:
     ends = [_read_end(frame, links, behind) for frame in model.all("frame")]
     mass = _read_body(floating[0].one("inertial")) if floating else None
     gravity, tree = sdf.one("world").one("gravity").numbers(3), tree_of(model, ends, links, mass, OWN)
-    coupled = [coupling_of(one) for one in model.all(f"frame/{OWN}coupling")]
+    coupled = model.all(f"frame/{OWN}coupling")
     return chain_of(
         model, model.attribute(f"{OWN}name"), gravity, links, hinges, tree, coupled, model, f"{OWN}{ROTATION_SPRINGS}"
     )
