@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.beam_springs import Springs
+from flexlink.chain.beam_hinges import Springs
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of
 from flexlink.chain.forces import with_forces
