@@ -24,7 +24,7 @@ from flexlink.describe.from_files import filled_from_files, without_starts
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.initial import InitialState
 from flexlink.describe.mistakes import check_all, mistakes, raise_together
-from flexlink.describe.own_units import UNIT, Row, in_si, together
+from flexlink.describe.own_units import OF_JOINT, Row, in_si, together
 from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings, check_method, implied
@@ -185,7 +185,7 @@ class Scene(Spec, frozen=True):
         """Where nothing else is said; but of a whole state nobody has said where a reference starts."""
         if self.initial.q is not None and self.drive.reference is not None:
             for slides in set(self.arm.slides):
-                key, default = f"from_{UNIT[slides]}", f"joint_{UNIT[slides]}"
+                key, default = f"from_{OF_JOINT[slides].unit}", f"joint_{OF_JOINT[slides].unit}"
                 if self.drive.reference.starts_at_initial(slides=slides) and not getattr(self.initial, default):
                     raise SceneError(f"drive.reference.{key}: missing; initial.{default}, its default, is not given")
         joint_deg = (0.0,) * len(self.arm.links)

@@ -15,7 +15,7 @@ from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.initial import BaseState, InitialState
 from flexlink.describe.joint import refuse_beyond
 from flexlink.describe.link import Link
-from flexlink.describe.own_units import KIND, misplaced
+from flexlink.describe.own_units import OF_JOINT, misplaced
 from flexlink.describe.reference import OF_MOTION
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.run_settings import RunSettings
@@ -68,7 +68,7 @@ def _missing_targets(arm: Arm, drive: Drive) -> Iterator[str]:
     for key, slides in (("target_deg", False), ("target_m", True)):
         names = [link.name for link in arm.links if not link.joint.locked and link.joint.slides == slides]
         if names and getattr(drive, key) is None:
-            yield f"drive.{key}: missing; joint {names[0]!r} is {KIND[slides]}"
+            yield f"drive.{key}: missing; joint {names[0]!r} is {OF_JOINT[slides].name}"
 
 
 def check_limits(arm: Arm, initial: InitialState, said: Mapping[str, str]) -> None:

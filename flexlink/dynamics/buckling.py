@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from flexlink.chain.arguments import require_type, vector, wrench_vector
-from flexlink.chain.chain import Chain, Joints
+from flexlink.chain.chain import Chain
+from flexlink.chain.layout import Joints
 from flexlink.common.types import Array
 from flexlink.dynamics.springs import about
 from flexlink.dynamics.tangent import stiffness_matrix, unlocked
@@ -60,20 +61,19 @@ def buckling_loads(
     block = np.ix_(*2 * (free[chain.stiffness[free] > 0],))
     K = about(chain, q).matrix("stiffness")[block]
     load = stiffness_matrix(chain, q, np.zeros(chain.n), wrench)[block] - K
-    coupled = len(chain.couplings) > 0 or chain.has_rotation_springs
-    inverse = linalg.eigvals(-_per_stiffness(load, K, coupled=coupled))  # 1/s
+    inverse = linalg.eigvals(-_per_stiffness(load, K, diagonal=not chain.springs_join_hinges))  # 1/s
     rounding = len(K) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
     softening = inverse.real > rounding
     real = np.abs(inverse.imag) <= np.sqrt(np.finfo(float).eps) * np.abs(inverse)  # of a double eigenvalue, too
     return np.asarray(np.sort(1 / inverse.real[softening & real]))
 
 
-def _per_stiffness(load: Array, K: Array, *, coupled: bool) -> Array:
-    """L⁻¹ load L⁻ᵀ of K = L Lᵀ, which has the eigenvalues of K⁻¹ load; K is diagonal unless springs are `coupled`.
+def _per_stiffness(load: Array, K: Array, *, diagonal: bool) -> Array:
+    """L⁻¹ load L⁻ᵀ of K = L Lᵀ, which has the eigenvalues of K⁻¹ load; whether K is `diagonal`, is known.
 
     K⁻¹ load itself where K is not positive definite, as rotation vectors' springs may be, bent far.
     """
-    if not coupled:
+    if diagonal:
         k = K.diagonal()
         return np.asarray(load / np.sqrt(np.outer(k, k)))
     try:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import positive, require_type, vector, wrench_vector
-from flexlink.chain.chain import Chain, Joints
+from flexlink.chain.chain import Chain
+from flexlink.chain.layout import Joints
 from flexlink.common.errors import ConvergenceError
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.chain import Chain, Joints
+from flexlink.chain.chain import Chain
+from flexlink.chain.layout import Joints
 from flexlink.chain.spans import spans_of
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array

@@ -28,8 +28,7 @@ def plot_chain(chain: Chain, q: ArrayLike | None) -> Figure:
     placed = frames(chain, chain.rest if q is None else np.asarray(q))
     points, rails = placed.points, unslid(chain, placed.rotations, placed.points)
     seen = points[max(base_body(chain) - 1, 0) :]
-    if chain.slides.any():
-        seen = np.concatenate([seen, rails[sliding_bodies(chain)]])
+    seen = np.concatenate([seen, rails[sliding_bodies(chain)]])
     views = views_of(chain, seen)
     figure, axes = panels(views, chain, seen)
     for panel, view in zip(axes, views, strict=True):

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, require_type, vector, wrench_vector
-from flexlink.chain.chain import Chain, Joints
+from flexlink.chain.chain import Chain
 from flexlink.chain.forces import refuse_states
+from flexlink.chain.layout import Joints
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
