@@ -26,7 +26,8 @@ from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidified import rigidified
 from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.run_settings import RunSettings
-from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.scene import Scene
+from flexlink.describe.scene_file import load_scene
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.accelerations import forward_dynamics

@@ -92,15 +92,15 @@ def test_whatever_is_spared_within_a_cell_a_step_of_newton_s_method_is_that_of_t
     acting = LoadedState(q, np.zeros(n), rng.normal(size=6) * 10, True, np.arange(n))
     equations = load_path.Equations(chain, acting, np.zeros(n))
     x = np.append(0.6, q + rng.normal(size=n) * 0.1)
-    _, slopes = equations.with_slopes(x)
+    _, by_s = equations.with_slope(x)
     K, k = stiffness_matrix(chain, x[1:], acting.qd, acting.wrench, True), chain.matrix("stiffness")
     w, row, wanted = np.where(chain.stiffness > 0, x[0], 1.0), rng.normal(size=n + 1), rng.normal(size=n + 1)
-    A = np.vstack([np.column_stack([slopes.by_s, k + w[:, None] * (K - k)]), row])
+    A = np.vstack([np.column_stack([by_s, k + w[:, None] * (K - k)]), row])
     left = A @ wanted
-    found = slopes.solve(row, left[:-1], float(left[-1]))
-    sizes = np.append(slopes.motion.sizes, 1.0)[:, None]
+    found = equations.solve(by_s, row, left[:-1], float(left[-1]))
+    sizes = np.append(equations.motion.sizes, 1.0)[:, None]
     assert np.abs(found - wanted).max() <= 1e3 * EPS * np.linalg.cond(A / sizes) * np.abs(wanted).max()
-    assert (len(slopes.motion.spared) == n) == (smallest > 1)
+    assert (len(equations.motion.spared) == n) == (smallest > 1)
 
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])

@@ -205,7 +205,7 @@ def wrench_from_file(wrench: Wrench) -> Wrench:
     parts = {"forces": ("force", "N"), "moments": ("moment", "N m")}
 
     def filled(table: CsvTable) -> Wrench:
-        quantities = [head_of(head).quantity for head in table.heads]
+        quantities = [head_of(head)[0] for head in table.heads]
         allowed = {f"{name} {axis}" for name, _ in parts.values() for axis in "xyz"}
         for head, quantity in zip(table.heads, quantities, strict=True):
             if quantity not in allowed and quantity.startswith(("force", "moment")):

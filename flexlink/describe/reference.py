@@ -294,7 +294,8 @@ class Reference(Spec, frozen=True):
         deciding = [IN_METRES[name] if slides else name for name in self._deciding]
         if not limits.keys() & set(deciding):
             raise SceneError(f"{deciding[0]}: missing; there are {OF_JOINT[slides].name} joints that move")
-        return fastest(distance, profiles.Limits(*(limits.get(key, math.inf) for key in keys)))
+        rate, acceleration, jerk = (limits.get(key, math.inf) for key in keys)
+        return fastest(distance, (rate, acceleration, jerk))
 
     def _table(self, times: Row, links: list[int], slides: Slides) -> ReferenceTrajectory:
         t = np.array(times)

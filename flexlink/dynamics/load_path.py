@@ -72,46 +72,40 @@ class Equations:
         left = spring_torque(self.chain, q) + loaded - (1 - s) * self.held
         return np.where(self.locked, 0.0, left)
 
-    def with_slopes(self, x: Array) -> tuple[Array, _Slopes]:
-        """F(x), and its slopes, which are good until those elsewhere are asked for."""
+    def with_slope(self, x: Array) -> tuple[Array, Array]:
+        """F(x) and ∂F/∂s there; ∂F/∂q is made ready for `solve`."""
         s, q = x[0], x[1:]
         load, w = self.load(q), np.where(self.sprung, s, 1.0)
         by_s = np.where(self.sprung, load, 0.0) + self.held
         self.motion.place(q)
         self.motion.eliminate(K_ALONE, w, self.chain.stiffness + np.abs(w) * self.sizes)
-        return self._value(x, load), _Slopes(self.motion, np.where(self.locked, 0.0, by_s))
+        return self._value(x, load), np.where(self.locked, 0.0, by_s)
 
-
-class _Slopes:
-    """∂F/∂(s, q), with ∂F/∂q eliminated but for the coordinates d whose pivots are too small.
-
-    With q̂ and p̂ the solutions for a right side and for ∂F/∂s with δq_d = 0, and N those for none with δq_d = 1,
-
-        δq = q̂ − p̂ δs + N δq_d
-
-    so that δs and δq_d follow from the rows d, whose left sides the elimination tells, and from the row below.
-    """
-
-    def __init__(self, motion: SmallMotion, by_s: Array) -> None:
-        self.motion, self.by_s = motion, by_s
-
-    def solve(self, row: Array, left: Array, last: float, *, held: bool = False) -> Array:
+    def solve(self, by_s: Array, row: Array, left: Array, last: float, *, held: bool = False) -> Array:
         """Shortest solution (δs, δq) of F' δx = left (n,) and row · δx = last, shape (1 + n,); nan if there is none.
+
+        F' is ∂F/∂(s, q) where `with_slope` was asked for last, with ∂F/∂q eliminated but for the coordinates d whose
+        pivots are too small. With q̂ and p̂ the solutions for a right side and for ∂F/∂s with δq_d = 0, and N those for
+        none with δq_d = 1,
+
+            δq = q̂ − p̂ δs + N δq_d
+
+        so that δs and δq_d follow from the rows d, whose left sides the elimination tells, and from the row below.
 
         A joint that nothing holds and nothing pushes stays where it is; where one is pushed there is no solution,
         unless it is `held` by a weak spring.
         """
-        if not (np.isfinite(self.by_s).all() and np.isfinite(left).all()):
+        if not (np.isfinite(by_s).all() and np.isfinite(left).all()):
             return np.full(len(row), np.nan)  # which the corrector gives up on
         spared = self.motion.spared
-        x, of_spared = self.motion.solve(np.array([self.by_s, left]))
+        x, of_spared = self.motion.solve(np.array([by_s, left]))
         columns = np.concatenate([-x[:1], x[2:]])
         along = columns @ row[1:]
         along[0] += row[0]
         right = last - row[1:] @ x[1]
         if len(spared):
             small = np.empty((1 + len(spared), 1 + len(spared)))
-            small[:-1, 0] = self.by_s[spared] - of_spared[0]
+            small[:-1, 0] = by_s[spared] - of_spared[0]
             small[:-1, 1:] = of_spared[2:].T
             small[-1] = along
             sizes = np.append(self.motion.sizes[spared], max(np.abs(along).max(), np.finfo(float).tiny))
@@ -165,7 +159,7 @@ def _arcs(equations: Equations, tolerance: float, part: float, off: float) -> li
     point, arc = equations.start, part * FIRST_ARC
     path, direction = [point], np.append(1.0, np.zeros(len(point) - 1))
     while point[0] < 1:
-        direction = _direction(equations.with_slopes(point)[1], direction, equations.scales)
+        direction = _direction(equations, point, direction)
         while True:
             step = min(arc, (1 - point[0]) / direction[0]) if direction[0] > 0 else arc
             new, corrections = _corrected(equations, point, step, direction, tolerance, off)
@@ -198,12 +192,13 @@ def _corrected(
     return new, corrections
 
 
-def _direction(slopes: _Slopes, before: Array, scales: Array) -> Array:
-    """Unit tangent of the path, on the side of the direction before: F' t = 0."""
+def _direction(equations: Equations, point: Array, before: Array) -> Array:
+    """Unit tangent of the path at a point, on the side of the direction before: F' t = 0."""
+    scales, (_, by_s) = equations.scales, equations.with_slope(point)
     still, row = np.zeros(len(before) - 1), before / scales**2
-    t = slopes.solve(row, still, 1.0)
+    t = equations.solve(by_s, row, still, 1.0)
     if not np.isfinite(t).all():  # at a limit of the load: it moves what it pushes
-        t = slopes.solve(row, still, 1.0, held=True)
+        t = equations.solve(by_s, row, still, 1.0, held=True)
     return np.asarray(t / np.linalg.norm(t / scales))
 
 
@@ -211,8 +206,8 @@ def _correct(equations: Equations, target: Array, row: Array, tolerance: float) 
     """Newton back to the path in the plane row · (x − target) = 0; None if it does not converge."""
     x, k, scales = target.copy(), 0, equations.scales
     while k < CORRECTIONS and np.isfinite(x).all() and np.linalg.norm((x - target) / scales) <= 100 * LARGEST_ARC:
-        value, slopes = equations.with_slopes(x)
-        change = slopes.solve(row, value, float(row @ (x - target)))
+        value, by_s = equations.with_slope(x)
+        change = equations.solve(by_s, row, value, float(row @ (x - target)))
         x, k = x - change, k + 1
         if np.abs(change / scales).max() <= tolerance:
             return x, k

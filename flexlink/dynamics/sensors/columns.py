@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Protocol
 
 import numpy as np
 from msgspec.structs import replace
@@ -12,15 +11,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor
 from flexlink.dynamics.sensors.instrument import Instrument
-from flexlink.dynamics.sensors.signals import States, column_names, signal_of
-
-
-class Samples(States, Protocol):
-    """States with their times."""
-
-    @property
-    def t(self) -> Array:
-        """Times (samples,) [s]."""
+from flexlink.dynamics.sensors.signals import Samples, column_names, signal_of
 
 
 def readings_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:

@@ -80,7 +80,7 @@ class SensorOutputs:
                 f"outputs: sensor {sensor.name!r}: the motion of its joint is prescribed, its acceleration an input; "
                 "what torque that takes is no output of a linear model"
             )
-        here = SimpleNamespace(chain=chain, q=q[None], qd=qd[None], qdd=qdd[None], tau=tau[None])
+        here = SimpleNamespace(chain=chain, t=np.zeros(1), q=q[None], qd=qd[None], qdd=qdd[None], tau=tau[None])
         slopes = slopes_of(sensor, scene, chain, q, qd, qdd)
         return Output(
             names=column_names(scene, [sensor]),

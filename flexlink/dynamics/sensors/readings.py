@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.sensors.columns import Samples
 from flexlink.dynamics.sensors.instrument import Instrument
-from flexlink.dynamics.sensors.signals import column_names, signal_of
+from flexlink.dynamics.sensors.signals import Samples, column_names, signal_of
 
 
 class Readings:

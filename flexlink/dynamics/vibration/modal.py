@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,7 +32,7 @@ from flexlink.dynamics.springs import about, damping_matrix, damping_slope
 from flexlink.dynamics.tangent import LoadedState, displacements, gyroscopic_matrix, tangent, unlocked
 from flexlink.dynamics.vibration import eigenproblem
 from flexlink.dynamics.vibration.lowest import lowest
-from flexlink.dynamics.vibration.mode_kinds import Loads, Springs, mode_kinds
+from flexlink.dynamics.vibration.mode_kinds import Loads, mode_kinds
 from flexlink.dynamics.wrench import turns_with_tip
 
 
@@ -185,14 +185,14 @@ def modes(
     found = None
     if few is not None and len(free) > DENSE and 3 * few < len(free):
         found = _lowest(chain, state, few)
-    λ, vectors, rounding, loads = _all(chain, state) if found is None else found
+    (λ, vectors, rounding), loads = _all(chain, state) if found is None else found
     λ, vectors, rounding = λ[:few], vectors[:, :few], rounding[:few]
     shapes = np.zeros((len(λ), n), dtype=vectors.dtype)
     shapes[:, free] = scaled(vectors).T
     points = frames(chain, q).points
     friction = damping_slope(chain)[free]
-    own = Springs(chain.stiffness[free], friction, _coupled_energy(chain, λ, shapes))
-    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), own)
+    coupled = _coupled_energy(chain, λ, shapes)
+    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), chain.stiffness[free], friction, coupled)
     return Modes(λ, shapes, displacements(chain, q, shapes), points, rounding, kinds, shares)
 
 
@@ -211,16 +211,11 @@ DENSE = 100
 """Free coordinates up to which all modes are found, however few are asked for: by matrices, in O(n³)."""
 
 
-class _Found(NamedTuple):
-    """Modes, shapes of the free coordinates in columns, and what loads hold of shapes (modes, n)."""
-
-    eigenvalues: Complex
-    vectors: NDArray[np.inexact]
-    rounding: Array
-    loads: Callable[[NDArray[np.inexact]], Loads]
+Found = tuple[eigenproblem.Solution, Callable[[NDArray[np.inexact]], Loads]]
+"""Modes of the free coordinates, and what loads hold of shapes (modes, n)."""
 
 
-def _all(chain: Chain, state: LoadedState) -> _Found:
+def _all(chain: Chain, state: LoadedState) -> Found:
     q, qd, wrench, follower, free = state
     C = (gyroscopic_matrix(chain, q, qd) + damping_matrix(chain))[np.ix_(free, free)]
     M, L = factored_mass(chain, q, free)
@@ -230,10 +225,10 @@ def _all(chain: Chain, state: LoadedState) -> _Found:
         springs = about(chain, q).matrix("stiffness")[np.ix_(free, free)]
         return Loads(shapes[:, free] @ (K.K - springs).T, K.S**2, K.rounding)
 
-    return _Found(*eigenproblem.solve(M, L, C, K), loads)
+    return eigenproblem.solve(M, L, C, K), loads
 
 
-def _lowest(chain: Chain, state: LoadedState, count: int) -> _Found | None:
+def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
     """The slowest ones; None if the iteration does not find them."""
     q, qd, wrench, follower, free = state
     locked = np.ones(chain.n, dtype=bool)
@@ -254,7 +249,7 @@ def _lowest(chain: Chain, state: LoadedState, count: int) -> _Found | None:
         square = chain.stiffness[free] + sizes[free]
         return Loads(real + 1j * imaginary, np.where(square > 0, square, 1.0), motion.rounding)
 
-    return _Found(found.eigenvalues, found.shapes[free], found.rounding, loads)
+    return found._replace(shapes=found.shapes[free]), loads
 
 
 def _coupled_energy(chain: Chain, λ: Complex, shapes: NDArray[np.inexact]) -> Array:
