@@ -119,18 +119,9 @@ class Chain(Layout):
         """
         return drawing_module("scene_report.arm_picture").plot_chain(self, q)
 
-    def with_numbers(
-        self,
-        name: str,
-        bodies: NDArray[np.void],
-        hinges: NDArray[np.void],
-        gravity: Array,
-        couplings: NDArray[np.void],
-    ) -> Chain:
-        """A chain whose hinges stand as they do here; what has been found of that is not sought again."""
-        names = self.coordinates, self.link_names
-        other = Chain(name, bodies, hinges, gravity, *names, couplings, self.tips, self.forces)
-        known = vars(self)
+    def with_numbers(self, **fields: Any) -> Chain:
+        """The chain with other fields, whose hinges stand as here; what has been found of that is not sought again."""
+        other, known = dataclasses.replace(self, **fields), vars(self)
         vars(other).update((name, known[name]) for name in OF_LAYOUT if name in known)
         return other
 

@@ -17,7 +17,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe.links import link_number
-from flexlink.describe.own_units import OF_JOINT
+from flexlink.describe.own_units import OF_JOINT, in_words
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.layout import SLIDES, ChainArrays
 
@@ -80,7 +80,7 @@ class Layout:
     @functools.cached_property
     def has_free_base(self) -> bool:
         """Whether the first six joints are those of a base that floats."""
-        return bool(self.coordinates) and self.coordinates[0].link == 0
+        return bool(self.coordinates) and self.coordinates[0].of_base
 
     @functools.cached_property
     def coupled_joints(self) -> tuple[tuple[int, ...], ...]:
@@ -289,6 +289,10 @@ class Layout:
     def joint_units(self) -> tuple[str, ...]:
         """Unit of every coordinate: rad or m."""
         return tuple(OF_JOINT[slides].si for slides in self.slides.tolist())
+
+    def place_in_words(self, k: int, value: float) -> str:
+        """A value of coordinate `k` as it is told: 30°, 0.5 m."""
+        return in_words(bool(self.slides[k]), value)
 
     @functools.cached_property
     def torque_units(self) -> tuple[str, ...]:

@@ -103,7 +103,9 @@ def _lumped(scene: Scene) -> Chain:
         record_inertia(bodies[frame.carrier], [frame.builder.carrying(arm.tip)])
     for array in (bodies, hinges, couplings):
         _check_finite(scene.name, array)
-    chain = frame.chain = frame.chain.with_numbers(scene.name, bodies, hinges, np.array(scene.gravity), couplings)
+    chain = frame.chain = frame.chain.with_numbers(
+        name=scene.name, bodies=bodies, hinges=hinges, gravity=np.array(scene.gravity), couplings=couplings
+    )
     return with_forces(with_constant_ratios(chain, scene), scene, frame.builder.pieces)
 
 

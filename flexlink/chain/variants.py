@@ -85,8 +85,8 @@ def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
         if not good[k]:
             chains.append(None)
             continue
-        gravity = np.array(scene.gravity)
-        frame.chain = frame.chain.with_numbers(scene.name, bodies[k], hinges[k], gravity, couplings[k])
+        numbers = {"bodies": bodies[k], "hinges": hinges[k], "couplings": couplings[k]}
+        frame.chain = frame.chain.with_numbers(name=scene.name, gravity=np.array(scene.gravity), **numbers)
         chains.append(with_forces(frame.chain, scene, frame.builder.pieces))
     return chains
 

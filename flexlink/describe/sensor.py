@@ -185,6 +185,12 @@ class Sensor(Spec, frozen=True):
         return KINDS[self.kind].unit or (of_joint.si if self.kind == "joint" else of_joint.torque)
 
 
+def column_names(sensors: Sequence[Sensor], arm: Arm) -> tuple[str, ...]:
+    """Names with units of the columns of sensors on an arm, in their order."""
+    own = [sensor.kind in OF_THE_DRIVE and arm.slides[arm.number(sensor.link) - 1] for sensor in sensors]
+    return tuple(name for sensor, slides in zip(sensors, own, strict=True) for name in sensor.columns(slides))
+
+
 def sensor_mistakes(sensors: Sequence[Sensor], arm: Arm) -> Iterator[str]:
     """What does not fit the arm, or two sensors of one name."""
     names = [sensor.name for sensor in sensors]

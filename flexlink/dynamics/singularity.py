@@ -10,7 +10,6 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.free_base import AXES
 from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
 from flexlink.common.types import Array
-from flexlink.describe.own_units import in_words
 from flexlink.dynamics.rounding import EPS
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.bodies.mass import mass_composite
@@ -38,7 +37,7 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
     k = idle_joint(chain, q)
     point = next(body for body in chain.bodies if body["first"] <= k < body["stop"])
     there = range(int(point["first"]), int(point["stop"]))
-    angles = ", ".join(f"{chain.joint_name(j)} = {in_words(bool(chain.slides[j]), float(q[j]))}" for j in there)
+    angles = ", ".join(f"{chain.joint_name(j)} = {chain.place_in_words(j, float(q[j]))}" for j in there)
     others = ARTICULATED.accelerations(chain.arrays, wrench, q, qd, tau)
     way_out = "use solver 'articulated', which has no need of M" if np.isfinite(others).all() else "give it an armature"
     return SingularMassError(
@@ -54,10 +53,10 @@ def base_without_rates(chain: Chain, q: Array) -> FlexlinkError | None:
     """
     if not chain.has_free_base or np.cos(q[PITCH]) ** 2 >= 4 * np.finfo(float).eps:
         return None
+    pitch = f"{chain.joint_name(PITCH)} = {chain.place_in_words(PITCH, float(q[PITCH]))}"
     return SingularMassError(
-        f"mass matrix of {chain.name!r} is singular: at {chain.joint_name(PITCH)} = "
-        f"{in_words(False, float(q[PITCH]))} the base's angles cannot tell how it turns; tell them from another "
-        "attitude, initial.base.rpy_deg, as runs do"
+        f"mass matrix of {chain.name!r} is singular: at {pitch} the base's angles cannot tell how it turns; tell them "
+        "from another attitude, initial.base.rpy_deg, as runs do"
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -96,13 +95,3 @@ def slopes_of(sensor: Sensor, scene: Scene, chain: Chain, q: Array, qd: Array, q
 def _slopes(n: int, **parts: Array) -> Slopes:
     columns = len(next(iter(parts.values())))
     return Slopes(*(parts.get(name, np.zeros((columns, n))) for name in Slopes._fields))
-
-
-def column_names(scene: Scene, sensors: Iterable[Sensor] | None = None) -> tuple[str, ...]:
-    """Names with units of the columns of a scene's sensors, or of some of them, in their order."""
-    arm = scene.arm
-    return tuple(
-        name
-        for sensor in (scene.sensor if sensors is None else sensors)
-        for name in sensor.columns(sensor.kind in OF_THE_DRIVE and arm.slides[arm.number(sensor.link) - 1])
-    )

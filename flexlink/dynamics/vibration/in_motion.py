@@ -185,7 +185,7 @@ def steady_joint(chain: Chain, name: str) -> int:
         raise ArgumentError(
             f"rates: {name!r} is locked in the scene; set its joint.locked to false, it is held at its rate"
         )
-    if k not in chain.active and not (chain.has_free_base and chain.coordinates[k].link == 0):
+    if k not in chain.active and not chain.coordinates[k].of_base:
         driven = ", ".join(chain.joint_name(int(each)) for each in chain.active)
         raise ArgumentError(f"rates: {name!r} is a hinge with a spring; allowed are driven joints: {driven}")
     return k
