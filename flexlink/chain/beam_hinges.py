@@ -5,6 +5,7 @@ Constants come from the rigidities of some sections, or from the integrals of a 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,6 @@ from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.arm import Arm
 from flexlink.describe.link import AXES, Link
-from flexlink.describe.material import Material
 from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 from flexlink.kernels.layout import SPRINGS
@@ -54,24 +54,24 @@ class Springs(NamedTuple):
         axis, e, pair = self.pairs.T
         return own.reshape(*own.shape[:-3], -1)[..., self.places], both[..., axis, e, pair]
 
-    def write(self, arm: Arm, hinges: NDArray[np.void], couplings: NDArray[np.void]) -> None:
-        """Put spring and damping constants into the hinges and the couplings of the chain."""
-        link = self.link
-        if self.given is None:
-            k, coupled = self.constants(rigidities(arm.materials[link.material or ""], self.sections))
-        else:
-            k, coupled = self.given
-        if not k.all():  # it would count as a joint without a spring
-            raise SceneError(f"link {link.name!r}: the stiffness of a hinge underflows float64")
-        loss = arm.loss_time(link)
-        hinges["stiffness"][self.rows], hinges["damping"][self.rows] = k, loss * k
-        couplings["stiffness"][self.coupled], couplings["damping"][self.coupled] = coupled, loss * coupled
+    def write(self, arms: Sequence[Arm], hinges: NDArray[np.void], couplings: NDArray[np.void]) -> NDArray[np.bool_]:
+        """Put spring and damping constants of arms that differ in materials into hinges and couplings, (b, …) each.
 
+        Returns where no stiffness underflows, (b,) or (1,): such a hinge would count as a joint without a spring.
+        """
+        loss = np.array([arm.loss_time(self.link) for arm in arms])[:, None]
+        k, coupled = self._of_materials(arms) if self.given is None else self.given
+        hinges["stiffness"][:, self.rows], hinges["damping"][:, self.rows] = k, loss * k
+        couplings["stiffness"][:, self.coupled], couplings["damping"][:, self.coupled] = coupled, loss * coupled
+        return np.asarray(np.atleast_2d(k).all(axis=1))
 
-def rigidities(material: Material, sections: Array) -> Array:
-    """GJ, EI_y, EI_z of sections (4, N), shape (3, N), in the order of the axes [N m²]."""
-    _, i_y, i_z, torsion = sections
-    return np.array([material.shear * torsion, material.young * i_y, material.young * i_z])
+    def _of_materials(self, arms: Sequence[Arm]) -> tuple[Array, Array]:
+        """Constants by GJ, EI_y, EI_z of all, (b, hinges) and (b, couplings)."""
+        materials = [arm.materials[self.link.material or ""] for arm in arms]
+        young = np.array([material.young for material in materials])[:, None]
+        shear = np.array([material.shear for material in materials])[:, None]
+        _, i_y, i_z, torsion = self.sections
+        return self.constants(np.stack([shear * torsion, young * i_y, young * i_z], axis=1))
 
 
 def add_beam(

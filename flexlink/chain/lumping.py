@@ -99,7 +99,8 @@ def _lumped(scene: Scene) -> Chain:
     bodies, hinges, couplings = frame.bodies.copy(), frame.hinges.copy(), frame.couplings.copy()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such numbers, by name
         for springs in frame.springs:
-            springs.write(arm, hinges, couplings)
+            if not springs.write([arm], hinges[None], couplings[None]).all():
+                raise SceneError(f"link {springs.link.name!r}: the stiffness of a hinge underflows float64")
         record_inertia(bodies[frame.carrier], [frame.builder.carrying(arm.tip)])
     for array in (bodies, hinges, couplings):
         _check_finite(scene.name, array)

@@ -64,7 +64,8 @@ def misplaced(slides: Slides, names: Sequence[str], lists: Mapping[str, Row]) ->
         for k, number in enumerate(row if name in TWINS else ()):
             if number and slides[k] == (name in IN_METRES):
                 twin = key.replace(name, TWINS[name])
-                yield k, key, f"joint {names[k]!r} is {OF_JOINT[slides[k]].name}; give {twin}"
+                kind = f"prismatic; give {twin}" if slides[k] else f"revolute; give {twin}"
+                yield k, key, f"joint {names[k]!r} is {kind}"
 
 
 def in_words(slides: bool, si: float, form: str = ".6g") -> str:
