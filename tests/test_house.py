@@ -20,12 +20,12 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 BARS = {
-    "layers of imports": 10, "classes": 347, "constants": 395, "public names": 75, "files of more than 350 lines": 8,
+    "layers of imports": 10, "classes": 346, "constants": 395, "public names": 75, "files of more than 350 lines": 8,
     "functions of more than 60 lines of code": 2, "lines of contracts": 56,
 }  # fmt: skip
 FEATURES = {
-    "slides": ("slides|prismatic", 93), "couplings": ("coupl", 65), "branches": ("branch", 52),
-    "free base": ("free.base", 54), "rotation springs": ("rotation.spring", 21), "drag": ("drag", 23),
+    "slides": ("slides|prismatic", 93), "couplings": ("coupl", 65), "branches": ("branch", 51),
+    "free base": ("free.base", 54), "rotation springs": ("rotation.spring", 20), "drag": ("drag", 23),
 }  # fmt: skip
 
 

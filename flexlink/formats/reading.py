@@ -53,22 +53,6 @@ class End(NamedTuple):
     rotation: Array
 
 
-class Tree(NamedTuple):
-    """What a file says of the base and the branches."""
-
-    ends: list[End]
-    loaded: int  # number of the link at whose end the wrench acts
-    base: Array | None = None  # rotation of a free base
-    body: Mass | None = None  # and its mass
-
-
-def tree_of(own: Node, ends: list[End], links: Sequence[str], body: Mass | None, prefix: str = "") -> Tree:
-    """The same from the attributes of our own, `document.tree_said`."""
-    base = f"{prefix}{BASE}"
-    rotation = None if own.element.get(base) is None else own.rotation(base)
-    return Tree(ends, link_of(own, f"{prefix}loaded", links), rotation, body)
-
-
 def link_of(node: Node, key: str, links: Sequence[str]) -> int:
     """Number of a link that an attribute says; without it that of the last."""
     if node.element.get(key) is None:
@@ -102,13 +86,24 @@ def inertia_matrix(moments: Sequence[float]) -> Array:
 
 
 def chain_of(
-    root: Node, name: str, gravity: Sequence[float], links: tuple[str, ...], hinges: Sequence[Hinge],
-    tree: Tree, coupled: Iterable[Node] = (), own: Node | None = None, key: str = ROTATION_SPRINGS,
+    root: Node, own: Node, prefix: str, gravity: Sequence[float], links: tuple[str, ...], hinges: Sequence[Hinge],
+    ends: Sequence[End], body: Mass | None, coupled: Iterable[Node],
 ) -> Chain:  # fmt: skip
     """The chain of the hinges, without those of a free base, of base and tip frames, and of springs between hinges.
 
-    `coupled` are elements of our own, as `document.couplings` writes them.
-    Attribute `key` of `own`, if it is there, says whose springs hold rotation vectors (`document.rotation_springs`).
+    Parameters
+    ----------
+    root
+        What errors name.
+    own, prefix
+        The element with attributes of our own, and what stands before their names: the rotation of a free base and the
+        link where a wrench acts (`document.tree_said`), whose springs hold rotation vectors (`rotation_springs`).
+    gravity, links, hinges, ends
+        As read.
+    body
+        Mass of a free base.
+    coupled
+        Elements of our own, as `document.couplings` writes them.
 
     Raises
     ------
@@ -116,34 +111,37 @@ def chain_of(
         There is no hinge or no tip, two hinges have the same coordinate, a hinge or tip hangs on none before it, a
         mass, moment, spring or damper is negative, or springs between hinges are stiffer than those of the hinges.
     """
-    if not hinges and tree.base is None:
+    floats = own.element.get(f"{prefix}{BASE}") is not None
+    attitude = own.rotation(f"{prefix}{BASE}") if floats else None
+    loaded = link_of(own, f"{prefix}loaded", links)
+    if not hinges and not floats:
         raise root.error("no movable joint")
     for hinge in hinges:
         _require_sound(hinge)
-    base = _base_hinges() if tree.base is not None else np.zeros(0, HINGE)
+    base = _base_hinges() if floats else np.zeros(0, HINGE)
     coordinates = tuple(Coordinate(0, 0, k) for k in range(1, len(base) + 1)) + tuple(h.coordinate for h in hinges)
     if len(set(coordinates)) < len(coordinates):
         raise root.error("two joints have the same coordinate")
-    bodies, ends = _bodies(tree, hinges)
-    if len(links) not in ends:
+    bodies, tips = _bodies(ends, hinges, _base_bodies(attitude, body))
+    if len(links) not in tips:
         raise root.error("the tip frame of the arm is missing: not a file that flexlink has written")
     records = recorded(bodies)
-    if len(base):
+    if floats:
         records["turned"][1] = 1  # whatever its attitude is
-    records["loaded"][ends.get(tree.loaded, -1)] = 1
+    records["loaded"][tips.get(loaded, -1)] = 1
     numbers = [tuple(hinge.numbers[field] for field in HINGE.names or ()) for hinge in hinges]
-    if own is not None and own.element.get(key):
+    if own.element.get(key := f"{prefix}{ROTATION_SPRINGS}"):
         axes = [*base["axis"].tolist(), *(int(hinge.numbers["axis"]) for hinge in hinges)]
         _put_rotation_springs(own, key, records, axes)
     return Chain(
-        name=name,
+        name=root.attribute(f"{prefix}name"),
         bodies=records,
         hinges=np.append(base, np.array(numbers, dtype=HINGE)),
         gravity=np.array(gravity),
         coordinates=coordinates,
         link_names=links,
         couplings=_couplings(coupled, hinges, len(base)),
-        tips={links[link - 1]: number for link, number in ends.items()},
+        tips={links[link - 1]: number for link, number in tips.items()},
     )
 
 
@@ -159,17 +157,21 @@ Item = tuple[tuple[int, int], Hinge | End, Sequence[Hinge]]
 """A body to be: its rank in the order of links, tips last; the first of its hinges, or the tip; its hinges."""
 
 
-def _bodies(tree: Tree, hinges: Sequence[Hinge]) -> tuple[list[Body], dict[int, int]]:
+def _base_bodies(attitude: Array | None, mass: Mass | None) -> list[Body]:
+    """Those of a free base, which is turned so at angles of zero; none of one that stands."""
+    half = free_base.JOINTS // 2
+    if attitude is None:
+        return []
+    return [Body(HERE, 0, half), Body(Pose(attitude, np.zeros(3)), half, 2 * half, 1, _rigid(mass))]
+
+
+def _bodies(ends: Sequence[End], hinges: Sequence[Hinge], base: Sequence[Body]) -> tuple[list[Body], dict[int, int]]:
     """The bodies, those of a link before its tip, and the numbers of tips, from 0, by that of the link."""
-    bodies, on, ends = list[Body](), {"": 0}, dict[int, int]()
-    if tree.base is not None:
-        half = free_base.JOINTS // 2
-        bodies = [Body(HERE, 0, half), Body(Pose(tree.base, np.zeros(3)), half, 2 * half, 1, _rigid(tree.body))]
-        on[""] = len(bodies)
+    bodies, on, numbers = [*base], {"": len(base)}, dict[int, int]()
     stop = bodies[-1].stop if bodies else 0
     begins = [k for k in range(len(hinges)) if k == 0 or not hinges[k].follows(hinges[k - 1])]
     groups = [hinges[k:end] for k, end in itertools.pairwise([*begins, len(hinges)])]
-    tips = sorted(tree.ends, key=lambda tip: tip.link)
+    tips = sorted(ends, key=lambda tip: tip.link)
     moving: list[Item] = [((group[0].coordinate.link, 0), group[0], group) for group in groups]
     ending: list[Item] = [((tip.link, 1), tip, []) for tip in tips]
     for (link, _), first, group in heapq.merge(moving, ending, key=lambda item: item[0]):  # tips behind their links
@@ -177,15 +179,15 @@ def _bodies(tree: Tree, hinges: Sequence[Hinge]) -> tuple[list[Body], dict[int, 
             raise first.node.error(f"hangs on {first.parent[:60]!r}, which is no joint before it")
         body = Body(Pose(first.rotation, first.translation), stop, stop, on[first.parent])
         bodies.append(body)
-        if not group and link in ends:
+        if not group and link in numbers:
             raise first.node.error(f"another tip of link {link}: not a file that flexlink has written")
         if not group:
-            ends[link] = len(bodies) - 1
+            numbers[link] = len(bodies) - 1
             continue
         stop += len(group)
         body.stop, body.rigid = stop, _rigid(group[-1].body)
         on[group[-1].node.attribute("name")] = len(bodies)
-    return bodies, ends
+    return bodies, numbers
 
 
 def _rigid(body: Mass | None) -> SpatialInertia:

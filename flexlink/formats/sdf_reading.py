@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE
+from flexlink.formats.document import UPPER_TRIANGLE
 from flexlink.formats.reading import (
     End,
     Hinge,
@@ -17,7 +17,6 @@ from flexlink.formats.reading import (
     coordinate,
     inertia_matrix,
     link_of,
-    tree_of,
 )
 from flexlink.formats.sdf import DYNAMICS, NAMESPACES, STANDARD_FIELDS, to_sdf
 from flexlink.formats.strict_reading import Node, read
@@ -41,11 +40,9 @@ def _chain(sdf: Node) -> Chain:
     hinges = [_read_hinge(*both, links, behind) for both in zip(joints, bodies[len(floating) :], strict=True)]
     ends = [_read_end(frame, links, behind) for frame in model.all("frame")]
     mass = _read_body(floating[0].one("inertial")) if floating else None
-    gravity, tree = sdf.one("world").one("gravity").numbers(3), tree_of(model, ends, links, mass, OWN)
+    gravity = sdf.one("world").one("gravity").numbers(3)
     coupled = model.all(f"frame/{OWN}coupling")
-    return chain_of(
-        model, model.attribute(f"{OWN}name"), gravity, links, hinges, tree, coupled, model, f"{OWN}{ROTATION_SPRINGS}"
-    )
+    return chain_of(model, model, OWN, gravity, links, hinges, ends, mass, coupled)
 
 
 def _text(element: Node, path: str) -> str:

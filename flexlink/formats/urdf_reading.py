@@ -18,7 +18,6 @@ from flexlink.formats.reading import (
     inertia_matrix,
     limits_of,
     link_of,
-    tree_of,
 )
 from flexlink.formats.strict_reading import Node, read
 from flexlink.formats.urdf import DYNAMICS, STANDARD_FIELDS, to_urdf
@@ -57,8 +56,8 @@ def _chain(robot: Node) -> Chain:
     hinges = [_read_hinge(joint, bodies, links, behind) for joint in moving]
     ends = [_read_end(joint, links, behind) for joint in robot.all("joint[@type='fixed']")]
     coupled = own.all("coupling")
-    tree = tree_of(own, ends, links, _read_body(robot.one("link")))
-    return chain_of(robot, robot.attribute("name"), own.numbers(3, "gravity"), links, hinges, tree, coupled, own)
+    mass, gravity = _read_body(robot.one("link")), own.numbers(3, "gravity")
+    return chain_of(robot, own, "", gravity, links, hinges, ends, mass, coupled)
 
 
 def _read_end(joint: Node, links: Sequence[str], behind: Mapping[str, str]) -> End:
