@@ -24,7 +24,7 @@ BARS = {
     "functions of more than 60 lines of code": 2, "lines of contracts": 56,
 }  # fmt: skip
 FEATURES = {
-    "slides": ("slides|prismatic", 93), "couplings": ("coupl", 65), "branches": ("branch", 51),
+    "slides": ("slides|prismatic", 93), "couplings": ("coupl", 65), "branches": ("branch", 50),
     "free base": ("free.base", 54), "rotation springs": ("rotation.spring", 20), "drag": ("drag", 23),
 }  # fmt: skip
 

@@ -16,8 +16,8 @@ from flexlink.pages.style import NAMED_CURVES, colour_along, legend_over, stacke
 from flexlink.pages.tables import columns_csv, table_csv
 from flexlink.pages.verdict import Verdict
 from flexlink.results.pictures.view import views_of
+from flexlink.scene_report.arm_picture import draw_shadow, panels
 from flexlink.scene_report.study import Study
-from flexlink.scene_report.views import draw_shadow, panels
 
 
 def made(study: Study) -> Part:

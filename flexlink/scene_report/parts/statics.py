@@ -19,8 +19,8 @@ from flexlink.pages.style import legend_over
 from flexlink.pages.tables import Table, table_csv
 from flexlink.pages.verdict import Fact
 from flexlink.results.pictures.view import views_of
+from flexlink.scene_report.arm_picture import draw_arm, draw_shadow, panels
 from flexlink.scene_report.study import Study
-from flexlink.scene_report.views import draw_arm, draw_shadow, panels
 
 
 def made(study: Study) -> Part:
