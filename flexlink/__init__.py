@@ -26,11 +26,13 @@ from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.rigidified import rigidified
 from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.run_settings import RunSettings
-from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.scene import Scene
+from flexlink.describe.scene_file import load_scene
 from flexlink.describe.sensor import Sensor
 from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
+from flexlink.dynamics.energy import energy
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.forces import drag_torque
 from flexlink.dynamics.momentum import momentum
@@ -39,7 +41,6 @@ from flexlink.dynamics.point_motion import point_motion
 from flexlink.dynamics.terms import (
     bias_torque,
     elastic_torque,
-    energy,
     friction_torque,
     gravity_torque,
     inverse_dynamics,

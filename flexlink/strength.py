@@ -1,6 +1,6 @@
 """Loads inside the links, strains of their surfaces, and the loads at which they buckle."""
 
-from flexlink.dynamics.equilibrium import buckling_loads
+from flexlink.dynamics.buckling import buckling_loads
 from flexlink.dynamics.loads import internal_loads
 from flexlink.dynamics.strain import beam_strain
 

@@ -15,11 +15,11 @@ from test_sensitivity import check
 
 import flexlink as fl
 from flexlink.cli import info
-from flexlink.dynamics import equilibrium, small_motion
+from flexlink.dynamics import load_path, small_motion
 from flexlink.dynamics.small_motion import SmallMotion
 from flexlink.dynamics.springs import damping_matrix, deflections
 from flexlink.dynamics.static_postures import static_postures
-from flexlink.dynamics.tangent import falls, gyroscopic_matrix, stiffness_matrix, tangent
+from flexlink.dynamics.tangent import LoadedState, falls, gyroscopic_matrix, stiffness_matrix, tangent
 from flexlink.dynamics.vibration.extremes import CLOSE, fastest_decay, fastest_frequency, slowest_frequency
 from flexlink.dynamics.vibration.stability import (
     fastest_eigenvalues,
@@ -89,18 +89,18 @@ def test_whatever_is_spared_within_a_cell_a_step_of_newton_s_method_is_that_of_t
     monkeypatch.setattr(small_motion.SmallMotion.eliminate, "__defaults__", (smallest,))
     chain, rng = CHAINS[name](tmp_path), np.random.default_rng(4)
     n, q = chain.n, rng.uniform(-1, 1, chain.n)
-    acting = equilibrium._Load(np.zeros(n), rng.normal(size=6) * 10, True, np.zeros(n))
-    equations = equilibrium._Equations(chain, acting, np.arange(n), q)
+    acting = LoadedState(q, np.zeros(n), rng.normal(size=6) * 10, True, np.arange(n))
+    equations = load_path.Equations(chain, acting, np.zeros(n))
     x = np.append(0.6, q + rng.normal(size=n) * 0.1)
-    _, slopes = equations.with_slopes(x)
-    K, k = stiffness_matrix(chain, x[1:], acting.rates, acting.wrench, True), chain.matrix("stiffness")
+    _, by_s = equations.with_slope(x)
+    K, k = stiffness_matrix(chain, x[1:], acting.qd, acting.wrench, True), chain.matrix("stiffness")
     w, row, wanted = np.where(chain.stiffness > 0, x[0], 1.0), rng.normal(size=n + 1), rng.normal(size=n + 1)
-    A = np.vstack([np.column_stack([slopes.by_s, k + w[:, None] * (K - k)]), row])
+    A = np.vstack([np.column_stack([by_s, k + w[:, None] * (K - k)]), row])
     left = A @ wanted
-    found = slopes.solve(row, left[:-1], float(left[-1]))
-    sizes = np.append(slopes.motion.sizes, 1.0)[:, None]
+    found = equations.solve(by_s, row, left[:-1], float(left[-1]))
+    sizes = np.append(equations.motion.sizes, 1.0)[:, None]
     assert np.abs(found - wanted).max() <= 1e3 * EPS * np.linalg.cond(A / sizes) * np.abs(wanted).max()
-    assert (len(slopes.motion.spared) == n) == (smallest > 1)
+    assert (len(equations.motion.spared) == n) == (smallest > 1)
 
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 import flexlink as fl
 from flexlink.results.pictures.view import view_of
+from flexlink.scene_report.arm_picture import draw_arm
 from flexlink.scene_report.parts import loads, vibration
 from flexlink.scene_report.refinement import Refinement
 from flexlink.scene_report.study import Study
-from flexlink.scene_report.views import draw_arm
 from reports.verdict import CaseVerdict
 from validation.kinds import drag, witnesses
 from validation.speed import evaluations

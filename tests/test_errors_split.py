@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from studies import row, stored
 
-from flexlink.describe.scene import load_scene
+from flexlink.describe.scene_file import load_scene
 from reports.figures import errors_split as figure
 from reports.findings import errors_split as finding
 from reports.results import Results

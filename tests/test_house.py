@@ -20,12 +20,12 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 BARS = {
-    "layers of imports": 10, "classes": 362, "constants": 398, "public names": 75, "files of more than 350 lines": 16,
+    "layers of imports": 10, "classes": 346, "constants": 395, "public names": 75, "files of more than 350 lines": 8,
     "functions of more than 60 lines of code": 2, "lines of contracts": 56,
 }  # fmt: skip
 FEATURES = {
-    "slides": ("slides|prismatic", 98), "couplings": ("coupl", 67), "branches": ("branch", 52),
-    "free base": ("free.base", 55), "rotation springs": ("rotation.spring", 23), "drag": ("drag", 24),
+    "slides": ("slides|prismatic", 93), "couplings": ("coupl", 65), "branches": ("branch", 50),
+    "free base": ("free.base", 54), "rotation springs": ("rotation.spring", 20), "drag": ("drag", 23),
 }  # fmt: skip
 
 

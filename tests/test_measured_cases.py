@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.scene import load_scene
+from flexlink.describe.scene_file import load_scene
 from reports.measurements import groups_of
 from reports.measurements import table as table_of
 from validation.case import Measured, load_cases, scene_file

@@ -30,7 +30,8 @@ from flexlink import (
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
-from flexlink.dynamics.vibration.modal import first_order_matrix, scaled
+from flexlink.dynamics.vibration.eigenproblem import first_order_matrix
+from flexlink.dynamics.vibration.modal import scaled
 from flexlink.errors import ArgumentError
 from validation.oracles import bending_chain
 from validation.reference_values import look_up

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.describe.schemes.methods import method
-from flexlink.dynamics.vibration.modal import first_order_matrix
+from flexlink.dynamics.vibration.eigenproblem import first_order_matrix
 from flexlink.motion.inputs.actuation import input_arrays
 
 BOX = {"shape": "box", "height": 0.04, "width": 0.06}

@@ -10,7 +10,7 @@ import flexlink as fl
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
 from flexlink.diagnosis.states import random_states
-from flexlink.dynamics.terms import Energy
+from flexlink.dynamics.energy import Energy
 
 NAMES = [f"link{k}" for k in range(30)]
 LONG = make_scene(*[flexible(name, segments=9) for name in NAMES])

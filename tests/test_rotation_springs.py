@@ -165,7 +165,7 @@ def test_springs_are_slack_at_their_rest_angles() -> None:
     chain = cantilever("lobatto2_rotation", 4)
     hinges, rest, q = chain.hinges.copy(), state(chain, seed=2)[0], state(chain)[0]
     hinges["rest"] = rest
-    moved = chain.with_numbers("moved", chain.bodies, hinges, chain.gravity, chain.couplings)
+    moved = chain.with_numbers(name="moved", hinges=hinges)
     assert not fl.elastic_torque(moved, rest).any()
     bound = rounding.of_elastic_torque(chain, q)
     assert (np.abs(fl.elastic_torque(moved, q + rest) - fl.elastic_torque(chain, q)) <= bound).all()

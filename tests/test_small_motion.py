@@ -10,10 +10,10 @@ from beams import cantilever
 from conftest import ROOT, random_state
 
 import flexlink as fl
-from flexlink.dynamics import equilibrium, small_motion
+from flexlink.dynamics import load_path, small_motion
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import damping_slope
-from flexlink.dynamics.tangent import displacements, falls, gyroscopic_matrix, stiffness_matrix, tangent
+from flexlink.dynamics.tangent import LoadedState, displacements, falls, gyroscopic_matrix, stiffness_matrix, tangent
 from flexlink.errors import ConvergenceError
 
 Rng = np.random.Generator
@@ -52,24 +52,25 @@ def test_whatever_is_spared_a_step_of_newton_s_method_is_that_of_the_whole_matri
 ) -> None:
     """Coordinates whose pivots are too small, none, some or all, are found with the load and the row below."""
     monkeypatch.setattr(small_motion.SmallMotion.eliminate, "__defaults__", (smallest,))
-    q, acting = rng.uniform(-1, 1, chain.n), equilibrium._Load(np.zeros(chain.n), np.zeros(6), False, np.zeros(chain.n))
-    equations = equilibrium._Equations(chain, acting, np.arange(chain.n), q)
+    q, n = rng.uniform(-1, 1, chain.n), chain.n
+    acting = LoadedState(q, np.zeros(n), np.zeros(6), False, np.arange(n))
+    equations = load_path.Equations(chain, acting, np.zeros(chain.n))
     x = np.append(0.6, q + rng.normal(size=chain.n) * 0.1)
-    _, slopes = equations.with_slopes(x)
-    K, k = stiffness_matrix(chain, x[1:], acting.rates, acting.wrench), np.diag(chain.stiffness)
+    _, by_s = equations.with_slope(x)
+    K, k = stiffness_matrix(chain, x[1:], acting.qd, acting.wrench), np.diag(chain.stiffness)
     w = np.where(chain.stiffness > 0, x[0], 1.0)
     row = rng.normal(size=chain.n + 1)
-    A = np.vstack([np.column_stack([slopes.by_s, k + w[:, None] * (K - k)]), row])
+    A = np.vstack([np.column_stack([by_s, k + w[:, None] * (K - k)]), row])
     wanted = rng.normal(size=chain.n + 1)
     neutral = np.abs(A[:-1, 1:]).max(axis=0) < 1e-12  # a waist along gravity: nothing holds it
     wanted[1:][neutral] = 0.0
     row[1:][neutral] = A[-1, 1:][neutral] = 0.0
     left = A @ wanted
-    found = slopes.solve(row, left[:-1], float(left[-1]))
+    found = equations.solve(by_s, row, left[:-1], float(left[-1]))
     assert found == pytest.approx(wanted, abs=1e-7)
     rounded = len(wanted) * np.finfo(float).eps * (np.abs(A) @ np.abs(wanted)).max()  # of the left sides
     assert np.abs(found[1:][neutral]).max(initial=0.0) <= rounded
-    assert len(slopes.motion.spared) == chain.n or smallest < 1
+    assert len(equations.motion.spared) == chain.n or smallest < 1
 
 
 def test_pivots_tell_what_eigenvalues_tell(rng: Rng) -> None:

@@ -25,7 +25,7 @@ from flexlink import (
     tip_position,
 )
 from flexlink.dynamics import rounding
-from flexlink.dynamics.equilibrium import LARGEST_ARC
+from flexlink.dynamics.load_path import LARGEST_ARC
 from flexlink.errors import ArgumentError, ConvergenceError
 from flexlink.strength import buckling_loads
 from validation.oracles import hencky

@@ -13,7 +13,8 @@ import msgspec
 from flexlink.chain.arguments import require_one_of
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.data import documents
-from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.scene import Scene
+from flexlink.describe.scene_file import load_scene
 from flexlink.describe.spec import Positive, Spec, decode
 from validation.facts import Facts
 from validation.store import Bound

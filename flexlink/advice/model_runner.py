@@ -16,7 +16,6 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.common.types import Array
 from flexlink.describe.initial import InitialState
-from flexlink.describe.own_units import KIND
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
@@ -105,7 +104,10 @@ class ModelRunner:
         held |= {k for k, link in enumerate(scene.arm.links, 1) if link.joint.locked}
         if len(held) == len(scene.arm.links):
             return None
-        free = {slides: [k not in held and s == slides for k, s in enumerate(scene.arm.slides, 1)] for slides in KIND}
+        free = {
+            slides: [k not in held and s == slides for k, s in enumerate(scene.arm.slides, 1)]
+            for slides in (False, True)
+        }
         deg, m = scene.initial.joint_deg, scene.initial.positions_m
         turned = tuple(q + f * math.degrees(angle) for q, f in zip(deg, free[False], strict=True))
         slid = tuple(q + f * angle * self.chain(model).size for q, f in zip(m, free[True], strict=True))

@@ -83,10 +83,14 @@ def record_branches(records: NDArray[np.void]) -> None:
 def record_inertia(records: NDArray[np.void], rigid: list[SpatialInertia]) -> None:
     """Write masses, centres and inertias into rows of dtype `BODY`."""
     masses, centers, inertias = zip(*rigid, strict=True)
-    records["mass"], records["center"], I = masses, centers, np.array(inertias)
+    records["mass"], records["center"], records["inertia"] = masses, centers, symmetric(np.array(inertias))
+
+
+def symmetric(inertias: Array) -> Array:
+    """Inertias (…, 3, 3) with what is above the diagonal below it, too: R I Rᵀ is symmetric up to rounding only."""
     for row, column in ((0, 1), (0, 2), (1, 2)):
-        I[:, column, row] = I[:, row, column]  # R I Rᵀ is symmetric up to rounding only
-    records["inertia"] = I
+        inertias[..., column, row] = inertias[..., row, column]
+    return inertias
 
 
 class Builder:

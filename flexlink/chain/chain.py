@@ -10,41 +10,28 @@ its tip frame; the last of all is the frame of the arm's tip.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import functools
 import math
-from collections.abc import Iterable
-from itertools import accumulate
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import integer, number_of, require_type, vector
-from flexlink.chain.coordinates import LAG, Coordinate, joint_names
-from flexlink.chain.couplings import add_products
+from flexlink.chain.arguments import vector
+from flexlink.chain.coordinates import Coordinate
+from flexlink.chain.layout import OF_LAYOUT, Layout
 from flexlink.chain.size import on_elastic_gears, size_without_reach, turning_radii, without_lever
 from flexlink.chain.spans import spans_of, sums_outward
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Indices
-from flexlink.common.wording import short_list, truncated
-from flexlink.describe.links import link_number
+from flexlink.common.wording import short_list
 from flexlink.kernels.geometry.kinematics import forward_kinematics
-from flexlink.kernels.layout import COUPLING, FORCES, SLIDES, ChainArrays, Rare
-
-_OF_LAYOUT = {
-    "active", "internal", "slides", "is_serial", "is_serial_revolute", "has_free_base", "joint_units", "bending",
-    "axes", "coupled_joints", "has_rotation_springs", "is_planar", "joint_names", "_sequential", "_layout",
-}  # fmt: skip
-"""What is found of a chain without its masses, springs and gravity."""
-
-Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
-"""Joints of a chain: see `Chain.joint_indices`."""
+from flexlink.kernels.layout import COUPLING, FORCES, ChainArrays, Rare
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Chain:
+class Chain(Layout):
     """A chain of `n` one-axis hinges, or a tree of them.
 
     Attributes
@@ -132,25 +119,16 @@ class Chain:
         """
         return drawing_module("scene_report.arm_picture").plot_chain(self, q)
 
-    def with_numbers(
-        self,
-        name: str,
-        bodies: NDArray[np.void],
-        hinges: NDArray[np.void],
-        gravity: Array,
-        couplings: NDArray[np.void],
-    ) -> Chain:
-        """A chain whose hinges stand as they do here; what has been found of that is not sought again."""
-        names = self.coordinates, self.link_names
-        other = Chain(name, bodies, hinges, gravity, *names, couplings, self.tips, self.forces)
-        known = vars(self)
-        vars(other).update((name, known[name]) for name in _OF_LAYOUT if name in known)
+    def with_numbers(self, **fields: Any) -> Chain:
+        """The chain with other fields, whose hinges stand as here; what has been found of that is not sought again."""
+        other, known = dataclasses.replace(self, **fields), vars(self)
+        vars(other).update((name, known[name]) for name in OF_LAYOUT if name in known)
         return other
 
     @functools.cached_property
     def arrays(self) -> ChainArrays:
         """The kernels' view of this chain."""
-        forces = len(self.couplings) or self.forces or self.has_rotation_springs
+        forces = self.forces or self.springs_join_hinges
         rare = self._rare if forces or not self.is_serial_revolute else None
         return ChainArrays(self.bodies, self.hinges, self.gravity, rare)
 
@@ -179,11 +157,6 @@ class Chain:
         other = dataclasses.replace(self)
         vars(other).update(vars(self) | {"arrays": self.arrays._replace(rare=self._rare)})
         return other
-
-    @property
-    def n(self) -> int:
-        """Number of degrees of freedom."""
-        return len(self.hinges)
 
     @functools.cached_property
     def mass(self) -> float:
@@ -224,15 +197,6 @@ class Chain:
         """Angles θ₀ at which the springs are slack [rad], shape (n,)."""
         return self.hinges["rest"]
 
-    @functools.cached_property
-    def coupled_joints(self) -> tuple[tuple[int, ...], ...]:
-        """Of every joint the sequential indices of those that a spring or damper couples it with, ascending."""
-        found: list[list[int]] = [[] for _ in range(self.n)]
-        for i, j in zip(self.couplings["inner"].tolist(), self.couplings["outer"].tolist(), strict=True):
-            found[i].append(j)
-            found[j].append(i)
-        return tuple(tuple(sorted(each)) for each in found)
-
     def matrix(self, field: str) -> Array:
         """K of all springs, `field` "stiffness", or D of all dampers, "damping", shape (n, n), couplings included."""
         matrix, (i, j) = np.diag(self.hinges[field]), (self.couplings["inner"], self.couplings["outer"])
@@ -252,103 +216,6 @@ class Chain:
         if len(value):
             add_products(product, self.couplings, value, φ)
         return product
-
-    @functools.cached_property
-    def has_rotation_springs(self) -> bool:
-        """Whether springs hold rotation vectors of hinges about three axes, not their angles (`BODY`)."""
-        return bool(self.bodies["springs"].any())
-
-    @functools.cached_property
-    def active(self) -> NDArray[np.intp]:
-        """Sequential indices of the driven joints."""
-        active = np.array([k for k, c in enumerate(self.coordinates) if c.axis == 0], dtype=np.intp)
-        active.flags.writeable = False
-        return active
-
-    @functools.cached_property
-    def internal(self) -> NDArray[np.intp]:
-        """Sequential indices of internal coordinates: their rates are states of force elements, and they move no body.
-
-        Nothing depends on their angles: in statics they stay where they are.
-        """
-        internal = np.array([k for k, c in enumerate(self.coordinates) if c.axis == LAG], dtype=np.intp)
-        internal.flags.writeable = False
-        return internal
-
-    @functools.cached_property
-    def slides(self) -> NDArray[np.bool_]:
-        """Which joints slide, shape (n,): coordinates in m and torques in N, where others have rad and N m."""
-        return np.asarray(self.hinges["axis"] >= SLIDES)
-
-    @functools.cached_property
-    def is_serial(self) -> bool:
-        """Whether every body hangs on the one before it."""
-        return not self.bodies["begins"].any()
-
-    @functools.cached_property
-    def is_serial_revolute(self) -> bool:
-        """Whether every body hangs on the one before it and no joint slides."""
-        return self.is_serial and not self.slides.any()
-
-    @functools.cached_property
-    def has_free_base(self) -> bool:
-        """Whether the first six joints are those of a base that floats."""
-        return bool(self.coordinates) and self.coordinates[0].link == 0
-
-    @functools.cached_property
-    def loaded(self) -> int:
-        """Number in `bodies` of the tip frame at which the tip wrench acts."""
-        return int(np.argmax(self.bodies["loaded"])) if self.bodies["loaded"].any() else len(self.bodies) - 1
-
-    def tip_body(self, tip: str | int | None = None) -> int:
-        """Number in `bodies` of the tip frame of a link, given by its name or number; by default of the arm's tip.
-
-        Raises
-        ------
-        ArgumentError
-            There is no such link, or another hangs on it.
-        """
-        if tip is None:
-            return len(self.bodies) - 1
-        name = self.link_names[link_number("tip", tip, self.link_names) - 1]
-        if name not in self.tips:
-            raise ArgumentError(f"tip = {truncated(tip)}: other links hang on it; tips are {', '.join(self.tips)}")
-        return self.tips[name]
-
-    @functools.cached_property
-    def bending(self) -> NDArray[np.intp]:
-        """Sequential indices of the hinges within links."""
-        bending = np.array([k for k, c in enumerate(self.coordinates) if c.segment], dtype=np.intp)
-        bending.flags.writeable = False
-        return bending
-
-    @functools.cached_property
-    def axes(self) -> Array:
-        """Hinge axes in frame 0 at zero angles, unit vectors, shape (n, 3)."""
-        if not self.is_serial_revolute:
-            return np.array(forward_kinematics(self.arrays, np.zeros(self.n)).axes)
-        turned = self.bodies["turned"] != 0
-        before = np.repeat(np.cumsum(turned), self.bodies["stop"] - self.bodies["first"])  # turns, of each hinge
-        return _axes(self.bodies["rotation"][turned].tobytes(), before.tobytes(), self.hinges["axis"].tobytes())
-
-    def all_axes_parallel_to(self, direction: Array) -> bool:
-        """Whether all hinge axes are parallel or opposite to a unit vector of frame 0, at zero and thus at all angles.
-
-        Within 16 ulp per mount rotation, the rounding of the rotations themselves.
-        """
-        turns = 1 + int(self.bodies["turned"].sum())
-        x, y, z = direction
-        across = self.axes @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # axis × direction
-        return bool(np.abs(across).max() <= 16 * turns * np.finfo(np.float64).eps)
-
-    @functools.cached_property
-    def is_planar(self) -> bool:
-        """Whether all hinge axes are parallel or opposite: the hinges then move, and feel torques, in one plane only.
-
-        Gravity, tip wrench and offsets may point anywhere: what is out of the plane meets constraint torques. Trees and
-        arms with prismatic joints count as spatial.
-        """
-        return self.is_serial_revolute and self.all_axes_parallel_to(self.axes[0])
 
     @functools.cached_property
     def reach(self) -> float:
@@ -406,139 +273,12 @@ class Chain:
         """Σ m g of all bodies [N]."""
         return self.mass * math.sqrt(self.gravity @ self.gravity)
 
-    @functools.cached_property
-    def _sequential(self) -> dict[Coordinate, int]:
-        return {c: k for k, c in enumerate(self.coordinates)}
 
-    @functools.cached_property
-    def _layout(self) -> tuple[object, ...]:
-        """What chains side by side have in common: bodies and hinges but for their numbers, and which code they take.
-
-        Hinges that share their point with others and have a rotor count, too: groups without one are taken out whole.
-        """
-        sizes = self.bodies["stop"] - self.bodies["first"]
-        rotors = np.repeat(sizes > 1, sizes) & (self.hinges["armature"] != 0)
-        whole = (
-            self.bodies["first"], self.bodies["stop"], self.bodies["springs"], self.bodies["parent"],
-            self.bodies["loaded"], self.hinges["axis"],
-            self.hinges["prescribed"], rotors,
-            self.couplings["inner"], self.couplings["outer"],
-        )  # fmt: skip
-        return self.is_planar, *(part.tobytes() for part in whole)
-
-    def same_layout(self, other: Chain) -> bool:
-        """Whether two chains differ in numbers only, so that they can be evaluated side by side."""
-        return self._layout == require_type("other", other, Chain)._layout
-
-    def index(self, link: int | str, segment: int, axis: int) -> int:
-        """Sequential index of the coordinate (link, segment, axis), the paper's θ_{i,j,k}; the link by number or name.
-
-        (0, 0, 1) … (0, 0, 6) are those of a free base.
-
-        Raises
-        ------
-        ArgumentError
-            There is no such coordinate, or its joint is locked.
-
-        Examples
-        --------
-        >>> print(chain.index("upper", 1, 3), chain.joint_name(1))  # link, segment, axis: 3 bends in the XY plane
-        1 upper.1.z
-        """
-        number = 0 if number_of(link) == 0 and self.has_free_base else link_number("link", link, self.link_names)
-        wanted = Coordinate(number, integer("segment", segment, 0), integer("axis", axis, 0, LAG))
-        if wanted not in self._sequential:
-            known = truncated(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
-            raise ArgumentError(
-                f"(link, segment, axis) = {truncated(tuple(wanted))}: not in this chain; link {wanted.link} has {known}"
-            )
-        return self._sequential[wanted]
-
-    def coordinate(self, k: int | str) -> Coordinate:
-        """Three-index coordinate of a joint, given by its sequential index `k`, 0 ≤ k < n, or by its name.
-
-        Raises
-        ------
-        ArgumentError
-            There is no such joint.
-        """
-        return self.coordinates[self.joint_index("k", k)]
-
-    def joint_name(self, k: int | str) -> str:
-        """Unique readable name of joint `k`: "upper", "upper.2.z" for a passive hinge, "upper.gear", "upper.root.z".
-
-        Errors as above.
-        Where a link is called like another one's hinge, the hinge is numbered: "upper.2.z_2".
-        """
-        return self.joint_names[self.joint_index("k", k)]
-
-    def body(self, k: int | str) -> int:
-        """Number in `bodies` of the one that hangs on joint `k`, given by index or name; errors as above.
-
-        Examples
-        --------
-        >>> print(chain.body("fore"), chain.body("fore.2.z"))
-        3 5
-        """
-        return int(np.searchsorted(self.bodies["stop"], self.joint_index("k", k), side="right"))
-
-    def joint_indices(self, name: str, value: Joints) -> NDArray[np.intp]:
-        """Sequential indices of the joints that `value` means.
-
-        A boolean mask, shape (n,), one index, name of a joint (`joint_name`: "boom", "boom.2.z") or name of a link,
-        whose active joint is meant, or a sequence of them. Where the joint of a link is locked in the scene, its name
-        means none.
-
-        Raises
-        ------
-        ArgumentError
-            `value` holds something that is no joint; the message says what is allowed.
-        """
-        one = (
-            isinstance(value, str)
-            or not isinstance(value, Iterable)
-            or (isinstance(value, np.ndarray) and not value.ndim)
-        )
-        items: list[Any] = [value] if one else list(value)  # type: ignore[arg-type]
-        if items and all(isinstance(item, bool | np.bool_) for item in items):
-            if len(items) != self.n:
-                raise ArgumentError(f"{name}: a mask of {len(items)} booleans; expected one per joint, {self.n}")
-            return np.flatnonzero(np.array(items, dtype=bool))
-        found = [self.joint_index(name, item, perhaps_locked=True) for item in items]
-        return np.array([k for k in found if k >= 0], dtype=np.intp)
-
-    def joint_index(self, name: str, value: object, *, perhaps_locked: bool = False) -> int:
-        """Sequential index of the joint that `value`, an index or a name, means; −1 for a link whose joint is locked.
-
-        Raises
-        ------
-        ArgumentError
-            `value` is no joint, or, unless `perhaps_locked`, one that is locked.
-        """
-        wanted, names = number_of(value), self.joint_names
-        if type(wanted) is int and 0 <= wanted < self.n:
-            return wanted
-        if isinstance(wanted, str) and wanted in names:
-            return names.index(wanted)
-        if perhaps_locked and isinstance(wanted, str) and wanted in self.link_names:
-            return -1
-        close = difflib.get_close_matches(wanted, [*self.link_names, *names], n=1) if isinstance(wanted, str) else []
-        hint = f"; did you mean {close[0]!r}?" if close else ""
-        links = truncated(", ".join(self.link_names)).strip("'")
-        raise ArgumentError(
-            f"{name} = {truncated(value)}: no joint of this chain; allowed are 0 … {self.n - 1}, "
-            f"names such as {names[-1]!r}, and links: {links}{hint}"
-        )
-
-    @functools.cached_property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of all joints, in sequential order."""
-        return joint_names(self.link_names, self.coordinates)
-
-    @functools.cached_property
-    def joint_units(self) -> tuple[str, ...]:
-        """Unit of every coordinate: rad or m."""
-        return tuple("m" if slides else "rad" for slides in self.slides.tolist())
+def add_products(product: Array, couplings: NDArray[np.void], value: Array, φ: Array) -> None:
+    """Add `value` φ_j to hinge i of each coupling (couplings,), and `value` φ_i to hinge j; (n,) or (b, n)."""
+    inner, outer = couplings["inner"], couplings["outer"]
+    np.add.at(product.T, inner, (value * φ[..., outer]).T)
+    np.add.at(product.T, outer, (value * φ[..., inner]).T)
 
 
 @functools.lru_cache(maxsize=64)
@@ -546,12 +286,3 @@ def _reach(translations: bytes, centers: bytes) -> float:
     """`Chain.reach`; chains that differ in stiffness alone share it."""
     away, centres = (np.linalg.norm(np.frombuffer(part).reshape(-1, 3), axis=1) for part in (translations, centers))
     return float(away.sum() + centres.max())
-
-
-@functools.lru_cache(maxsize=64)
-def _axes(turns: bytes, before: bytes, axes: bytes) -> Array:
-    """`Chain.axes`, read-only, from the turns of the bodies that are turned, how many are before each hinge, axes."""
-    rotations = np.array([*accumulate(np.frombuffer(turns).reshape(-1, 3, 3), np.matmul, initial=np.eye(3))])
-    axes_in_base: Array = rotations[np.frombuffer(before, np.intp), :, np.frombuffer(axes, np.int64)]
-    axes_in_base.flags.writeable = False
-    return axes_in_base

@@ -29,6 +29,11 @@ class Coordinate(NamedTuple):
     axis: int
 
     @property
+    def of_base(self) -> bool:
+        """Whether it is that of a base that floats."""
+        return self.link == 0
+
+    @property
     def of_root(self) -> bool:
         """Whether it is that of a spring at the root of a link."""
         return self.link > 0 and ROOT <= self.axis < LAG

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from flexlink.chain import free_base
 from flexlink.chain.arguments import require_type
-from flexlink.chain.beam_segments import segments_of
-from flexlink.chain.beam_springs import Springs
+from flexlink.chain.beam_hinges import Springs, add_beam
 from flexlink.chain.builder import Builder, Piece, record_inertia, recorded
 from flexlink.chain.chain import Chain
-from flexlink.chain.compliance import cell_constants, spring_constants
 from flexlink.chain.constant_ratio import posture_of, with_constant_ratios
 from flexlink.chain.coordinates import LAG, ROOT, Coordinate
 from flexlink.chain.forces import with_forces
@@ -30,15 +28,11 @@ from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
 from flexlink.describe.arm import Arm
 from flexlink.describe.hinges import hinges_of
-from flexlink.describe.link import AXES, Link
+from flexlink.describe.link import Link
 from flexlink.describe.root import ROOT_AXES
 from flexlink.describe.scene import Scene
-from flexlink.describe.schemes.cells import Cells
-from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
-from flexlink.kernels.layout import COUPLING, HINGE, SLIDES, SPRINGS
-
-TWIST = 1  # axis of a coordinate
-PAIR = 2  # hinges of the cells whose springs hold the curvature of the rotation between them
+from flexlink.describe.schemes.lumping_rules import lumping_rule
+from flexlink.kernels.layout import COUPLING, HINGE, SLIDES
 
 
 def lump(scene: Scene) -> Chain:
@@ -105,11 +99,14 @@ def _lumped(scene: Scene) -> Chain:
     bodies, hinges, couplings = frame.bodies.copy(), frame.hinges.copy(), frame.couplings.copy()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such numbers, by name
         for springs in frame.springs:
-            springs.write(arm, hinges, couplings)
+            if not springs.write([arm], hinges[None], couplings[None]).all():
+                raise SceneError(f"link {springs.link.name!r}: the stiffness of a hinge underflows float64")
         record_inertia(bodies[frame.carrier], [frame.builder.carrying(arm.tip)])
     for array in (bodies, hinges, couplings):
         _check_finite(scene.name, array)
-    chain = frame.chain = frame.chain.with_numbers(scene.name, bodies, hinges, np.array(scene.gravity), couplings)
+    chain = frame.chain = frame.chain.with_numbers(
+        name=scene.name, bodies=bodies, hinges=hinges, gravity=np.array(scene.gravity), couplings=couplings
+    )
     return with_forces(with_constant_ratios(chain, scene), scene, frame.builder.pieces)
 
 
@@ -289,7 +286,7 @@ def _add_line(
     if beam is None:
         builder.advance(number, (0.0, 1.0), np.array([length, 0, 0]))
     else:
-        springs = [_add_segments(builder, link, number, beam, nodes, weights)]
+        springs = [add_beam(builder, link, number, beam, nodes, weights)]
     builder.turn(frame.T)
     builder.add_payload(link.end)
     if link.dh is not None and link.dh.convention == "standard":
@@ -305,85 +302,3 @@ def _add_root(builder: Builder, link: Link, number: int) -> None:
     for axis, (stiffness, damping) in link.root_springs.items():
         turned = ROOT_AXES.index(axis)
         builder.add_hinge(Coordinate(number, 0, ROOT + turned), turned, stiffness, damping)
-
-
-def _add_segments(
-    builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam, nodes: Array, weights: Array
-) -> Springs:
-    """Segments and hinges of a beam, along the x of the running frame; returns the springs that are still to be."""
-    rule, first = lumping_rule(link.lumping), len(builder.hinges)
-    friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
-    rotors = _twist_rotors(link, rule, beam, nodes, weights).tolist()
-    places: dict[tuple[int, int], int] = {}  # of axis and hinge along the beam: number in the chain
-    for segment, (body, part, end) in enumerate(segments_of(link, rule, beam, nodes)):
-        if segment:
-            builder.start_body()
-            backward = rule.alternate_axes and segment % 2 == 0
-            for axis in AXES[link.flex][:: -1 if backward else 1]:
-                places[axis - 1, segment - 1] = len(builder.hinges)
-                rotor = rotors[segment - 1] if axis == TWIST else 0.0
-                coordinate = Coordinate(number, segment, axis)
-                builder.add_hinge(coordinate, axis - 1, 0.0, 0.0, *friction, armature=rotor)
-            if rule.springs == "rotation" and AXES[link.flex] == AXES["xyz"]:
-                builder.body.springs = _springs_of(rule, segment - 1)
-        if body is not None:
-            builder.add(body)
-        builder.advance(number, part, end)
-    rows = np.arange(first, len(builder.hinges))
-    among = np.array([axis * len(nodes) + hinge for axis, hinge in places], dtype=np.intp)
-    if rule.cells is None or not rows.size:
-        none = slice(len(builder.couplings), len(builder.couplings)), np.empty((0, 3), np.intp)
-        if isinstance(beam, TableBeam):
-            k = spring_constants(beam, rule, nodes, weights).reshape(-1)[among] if rows.size else np.empty(0)
-            return Springs(link, np.empty((4, 0)), np.empty(0), rows, among, None, *none, (k, np.empty(0)))
-        return Springs(link, beam.sections(nodes), weights * beam.length, rows, among, None, *none)
-    coupled, pairs = _couple(builder, rule.cells, places)
-    if isinstance(beam, TableBeam):
-        K, (axis, cell, pair) = cell_constants(beam, rule.cells, len(nodes)), pairs.T
-        i, j = np.array(rule.cells.cell.pairs).T
-        given = K.diagonal(axis1=2, axis2=3).reshape(-1)[among], K[axis, cell, i[pair], j[pair]]
-        return Springs(link, np.empty((4, 0)), np.empty(0), rows, among, rule.cells, coupled, pairs, given)
-    cell, count = rule.cells.cell, len(nodes) // rule.cells.hinges
-    sections = beam.sections(rule.cells.gauss_points(len(nodes)))
-    lengths = beam.length / count / np.tile(cell.weights, count)
-    return Springs(link, sections, lengths, rows, among, rule.cells, coupled, pairs)
-
-
-def _springs_of(rule: LumpingRule, hinge: int) -> int:
-    """What the springs of a hinge of three axes hold, counted from 0 along its beam."""
-    leads = rule.cells is not None and rule.cells.hinges == PAIR and hinge % PAIR == 0
-    return SPRINGS.cell if leads else SPRINGS.rotation
-
-
-def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) -> tuple[slice, NDArray[np.intp]]:
-    """Add couplings of the hinges of every cell, of the same axis; returns which they are, and what each couples."""
-    first, pairs = len(builder.couplings), []
-    for axis, hinge in sorted(places):
-        cell, place = divmod(hinge, cells.hinges)
-        for pair, (i, j) in enumerate(cells.cell.pairs):
-            if i == place:
-                builder.couplings.append((places[axis, hinge], places[axis, hinge + j - i], 0.0, 0.0))
-                pairs.append((axis, cell, pair))
-    return slice(first, len(builder.couplings)), np.array(pairs, dtype=np.intp).reshape(-1, 3)
-
-
-def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, nodes: Array, weights: Array) -> Array:
-    """Rotor inertias of the twist hinges [kg m²]; refused where M of the twist would not be positive definite.
-
-    A, inwards from the tip, is the articulated inertia about X of all beyond a hinge; what the link carries only adds.
-    """
-    if not rule.matched_twist or TWIST not in AXES[link.flex]:
-        return np.zeros(len(nodes))
-    inertias, moments = beam.polar_moments(nodes)
-    rotors = rule.twist_inertias(weights, inertias, moments)
-    A = 0.0
-    for i in reversed(range(len(nodes))):
-        A = inertias[i] + A
-        if A + rotors[i] <= 0:
-            raise SceneError(
-                f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
-                f"{i + 1} outweighs the inertia beyond it, {A:.3g} kg m², so M is not positive definite; take a "
-                "rule without matched_twist, such as 'gauss', or more segments"
-            )
-        A = A * rotors[i] / (A + rotors[i])
-    return rotors

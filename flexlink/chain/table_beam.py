@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +17,8 @@ LARGEST_RATIO = 2.0
 """Of a rigidity over a piece on which ∫ f/EI is found: 12 Gauss points, more by the degree of f, leave 5.8^−24."""
 
 
-class Points(NamedTuple):
-    """Gauss points between neighbouring edges, of all pieces one after the other."""
-
-    owner: NDArray[np.intp]  # number of the slice that each is in
-    x: Array
-    weight: Array  # of ∫ dx over the slice
+Points = tuple[NDArray[np.intp], Array, Array]
+"""Gauss points between neighbouring edges: the number of the slice that each is in, x, and weight of ∫ dx over it."""
 
 
 def points_between(edges: Array, knots: Array, rule: tuple[Array, Array] = GAUSS) -> Points:
@@ -33,7 +28,7 @@ def points_between(edges: Array, knots: Array, rule: tuple[Array, Array] = GAUSS
     half = np.diff(cuts) / 2
     owner = np.clip(np.searchsorted(edges, cuts[:-1], side="right") - 1, 0, len(edges) - 2)
     x, weight = cuts[:-1, None] + half[:, None] * (1 + rule[0]), half[:, None] * rule[1]
-    return Points(np.repeat(owner, len(rule[0])), x.ravel(), weight.ravel())
+    return np.repeat(owner, len(rule[0])), x.ravel(), weight.ravel()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,7 +92,7 @@ class TableBeam:
     def flexibility(self, edges: Array, degree: int) -> tuple[Points, Array]:
         """Points between edges for ∫ f/GJ, f/EI_y and f/EI_z, f of a degree, and L/GJ … there, shape (3, points)."""
         found = points_between(edges, _fine(self.table), np.polynomial.legendre.leggauss(12 + degree // 2))
-        return found, self.length / self.rigidities(found.x)
+        return found, self.length / self.rigidities(found[1])
 
 
 def _sums(owner: NDArray[np.intp], parts: Array, count: int) -> Array:

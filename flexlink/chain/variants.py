@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.beam_springs import Springs
+from flexlink.chain.builder import symmetric
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of
 from flexlink.chain.forces import with_forces
@@ -73,7 +73,7 @@ def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
     good = np.ones(b, dtype=bool)
     with np.errstate(all="ignore"):
         for springs in frame.springs:
-            good &= _write_springs(springs, scenes, hinges, couplings)
+            good &= springs.write([scene.arm for scene in scenes], hinges, couplings)
         _write_tips(frame, [scene.arm.tip for scene in scenes], bodies)
         good &= np.isfinite(bodies.view(np.float64)).all(axis=1)
         good &= np.isfinite(couplings.view(np.float64)).all(axis=1)
@@ -85,35 +85,10 @@ def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
         if not good[k]:
             chains.append(None)
             continue
-        gravity = np.array(scene.gravity)
-        frame.chain = frame.chain.with_numbers(scene.name, bodies[k], hinges[k], gravity, couplings[k])
+        numbers = {"bodies": bodies[k], "hinges": hinges[k], "couplings": couplings[k]}
+        frame.chain = frame.chain.with_numbers(name=scene.name, gravity=np.array(scene.gravity), **numbers)
         chains.append(with_forces(frame.chain, scene, frame.builder.pieces))
     return chains
-
-
-def _write_springs(
-    springs: Springs, scenes: Sequence[Scene], hinges: NDArray[np.void], couplings: NDArray[np.void]
-) -> NDArray[np.bool_]:
-    """`Springs.write` for all; returns where no stiffness underflows."""
-    loss = np.array([scene.arm.loss_time(springs.link) for scene in scenes])[:, None]
-    if springs.given is not None:
-        k, coupled = (np.broadcast_to(part, (len(scenes), len(part))) for part in springs.given)
-    else:
-        k, coupled = _by_materials(springs, scenes)
-    hinges["stiffness"][:, springs.rows], hinges["damping"][:, springs.rows] = k, loss * k
-    couplings["stiffness"][:, springs.coupled], couplings["damping"][:, springs.coupled] = coupled, loss * coupled
-    return np.asarray(k.all(axis=1))
-
-
-def _by_materials(springs: Springs, scenes: Sequence[Scene]) -> tuple[Array, Array]:
-    """Constants of all, shape (b, hinges) and (b, couplings)."""
-    name = springs.link.material or ""
-    materials = [scene.arm.materials[name] for scene in scenes]
-    young = np.array([material.young for material in materials])[:, None]
-    shear = np.array([material.shear for material in materials])[:, None]
-    _, i_y, i_z, torsion = springs.sections
-    rigidities = np.stack([shear * torsion, young * i_y, young * i_z], axis=1)
-    return springs.constants(rigidities)
 
 
 def _write_tips(frame: Frame, tips: Sequence[RigidBody], bodies: NDArray[np.void]) -> None:
@@ -123,12 +98,12 @@ def _write_tips(frame: Frame, tips: Sequence[RigidBody], bodies: NDArray[np.void
     last = bodies[:, frame.carrier.start]
     carrying = np.array([bool(tip.mass or any(tip.inertia)) for tip in tips])
     rigid = frame.builder.body.rigid
-    last["mass"], last["center"], last["inertia"] = rigid.mass, rigid.center, _symmetric(rigid.inertia.copy())
+    last["mass"], last["center"], last["inertia"] = rigid.mass, rigid.center, symmetric(rigid.inertia.copy())
     if not carrying.any():
         return
     payloads = [tip for tip, carried in zip(tips, carrying.tolist(), strict=True) if carried]
     masses, centers, inertias = _joined(rigid, frame.builder.running, payloads)
-    last["mass"][carrying], last["center"][carrying], last["inertia"][carrying] = masses, centers, _symmetric(inertias)
+    last["mass"][carrying], last["center"][carrying], last["inertia"][carrying] = masses, centers, symmetric(inertias)
 
 
 def _joined(rigid: SpatialInertia, place: Pose, payloads: Sequence[RigidBody]) -> tuple[Array, Array, Array]:
@@ -157,10 +132,3 @@ def _matrices(payloads: Sequence[RigidBody]) -> Array:
     """`RigidBody.matrix` of each, (b, 3, 3)."""
     xx, yy, zz, xy, xz, yz = np.array([(*body.inertia, 0.0, 0.0, 0.0)[:6] for body in payloads]).T
     return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)
-
-
-def _symmetric(inertias: Array) -> Array:
-    """Above the diagonal what is below it, as `record_inertia` writes it."""
-    for row, column in ((0, 1), (0, 2), (1, 2)):
-        inertias[..., column, row] = inertias[..., row, column]
-    return inertias

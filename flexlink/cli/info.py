@@ -20,9 +20,8 @@ from flexlink.cli.shared import prefix_errors, print_notes, varied_scene
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
 from flexlink.describe import data_files
-from flexlink.describe.own_units import in_words
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.sensors.signals import column_names
+from flexlink.describe.sensor import column_names
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
@@ -57,7 +56,7 @@ def _show(scene: Scene) -> None:
     if chain.n > listed:
         print(f"  … {chain.n - listed} more")
     if scene.sensor:
-        print(f"sensors: {', '.join(column_names(scene))}")
+        print(f"sensors: {', '.join(column_names(scene.sensor, scene.arm))}")
     if chain.n > 10_000:  # the largest eigenvalues take more than a few seconds
         print(f"computing the fastest modes of {chain.n} joints …", file=sys.stderr)
     λ = fastest_eigenvalues(chain, q0)
@@ -94,14 +93,14 @@ def _show_frequencies(scene: Scene, chain: Chain, q0: Array, λ: Complex, found:
 def _kind(chain: Chain, k: int) -> str:
     """What a joint is: a spring, or driven, and within which limits."""
     slides = bool(chain.slides[k])
-    if chain.coordinate(k).link == 0:
+    if chain.coordinate(k).of_base:
         return "of the free base"
     if chain.coordinate(k).axis:
         coupled = short_list(list(map(str, chain.coupled_joints[k])))
         turned = ", of a rotation vector" if chain.bodies["springs"][chain.body(k)] else ""
         unit, more = "N/m" if slides else "N m/rad", f", coupled with {coupled}" if coupled else ""
         return f"k = {chain.stiffness[k]:.6g} {unit}{turned}{more}"
-    lower, upper = (in_words(slides, float(chain.hinges[side][k])) for side in ("lower", "upper"))
+    lower, upper = (chain.place_in_words(k, float(chain.hinges[side][k])) for side in ("lower", "upper"))
     driven = "driven, slides" if slides else "driven"
     return f"{driven}, {lower} … {upper}" if np.isfinite(chain.hinges["lower"][k]) else driven
 

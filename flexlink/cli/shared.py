@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.output import check_writable, write_or_keep
 from flexlink.describe.plausibility.hints import hints
-from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.scene import Scene
+from flexlink.describe.scene_file import load_scene
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.results.files import picture_format
 from flexlink.results.trajectory import plotting

@@ -44,14 +44,14 @@ class Stop:
         if self._counts[signal.Signals(number)] == LAST - 1:
             _say("saving the results; one more signal quits without them")
         if self._counts[signal.Signals(number)] >= LAST:
-            raise StoppedError(number)
+            raise StoppedError(number, f"{word(number)} at once")
 
 
 class StoppedError(KeyboardInterrupt):
-    """A signal that did not wait any longer; `signal` is its number."""
+    """A signal that ended work of which nothing is left; `signal` is its number."""
 
-    def __init__(self, number: int) -> None:
-        super().__init__(f"{word(number)} at once")
+    def __init__(self, number: int, text: str) -> None:
+        super().__init__(text)
         self.signal = number
 
 

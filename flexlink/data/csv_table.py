@@ -32,13 +32,6 @@ PER = {"": "", "/s": "/s", "/s²": "/s²", "/s^2": "/s²"}
 """What may follow a unit, and how it is written in SI."""
 
 
-class Head(NamedTuple):
-    """A head: what stands in its column, and the unit in brackets, "" without one."""
-
-    quantity: str
-    unit: str
-
-
 class CsvTable(NamedTuple):
     """Heads and numbers of a file; nan where a cell is empty."""
 
@@ -49,7 +42,7 @@ class CsvTable(NamedTuple):
     @property
     def quantities(self) -> set[str]:
         """What the heads say, without their units."""
-        return {head_of(head).quantity for head in self.heads}
+        return {head_of(head)[0] for head in self.heads}
 
     def column(self, quantity: str, unit: str) -> Array:
         """The column of a quantity in a unit, every cell of it a number.
@@ -59,7 +52,7 @@ class CsvTable(NamedTuple):
         DataFileError
             There is none, or two; its head has no unit, or one that does not fit; a cell is empty.
         """
-        found = [k for k, head in enumerate(self.heads) if head_of(head).quantity == quantity]
+        found = [k for k, head in enumerate(self.heads) if head_of(head)[0] == quantity]
         wanted = f"{quantity} [{unit}]"
         if not found:
             raise DataFileError(
@@ -68,7 +61,7 @@ class CsvTable(NamedTuple):
             )
         if len(found) > 1:
             raise DataFileError(f"{self.path}: column {quantity!r} appears twice: {short_list(self.heads)}")
-        given, column = head_of(self.heads[found[0]]).unit, self.values[:, found[0]]
+        given, column = head_of(self.heads[found[0]])[1], self.values[:, found[0]]
         if not given:
             raise DataFileError(f"{self.path}: column {quantity!r}: without a unit; expected one, as {wanted!r} has")
         factor = conversion(given, unit)
@@ -100,10 +93,10 @@ class CsvTable(NamedTuple):
         return t
 
 
-def head_of(head: str) -> Head:
-    """What a head says; its unit without blanks around it."""
+def head_of(head: str) -> tuple[str, str]:
+    """What stands in the column of a head, and the unit in brackets without blanks around it, "" without one."""
     found = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", head.strip())
-    return Head(found[1], found[2].strip()) if found else Head(head.strip(), "")
+    return (found[1], found[2].strip()) if found else (head.strip(), "")
 
 
 def conversion(given: str, wanted: str) -> float | None:
@@ -168,7 +161,7 @@ def read_csv(path: Path) -> CsvTable:
         if len(heads) == 1 and sign in heads[0]:
             raise DataFileError(f"{path}: cells are separated by {name}; expected commas, and points in decimals")
     heads = [head.strip() for head in heads]
-    if not any(head_of(head).unit for head in heads):  # of another kind of file nothing is quoted
+    if not any(head_of(head)[1] for head in heads):  # of another kind of file nothing is quoted
         raise DataFileError(f"{path}: its first line has no column with a unit, such as {TIME!r}; expected CSV")
     rows = [_numbers(path, number, line, heads) for number, line in enumerate(lines, 2)]
     return CsvTable(path, tuple(heads), np.array(rows, dtype=np.float64).reshape(len(rows), len(heads)))

@@ -84,11 +84,11 @@ def named(where: str, head: str, known: Mapping[str, object]) -> tuple[str, floa
 def _why_unknown(head: str, known: Mapping[str, object]) -> str:
     """What is wrong with a head, its quantity or its unit, and what it may have been meant for."""
     quantity, unit = head_of(head)
-    same = next((name for name in known if head_of(name).quantity == quantity), None)
+    same = next((name for name in known if head_of(name)[0] == quantity), None)
     if same is not None:
-        fitting = ", ".join(units_like(head_of(same).unit))
+        fitting = ", ".join(units_like(head_of(same)[1]))
         return f"{'without a unit' if not unit else 'not known with this unit'}; expected {same!r}, or in {fitting}"
-    alike = [name for name in known if conversion(unit, head_of(name).unit) is not None and name != TIME]
+    alike = [name for name in known if conversion(unit, head_of(name)[1]) is not None and name != TIME]
     others = f"in {unit} can be {short_list(alike)}" if alike else ""
     expected = others or f"expected {short_list(list(known))}, or in deg, mm, µm, ms"
     return (

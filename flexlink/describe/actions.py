@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
+import numpy as np
+
 from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe.numbers import require_increasing
 from flexlink.describe.own_units import TWINS, Row
@@ -251,6 +254,22 @@ class Wrench(Spec, frozen=True):
     def varies(self) -> bool:
         """Whether it may change in frame 0."""
         return self.times is not None or (self.frame == "tip" and self.acts)
+
+    @property
+    def constant(self) -> Array:
+        """Force and moment, shape (6,), in frame 0.
+
+        Raises
+        ------
+        SceneError
+            They are not constant there; the message names the key path of a scene.
+        """
+        if self.varies:
+            cause = "frame = 'tip'" if self.frame == "tip" else f"times = {truncated(self.times)}"
+            raise SceneError(
+                f"wrench.{cause}: is not constant in frame 0; Trajectory.tip_wrench holds it at the samples"
+            )
+        return np.array([*self.force, *self.moment])
 
     @property
     def acts(self) -> bool:

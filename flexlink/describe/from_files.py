@@ -18,7 +18,7 @@ from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.initial import InitialState
 from flexlink.describe.link import Link
-from flexlink.describe.own_units import IN_METRES, TORQUE, UNIT, Row
+from flexlink.describe.own_units import IN_METRES, OF_JOINT, Row
 from flexlink.describe.reference import OF_MOTION, Reference
 
 RATES = {"qd": "/s", "qdd": "/s²"}
@@ -74,7 +74,7 @@ def _started_with(initial: InitialState, arm: Arm, number: int, motion: Prescrib
     near = {"joint": 0.01 if motion.slides else 1.0, "rate": 0.0}
     changes = {}
     for (name, allowed), column in zip(near.items(), motion.columns, strict=False):
-        key = f"{name}_{UNIT[motion.slides]}"
+        key = f"{name}_{OF_JOINT[motion.slides].unit}"
         row, first = list(getattr(initial, key) or (0.0,) * len(arm.links)), column[0]
         if len(row) != len(arm.links) or initial.q is not None or initial.time:
             return initial
@@ -111,7 +111,7 @@ def without_starts(initial: InitialState, arm: Arm, led: tuple[PrescribedMotion,
     rows: dict[str, list[float]] = {}
     for motion in (each for each in led if {each.link, _number(arm, each)} & files):
         for name, column in zip(("joint", "rate"), motion.columns, strict=False):
-            key, k = f"{name}_{UNIT[motion.slides]}", _number(arm, motion) - 1
+            key, k = f"{name}_{OF_JOINT[motion.slides].unit}", _number(arm, motion) - 1
             row = rows.get(key) or list(getattr(initial, key) or ())
             if k < len(row) and row[k] == column[0]:
                 row[k] = 0.0
@@ -142,7 +142,7 @@ def _torques(table: CsvTable, link: Link, moved: bool) -> Array:
     quantity = f"tau {link.name}"
     if link.joint.locked or (moved and quantity not in table.quantities):
         return np.zeros(len(table.values))
-    return table.column(quantity, TORQUE[link.joint.slides])
+    return table.column(quantity, OF_JOINT[link.joint.slides].torque)
 
 
 def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts: Sequence[float]) -> Reference:
@@ -186,7 +186,7 @@ def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts:
 
 def _angles(table: CsvTable, link: Link, cutoff: float | None, rates: Collection[str]) -> list[Array]:
     """Places of a joint in its own unit, with rates and accelerations by a cutoff, or those of the file asked for."""
-    unit = UNIT[link.joint.slides]
+    unit = OF_JOINT[link.joint.slides].unit
     place = table.column(f"q {link.name}", unit)
     if cutoff is not None:
         return [*smoothed(table.times, place, cutoff)]
@@ -205,7 +205,7 @@ def wrench_from_file(wrench: Wrench) -> Wrench:
     parts = {"forces": ("force", "N"), "moments": ("moment", "N m")}
 
     def filled(table: CsvTable) -> Wrench:
-        quantities = [head_of(head).quantity for head in table.heads]
+        quantities = [head_of(head)[0] for head in table.heads]
         allowed = {f"{name} {axis}" for name, _ in parts.values() for axis in "xyz"}
         for head, quantity in zip(table.heads, quantities, strict=True):
             if quantity not in allowed and quantity.startswith(("force", "moment")):

@@ -12,7 +12,7 @@ from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe.directions import unit
-from flexlink.describe.own_units import UNIT, in_own
+from flexlink.describe.own_units import OF_JOINT, in_own
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.shaping import MOST_IMPULSES
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, measured_in
@@ -192,4 +192,4 @@ def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint
         for place in extremes:
             if max(low - place, place - high) > rounding * np.abs(extremes).max():
                 reason = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
-                raise SceneError(f"reaches {place:.9g} {UNIT[joint.slides]}: {reason}")
+                raise SceneError(f"reaches {place:.9g} {OF_JOINT[joint.slides].unit}: {reason}")

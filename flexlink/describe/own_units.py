@@ -7,6 +7,7 @@ the other one has 0 there. Together they are one list in the joints' own units, 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -76,8 +77,14 @@ def in_words(slides: bool, si: float, form: str = ".6g") -> str:
     return f"{si:{form}} m" if slides else f"{np.degrees(si):{form}}°"
 
 
-KIND = {False: "revolute", True: "prismatic"}
-UNIT = {False: "deg", True: "m"}
-SI = {False: "rad", True: "m"}
-TORQUE = {False: "N m", True: "N"}
-"""By whether a joint slides: its kind, its coordinate's own unit and that in SI, the unit of what drives it."""
+class KindOfJoint(NamedTuple):
+    """Its name, its coordinate's own unit and that in SI, the unit of what drives it."""
+
+    name: str
+    unit: str
+    si: str
+    torque: str
+
+
+OF_JOINT = {False: KindOfJoint("revolute", "deg", "rad", "N m"), True: KindOfJoint("prismatic", "m", "m", "N")}
+"""By whether a joint slides."""

@@ -14,14 +14,6 @@ import numpy as np
 from flexlink.common.types import Array
 
 
-class Limits(NamedTuple):
-    """Largest rate, acceleration and jerk of a joint, inf where there is no limit."""
-
-    rate: float = math.inf
-    acceleration: float = math.inf
-    jerk: float = math.inf
-
-
 class Quintic(NamedTuple):
     """The unit move by one polynomial of degree 5, which starts and ends without acceleration."""
 
@@ -78,6 +70,10 @@ class Ramps(NamedTuple):
 
 
 Shape = Quintic | Ramps
+
+
+Limits = tuple[float, float, float]
+"""Largest rate, acceleration and jerk of a joint, inf where there is no limit."""
 
 
 def fastest_quintic(distance: float, limits: Limits) -> Quintic:

@@ -14,7 +14,7 @@ from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.describe import profiles
 from flexlink.describe.numbers import require_increasing, require_positive
-from flexlink.describe.own_units import IN_METRES, KIND, Row, Slides, in_si, together
+from flexlink.describe.own_units import IN_METRES, OF_JOINT, Row, Slides, in_si, together
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, apart, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import InputShaper
 from flexlink.describe.spec import NonNegative, NonNegativePerLink, PerLink, Positive, Spec, measured_in
@@ -254,7 +254,7 @@ class Reference(Spec, frozen=True):
         for name in ("to_deg", *OF_MOTION):
             for key, slides in ((name, False), (IN_METRES[name], True)):
                 if slides in kinds and self._said(name) and getattr(self, key) is None:
-                    raise SceneError(f"{key}: missing; there are {KIND[slides]} joints")
+                    raise SceneError(f"{key}: missing; there are {OF_JOINT[slides].name} joints")
 
     def _own(self, name: str, slides: Slides) -> Row:
         """A list in the joints' own units."""
@@ -293,8 +293,9 @@ class Reference(Spec, frozen=True):
             require_positive(f"{key}.{link + 1}", limit)
         deciding = [IN_METRES[name] if slides else name for name in self._deciding]
         if not limits.keys() & set(deciding):
-            raise SceneError(f"{deciding[0]}: missing; there are {KIND[slides]} joints that move")
-        return fastest(distance, profiles.Limits(*(limits.get(key, math.inf) for key in keys)))
+            raise SceneError(f"{deciding[0]}: missing; there are {OF_JOINT[slides].name} joints that move")
+        rate, acceleration, jerk = (limits.get(key, math.inf) for key in keys)
+        return fastest(distance, (rate, acceleration, jerk))
 
     def _table(self, times: Row, links: list[int], slides: Slides) -> ReferenceTrajectory:
         t = np.array(times)

@@ -121,7 +121,7 @@ def _columns(file: Path) -> dict[str, tuple[float, ...]]:
     # heads of a CSV file, and the columns that they are
     heads = {"EI_y": "ei_y", "EI_z": "ei_z", "GJ": "gj", "rhoA": "rho_a", "rhoI_y": "rho_i_y", "rhoI_z": "rho_i_z"}
     table = read_csv(file)
-    given = [head_of(head).quantity for head in table.heads]
+    given = [head_of(head)[0] for head in table.heads]
     for head, quantity in zip(table.heads, given, strict=True):
         if quantity != "x" and quantity not in heads:
             known = [f"{known} [{COLUMNS[name]}]" for known, name in heads.items()]

@@ -203,6 +203,16 @@ def _fits(long: float, unit: float) -> bool:
     return long == 0 or (0.5 < long / unit < 2**53 and is_whole(long / unit))
 
 
+def of_run_alone(changes: Mapping[str, object]) -> bool:
+    """Whether changes of a scene are of its run, to values that mean the same everywhere, as a user's file does not."""
+    return isinstance(changes, Mapping) and bool(changes) and all(map(_plain, changes, changes.values()))
+
+
+def _plain(path: object, value: object) -> bool:
+    known = value is None or isinstance(value, str | int | float)
+    return known and isinstance(path, str) and path.startswith("run.") and not documents.is_user_file(value)
+
+
 def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
     """Settings of a run that changes by path leave out: a tolerance takes the place of fixed steps, and reversely.
 

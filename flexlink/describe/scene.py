@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
 
 import msgspec
-import numpy as np
 from msgspec.structs import FieldInfo, replace
 
 from flexlink.common.errors import DataFileError, SceneError
@@ -16,43 +15,28 @@ from flexlink.common.memo import Memo, keep_last
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
 from flexlink.data import documents
 from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import Arm
 from flexlink.describe.from_files import filled_from_files, without_starts
-from flexlink.describe.hinges import hinges_of
 from flexlink.describe.initial import InitialState
-from flexlink.describe.mistakes import check_all, mistakes, raise_together
-from flexlink.describe.own_units import UNIT, Row, in_si, together
+from flexlink.describe.own_units import OF_JOINT, Row, in_si, together
 from flexlink.describe.reference import Reference
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
-from flexlink.describe.run_settings import RunSettings, check_method, implied
-from flexlink.describe.scene_checks import (
-    check_air,
-    check_base,
-    check_grid,
-    check_limits,
-    check_motions,
-    check_rate,
-    check_reference,
-    check_wrench,
-    wrong_lists,
-)
-from flexlink.describe.sensor import Sensor, sensor_mistakes
+from flexlink.describe.run_settings import RunSettings, implied, of_run_alone
+from flexlink.describe.scene_checks import check_named, check_parts
+from flexlink.describe.scene_keys import OF_ARM, read_keys
+from flexlink.describe.sensor import Sensor
 from flexlink.describe.spec import (
     Positive,
     Spec,
     Vector3,
     build_validated,
-    check_keys,
-    decode,
     fields_of,
-    key_mistakes,
     measured_in,
 )
-from flexlink.describe.vary import apply_changes, to_document, top_level_keys, values_at
-from flexlink.describe.writing import Inline, toml_of, without_defaults
+from flexlink.describe.vary import apply_changes, as_document, parts_by_key, to_document, top_level_keys, values_at
+from flexlink.describe.writing import toml_of, without_defaults
 
 
 class Scene(Spec, frozen=True):
@@ -100,20 +84,10 @@ class Scene(Spec, frozen=True):
         if not self.initial.joint_deg:
             self._put_joints_at_zero()
         self._read_files()
-        arm, initial, drive, run = self.arm, self.initial, self.drive, self.run
-        raise_together(wrong_lists(arm, initial, drive))  # on whose lengths all else counts
-        checks = [
-            lambda: check_rate(initial, drive, run),
-            lambda: check_limits(arm, initial, said),
-            lambda: check_reference(arm, drive, self.course, run),
-            lambda: check_motions(arm, initial, drive, self.motion),
-            lambda: check_air(arm, self.air_density),
-            lambda: check_base(arm, initial, drive),
-            lambda: check_wrench(arm, self.wrench),
-            lambda: raise_together(sensor_mistakes(self.sensor, arm)),
-        ]
-        grid = [] if run.controlled else [lambda: check_grid(initial, drive, self.wrench, run)]
-        check_all([*grid, *checks])
+        check_parts(
+            self.arm, self.initial, self.drive, self.run, motion=self.motion, wrench=self.wrench, sensor=self.sensor,
+            air_density=self.air_density, course=lambda: self.course, said=said,
+        )  # fmt: skip
 
     def _read_files(self) -> None:
         """Tables in files become the scene's own; a joint that moves by one starts where its file does."""
@@ -185,7 +159,7 @@ class Scene(Spec, frozen=True):
         """Where nothing else is said; but of a whole state nobody has said where a reference starts."""
         if self.initial.q is not None and self.drive.reference is not None:
             for slides in set(self.arm.slides):
-                key, default = f"from_{UNIT[slides]}", f"joint_{UNIT[slides]}"
+                key, default = f"from_{OF_JOINT[slides].unit}", f"joint_{OF_JOINT[slides].unit}"
                 if self.drive.reference.starts_at_initial(slides=slides) and not getattr(self.initial, default):
                     raise SceneError(f"drive.reference.{key}: missing; initial.{default}, its default, is not given")
         joint_deg = (0.0,) * len(self.arm.links)
@@ -222,12 +196,7 @@ class Scene(Spec, frozen=True):
         SceneError
             They are not constant there: `Trajectory.tip_wrench` holds what acted in a run.
         """
-        if self.wrench.varies:
-            cause = "frame = 'tip'" if self.wrench.frame == "tip" else f"times = {truncated(self.wrench.times)}"
-            raise SceneError(
-                f"wrench.{cause}: is not constant in frame 0; Trajectory.tip_wrench holds it at the samples"
-            )
-        return np.array([*self.wrench.force, *self.wrench.moment])
+        return self.wrench.constant
 
     def varied(self, changes: Mapping[str, object]) -> Scene:
         """This scene with other values, each at a path in the words of the TOML file.
@@ -262,27 +231,27 @@ class Scene(Spec, frozen=True):
         >>> soft = scene.varied({"material.aluminium.young": 35e9, "initial.joint_deg.upper": -45.0})
         >>> driven = scene.varied({"drive": fl.Drive(kind="constant", torque=(30.0, 5.0))})
         """
-        if not isinstance(changes, Mapping) or not changes or not all(map(_of_run, changes.items())):
+        if not of_run_alone(changes):
             return self._varied(changes)
         known = tuple((path, type(value), value) for path, value in changes.items())
         run = RUNS(self.run, known, lambda: self._varied(changes).run)
         varied: Scene = build_validated(replace, self, run=run)
-        check_named(varied)
+        check_named(varied.arm, varied.run)
         return varied
 
     def _varied(self, changes: Mapping[str, object]) -> Scene:
         if isinstance(changes, Mapping):
             changes = {**implied(self.run, changes), **changes}
         anew = top_level_keys(changes)
-        parts = {**_parts(self), **_parts(self.arm)}
-        seen = {key: _seen(parts[key]) for key in {"link", *anew} & parts.keys() if parts[key] is not None}
+        parts = {**parts_by_key(self), **parts_by_key(self.arm)}
+        seen = {key: as_document(parts[key]) for key in {"link", *anew} & parts.keys() if parts[key] is not None}
         document = apply_changes(seen, FIELDS, changes)
         kept = {key: value for key, value in parts.items() if key not in anew}
         if "motion" in changes and "initial" in kept:
             kept["initial"] = without_starts(self.initial, self.arm, self.motion, changes["motion"])
         arm = None if anew & OF_ARM.keys() else self.arm
         varied = scene_from({key: value for key, value in document.items() if key in anew}, kept, arm)
-        check_named(varied)
+        check_named(varied.arm, varied.run)
         return varied
 
     def values_at(self, path: str) -> list[Any]:
@@ -314,14 +283,12 @@ class Scene(Spec, frozen=True):
         turns_only = not (any(self.arm.slides) or self.arm.base.free)
         if not (turns_only or self.initial.q or any(self.initial.joint_deg)):  # of other arms angles of 0 say little
             initial.pop("joint_deg", None)
-        for table in (document, initial):
-            if "base" in table:
-                table["base"] = Inline(table["base"])
         order = (
             "name", "about", "gravity", "air_density", "base", "material", "section", "rigidity", "link", "tip",
             "initial", "drive", "motion", "wrench", "sensor", "run",
         )  # fmt: skip
-        return toml_of({key: document[key] for key in order if key in document and document[key] != {}})
+        said = {key: document[key] for key in order if key in document and document[key] != {}}
+        return toml_of(said, inline=frozenset({"base"}))
 
     def save(self, path: str | Path) -> Path:
         """Write `to_toml` into a file that `load_scene` reads back equal; it appears whole or not at all.
@@ -344,93 +311,8 @@ class Scene(Spec, frozen=True):
 
     def document(self, keys: Container[str] | None = None) -> dict[str, Any]:
         """What a TOML parser returns of this scene, or of some of its keys, with all defaults written out."""
-        parts, wanted = {**_parts(self), **_parts(self.arm)}, FIELDS if keys is None else keys
+        parts, wanted = {**parts_by_key(self), **parts_by_key(self.arm)}, FIELDS if keys is None else keys
         return {key: to_document(value) for key, value in parts.items() if key in wanted and value is not None}
-
-
-def load_scene(path: str | Path) -> Scene:
-    """Read a scene file.
-
-    Parameters
-    ----------
-    path
-        A TOML file in the format of the scenes in `models/`. Files that it names (`method`, `lumping`) are sought
-        from its own folder.
-
-    Returns
-    -------
-    Scene
-        As the file says.
-
-    Raises
-    ------
-    ArgumentError
-        `path` is no path.
-    SceneError
-        The message names the file, the key path, the value and what is allowed.
-    DataFileError
-        The file of a rule or method that the scene names is not valid.
-
-    Examples
-    --------
-    >>> scene = fl.load_scene("models/three_links.toml")
-    >>> print(scene.name, scene.run.duration)
-    three_links 8.0
-    """
-    path = documents.require_path("path", path)
-    raw = documents.beside(path.parent, documents.read_toml(path))
-    try:
-        scene = scene_from(raw)
-        check_named(scene)
-    except (SceneError, DataFileError) as error:
-        raise type(error)(f"{path}: {error}") from None
-    return scene
-
-
-def scene_named(document: dict[str, Any], folder: Path) -> Scene:
-    """Take `scene` out of what a TOML parser returned of a file in a folder, and read the scene that it names.
-
-    Raises
-    ------
-    SceneError, DataFileError
-        It is no path; or as in `load_scene`.
-    """
-    name = document.pop("scene")
-    if not isinstance(name, str):
-        raise SceneError(f"scene = {truncated(name)}: expected the path of a scene file")
-    return load_scene(folder / name)
-
-
-def check_named(scene: Scene) -> None:
-    """What a scene names by name or file is there, and fits it: lumping rules and method.
-
-    Raises
-    ------
-    SceneError
-        The message names the key path, the value and what is allowed.
-    DataFileError
-        The file of a rule or method is not valid.
-    """
-    try:
-        hinges_of(scene.arm)
-        check_method(scene.run)
-    except SceneError:
-        check_all([lambda: hinges_of(scene.arm), lambda: check_method(scene.run)])
-
-
-def _seen(value: Any) -> Any:
-    """A description as a TOML parser returns it, to look at only: variants share all of it but dicts."""
-    if isinstance(value, dict):
-        return {key: _seen(item) for key, item in value.items()}
-    if isinstance(value, Spec | tuple):
-        return _document(value)
-    return to_document(value)
-
-
-@keep_last(64)
-def _document(part: Spec | tuple[Any, ...]) -> Any:
-    """A part of scenes as a TOML parser returns it."""
-    return to_document(part)
 
 
 @keep_last(64)
@@ -439,11 +321,6 @@ def _course(
 ) -> ReferenceTrajectory:
     """A reference's trajectory, which runs of one scene share."""
     return reference.course(start, free, slides)
-
-
-def _parts(spec: Spec) -> dict[str, Any]:
-    """The fields of a description by their keys in a file."""
-    return {field.encode_name: getattr(spec, field.name) for field in fields_of(type(spec))}
 
 
 def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyType({}), arm: Arm | None = None) -> Scene:
@@ -455,42 +332,8 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
         The message names the key path, the value and what is allowed.
     """
     required = [field.encode_name for field in _fields() if field.required and field.encode_name not in kept]
-    try:
-        check_keys(raw, FIELDS, required)
-        values = {**kept, **{key: decode(value, FIELDS[key], key) for key, value in raw.items()}}
-        arm = arm or _arm_of(values)
-    except SceneError:
-        raise_together(_mistakes(raw, kept, required))
-        raise
-    own = {key: value for key, value in values.items() if key in FIELDS and key not in OF_ARM}
-    return build_validated(Scene, arm=arm, **own)
-
-
-def _arm_of(values: Mapping[str, Any]) -> Arm:
-    arm: Arm = build_validated(Arm, **{OF_ARM[key].name: value for key, value in values.items() if key in OF_ARM})
-    return arm
-
-
-def _mistakes(raw: Mapping[str, Any], kept: Mapping[str, Any], required: Sequence[str]) -> Iterator[str]:
-    """All mistakes of a parsed file, key by key; those of its arm, too, where its parts are right."""
-    yield from key_mistakes(raw, list(FIELDS), required)
-    known = {key: value for key, value in raw.items() if key in FIELDS}
-    wrong = {key: mistakes(value, FIELDS[key], key) for key, value in known.items()}
-    for found in wrong.values():
-        yield from found
-    of_arm = {key: value for key, value in known.items() if key in OF_ARM}
-    if not any(wrong[key] for key in of_arm) and "link" in {*kept, *of_arm}:
-        try:
-            _arm_of({**kept, **{key: decode(value, FIELDS[key], key) for key, value in of_arm.items()}})
-        except SceneError as error:
-            yield str(error)
-
-
-def _of_run(change: tuple[object, object]) -> bool:
-    """Whether a change is one of a run, to a value that means the same everywhere, as a user's file does not."""
-    path, value = change
-    plain = value is None or isinstance(value, str | int | float)
-    return plain and isinstance(path, str) and path.startswith("run.") and not documents.is_user_file(value)
+    arm, own = read_keys(raw, FIELDS, required, kept, arm)
+    return build_validated(Scene, arm=arm, **{key: value for key, value in own.items() if key in FIELDS})
 
 
 def _fields() -> list[FieldInfo]:
@@ -500,6 +343,5 @@ def _fields() -> list[FieldInfo]:
 
 RUNS = Memo(256)
 """Settings of runs by those that they are variants of, and the changes: scenes share them."""
-OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
 FIELDS: dict[str, Any] = {field.encode_name: field.type for field in _fields()}
 """What stands at each key of a scene's file, which is flat: the arm's keys stand beside the scene's own."""

@@ -6,21 +6,68 @@ Messages name the path, the value and what is allowed; `wrong_lists` yields them
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
 from flexlink.describe.arm import BASE, Arm
+from flexlink.describe.hinges import hinges_of
 from flexlink.describe.initial import BaseState, InitialState
 from flexlink.describe.joint import refuse_beyond
 from flexlink.describe.link import Link
-from flexlink.describe.own_units import KIND, misplaced
+from flexlink.describe.mistakes import check_all, raise_together
+from flexlink.describe.own_units import OF_JOINT, misplaced
 from flexlink.describe.reference import OF_MOTION
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
-from flexlink.describe.run_settings import RunSettings
+from flexlink.describe.run_settings import RunSettings, check_method
+from flexlink.describe.sensor import Sensor, sensor_mistakes
 from flexlink.describe.spec import link_key
 from flexlink.describe.whole_steps import whole
+
+
+def check_parts(
+    arm: Arm,
+    initial: InitialState,
+    drive: Drive,
+    run: RunSettings,
+    *,
+    motion: Sequence[PrescribedMotion],
+    wrench: Wrench,
+    sensor: Sequence[Sensor],
+    air_density: float | None,
+    course: Callable[[], ReferenceTrajectory | None],
+    said: Mapping[str, str],
+) -> None:
+    """The parts of a scene fit each other.
+
+    Parameters
+    ----------
+    arm, initial, drive, run, motion, wrench, sensor, air_density
+        Its parts.
+    course
+        Returns where its reference leads the joints.
+    said
+        What to call initial positions, by their keys.
+
+    Raises
+    ------
+    SceneError
+        The message names all mistakes, each with its key path, the value and what is allowed.
+    """
+    raise_together(wrong_lists(arm, initial, drive))  # on whose lengths all else counts
+    checks = [
+        lambda: check_rate(initial, drive, run),
+        lambda: check_limits(arm, initial, said),
+        lambda: check_reference(arm, drive, course(), run),
+        lambda: check_motions(arm, initial, drive, motion),
+        lambda: check_air(arm, air_density),
+        lambda: check_base(arm, initial, drive),
+        lambda: check_wrench(arm, wrench),
+        lambda: raise_together(sensor_mistakes(sensor, arm)),
+    ]
+    grid = [] if run.controlled else [lambda: check_grid(initial, drive, wrench, run)]
+    check_all([*grid, *checks])
 
 
 def wrong_lists(arm: Arm, initial: InitialState, drive: Drive) -> Iterator[str]:
@@ -68,7 +115,7 @@ def _missing_targets(arm: Arm, drive: Drive) -> Iterator[str]:
     for key, slides in (("target_deg", False), ("target_m", True)):
         names = [link.name for link in arm.links if not link.joint.locked and link.joint.slides == slides]
         if names and getattr(drive, key) is None:
-            yield f"drive.{key}: missing; joint {names[0]!r} is {KIND[slides]}"
+            yield f"drive.{key}: missing; joint {names[0]!r} is {OF_JOINT[slides].name}"
 
 
 def check_limits(arm: Arm, initial: InitialState, said: Mapping[str, str]) -> None:
@@ -249,3 +296,20 @@ def _outside_limits(link: Link, place: float) -> str:
     return (
         "" if low <= place <= high else f"{place!r}: outside {joint.limits_key} = {[low, high]} of joint {link.name!r}"
     )
+
+
+def check_named(arm: Arm, run: RunSettings) -> None:
+    """What a scene names by name or file is there, and fits it: lumping rules and method.
+
+    Raises
+    ------
+    SceneError
+        The message names the key path, the value and what is allowed.
+    DataFileError
+        The file of a rule or method is not valid.
+    """
+    try:
+        hinges_of(arm)
+        check_method(run)
+    except SceneError:
+        check_all([lambda: hinges_of(arm), lambda: check_method(run)])

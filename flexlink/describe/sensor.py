@@ -14,7 +14,7 @@ from flexlink.data.csv_table import conversion
 from flexlink.describe.arm import BASE, Arm
 from flexlink.describe.directions import unit
 from flexlink.describe.link import Link
-from flexlink.describe.own_units import SI, TORQUE
+from flexlink.describe.own_units import OF_JOINT
 from flexlink.describe.rigidity import Rigidity
 from flexlink.describe.spec import LARGE, SMALL, Deviation, NonNegative, Positive, Spec, Vector3, link_key, measured_in
 
@@ -157,8 +157,7 @@ class Sensor(Spec, frozen=True):
             ("µm/m", "1"): 1e-6, ("um/m", "1"): 1e-6, ("µε", "1"): 1e-6, ("ppm", "1"): 1e-6, ("%", "1"): 1e-2,
             ("g", "m/s²"): 9.80665, ("mA", "A"): 1e-3,
         }  # fmt: skip
-        own = {KINDS[self.kind].unit} - {""} or set((SI if self.kind == "joint" else TORQUE).values())
-        for unit_ in own if self.unit is not None and self.gain == 1 else ():
+        for unit_ in map(self._own_unit, OF_JOINT) if self.unit is not None and self.gain == 1 else ():
             size = instruments.get((self.unit or "", unit_)) or conversion(self.unit or "", unit_)
             if size is not None and size != 1:
                 raise SceneError(
@@ -178,8 +177,18 @@ class Sensor(Spec, frozen=True):
 
     def columns(self, slides: bool = False) -> tuple[str, ...]:
         """Names of its columns, with unit; at a joint that `slides` or turns."""
-        own = KINDS[self.kind].unit or (SI if self.kind == "joint" else TORQUE)[slides]
-        return tuple(f"{self.name}{part} [{self.unit or own}]" for part in self.components)
+        return tuple(f"{self.name}{part} [{self.unit or self._own_unit(slides)}]" for part in self.components)
+
+    def _own_unit(self, slides: bool) -> str:
+        """Of what it sees, in SI, at a joint that `slides` or turns."""
+        of_joint = OF_JOINT[slides]
+        return KINDS[self.kind].unit or (of_joint.si if self.kind == "joint" else of_joint.torque)
+
+
+def column_names(sensors: Sequence[Sensor], arm: Arm) -> tuple[str, ...]:
+    """Names with units of the columns of sensors on an arm, in their order."""
+    own = [sensor.kind in OF_THE_DRIVE and arm.slides[arm.number(sensor.link) - 1] for sensor in sensors]
+    return tuple(name for sensor, slides in zip(sensors, own, strict=True) for name in sensor.columns(slides))
 
 
 def sensor_mistakes(sensors: Sequence[Sensor], arm: Arm) -> Iterator[str]:

@@ -17,7 +17,8 @@ from msgspec.structs import replace
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.run_settings import implied
-from flexlink.describe.scene import FIELDS, OF_ARM, Scene
+from flexlink.describe.scene import FIELDS, Scene
+from flexlink.describe.scene_keys import OF_ARM
 from flexlink.describe.spec import Spec, bare_type, build_validated, decode, fields_of, to_builtin
 from flexlink.describe.vary import Keys, parts_of, routes_to, to_document
 

@@ -17,6 +17,7 @@ from typing import Any, get_origin
 import msgspec
 
 from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.memo import keep_last
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.own_units import IN_METRES, TWINS
 from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, to_builtin, type_below
@@ -122,6 +123,26 @@ def to_document(value: object) -> Any:
     if isinstance(value, dict):
         return {key: to_document(item) for key, item in value.items() if item is not None}
     return [to_document(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def as_document(value: Any) -> Any:
+    """A description as a TOML parser returns it, to look at only: variants share all of it but dicts."""
+    if isinstance(value, dict):
+        return {key: as_document(item) for key, item in value.items()}
+    if isinstance(value, Spec | tuple):
+        return _kept_document(value)
+    return to_document(value)
+
+
+@keep_last(64)
+def _kept_document(part: Spec | tuple[Any, ...]) -> Any:
+    """A part of scenes as a TOML parser returns it."""
+    return to_document(part)
+
+
+def parts_by_key(spec: Spec) -> dict[str, Any]:
+    """The fields of a description by their keys in a file."""
+    return {field.encode_name: getattr(spec, field.name) for field in fields_of(type(spec))}
 
 
 @functools.cache

@@ -33,14 +33,15 @@ def without_defaults(value: Any, always: frozenset[str] = frozenset()) -> Any:
     return [without_defaults(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def toml_of(document: Mapping[str, Any]) -> str:
-    """The TOML text of a document; what stands in a list of tables stands inline."""
-    return "\n\n".join("\n".join(block) for block in _blocks(document)) + "\n"
+def toml_of(document: Mapping[str, Any], inline: frozenset[str] = frozenset()) -> str:
+    """The TOML text of a document; tables at the keys `inline`, and in a list of tables, stand in one line."""
+    return "\n\n".join("\n".join(block) for block in _blocks(document, inline)) + "\n"
 
 
-def _blocks(table: Mapping[str, Any], path: str = "") -> Iterator[list[str]]:
+def _blocks(table: Mapping[str, Any], inline: frozenset[str], path: str = "") -> Iterator[list[str]]:
     """First what stands in the table itself, then table by table what stands below."""
-    below = {key: value for key, value in table.items() if _is_table(value) or _are_tables(value)}
+    tables = {key: value for key, value in table.items() if isinstance(value, Mapping) and key not in inline}
+    below = {key: value for key, value in table.items() if key in tables or _are_tables(value)}
     own = {key: value for key, value in table.items() if key not in below}
     if own or not (path and below):
         yield [*([f"[{path}]"] if path else []), *_lines(own)]
@@ -49,19 +50,11 @@ def _blocks(table: Mapping[str, Any], path: str = "") -> Iterator[list[str]]:
         if _are_tables(value):
             yield from ([f"[[{there}]]", *_lines(item)] for item in value)
         else:
-            yield from _blocks(value, there)
-
-
-class Inline(dict[str, Any]):
-    """A table that stands in one line."""
-
-
-def _is_table(value: object) -> bool:
-    return isinstance(value, Mapping) and not isinstance(value, Inline)
+            yield from _blocks(value, inline, there)
 
 
 def _are_tables(value: object) -> bool:
-    return isinstance(value, list) and bool(value) and all(map(_is_table, value))
+    return isinstance(value, list) and bool(value) and all(isinstance(item, Mapping) for item in value)
 
 
 def _lines(table: Mapping[str, Any]) -> list[str]:

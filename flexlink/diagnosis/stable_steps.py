@@ -16,8 +16,8 @@ from scipy import linalg
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
+from flexlink.dynamics.singularity import regular_mass
 from flexlink.dynamics.tangent import stiffness_matrix
-from flexlink.dynamics.vibration.modal import regular_mass
 from flexlink.dynamics.vibration.stability import stable_step
 
 

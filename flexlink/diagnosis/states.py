@@ -15,8 +15,8 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SingularMassError
 from flexlink.common.types import Array
+from flexlink.dynamics.singularity import regular_mass
 from flexlink.dynamics.terms import elastic_torque, gravity_torque
-from flexlink.dynamics.vibration.modal import regular_mass
 
 RANGE = 10.0
 """Largest |q̇| [rad/s], |T_EX| of active joints [N m], tip force and moment [N, N m] of random states."""

@@ -46,7 +46,7 @@ class FloatingBase:
         bodies = chain.bodies.copy()
         self.original, self._rotation = chain, bodies["rotation"][BODY]
         seen = bodies.view()  # read-only, as kernels expect of a chain
-        self.chain = chain.with_numbers(chain.name, seen, chain.hinges, chain.gravity, chain.couplings)
+        self.chain = chain.with_numbers(bodies=seen)
         self.start = np.array(quaternion_from_matrix(self._rotation))
         self.begin()
 

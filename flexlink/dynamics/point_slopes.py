@@ -13,8 +13,6 @@ e stands for e × r, and 0 for e × u, e × w and ∂ω_P.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from flexlink.chain.chain import Chain
@@ -23,16 +21,13 @@ from flexlink.dynamics.placement import hinge_bodies, hinges_before
 from flexlink.dynamics.point_motion import body_motion
 
 
-class PointSlopes(NamedTuple):
-    """Slopes of what `point_motion` returns; by q, q̇ and q̈ where it depends on them."""
+def point_slopes(
+    chain: Chain, q: Array, qd: Array, qdd: Array, body: int, point: Array
+) -> dict[str, tuple[Array, ...]]:
+    """Slopes of what `point_motion` returns, by its name: by q, q̇ and q̈ where it depends on them, (3, n) each.
 
-    position: tuple[Array]  # (3, n) [m/rad]
-    gyroscope: tuple[Array, Array]  # (3, n) each
-    accelerometer: tuple[Array, Array, Array]  # (3, n) each
-
-
-def point_slopes(chain: Chain, q: Array, qd: Array, qdd: Array, body: int, point: Array) -> PointSlopes:
-    """Slopes at a state (n,) of a body's point, which is given in axes of the body [m]."""
+    At a state (n,), of a body's point, which is given in axes of the body [m].
+    """
     moving, beyond = body_motion(chain, q, qd, qdd), hinge_bodies(chain)
     R, ω_P, α_P = moving.rotations[body], moving.angular_velocity[body], moving.angular_acceleration[body]
     c = R @ point
@@ -51,7 +46,11 @@ def point_slopes(chain: Chain, q: Array, qd: Array, qdd: Array, body: int, point
     seen_by_angle = by_angle - np.cross(turn, a - chain.gravity)  # the body turns, too
     spun = -np.cross(turn, np.broadcast_to(ω, turn.shape))
     accelerometer = _in(R, seen_by_angle), _in(R, 2 * (np.cross(ω, shift) + swung)), _in(R, shift)
-    return PointSlopes((np.ascontiguousarray(shift.T),), (_in(R, spun), _in(R, turn)), accelerometer)
+    return {
+        "position": (np.ascontiguousarray(shift.T),),
+        "gyroscope": (_in(R, spun), _in(R, turn)),
+        "accelerometer": accelerometer,
+    }
 
 
 def _in(R: Array, rows: Array) -> Array:

@@ -35,8 +35,6 @@ tons: at most 0.32 of it in M, 0.19 in T_GC, 0.10 in M Δq̈, without a trend in
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -54,18 +52,10 @@ ROUNDINGS = 10
 """At one hinge."""
 
 
-class Sizes(NamedTuple):
-    """Of the parts that the terms are sums of, at one posture, and the hinge axes there."""
-
-    inertia: float  # M* [kg m²]
-    weight: float  # T_G* [N m]
-    lever: float  # of a force on the tip [m]
-    axes: Array  # (n, 3), frame 0
-
-
 def of_mass_matrix(chain: Chain, q: ArrayLike) -> float:
     """Of every element of M(q), ε M* [kg m²]."""
-    return _along(chain) * _sizes(chain, q).inertia
+    inertia, *_ = _sizes(chain, q)
+    return _along(chain) * inertia
 
 
 def of_bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayLike | None = None) -> float:
@@ -173,13 +163,14 @@ def _along(chain: Chain) -> float:
 
 def _inertial(chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None) -> float:
     """M* (Σ|q̈| + ω²) + T_G* + T_W*: size of the parts that recursive Newton-Euler adds up."""
-    size, force = _sizes(chain, q), np.linalg.norm(wrench_vector(tip_wrench).reshape(2, 3), axis=1)
+    inertia, weight, lever, axes = _sizes(chain, q)
+    force = np.linalg.norm(wrench_vector(tip_wrench).reshape(2, 3), axis=1)
     rates, slides = vector("qd", qd, chain.n), chain.slides
-    squares = (_spins(chain, rates[:, None] * size.axes) ** 2).sum(axis=1)
+    squares = (_spins(chain, rates[:, None] * axes) ** 2).sum(axis=1)
     turning = np.abs(vector("qdd", qdd, chain.n)).sum() + squares.max()
     if slides.any():  # 2 ω × v
         turning += 2 * np.sqrt(squares.max()) * np.abs(rates[slides]).sum()
-    return float(size.inertia * turning + size.weight + force[0] * size.lever + force[1])
+    return float(inertia * turning + weight + force[0] * lever + force[1])
 
 
 def _spins(chain: Chain, turned: Array) -> Array:
@@ -191,7 +182,8 @@ def _spins(chain: Chain, turned: Array) -> Array:
     return sums_outward(spans_of(chain.bodies), own)
 
 
-def _sizes(chain: Chain, q: ArrayLike) -> Sizes:
+def _sizes(chain: Chain, q: ArrayLike) -> tuple[float, float, float, Array]:
+    """M* [kg m²], T_G* [N m], the lever of a force on the tip [m], and the hinge axes (n, 3), at a posture."""
     bodies, mass = chain.bodies, chain.bodies["mass"]
     rotations, points, axes = forward_kinematics(chain.arrays, vector("q", q, chain.n))
     centers = points + np.einsum("bij,bj->bi", rotations, bodies["center"])
@@ -204,7 +196,7 @@ def _sizes(chain: Chain, q: ArrayLike) -> Sizes:
         inertia, moment = max(inertia, moment, mass.sum()), max(moment, mass.sum())
     rotor = np.abs(chain.hinges["armature"]).max()
     tip = (np.linalg.norm(points[chain.loaded] - points, axis=1) + away).max()
-    return Sizes(float(inertia + rotor), float(moment * np.linalg.norm(chain.gravity)), float(tip), axes)
+    return float(inertia + rotor), float(moment * np.linalg.norm(chain.gravity)), float(tip), axes
 
 
 # Of many postures at once: of arms stretched out, whose sizes no posture exceeds.

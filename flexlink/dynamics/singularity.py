@@ -1,14 +1,17 @@
-"""Why there are no accelerations at a state: which joint moves no inertia of its own."""
+"""Where M is singular, so that there are no accelerations: which joint moves no inertia of its own."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.free_base import AXES
 from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
 from flexlink.common.types import Array
-from flexlink.describe.own_units import in_words
+from flexlink.dynamics.rounding import EPS
+from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.bodies.mass import mass_composite
 from flexlink.kernels.forward.solvers import ARTICULATED, Solver
 
@@ -34,7 +37,7 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
     k = idle_joint(chain, q)
     point = next(body for body in chain.bodies if body["first"] <= k < body["stop"])
     there = range(int(point["first"]), int(point["stop"]))
-    angles = ", ".join(f"{chain.joint_name(j)} = {in_words(bool(chain.slides[j]), float(q[j]))}" for j in there)
+    angles = ", ".join(f"{chain.joint_name(j)} = {chain.place_in_words(j, float(q[j]))}" for j in there)
     others = ARTICULATED.accelerations(chain.arrays, wrench, q, qd, tau)
     way_out = "use solver 'articulated', which has no need of M" if np.isfinite(others).all() else "give it an armature"
     return SingularMassError(
@@ -50,10 +53,10 @@ def base_without_rates(chain: Chain, q: Array) -> FlexlinkError | None:
     """
     if not chain.has_free_base or np.cos(q[PITCH]) ** 2 >= 4 * np.finfo(float).eps:
         return None
+    pitch = f"{chain.joint_name(PITCH)} = {chain.place_in_words(PITCH, float(q[PITCH]))}"
     return SingularMassError(
-        f"mass matrix of {chain.name!r} is singular: at {chain.joint_name(PITCH)} = "
-        f"{in_words(False, float(q[PITCH]))} the base's angles cannot tell how it turns; tell them from another "
-        "attitude, initial.base.rpy_deg, as runs do"
+        f"mass matrix of {chain.name!r} is singular: at {pitch} the base's angles cannot tell how it turns; tell them "
+        "from another attitude, initial.base.rpy_deg, as runs do"
     )
 
 
@@ -72,3 +75,39 @@ def idle_joint(chain: Chain, q: Array) -> int:
         return int(free[np.flatnonzero(root == 0)[-1]])
     part = np.abs(np.linalg.eigh(M / np.outer(root, root))[1][:, 0])
     return int(free[np.flatnonzero(part > part.max() / 2)[-1]])
+
+
+def regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
+    """M of `factored_mass`."""
+    return factored_mass(chain, q, free)[0]
+
+
+def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array, Array]:
+    """M of the free coordinates, of which each must move inertia of its own, and L of M = L Lᵀ.
+
+    Cholesky's pivot is the inertia of a coordinate while those before it are free to give way; it must exceed the
+    rounding of M, n eps M_ii. (The diagonal of Cholesky's factor holds the square roots of the pivots.) Close to that
+    bound another way to the same factor may fail, so that L goes with M.
+
+    Raises
+    ------
+    SingularMassError
+        It does not, or M is beyond float64.
+    """
+    whole = mass_matrix(chain, q, algorithm="upper")  # in body axes: twist of a slender arm, straight, keeps its digits
+    M = whole if len(free) == chain.n else np.ascontiguousarray(whole[np.ix_(free, free)])
+    L, stopped = linalg.lapack.dpotrf(M, lower=1)
+    with np.errstate(invalid="ignore"):
+        good = L.diagonal() > np.sqrt(len(M) * EPS * M.diagonal())  # False for nan, too
+    if stopped or not good.all():
+        k = free[stopped - 1 if stopped else int(np.argmin(good))]
+        raise idle_error(chain, int(k))
+    return M, np.asarray(L)
+
+
+def idle_error(chain: Chain, k: int) -> SingularMassError:
+    """The error of a coordinate that moves no inertia of its own."""
+    return SingularMassError(
+        f"{chain.name}: joint {chain.joint_name(k)!r} moves no inertia of its own at this posture, or one "
+        "that overflows float64; M must be positive definite"
+    )

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.chain import Chain
-from flexlink.chain.couplings import add_products
+from flexlink.chain.chain import Chain, add_products
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.dynamics.forces import refuse_forces
@@ -53,8 +52,8 @@ class SmallMotion:
 
     def place(self, q: Array) -> None:
         """Take on another posture."""
-        if self._chain.has_rotation_springs:
-            self._bend(about(self._chain, q))
+        if (sprung := about(self._chain, q)) is not self._chain:
+            self._bend(sprung)
         wrench, follower, qd = self._state
         place(self._work, wrench, follower, q, qd)
         self._q = q

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.chain import Chain, Joints
+from flexlink.chain.chain import Chain
+from flexlink.chain.layout import Joints
 from flexlink.chain.spans import spans_of
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
@@ -20,6 +21,16 @@ from flexlink.dynamics.springs import about
 from flexlink.dynamics.terms import bias_torque
 from flexlink.kernels.derivatives.inverse_derivatives import load_slopes
 from flexlink.kernels.geometry.kinematics import forward_kinematics, turned_with_tip
+
+
+class LoadedState(NamedTuple):
+    """What small motion is about: a posture, steady rates, a constant tip wrench, and the coordinates that may move."""
+
+    q: Array
+    qd: Array
+    wrench: Array
+    follower: bool  # whether it turns with the tip
+    free: NDArray[np.intp]
 
 
 class Stiffness(NamedTuple):

@@ -9,7 +9,6 @@ results then have a leading b, and a part of the state of shape (n,) belongs to 
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -22,11 +21,9 @@ from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch, rows
 from flexlink.dynamics.forces import force_torque, of_joint_rates
-from flexlink.dynamics.result import Result
 from flexlink.dynamics.springs import spring_torque
 from flexlink.dynamics.wrench import world_wrench, world_wrenches
 from flexlink.kernels.bodies import mass
-from flexlink.kernels.bodies.energy import energies
 from flexlink.kernels.bodies.rne import inverse_dynamics as inverse_dynamics_kernel
 from flexlink.kernels.bodies.rne import inverse_dynamics_of_many
 from flexlink.kernels.tools.finite import is_finite
@@ -42,35 +39,6 @@ MASS_ALGORITHMS = {
 def algorithms_of(chain: Chain) -> tuple[str, ...]:
     """Names of the algorithms for the mass matrix of a chain."""
     return tuple(MASS_ALGORITHMS) if chain.is_serial_revolute else ("upper", "composite")
-
-
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Energy(Result):
-    """Energies [J]: scalars for one state, arrays over states or the samples of a `Trajectory`."""
-
-    kinetic: Array | float
-    gravity: Array | float  # zero when all mass is at the origin of frame 0
-    elastic: Array | float
-
-    @property
-    def total(self) -> Array | float:
-        """Kinetic + gravity + elastic."""
-        return self.kinetic + self.gravity + self.elastic
-
-    @property
-    def parts(self) -> Array:
-        """Kinetic, gravity and elastic one below the other, shape (3, …)."""
-        return np.array([self.kinetic, self.gravity, self.elastic])
-
-    def __repr__(self) -> str:
-        parts = [f"{name} {_span(np.asarray(value))} J" for name, value in vars(self).items()]
-        return f"<Energy: {', '.join(parts)}>"
-
-
-def _span(values: Array) -> str:
-    if values.ndim == 0:
-        return f"{float(values):.9g}"
-    return f"{values.min():.6g} … {values.max():.6g}" if values.size else "–"
 
 
 def inverse_dynamics(
@@ -333,41 +301,3 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     if not math.isfinite(trace):
         raise ArgumentError(f"the mass matrix of {chain.name!r} overflows float64; expected smaller masses and lengths")
     return M
-
-
-def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
-    """Kinetic ½ q̇ᵀMq̇, gravity −Σ m g·p and elastic Σ ½ k (θ − θ₀)² energy.
-
-    Parameters
-    ----------
-    chain
-        The chain.
-    q, qd
-        Angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
-
-    Returns
-    -------
-    Energy
-        Its three parts [J], numbers, or shape (b,) each.
-
-    Raises
-    ------
-    ArgumentError
-        `q` or `qd` has the wrong shape, is not real or not finite, or an energy is beyond float64.
-
-    Examples
-    --------
-    >>> found = fl.energy(chain, q, qd)
-    >>> print(f"{found.gravity:.3f} J of gravity, {found.elastic:.3f} J in the springs")
-    9.296 J of gravity, 0.188 J in the springs
-    """
-    if is_batch(q, qd):
-        return each(energy, chain, {"q": q, "qd": qd})
-    n = require_type("chain", chain, Chain).n
-    q, qd = vector("q", q, n, many=True), vector("qd", qd, n, many=True)
-    parts = np.array(energies(chain.arrays, q, qd))
-    found = Energy(*parts.tolist())
-    if not math.isfinite(found.total):
-        name = next((name for name, value in vars(found).items() if not math.isfinite(value)), "total")
-        raise beyond_float64(f"the {name} energy", q=q, qd=qd, gravity=chain.gravity)
-    return found

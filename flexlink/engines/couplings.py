@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.couplings import add_products
+from flexlink.chain.chain import add_products
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.kernels.layout import COUPLING

@@ -8,21 +8,18 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.formats.document import ROTATION_SPRINGS, UPPER_TRIANGLE
+from flexlink.formats.document import UPPER_TRIANGLE
 from flexlink.formats.reading import (
     End,
     Hinge,
     Mass,
-    Node,
     chain_of,
     coordinate,
-    coupling_of,
     inertia_matrix,
     link_of,
-    read,
-    tree_of,
 )
 from flexlink.formats.sdf import DYNAMICS, NAMESPACES, STANDARD_FIELDS, to_sdf
+from flexlink.formats.strict_reading import Node, read
 from flexlink.kernels.layout import HINGE, SLIDES
 
 OWN = f"{{{NAMESPACES['xmlns:flexlink']}}}"  # the prefix as parsers write it
@@ -43,11 +40,9 @@ def _chain(sdf: Node) -> Chain:
     hinges = [_read_hinge(*both, links, behind) for both in zip(joints, bodies[len(floating) :], strict=True)]
     ends = [_read_end(frame, links, behind) for frame in model.all("frame")]
     mass = _read_body(floating[0].one("inertial")) if floating else None
-    gravity, tree = sdf.one("world").one("gravity").numbers(3), tree_of(model, ends, links, mass, OWN)
-    coupled = [coupling_of(one) for one in model.all(f"frame/{OWN}coupling")]
-    return chain_of(
-        model, model.attribute(f"{OWN}name"), gravity, links, hinges, tree, coupled, model, f"{OWN}{ROTATION_SPRINGS}"
-    )
+    gravity = sdf.one("world").one("gravity").numbers(3)
+    coupled = model.all(f"frame/{OWN}coupling")
+    return chain_of(model, model, OWN, gravity, links, hinges, ends, mass, coupled)
 
 
 def _text(element: Node, path: str) -> str:

@@ -13,16 +13,13 @@ from flexlink.formats.reading import (
     End,
     Hinge,
     Mass,
-    Node,
     chain_of,
     coordinate,
-    coupling_of,
     inertia_matrix,
     limits_of,
     link_of,
-    read,
-    tree_of,
 )
+from flexlink.formats.strict_reading import Node, read
 from flexlink.formats.urdf import DYNAMICS, STANDARD_FIELDS, to_urdf
 from flexlink.kernels.layout import HINGE, SLIDES
 
@@ -58,9 +55,9 @@ def _chain(robot: Node) -> Chain:
     behind = {joint.one("child").attribute("link"): joint.attribute("name") for joint in moving}
     hinges = [_read_hinge(joint, bodies, links, behind) for joint in moving]
     ends = [_read_end(joint, links, behind) for joint in robot.all("joint[@type='fixed']")]
-    coupled = [coupling_of(one) for one in own.all("coupling")]
-    tree = tree_of(own, ends, links, _read_body(robot.one("link")))
-    return chain_of(robot, robot.attribute("name"), own.numbers(3, "gravity"), links, hinges, tree, coupled, own)
+    coupled = own.all("coupling")
+    mass, gravity = _read_body(robot.one("link")), own.numbers(3, "gravity")
+    return chain_of(robot, own, "", gravity, links, hinges, ends, mass, coupled)
 
 
 def _read_end(joint: Node, links: Sequence[str], behind: Mapping[str, str]) -> End:

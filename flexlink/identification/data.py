@@ -20,8 +20,8 @@ from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean
 from flexlink.data.measured import Measured, measured_from, named, read_measured
 from flexlink.describe.scene import Scene
+from flexlink.describe.sensor import column_names
 from flexlink.dynamics.placement import tip_position
-from flexlink.dynamics.sensors.signals import column_names
 from flexlink.dynamics.vibration.at_rest import rest_of
 from flexlink.dynamics.vibration.modal import modes
 from flexlink.identification.block import Block
@@ -95,7 +95,7 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
         Its file or columns, or what it sets, are wrong.
     """
     scene = problem.scene.varied(run.set) if run.set else problem.scene
-    known = dict.fromkeys((*columns_of(lump(scene)), *column_names(scene)))
+    known = dict.fromkeys((*columns_of(lump(scene)), *column_names(scene.sensor, scene.arm)))
     measured = _measured(run, known)
     first, last = run.window or (-math.inf, math.inf)
     first = max(first, scene.initial.time)
@@ -195,7 +195,7 @@ def _noise_of_sensors(scene: Scene) -> dict[str, float]:
     return {
         name: math.hypot(one.noise, (one.resolution or 0.0) / math.sqrt(12))
         for one in scene.sensor
-        for name in column_names(scene, (one,))
+        for name in column_names((one,), scene.arm)
     }
 
 

@@ -9,7 +9,7 @@ from flexlink.common.errors import DataFileError, SceneError
 from flexlink.data import documents
 from flexlink.data.documents import paths_of
 from flexlink.describe.mistakes import mistakes, raise_together
-from flexlink.describe.scene import scene_named
+from flexlink.describe.scene_file import scene_named
 from flexlink.describe.spec import check_keys, decode, fields_of
 from flexlink.identification.problem import FitProblem
 

@@ -20,9 +20,9 @@ from flexlink.common.types import Array
 from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
+from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.placement import unbent
-from flexlink.dynamics.terms import Energy
 from flexlink.kernels.geometry.kinematics import tip_points
 from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.tools.lanes import LANES

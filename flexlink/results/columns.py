@@ -10,7 +10,6 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.own_units import SI, TORQUE
 from flexlink.results.samples import BaseMotion, RunSamples
 
 Source = Callable[[Any], Array]
@@ -51,13 +50,13 @@ def sources_of(chain: Chain, balanced: bool = True) -> Mapping[str, Source]:
         )
         for k, axis in enumerate(axes)
     }
-    found = _sources(chain.joint_names, tuple(chain.slides.tolist()), tuple(chain.active.tolist()), balanced)
+    found = _sources(chain.joint_names, (chain.joint_units, chain.torque_units), tuple(chain.active.tolist()), balanced)
     return {**found, **of_a_free_base} if chain.has_free_base else found
 
 
 @functools.lru_cache(maxsize=64)
 def _sources(
-    joints: tuple[str, ...], slides: tuple[bool, ...], active: tuple[int, ...], balanced: bool
+    joints: tuple[str, ...], units: tuple[tuple[str, ...], tuple[str, ...]], active: tuple[int, ...], balanced: bool
 ) -> Mapping[str, Source]:
     """Where each column comes from, in the order of the CSV file; runs of one layout share it."""
     # of flexlink's own runs
@@ -67,9 +66,9 @@ def _sources(
     }
     return {
         "t [s]": lambda run: run.t,
-        **{f"q {name} [{SI[slides[k]]}]": _of("q", k) for k, name in enumerate(joints)},
-        **{f"qd {name} [{SI[slides[k]]}/s]": _of("qd", k) for k, name in enumerate(joints)},
-        **{f"tau {joints[k]} [{TORQUE[slides[k]]}]": _of("tau", k) for k in active},
+        **{f"q {name} [{units[0][k]}]": _of("q", k) for k, name in enumerate(joints)},
+        **{f"qd {name} [{units[0][k]}/s]": _of("qd", k) for k, name in enumerate(joints)},
+        **{f"tau {joints[k]} [{units[1][k]}]": _of("tau", k) for k in active},
         **{f"tip {axis} [m]": _of("tip", k) for k, axis in enumerate("xyz")},
         "kinetic [J]": lambda run: np.asarray(run.energy.kinetic),
         "gravity [J]": lambda run: np.asarray(run.energy.gravity),

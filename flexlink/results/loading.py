@@ -16,9 +16,9 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.coordinates import Coordinate
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.describe.scene import scene_from
+from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.result import read_archive
-from flexlink.dynamics.terms import Energy
 from flexlink.kernels.layout import BODY, COUPLING, FORCES, HINGE
 from flexlink.results.archive_schema import check_chain, check_samples
 from flexlink.results.samples import BaseMotion, Steps

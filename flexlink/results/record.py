@@ -11,9 +11,9 @@ import numpy as np
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.dynamics import rounding
+from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.momentum import Momentum, momentum_of_states
-from flexlink.dynamics.terms import Energy
 from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.machine_code import direct

@@ -16,16 +16,16 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
+from flexlink.describe.sensor import column_names
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each
+from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.loads import InternalLoads, internal_loads
 from flexlink.dynamics.momentum import Momentum
 from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.sensors.columns import coarse_samples, sensor_columns
-from flexlink.dynamics.sensors.signals import column_names
-from flexlink.dynamics.terms import Energy
 from flexlink.results import balance
 
 
@@ -202,7 +202,7 @@ class RunSamples(Result):
     @property
     def sensor_names(self) -> tuple[str, ...]:
         """Names with units of the columns of the scene's sensors."""
-        return () if self.scene is None else column_names(self.scene)
+        return () if self.scene is None else column_names(self.scene.sensor, self.scene.arm)
 
     @functools.cached_property
     def readings(self) -> Mapping[str, Array]:

@@ -26,7 +26,7 @@ def to_xarray(run: RunSamples) -> Any:
         "kinetic": run.energy.kinetic, "gravity": run.energy.gravity, "elastic": run.energy.elastic,
         **({} if run.work is None else {"work": run.work, "imbalance": run.imbalance}),
     }  # fmt: skip
-    mixed = bool(run.chain.slides.any())
+    mixed = "m" in run.chain.joint_units
     units = ("rad or m", "rad/s or m/s", "N m or N") if mixed else ("rad", "rad/s", "N m")
     per_joint = dict(zip(("q", "qd", "tau"), zip((run.q, run.qd, run.tau), units, strict=True), strict=True))
     return _package("xarray").Dataset(

@@ -1,20 +1,22 @@
-"""Pictures of an arm at rest: Scene.plot and Chain.plot."""
+"""An arm in pictures that are true to scale: Scene.plot, Chain.plot, and what figures of the report are made of."""
 
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from flexlink.chain.branches import base_body, sliding_bodies, unslid
+from flexlink.chain.branches import as_lines, base_body, sliding_bodies, unslid
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import frames
 from flexlink.motion.inputs.initial_state import initial_state
-from flexlink.pages.style import legend_over
-from flexlink.results.pictures.view import views_of
-from flexlink.scene_report.views import draw_arm, panels
+from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
+from flexlink.pages.style import WIDTH, legend_over
+from flexlink.results.notebook_figure import NotebookFigure as Figure
+from flexlink.results.pictures.view import View, views_of
 
 
 def plot_scene(scene: Scene) -> Figure:
@@ -28,11 +30,56 @@ def plot_chain(chain: Chain, q: ArrayLike | None) -> Figure:
     placed = frames(chain, chain.rest if q is None else np.asarray(q))
     points, rails = placed.points, unslid(chain, placed.rotations, placed.points)
     seen = points[max(base_body(chain) - 1, 0) :]
-    if chain.slides.any():
-        seen = np.concatenate([seen, rails[sliding_bodies(chain)]])
+    seen = np.concatenate([seen, rails[sliding_bodies(chain)]])
     views = views_of(chain, seen)
     figure, axes = panels(views, chain, seen)
     for panel, view in zip(axes, views, strict=True):
         draw_arm(panel, view, points, chain, rails)
     legend_over(axes[0], figure=figure)
     return figure
+
+
+def panels(views: list[View], chain: Chain, points: Array) -> tuple[Figure, list[Axes]]:
+    """A panel a view, in which these points (…, 3) fit at one scale, and the base where it is fixed."""
+    shown = points.reshape(-1, 3)
+    if not base_body(chain):
+        shown = np.concatenate([np.zeros((1, 3)), shown])
+    boxes = []
+    for view in views:
+        x, y = view.flat(shown)
+        margin = 0.06 * (max(np.ptp(x), np.ptp(y)) or 1.0)
+        boxes.append((x.min() - margin, x.max() + margin, y.min() - margin, y.max() + margin))
+    width = max(box[1] - box[0] for box in boxes)
+    heights = [min(max((box[3] - box[2]) / width, 0.18), 1.3) for box in boxes]
+    figure = Figure(figsize=(WIDTH, 0.85 * WIDTH * sum(heights) + 0.75 * len(views)), layout="constrained")
+    axes = figure.subplots(len(views), 1, squeeze=False, height_ratios=heights)[:, 0]
+    for view, panel, box in zip(views, axes, boxes, strict=True):
+        panel.set(xlim=box[:2], ylim=box[2:], xlabel=view.labels[0], ylabel=view.labels[1])
+        panel.set_aspect("equal", adjustable="box")
+    return figure, list(axes)
+
+
+def draw_arm(axes: Axes, view: View, points: Array, chain: Chain, rails: Array | None = None) -> None:
+    """The arm as lines between the origins of its bodies: springs are dots, driven joints rings, tips stars."""
+    axes.plot(*view.flat(as_lines(chain, points, rails=rails)), color=BLUE, linewidth=2.2, zorder=2)
+    base = base_body(chain)
+    at = points[base - 1 : base] if base else np.zeros((1, 3))
+    axes.plot(*view.flat(at), "s", color=INK, markersize=8, zorder=3, label="base")
+    x, y = view.flat(points)
+    hinges = [chain.body(k) for k, c in enumerate(chain.coordinates) if c.link and c.axis]
+    driven = [chain.body(int(k)) for k in chain.active]
+    if hinges:
+        axes.plot(x[hinges], y[hinges], ".", color=INK, markersize=6, zorder=4, label="springs")
+    if driven:
+        ring = {"markerfacecolor": "none", "markeredgewidth": 1.8, "color": VERMILION}
+        axes.plot(x[driven], y[driven], "o", markersize=9, zorder=5, label="driven joints", **ring)
+    tips = list(chain.tips.values())
+    label = "tip" if len(tips) == 1 else "tips"
+    axes.plot(x[tips], y[tips], "*", color=INK, markersize=9, zorder=5, label=label)
+
+
+def draw_shadow(
+    axes: Axes, view: View, points: Array, chain: Chain, label: str | None = None, colour: str = GREY
+) -> None:
+    """An arm as a thin line."""
+    axes.plot(*view.flat(as_lines(chain, points)), color=colour, linewidth=1.0, zorder=1, label=label)

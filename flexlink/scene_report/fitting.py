@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.data.measured import Measured
-from flexlink.describe.own_units import UNIT
+from flexlink.describe.own_units import OF_JOINT
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from flexlink.identification.fit import quick_estimates
@@ -114,7 +114,7 @@ def numbers_of(scene: Scene) -> Iterator[Tried]:
             and scene.initial.q is None
             and not any(m.link in (number, link.name) for m in scene.motion)
         ):
-            yield Tried(f"initial.joint_{UNIT[joint.slides]}.{number}", f"start of {link.name}", start)
+            yield Tried(f"initial.joint_{OF_JOINT[joint.slides].unit}.{number}", f"start of {link.name}", start)
 
 
 def quoted(name: str) -> str:

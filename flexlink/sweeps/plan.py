@@ -13,7 +13,8 @@ import msgspec
 from flexlink.common.errors import DataFileError, FlexlinkError, SceneError
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.data import documents
-from flexlink.describe.scene import FIELDS, Scene, scene_named
+from flexlink.describe.scene import FIELDS, Scene
+from flexlink.describe.scene_file import scene_named
 from flexlink.describe.spec import Spec, check_keys, decode, fields_of
 from flexlink.describe.variants import Variants
 from flexlink.describe.vary import apply_changes, top_level_keys

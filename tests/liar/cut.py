@@ -11,7 +11,8 @@ import pytest
 from flexlink import engines
 from flexlink.chain.chain import Chain
 from flexlink.data import documents
-from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.scene import Scene
+from flexlink.describe.scene_file import load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.engines import Engine
 from validation.case import CASES, Case, load_case

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from flexlink.describe.schemes.methods import Method
+from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.equilibrium import Equilibrium
-from flexlink.dynamics.terms import Energy
 from flexlink.results.trajectory import Trajectory
 
 Wrong = Callable[[Any, float], Any]
@@ -117,7 +117,7 @@ LIES = {
     "T_FL": Function(f"{TERMS}:elastic_torque"),
     "T_FR": Function(f"{TERMS}:friction_torque"),
     "ID": Function(f"{TERMS}:inverse_dynamics"),
-    "energies": Function(f"{TERMS}:energy"),
+    "energies": Function("flexlink.dynamics.energy:energy"),
     "q̈": Function("flexlink.dynamics.accelerations:forward_dynamics"),
     "∂q̈": Function("flexlink.dynamics.derivatives:forward_dynamics_derivatives"),
     "drag": Function("flexlink.dynamics.forces:drag_torque"),
@@ -128,7 +128,7 @@ LIES = {
     "settling": Function("flexlink.results.settling:settling_time"),
     "frames": Function("flexlink.dynamics.placement:frames"),
     "statics": Function("flexlink.dynamics.equilibrium:solve_static"),
-    "buckling": Function("flexlink.dynamics.equilibrium:buckling_loads"),
+    "buckling": Function("flexlink.dynamics.buckling:buckling_loads"),
     "modes": Function(f"{MODAL}:modes"),
     "frequencies": Function(f"{MODAL}:natural_frequencies"),
     "stable step": Function("flexlink.dynamics.vibration.stability:stable_step"),

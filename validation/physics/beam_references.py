@@ -15,7 +15,8 @@ from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.types import Array
 from flexlink.describe.link import Link
-from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.scene import Scene
+from flexlink.describe.scene_file import load_scene
 from validation.case import scene_file
 from validation.physics.formulas import INPUTS
 from validation.reference_values import look_up

@@ -9,7 +9,8 @@ import msgspec
 
 from flexlink.chain.arguments import require_one_of
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.scene import Scene
+from flexlink.describe.scene_file import load_scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.spec import Spec
 from validation.case import Case

@@ -17,7 +17,8 @@ from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.data import documents
-from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.scene import Scene
+from flexlink.describe.scene_file import load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.dynamics.placement import tip_position, unbent
 from flexlink.results.tip_motion import largest_distance, tip_travel

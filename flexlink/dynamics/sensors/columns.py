@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Protocol
 
 import numpy as np
 from msgspec.structs import replace
 
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.describe.sensor import Sensor
+from flexlink.describe.sensor import Sensor, column_names
 from flexlink.dynamics.sensors.instrument import Instrument
-from flexlink.dynamics.sensors.signals import States, column_names, signal_of
-
-
-class Samples(States, Protocol):
-    """States with their times."""
-
-    @property
-    def t(self) -> Array:
-        """Times (samples,) [s]."""
+from flexlink.dynamics.sensors.signals import Samples, signal_of
 
 
 def readings_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
@@ -37,8 +28,8 @@ def _shown(sensor: Sensor, scene: Scene, t: Array, signal: Array) -> Array:
 def sensor_columns(scene: Scene, run: Samples) -> dict[str, Array]:
     """Columns of all sensors by their names; errors as in `signal_of`."""
     found = [column for sensor in scene.sensor for column in readings_of(sensor, scene, run)] if len(run.t) else []
-    found = found or [np.empty(0)] * len(column_names(scene))
-    return dict(zip(column_names(scene), found, strict=True))
+    found = found or [np.empty(0)] * len(column_names(scene.sensor, scene.arm))
+    return dict(zip(column_names(scene.sensor, scene.arm), found, strict=True))
 
 
 def coarse_samples(scene: Scene, run: Samples) -> Iterator[str]:

@@ -12,9 +12,9 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.describe.scene import Scene
-from flexlink.describe.sensor import Sensor
+from flexlink.describe.sensor import Sensor, column_names
 from flexlink.dynamics.sensors.low_pass import butterworth
-from flexlink.dynamics.sensors.signals import column_names, joint_of, signal_of, slopes_of
+from flexlink.dynamics.sensors.signals import joint_of, signal_of, slopes_of
 from flexlink.dynamics.vibration.outputs import Output
 
 
@@ -80,10 +80,10 @@ class SensorOutputs:
                 f"outputs: sensor {sensor.name!r}: the motion of its joint is prescribed, its acceleration an input; "
                 "what torque that takes is no output of a linear model"
             )
-        here = SimpleNamespace(chain=chain, q=q[None], qd=qd[None], qdd=qdd[None], tau=tau[None])
+        here = SimpleNamespace(chain=chain, t=np.zeros(1), q=q[None], qd=qd[None], qdd=qdd[None], tau=tau[None])
         slopes = slopes_of(sensor, scene, chain, q, qd, qdd)
         return Output(
-            names=column_names(scene, [sensor]),
+            names=column_names([sensor], scene.arm),
             signal=np.asarray(signal_of(sensor, scene, here)[:, 0]),
             q=slopes.q,
             qd=slopes.qd,

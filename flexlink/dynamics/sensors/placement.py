@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from flexlink.chain.builder import Piece
@@ -19,16 +17,11 @@ from flexlink.dynamics.floating_base import BODY
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 
 
-class Placement(NamedTuple):
-    """A point of a body, and the directions that are measured there."""
-
-    body: int  # its number in `chain.bodies`
-    point: Array  # (3,) from the body's origin, in its axes [m]
-    axes: Array  # (columns, 3) unit vectors in axes of the body; of a position in those of frame 0
-
-
-def placement_of(sensor: Sensor, scene: Scene) -> Placement:
+def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
     """Where a sensor that sees how a point moves sits on the lumped arm.
+
+    The number of a body in `chain.bodies`; a point from its origin, in its axes [m], (3,); what is measured there, unit
+    vectors in axes of the body, of a position in those of frame 0, (columns, 3).
 
     Of the segments of a link that bends it is on the one in which its place lies, at a hinge on the outer one.
 
@@ -40,7 +33,7 @@ def placement_of(sensor: Sensor, scene: Scene) -> Placement:
     chain, arm = lump(scene), scene.arm
     wanted = np.eye(3) if sensor.axis is None else unit("axis", sensor.axis)[None]
     if is_on_base(sensor, arm):
-        return Placement(BODY, np.array(sensor.point or (0.0, 0.0, 0.0)), wanted)
+        return BODY, np.array(sensor.point or (0.0, 0.0, 0.0)), wanted
     number = arm.number(sensor.link)
     link, own = arm.links[number - 1], [piece for piece in pieces(scene) if piece.link == number]
     unbent = forward_kinematics(chain.arrays, np.zeros(chain.n))
@@ -59,7 +52,7 @@ def placement_of(sensor: Sensor, scene: Scene) -> Placement:
             "hinge does"
         )
     directions = wanted if sensor.kind == "position" else wanted @ axes.T @ R[body]
-    return Placement(body - 1, place, directions)
+    return body - 1, place, directions
 
 
 def check_placements(scene: Scene) -> None:

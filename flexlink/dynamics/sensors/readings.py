@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.sensors.columns import Samples
+from flexlink.describe.sensor import column_names
 from flexlink.dynamics.sensors.instrument import Instrument
-from flexlink.dynamics.sensors.signals import column_names, signal_of
+from flexlink.dynamics.sensors.signals import Samples, signal_of
 
 
 class Readings:
     """Instruments of a scene's sensors, and what each has seen so far."""
 
     def __init__(self, scene: Scene) -> None:
-        self._scene, self.names = scene, column_names(scene)
+        self._scene, self.names = scene, column_names(scene.sensor, scene.arm)
         self._instruments = [Instrument(sensor, scene.run.spacing) for sensor in scene.sensor]
 
     def after(self, seen: Samples) -> dict[str, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -17,8 +16,12 @@ from flexlink.dynamics.sensors.gauge import gauge_slope, gauge_strain
 from flexlink.dynamics.sensors.placement import placement_of
 
 
-class States(Protocol):
+class Samples(Protocol):
     """What a run knows of its samples."""
+
+    @property
+    def t(self) -> Array:
+        """Times (samples,) [s]."""
 
     @property
     def chain(self) -> Chain:
@@ -50,7 +53,7 @@ class Slopes(NamedTuple):
     tau: Array
 
 
-def signal_of(sensor: Sensor, scene: Scene, run: States) -> Array:
+def signal_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
     """What a sensor sees in the samples of a run, in SI units and radians, shape (columns, samples).
 
     Raises
@@ -65,10 +68,10 @@ def signal_of(sensor: Sensor, scene: Scene, run: States) -> Array:
     if sensor.kind in OF_THE_DRIVE:
         k, seen = joint_of(sensor, run.chain, scene), run.q if sensor.kind == "joint" else run.tau
         return seen[None, :, k] / (sensor.torque_constant or 1.0)
-    placed = placement_of(sensor, scene)
+    body, point, axes = placement_of(sensor, scene)
     qdd = run.qdd if sensor.kind == "accelerometer" else np.zeros_like(run.q)
-    moving = point_motion(run.chain, run.q, run.qd, qdd, body=placed.body, point=placed.point)
-    return np.asarray(placed.axes @ getattr(moving, sensor.kind).T)
+    moving = point_motion(run.chain, run.q, run.qd, qdd, body=body, point=point)
+    return np.asarray(axes @ getattr(moving, sensor.kind).T)
 
 
 def joint_of(sensor: Sensor, chain: Chain, scene: Scene) -> int:
@@ -84,21 +87,11 @@ def slopes_of(sensor: Sensor, scene: Scene, chain: Chain, q: Array, qd: Array, q
         own = np.zeros((1, chain.n))
         own[0, joint_of(sensor, chain, scene)] = 1.0 / (sensor.torque_constant or 1.0)
         return _slopes(chain.n, **{"q" if sensor.kind == "joint" else "tau": own})
-    placed = placement_of(sensor, scene)
-    parts = getattr(point_slopes(chain, q, qd, qdd, placed.body, placed.point), sensor.kind)
-    return _slopes(chain.n, **{name: placed.axes @ part for name, part in zip(Slopes._fields, parts, strict=False)})
+    body, point, axes = placement_of(sensor, scene)
+    parts = point_slopes(chain, q, qd, qdd, body, point)[sensor.kind]
+    return _slopes(chain.n, **{name: axes @ part for name, part in zip(Slopes._fields, parts, strict=False)})
 
 
 def _slopes(n: int, **parts: Array) -> Slopes:
     columns = len(next(iter(parts.values())))
     return Slopes(*(parts.get(name, np.zeros((columns, n))) for name in Slopes._fields))
-
-
-def column_names(scene: Scene, sensors: Iterable[Sensor] | None = None) -> tuple[str, ...]:
-    """Names with units of the columns of a scene's sensors, or of some of them, in their order."""
-    arm = scene.arm
-    return tuple(
-        name
-        for sensor in (scene.sensor if sensors is None else sensors)
-        for name in sensor.columns(sensor.kind in OF_THE_DRIVE and arm.slides[arm.number(sensor.link) - 1])
-    )

@@ -174,3 +174,13 @@ def _dissipative(C: Array) -> bool:
     size[size == 0] = 1.0
     scaled = (C + C.T) / 2 / np.outer(size, size)
     return bool(np.linalg.eigvalsh(scaled).min() >= -len(C) * EPS)
+
+
+def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
+    """A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n), M as `factored_mass` found it regular."""
+    L, _ = linalg.lapack.dpotrf(M, lower=1)
+    lower = [-linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
+    A = np.block([[np.zeros_like(M), np.eye(len(M))], lower])
+    if not np.isfinite(A).all():
+        raise ArgumentError("stiffness, damping, loads or rates are so large that accelerations overflow float64")
+    return A

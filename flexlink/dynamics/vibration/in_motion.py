@@ -7,13 +7,13 @@ these torques, nor M, nor K change along it. So do gravity along the shaft, none
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import require_type, vector, wrench_vector
-from flexlink.chain.chain import Chain, Joints
+from flexlink.chain.chain import Chain
+from flexlink.chain.layout import Joints
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
@@ -21,7 +21,7 @@ from flexlink.describe.actions import Frame
 from flexlink.dynamics import rounding
 from flexlink.dynamics.equilibrium import Equilibrium, solve_static
 from flexlink.dynamics.placement import unbent
-from flexlink.dynamics.tangent import load_torque, stiffness_matrix, unlocked
+from flexlink.dynamics.tangent import LoadedState, load_torque, stiffness_matrix, unlocked
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.wrench import turns_with_tip
@@ -140,8 +140,8 @@ def _steady_posture(
     start = unbent(chain, chain.rest.copy() if q is None else vector("q", q, chain.n))
     rest = solve_static(chain, start, turning, tip_wrench=tip_wrench, frame=frame, locked=held)
     if turning.any():
-        free = unlocked(chain, held)
-        _check_steady(chain, rest.q, _Steady(turning, wrench_vector(tip_wrench), turns_with_tip(frame), free))
+        acting = turning, wrench_vector(tip_wrench), turns_with_tip(frame)
+        _check_steady(chain, LoadedState(rest.q, *acting, unlocked(chain, held)))
     return rest
 
 
@@ -185,44 +185,36 @@ def steady_joint(chain: Chain, name: str) -> int:
         raise ArgumentError(
             f"rates: {name!r} is locked in the scene; set its joint.locked to false, it is held at its rate"
         )
-    if k not in chain.active and not (chain.has_free_base and chain.coordinates[k].link == 0):
+    if k not in chain.active and not chain.coordinates[k].of_base:
         driven = ", ".join(chain.joint_name(int(each)) for each in chain.active)
         raise ArgumentError(f"rates: {name!r} is a hinge with a spring; allowed are driven joints: {driven}")
     return k
 
 
-def _check_steady(chain: Chain, q: Array, small: _Steady) -> None:
+def _check_steady(chain: Chain, steady: LoadedState) -> None:
     """Refuse a motion along which torques, M or K of what is free change."""
-    step = small.qd / np.abs(small.qd / rounding.scales(chain)).max()
-    now = small.terms(chain, q)
+    step = steady.qd / np.abs(steady.qd / rounding.scales(chain)).max()
+    now = _scaled_terms(chain, steady.q, steady)
     for far in LATER:
-        then = small.terms(chain, q + far * step)
+        then = _scaled_terms(chain, steady.q + far * step, steady)
         for what, before, after in zip(
             ("the torques on", "the inertia of", "the stiffness of"), now, then, strict=True
         ):
             if np.abs(after - before).max() > SAME:
-                moving = ", ".join(chain.joint_name(int(k)) for k in np.flatnonzero(small.qd))
+                moving = ", ".join(chain.joint_name(int(k)) for k in np.flatnonzero(steady.qd))
                 raise ArgumentError(
                     f"rates: no steady motion: {what} what is free to move change as {moving} goes on, as with gravity "
                     "or a load across a shaft; there are modes only about a motion that looks alike at all times"
                 )
 
 
-class _Steady(NamedTuple):
-    """What acts during a motion that should be steady, and which coordinates are free in it."""
-
-    qd: Array
-    wrench: Array
-    follower: bool
-    free: NDArray[np.intp]
-
-    def terms(self, chain: Chain, q: Array) -> tuple[Array, Array, Array]:
-        """T_GC, M and K of the free coordinates at a posture, each over the sizes that it is made of."""
-        qd, wrench, follower, free = self
-        loads = rounding.largest_load_stiffness(chain, qd, wrench)
-        stiff = np.sqrt(np.where(chain.stiffness + loads > 0, chain.stiffness + loads, 1.0))[free]
-        M, block = mass_matrix(chain, q), np.ix_(free, free)
-        inertia = np.sqrt(M.diagonal())[free]
-        torque = load_torque(chain, q, qd, wrench, follower) / np.where(loads > 0, loads, 1.0)
-        K = stiffness_matrix(chain, q, qd, wrench, follower)
-        return torque[free], M[block] / np.outer(inertia, inertia), K[block] / np.outer(stiff, stiff)
+def _scaled_terms(chain: Chain, q: Array, steady: LoadedState) -> tuple[Array, Array, Array]:
+    """T_GC, M and K of the free coordinates at a posture, each over the sizes that it is made of."""
+    _, qd, wrench, follower, free = steady
+    loads = rounding.largest_load_stiffness(chain, qd, wrench)
+    stiff = np.sqrt(np.where(chain.stiffness + loads > 0, chain.stiffness + loads, 1.0))[free]
+    M, block = mass_matrix(chain, q), np.ix_(free, free)
+    inertia = np.sqrt(M.diagonal())[free]
+    torque = load_torque(chain, q, qd, wrench, follower) / np.where(loads > 0, loads, 1.0)
+    K = stiffness_matrix(chain, q, qd, wrench, follower)
+    return torque[free], M[block] / np.outer(inertia, inertia), K[block] / np.outer(stiff, stiff)

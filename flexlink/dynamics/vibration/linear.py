@@ -23,7 +23,6 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
 from flexlink.describe.actions import Frame
-from flexlink.describe.own_units import TORQUE
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.result import SavedResult
@@ -181,7 +180,7 @@ def linearize(
         states=joints_as(chain, range(n), "q {} [{}]") + joints_as(chain, range(n), "qd {} [{}/s]") + states,
         inputs=tuple(
             f"{'qdd' if motion else 'tau'} {chain.joint_name(int(k))} "
-            f"[{f'{chain.joint_units[k]}/s²' if motion else TORQUE[bool(chain.slides[k])]}]"
+            f"[{f'{chain.joint_units[k]}/s²' if motion else chain.torque_units[k]}]"
             for k, motion in zip(driven, given_motion, strict=True)
         ),
         outputs=tuple(name for output in found for name in output.names),

@@ -10,30 +10,29 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg
 
 from flexlink.chain.arguments import integer, require_type, vector, wrench_vector
-from flexlink.chain.chain import Chain, Joints
+from flexlink.chain.chain import Chain
 from flexlink.chain.forces import refuse_states
-from flexlink.common.errors import ArgumentError, SingularMassError
+from flexlink.chain.layout import Joints
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import short_list
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult
-from flexlink.dynamics.rounding import EPS, largest_load_stiffness
+from flexlink.dynamics.rounding import largest_load_stiffness
+from flexlink.dynamics.singularity import factored_mass, idle_error
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import about, damping_matrix, damping_slope
-from flexlink.dynamics.tangent import displacements, gyroscopic_matrix, tangent, unlocked
-from flexlink.dynamics.terms import mass_matrix
+from flexlink.dynamics.tangent import LoadedState, displacements, gyroscopic_matrix, tangent, unlocked
 from flexlink.dynamics.vibration import eigenproblem
 from flexlink.dynamics.vibration.lowest import lowest
-from flexlink.dynamics.vibration.mode_kinds import Loads, Springs, mode_kinds
+from flexlink.dynamics.vibration.mode_kinds import Loads, mode_kinds
 from flexlink.dynamics.wrench import turns_with_tip
 
 
@@ -182,18 +181,18 @@ def modes(
     free = unlocked(chain, locked)
     refuse_states(chain, "modes do not count it", ", lock the joint, or take the eigenvalues of linearize", free=free)
     few = None if count is None else integer("count", count, 1)
-    small = _Small(chain, q, rates, wrench, follower, free)
+    state = LoadedState(q, rates, wrench, follower, free)
     found = None
     if few is not None and len(free) > DENSE and 3 * few < len(free):
-        found = _lowest(small, few)
-    λ, vectors, rounding, loads = _all(small) if found is None else found
+        found = _lowest(chain, state, few)
+    (λ, vectors, rounding), loads = _all(chain, state) if found is None else found
     λ, vectors, rounding = λ[:few], vectors[:, :few], rounding[:few]
     shapes = np.zeros((len(λ), n), dtype=vectors.dtype)
     shapes[:, free] = scaled(vectors).T
     points = frames(chain, q).points
     friction = damping_slope(chain)[free]
-    own = Springs(chain.stiffness[free], friction, _coupled_energy(chain, λ, shapes))
-    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), own)
+    coupled = _coupled_energy(chain, λ, shapes)
+    kinds, shares = mode_kinds(λ, shapes[:, free], loads(shapes), chain.stiffness[free], friction, coupled)
     return Modes(λ, shapes, displacements(chain, q, shapes), points, rounding, kinds, shares)
 
 
@@ -212,28 +211,12 @@ DENSE = 100
 """Free coordinates up to which all modes are found, however few are asked for: by matrices, in O(n³)."""
 
 
-class _Found(NamedTuple):
-    """Modes, shapes of the free coordinates in columns, and what loads hold of shapes (modes, n)."""
-
-    eigenvalues: Complex
-    vectors: NDArray[np.inexact]
-    rounding: Array
-    loads: Callable[[NDArray[np.inexact]], Loads]
+Found = tuple[eigenproblem.Solution, Callable[[NDArray[np.inexact]], Loads]]
+"""Modes of the free coordinates, and what loads hold of shapes (modes, n)."""
 
 
-class _Small(NamedTuple):
-    """A chain about a state."""
-
-    chain: Chain
-    q: Array
-    qd: Array
-    wrench: Array
-    follower: bool
-    free: NDArray[np.intp]
-
-
-def _all(small: _Small) -> _Found:
-    chain, q, qd, wrench, follower, free = small
+def _all(chain: Chain, state: LoadedState) -> Found:
+    q, qd, wrench, follower, free = state
     C = (gyroscopic_matrix(chain, q, qd) + damping_matrix(chain))[np.ix_(free, free)]
     M, L = factored_mass(chain, q, free)
     K = tangent(chain, q, qd, wrench, free, follower)
@@ -242,19 +225,19 @@ def _all(small: _Small) -> _Found:
         springs = about(chain, q).matrix("stiffness")[np.ix_(free, free)]
         return Loads(shapes[:, free] @ (K.K - springs).T, K.S**2, K.rounding)
 
-    return _Found(*eigenproblem.solve(M, L, C, K), loads)
+    return eigenproblem.solve(M, L, C, K), loads
 
 
-def _lowest(small: _Small, count: int) -> _Found | None:
+def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
     """The slowest ones; None if the iteration does not find them."""
-    chain, q, qd, wrench, follower, free = small
+    q, qd, wrench, follower, free = state
     locked = np.ones(chain.n, dtype=bool)
     locked[free] = False
     motion, sizes = SmallMotion(chain, q, qd, wrench, follower, locked), largest_load_stiffness(chain, qd, wrench)
     whole, own = (part[free] for part in motion.inertias())
     idle = ~(own > len(free) * np.finfo(float).eps * whole)
     if idle.any():
-        raise _idle(chain, int(free[np.flatnonzero(idle)[-1]]))
+        raise idle_error(chain, int(free[np.flatnonzero(idle)[-1]]))
     found = lowest(chain, motion, sizes, count, bool(qd.any() or damping_slope(chain)[free].any()))
     if found is None:
         return None
@@ -266,7 +249,7 @@ def _lowest(small: _Small, count: int) -> _Found | None:
         square = chain.stiffness[free] + sizes[free]
         return Loads(real + 1j * imaginary, np.where(square > 0, square, 1.0), motion.rounding)
 
-    return _Found(found.eigenvalues, found.shapes[free], found.rounding, loads)
+    return found._replace(shapes=found.shapes[free]), loads
 
 
 def _coupled_energy(chain: Chain, λ: Complex, shapes: NDArray[np.inexact]) -> Array:
@@ -314,48 +297,3 @@ def natural_frequencies(
     [ 35.8 168.8]
     """
     return modes(chain, q, qd, tip_wrench=tip_wrench, frame=frame, locked=locked).frequencies
-
-
-def regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
-    """M of `factored_mass`."""
-    return factored_mass(chain, q, free)[0]
-
-
-def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array, Array]:
-    """M of the free coordinates, of which each must move inertia of its own, and L of M = L Lᵀ.
-
-    Cholesky's pivot is the inertia of a coordinate while those before it are free to give way; it must exceed the
-    rounding of M, n eps M_ii. (The diagonal of Cholesky's factor holds the square roots of the pivots.) Close to that
-    bound another way to the same factor may fail, so that L goes with M.
-
-    Raises
-    ------
-    SingularMassError
-        It does not, or M is beyond float64.
-    """
-    whole = mass_matrix(chain, q, algorithm="upper")  # in body axes: twist of a slender arm, straight, keeps its digits
-    M = whole if len(free) == chain.n else np.ascontiguousarray(whole[np.ix_(free, free)])
-    L, stopped = linalg.lapack.dpotrf(M, lower=1)
-    with np.errstate(invalid="ignore"):
-        good = L.diagonal() > np.sqrt(len(M) * EPS * M.diagonal())  # False for nan, too
-    if stopped or not good.all():
-        k = free[stopped - 1 if stopped else int(np.argmin(good))]
-        raise _idle(chain, int(k))
-    return M, np.asarray(L)
-
-
-def _idle(chain: Chain, k: int) -> SingularMassError:
-    return SingularMassError(
-        f"{chain.name}: joint {chain.joint_name(k)!r} moves no inertia of its own at this posture, or one "
-        "that overflows float64; M must be positive definite"
-    )
-
-
-def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
-    """A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n), with the factor of M that `factored_mass` found regular."""
-    L, _ = linalg.lapack.dpotrf(M, lower=1)
-    lower = [-linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
-    A = np.block([[np.zeros_like(M), np.eye(len(M))], lower])
-    if not np.isfinite(A).all():
-        raise ArgumentError("stiffness, damping, loads or rates are so large that accelerations overflow float64")
-    return A

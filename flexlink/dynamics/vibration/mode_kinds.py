@@ -26,16 +26,8 @@ class Loads(NamedTuple):
     rounding: float
 
 
-class Springs(NamedTuple):
-    """Springs [N m/rad] and slopes of friction at rest [N m s/rad] of the free coordinates."""
-
-    stiffness: Array  # (n,)
-    damping: Array  # (n,)
-    coupled: Array  # (modes,), what springs and dampers between two coordinates add to E
-
-
 def mode_kinds(
-    λ: Complex, shapes: NDArray[np.inexact], loads: Loads, springs: Springs
+    λ: Complex, shapes: NDArray[np.inexact], loads: Loads, stiffness: Array, damping: Array, coupled: Array
 ) -> tuple[tuple[str, ...], Array]:
     """The kind of every mode, and the share of its energy that is elastic, E / (E + P + F), shape (modes,).
 
@@ -45,12 +37,14 @@ def mode_kinds(
         Eigenvalues [1/s], shape (modes,), and shapes of the free coordinates, shape (modes, n).
     loads
         What loads hold of them.
-    springs
-        What holds them.
+    stiffness, damping
+        Springs [N m/rad] and slopes of friction at rest [N m s/rad] of the free coordinates, shape (n,).
+    coupled
+        What springs and dampers between two coordinates add to E, shape (modes,).
     """
-    square, spring = np.abs(shapes) ** 2, springs.stiffness > 0
-    losses = np.abs(λ)[:, None] * springs.damping * square
-    E = square @ springs.stiffness + losses @ spring + springs.coupled
+    square, spring = np.abs(shapes) ** 2, stiffness > 0
+    losses = np.abs(λ)[:, None] * damping * square
+    E = square @ stiffness + losses @ spring + coupled
     F = losses @ ~spring
     P = np.abs(np.einsum("mi,mi->m", shapes.conj(), loads.products))
     moving, total = λ != 0, E + P + F  # what rounding leaves of E where nothing moves is no share

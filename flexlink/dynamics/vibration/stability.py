@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import linalg
 
 from flexlink.chain.arguments import require_type, vector, wrench_vector
@@ -23,11 +23,12 @@ from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.forces import force_slopes
 from flexlink.dynamics.rounding import scales
+from flexlink.dynamics.singularity import factored_mass, regular_mass
 from flexlink.dynamics.springs import about, damping_along, damping_matrix
-from flexlink.dynamics.tangent import gyroscopic_matrix, load_matrices, load_torque, stiffness_matrix
+from flexlink.dynamics.tangent import LoadedState, gyroscopic_matrix, load_matrices, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import inverse_dynamics
+from flexlink.dynamics.vibration.eigenproblem import first_order_matrix
 from flexlink.dynamics.vibration.extremes import inertia_alone
-from flexlink.dynamics.vibration.modal import factored_mass, first_order_matrix, regular_mass
 from flexlink.dynamics.vibration.stability_function import stable_reach
 from flexlink.dynamics.wrench import turns_with_tip
 from flexlink.kernels.bodies.mass import mass_upper
@@ -63,17 +64,6 @@ def _along(slope: Array, φ: Array) -> Array:
     return slope * φ if slope.ndim == 1 else np.asarray(slope @ φ + slope.T @ φ) / 2
 
 
-class _State(NamedTuple):
-    """What the small motion is about."""
-
-    q: Array
-    qd: Array
-    wrench: Array
-    follower: bool
-    gains: Gains
-    free: NDArray[np.intp]  # joints that are not prescribed
-
-
 def eigenvalues(
     chain: Chain,
     q: ArrayLike,
@@ -106,7 +96,7 @@ def eigenvalues(
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """
-    return _all_eigenvalues(chain, _state(chain, q, qd, tip_wrench, frame, gains))
+    return _all_eigenvalues(chain, *_about(chain, q, qd, tip_wrench, frame, gains))
 
 
 def fastest_eigenvalues(
@@ -123,11 +113,12 @@ def fastest_eigenvalues(
     The largest ω² of K φ = ω² M φ and the largest δ of D φ = δ M φ by Lanczos' method, M and M⁻¹ through inverse and
     forward dynamics. They are then combined by `bounding_eigenvalues`. Arguments and errors as in `eigenvalues`.
     """
-    state = _state(chain, q, qd, tip_wrench, frame, gains)
+    state, gains = _about(chain, q, qd, tip_wrench, frame, gains)
     if chain.n <= DENSE:
-        return _all_eigenvalues(chain, state)
-    square = max(0.0, _largest_ratio(chain, state, lambda φ: _stiffness_along(chain, state, φ)))
-    δ = _largest_ratio(chain, state, lambda φ: damping_along(chain, φ) + _along(state.gains.kd, φ))
+        return _all_eigenvalues(chain, state, gains)
+    kp, kd = gains
+    square = max(0.0, _largest_ratio(chain, state, lambda φ: _stiffness_along(chain, state, kp, φ)))
+    δ = _largest_ratio(chain, state, lambda φ: damping_along(chain, φ) + _along(kd, φ))
     return bounding_eigenvalues(np.sqrt(square), δ)
 
 
@@ -149,10 +140,10 @@ def eigenvalue_bound(
     in Frobenius's norm, of which an undamped chain's largest ω² is at least the part 1/√n. Arguments and errors as
     in `eigenvalues`.
     """
-    state = _state(chain, q, qd, tip_wrench, frame, gains)
+    state, gains = _about(chain, q, qd, tip_wrench, frame, gains)
     if chain.n > DENSE:
         return np.inf
-    C, K = _damping_and_stiffness(chain, state)
+    C, K = _damping_and_stiffness(chain, state, gains)
     _, L = factored_mass(chain, state.q, state.free)
     with np.errstate(all="ignore"):  # what is beyond float64 is no bound
         W = np.linalg.inv(L)
@@ -197,25 +188,25 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
     return found
 
 
-def _state(
+def _about(
     chain: Chain,
     q: ArrayLike,
     qd: ArrayLike | None,
     tip_wrench: ArrayLike | None,
     frame: Frame,
     gains: Gains | None,
-) -> _State:
+) -> tuple[LoadedState, Gains]:
     n = require_type("chain", chain, Chain).n
     zero = np.zeros(n)
     rates = zero if qd is None else vector("qd", qd, n)
     free = np.flatnonzero(chain.hinges["prescribed"] == 0)
-    gains = Gains(zero, zero) if gains is None else gains
-    return _State(vector("q", q, n), rates, wrench_vector(tip_wrench), turns_with_tip(frame), gains, free)
+    state = LoadedState(vector("q", q, n), rates, wrench_vector(tip_wrench), turns_with_tip(frame), free)
+    return state, Gains(zero, zero) if gains is None else gains
 
 
-def _all_eigenvalues(chain: Chain, state: _State) -> Complex:
+def _all_eigenvalues(chain: Chain, state: LoadedState, gains: Gains) -> Complex:
     M = regular_mass(chain, state.q, state.free)
-    C, K = _damping_and_stiffness(chain, state)
+    C, K = _damping_and_stiffness(chain, state, gains)
     if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # the rounding of K
         values: Complex = linalg.eigvals(first_order_matrix(M, C, K))
         return values
@@ -233,29 +224,29 @@ def _squares(K: Array, M: Array) -> Array:
     return np.asarray(squares)
 
 
-def _damping_and_stiffness(chain: Chain, state: _State) -> tuple[Array, Array]:
+def _damping_and_stiffness(chain: Chain, state: LoadedState, gains: Gains) -> tuple[Array, Array]:
     """D + G and K of the joints that are not prescribed, those of the drive's gains counted."""
     block = (slice(None), slice(None)) if len(state.free) == chain.n else np.ix_(state.free, state.free)
     K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)[block]
     C = (gyroscopic_matrix(chain, state.q, state.qd) + damping_matrix(chain))[block]
-    if state.gains.kp.any() or state.gains.kd.any():
-        kp, kd = state.gains.matrices()
+    if gains.kp.any() or gains.kd.any():
+        kp, kd = gains.matrices()
         K, C = K + kp[block], C + kd[block]
     return C, K
 
 
-def _stiffness_along(chain: Chain, state: _State, φ: Array) -> Array:
+def _stiffness_along(chain: Chain, state: LoadedState, kp: Array, φ: Array) -> Array:
     """K φ [N m/rad], the load's part by a central difference along φ."""
     size = np.abs(φ / scales(chain)).max()
     if size == 0:
         return np.zeros_like(φ)
     step = NUDGE / size * φ
     ahead, behind = (load_torque(chain, state.q + s * step, state.qd, state.wrench, state.follower) for s in (1, -1))
-    held = about(chain, state.q).times("stiffness", φ) + _along(state.gains.kp, φ)
+    held = about(chain, state.q).times("stiffness", φ) + _along(kp, φ)
     return np.asarray(held + (ahead - behind) * (size / (2 * NUDGE)))
 
 
-def _largest_ratio(chain: Chain, state: _State, apply: Callable[[Array], Array]) -> float:
+def _largest_ratio(chain: Chain, state: LoadedState, apply: Callable[[Array], Array]) -> float:
     """Largest μ of A φ = μ M φ over the joints that are not prescribed, A given by its products."""
     from scipy.sparse.linalg import LinearOperator, eigsh  # noqa: PLC0415  0.1 s that only long chains need
 

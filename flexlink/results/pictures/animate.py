@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import integer, positive, require_callable, require_one_of
 from flexlink.common.errors import ArgumentError, MissingDependencyError
-from flexlink.common.interruption import deferred, word
+from flexlink.common.interruption import StoppedError, deferred, word
 from flexlink.common.output import write_or_keep
 from flexlink.data.documents import require_path
 from flexlink.results.pictures.colouring import Colour
@@ -34,14 +34,6 @@ Progress = Callable[[float], None]
 
 FORMATS = (".gif", ".mp4", ".html")
 COLOURS: dict[str, Colour] = {"moment": "moment", "strain": "strain"}
-
-
-class InterruptedFilmError(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM while a film was drawn; no part of it is left, and a file that was there is as it was."""
-
-    def __init__(self, path: Path, signal: int) -> None:
-        super().__init__(f"{path}: {word(signal)}, not written")
-        self.signal = signal
 
 
 class PlayedPath(Base):
@@ -95,7 +87,7 @@ def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> 
     def pulse(part: float) -> None:
         report(part)
         if stop.signal is not None:
-            raise InterruptedFilmError(path, stop.signal)
+            raise StoppedError(stop.signal, f"{path}: {word(stop.signal)}, not written")
 
     with deferred() as stop:
         write_or_keep(path, lambda place: writers[path.suffix](film, place, wanted.width, pulse))

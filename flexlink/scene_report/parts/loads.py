@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexlink.describe.own_units import TORQUE
 from flexlink.pages.colours import CYCLE
 from flexlink.pages.numbers import number
 from flexlink.pages.part import Part
@@ -34,7 +33,7 @@ def made(study: Study) -> Part:
         for word, slides in (("force", True), ("torque", False)):
             most = max((k for k in driven if chain.slides[k] == slides), key=lambda k: peaks[k], default=None)
             if most is not None:
-                told = f"{number(float(peaks[most]))} {TORQUE[slides]} at {chain.joint_name(most)}"
+                told = f"{number(float(peaks[most]))} {chain.torque_units[most]} at {chain.joint_name(most)}"
                 sentences.insert(1, f"Largest drive {word}: {told}.")
     facts = _stress(run)
     sentences[1:1] = [f"{fact.label}: {fact.value}." for fact in facts]
@@ -91,10 +90,10 @@ def _picture(study: Study, driven: list[int]) -> Picture:
         axes[0].plot(run.t, columns[name], color=CYCLE[place % len(CYCLE)], label=label)
     axes[0].set_ylabel("bending [N m]")
     for place, k in enumerate(driven):
-        columns[f"drive {chain.joint_name(k)} [{TORQUE[bool(chain.slides[k])]}]"] = run.tau[:, k]
+        columns[f"drive {chain.joint_name(k)} [{chain.torque_units[k]}]"] = run.tau[:, k]
         label = chain.joint_name(k) if place < NAMED_CURVES else None
         axes[1].plot(run.t, run.tau[:, k], color=CYCLE[place % len(CYCLE)], label=label)
-        axes[1].set_ylabel(f"drive [{'; '.join(sorted({TORQUE[bool(chain.slides[k])] for k in driven}))}]")
+        axes[1].set_ylabel(f"drive [{'; '.join(sorted({chain.torque_units[k] for k in driven}))}]")
     for panel in axes:
         legend_over(panel)
     axes[-1].set_xlabel("time [s]")

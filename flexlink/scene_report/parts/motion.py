@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlink.chain.branches import base_body
 from flexlink.common.errors import FlexlinkError
-from flexlink.describe.own_units import UNIT, in_own
+from flexlink.describe.own_units import OF_JOINT, in_own
 from flexlink.dynamics.placement import frames
 from flexlink.pages.colours import CYCLE, GREY
 from flexlink.pages.numbers import number
@@ -16,8 +16,8 @@ from flexlink.pages.style import NAMED_CURVES, colour_along, legend_over, stacke
 from flexlink.pages.tables import columns_csv, table_csv
 from flexlink.pages.verdict import Verdict
 from flexlink.results.pictures.view import views_of
+from flexlink.scene_report.arm_picture import draw_shadow, panels
 from flexlink.scene_report.study import Study
-from flexlink.scene_report.views import draw_shadow, panels
 
 
 def made(study: Study) -> Part:
@@ -69,7 +69,7 @@ def _in_time(study: Study) -> Picture:
         for place, k in enumerate(chain.active[slides == kind].tolist()):
             name = chain.joint_name(k)
             panel.plot(run.t, own[:, k], color=CYCLE[place % len(CYCLE)], label=name if place < NAMED_CURVES else None)
-            columns[f"{name} [{UNIT[kind]}]"] = own[:, k]
+            columns[f"{name} [{OF_JOINT[kind].unit}]"] = own[:, k]
         panel.set_ylabel("joint position [m]" if kind else "joint angle [deg]")
     tip, named = axes[len(kinds)], axes[: len(kinds) + 1]
     for k, axis in enumerate("xyz"):

@@ -7,8 +7,8 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
-from flexlink.describe.own_units import TORQUE, in_own
-from flexlink.dynamics.equilibrium import buckling_loads
+from flexlink.describe.own_units import in_own
+from flexlink.dynamics.buckling import buckling_loads
 from flexlink.dynamics.placement import frames, tip_position, unbent
 from flexlink.dynamics.terms import bias_torque
 from flexlink.motion.inputs.tip_wrench import initial_wrench
@@ -19,8 +19,8 @@ from flexlink.pages.style import legend_over
 from flexlink.pages.tables import Table, table_csv
 from flexlink.pages.verdict import Fact
 from flexlink.results.pictures.view import views_of
+from flexlink.scene_report.arm_picture import draw_arm, draw_shadow, panels
 from flexlink.scene_report.study import Study
-from flexlink.scene_report.views import draw_arm, draw_shadow, panels
 
 
 def made(study: Study) -> Part:
@@ -58,10 +58,10 @@ def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
     largest = sorted(chain.active.tolist(), key=lambda k: -abs(torques[k]))[:shown]
     if not largest:
         return ()
-    some, slides = [number(abs(float(torques[k]))) for k in largest], chain.slides[largest]
-    values = "; ".join(some) + f" {TORQUE[bool(slides[0])]}"
-    if slides.any() and not slides.all():
-        values = "; ".join(f"{value} {TORQUE[bool(s)]}" for value, s in zip(some, slides, strict=True))
+    some, units = [number(abs(float(torques[k]))) for k in largest], [chain.torque_units[k] for k in largest]
+    values = "; ".join(some) + f" {units[0]}"
+    if len(set(units)) > 1:
+        values = "; ".join(f"{value} {unit}" for value, unit in zip(some, units, strict=True))
     names = ", ".join(chain.joint_name(k) for k in largest)
     return (Fact(values, f"{'Largest h' if len(chain.active) > shown else 'H'}olding torques: {names}"),)
 

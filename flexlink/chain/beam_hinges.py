@@ -1,0 +1,156 @@
+"""The segments and hinges of a beam along the running frame of a builder, and the springs of these hinges.
+
+Constants come from the rigidities of some sections, or from the integrals of a table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.beam_segments import segments_of
+from flexlink.chain.builder import Builder
+from flexlink.chain.compliance import cell_constants, spring_constants
+from flexlink.chain.coordinates import Coordinate
+from flexlink.chain.section_beam import SectionBeam
+from flexlink.chain.table_beam import TableBeam
+from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
+from flexlink.describe.arm import Arm
+from flexlink.describe.link import AXES, Link
+from flexlink.describe.schemes.cells import Cells
+from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
+from flexlink.kernels.layout import SPRINGS
+
+TWIST = 1  # axis of a coordinate
+PAIR = 2  # hinges of the cells whose springs hold the curvature of the rotation between them
+
+
+class Springs(NamedTuple):
+    """Springs of a beam: its rigidity at some sections holds its hinges, each its own, or those of a cell together."""
+
+    link: Link
+    sections: Array  # (4, N) of the beam, at the hinges, or at the Gauss points of cells
+    lengths: Array  # (N,) of beam that each section stands for [m]
+    rows: NDArray[np.intp]  # number of each hinge in the chain
+    places: NDArray[np.intp]  # and its place among the stiffnesses, (3, N) in a row
+    cells: Cells | None
+    coupled: slice  # of the chain's couplings
+    pairs: NDArray[np.intp]  # (couplings, 3) axis, cell and pair of hinges in it
+    given: tuple[Array, Array] | None = None  # the constants themselves, of a table
+
+    def constants(self, rigidities: Array) -> tuple[Array, Array]:
+        """K_ii (…, hinges) and K_ij (…, couplings) [N m/rad] of GJ, EI_y, EI_z at the sections, (…, 3, N) [N m²]."""
+        held = rigidities / self.lengths
+        if self.cells is None:
+            return held.reshape(*held.shape[:-2], -1)[..., self.places], np.zeros((*held.shape[:-2], 0))
+        cell = self.cells.cell
+        held = held.reshape(*held.shape[:-1], -1, self.cells.hinges)
+        own = np.stack([cell.stiffness(i, i, held) for i in range(self.cells.hinges)], axis=-1)
+        both = np.stack([cell.stiffness(i, j, held) for i, j in cell.pairs], axis=-1)
+        axis, e, pair = self.pairs.T
+        return own.reshape(*own.shape[:-3], -1)[..., self.places], both[..., axis, e, pair]
+
+    def write(self, arms: Sequence[Arm], hinges: NDArray[np.void], couplings: NDArray[np.void]) -> NDArray[np.bool_]:
+        """Put spring and damping constants of arms that differ in materials into hinges and couplings, (b, …) each.
+
+        Returns where no stiffness underflows, (b,) or (1,): such a hinge would count as a joint without a spring.
+        """
+        loss = np.array([arm.loss_time(self.link) for arm in arms])[:, None]
+        k, coupled = self._of_materials(arms) if self.given is None else self.given
+        hinges["stiffness"][:, self.rows], hinges["damping"][:, self.rows] = k, loss * k
+        couplings["stiffness"][:, self.coupled], couplings["damping"][:, self.coupled] = coupled, loss * coupled
+        return np.asarray(np.atleast_2d(k).all(axis=1))
+
+    def _of_materials(self, arms: Sequence[Arm]) -> tuple[Array, Array]:
+        """Constants by GJ, EI_y, EI_z of all, (b, hinges) and (b, couplings)."""
+        materials = [arm.materials[self.link.material or ""] for arm in arms]
+        young = np.array([material.young for material in materials])[:, None]
+        shear = np.array([material.shear for material in materials])[:, None]
+        _, i_y, i_z, torsion = self.sections
+        return self.constants(np.stack([shear * torsion, young * i_y, young * i_z], axis=1))
+
+
+def add_beam(
+    builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam, nodes: Array, weights: Array
+) -> Springs:
+    """Segments and hinges of a beam, along the x of the running frame; returns the springs that are still to be."""
+    rule, first = lumping_rule(link.lumping), len(builder.hinges)
+    friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
+    rotors = _twist_rotors(link, rule, beam, nodes, weights).tolist()
+    places: dict[tuple[int, int], int] = {}  # of axis and hinge along the beam: number in the chain
+    for segment, (body, part, end) in enumerate(segments_of(link, rule, beam, nodes)):
+        if segment:
+            builder.start_body()
+            backward = rule.alternate_axes and segment % 2 == 0
+            for axis in AXES[link.flex][:: -1 if backward else 1]:
+                places[axis - 1, segment - 1] = len(builder.hinges)
+                rotor = rotors[segment - 1] if axis == TWIST else 0.0
+                coordinate = Coordinate(number, segment, axis)
+                builder.add_hinge(coordinate, axis - 1, 0.0, 0.0, *friction, armature=rotor)
+            if rule.springs == "rotation" and AXES[link.flex] == AXES["xyz"]:
+                builder.body.springs = _springs_of(rule, segment - 1)
+        if body is not None:
+            builder.add(body)
+        builder.advance(number, part, end)
+    rows = np.arange(first, len(builder.hinges))
+    among = np.array([axis * len(nodes) + hinge for axis, hinge in places], dtype=np.intp)
+    if rule.cells is None or not rows.size:
+        none = slice(len(builder.couplings), len(builder.couplings)), np.empty((0, 3), np.intp)
+        if isinstance(beam, TableBeam):
+            k = spring_constants(beam, rule, nodes, weights).reshape(-1)[among] if rows.size else np.empty(0)
+            return Springs(link, np.empty((4, 0)), np.empty(0), rows, among, None, *none, (k, np.empty(0)))
+        return Springs(link, beam.sections(nodes), weights * beam.length, rows, among, None, *none)
+    coupled, pairs = _couple(builder, rule.cells, places)
+    if isinstance(beam, TableBeam):
+        K, (axis, cell, pair) = cell_constants(beam, rule.cells, len(nodes)), pairs.T
+        i, j = np.array(rule.cells.cell.pairs).T
+        given = K.diagonal(axis1=2, axis2=3).reshape(-1)[among], K[axis, cell, i[pair], j[pair]]
+        return Springs(link, np.empty((4, 0)), np.empty(0), rows, among, rule.cells, coupled, pairs, given)
+    cell, count = rule.cells.cell, len(nodes) // rule.cells.hinges
+    sections = beam.sections(rule.cells.gauss_points(len(nodes)))
+    lengths = beam.length / count / np.tile(cell.weights, count)
+    return Springs(link, sections, lengths, rows, among, rule.cells, coupled, pairs)
+
+
+def _springs_of(rule: LumpingRule, hinge: int) -> int:
+    """What the springs of a hinge of three axes hold, counted from 0 along its beam."""
+    leads = rule.cells is not None and rule.cells.hinges == PAIR and hinge % PAIR == 0
+    return SPRINGS.cell if leads else SPRINGS.rotation
+
+
+def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) -> tuple[slice, NDArray[np.intp]]:
+    """Add couplings of the hinges of every cell, of the same axis; returns which they are, and what each couples."""
+    first, pairs = len(builder.couplings), []
+    for axis, hinge in sorted(places):
+        cell, place = divmod(hinge, cells.hinges)
+        for pair, (i, j) in enumerate(cells.cell.pairs):
+            if i == place:
+                builder.couplings.append((places[axis, hinge], places[axis, hinge + j - i], 0.0, 0.0))
+                pairs.append((axis, cell, pair))
+    return slice(first, len(builder.couplings)), np.array(pairs, dtype=np.intp).reshape(-1, 3)
+
+
+def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, nodes: Array, weights: Array) -> Array:
+    """Rotor inertias of the twist hinges [kg m²]; refused where M of the twist would not be positive definite.
+
+    A, inwards from the tip, is the articulated inertia about X of all beyond a hinge; what the link carries only adds.
+    """
+    if not rule.matched_twist or TWIST not in AXES[link.flex]:
+        return np.zeros(len(nodes))
+    inertias, moments = beam.polar_moments(nodes)
+    rotors = rule.twist_inertias(weights, inertias, moments)
+    A = 0.0
+    for i in reversed(range(len(nodes))):
+        A = inertias[i] + A
+        if A + rotors[i] <= 0:
+            raise SceneError(
+                f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
+                f"{i + 1} outweighs the inertia beyond it, {A:.3g} kg m², so M is not positive definite; take a "
+                "rule without matched_twist, such as 'gauss', or more segments"
+            )
+        A = A * rotors[i] / (A + rotors[i])
+    return rotors

@@ -1,0 +1,70 @@
+"""The keys of a scene's file, which is flat: the arm's stand beside the scene's own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from flexlink.common.errors import SceneError
+from flexlink.describe.arm import Arm
+from flexlink.describe.mistakes import mistakes, raise_together
+from flexlink.describe.spec import build_validated, check_keys, decode, fields_of, key_mistakes
+
+OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
+"""Fields of the arm, by their keys."""
+
+
+def read_keys(
+    raw: Mapping[str, Any],
+    kinds: Mapping[str, Any],
+    required: Sequence[str],
+    kept: Mapping[str, Any],
+    arm: Arm | None = None,
+) -> tuple[Arm, dict[str, Any]]:
+    """The arm and, by key, all else of a parsed file; of parts that are `kept`, or a whole arm, as they are.
+
+    Parameters
+    ----------
+    raw
+        What a TOML parser returns.
+    kinds
+        The annotation of what stands at each key.
+    required
+        Keys that must be there.
+    kept, arm
+        What has been checked.
+
+    Raises
+    ------
+    SceneError
+        The message names the key path, the value and what is allowed, of all mistakes.
+    """
+    try:
+        check_keys(raw, kinds, required)
+        values = {**kept, **{key: decode(value, kinds[key], key) for key, value in raw.items()}}
+        return arm or _arm_of(values), {key: value for key, value in values.items() if key not in OF_ARM}
+    except SceneError:
+        raise_together(_mistakes(raw, kinds, kept, required))
+        raise
+
+
+def _arm_of(values: Mapping[str, Any]) -> Arm:
+    arm: Arm = build_validated(Arm, **{OF_ARM[key].name: value for key, value in values.items() if key in OF_ARM})
+    return arm
+
+
+def _mistakes(
+    raw: Mapping[str, Any], kinds: Mapping[str, Any], kept: Mapping[str, Any], required: Sequence[str]
+) -> Iterator[str]:
+    """All mistakes of a parsed file, key by key; those of its arm, too, where its parts are right."""
+    yield from key_mistakes(raw, list(kinds), required)
+    known = {key: value for key, value in raw.items() if key in kinds}
+    wrong = {key: mistakes(value, kinds[key], key) for key, value in known.items()}
+    for found in wrong.values():
+        yield from found
+    of_arm = {key: value for key, value in known.items() if key in OF_ARM}
+    if not any(wrong[key] for key in of_arm) and "link" in {*kept, *of_arm}:
+        try:
+            _arm_of({**kept, **{key: decode(value, kinds[key], key) for key, value in of_arm.items()}})
+        except SceneError as error:
+            yield str(error)

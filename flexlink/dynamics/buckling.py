@@ -1,0 +1,84 @@
+"""Linear buckling: the factors of the present load at which a posture, held where it is, loses its stiffness."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import linalg
+
+from flexlink.chain.arguments import require_type, vector, wrench_vector
+from flexlink.chain.chain import Chain
+from flexlink.chain.layout import Joints
+from flexlink.common.types import Array
+from flexlink.dynamics.springs import about
+from flexlink.dynamics.tangent import stiffness_matrix, unlocked
+
+
+def buckling_loads(
+    chain: Chain,
+    q: ArrayLike | None = None,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    locked: Joints = (),
+) -> Array:
+    """Factors (dimensionless) of the present load, gravity and tip wrench together, at which the posture can buckle.
+
+    Linear buckling: K_elastic + s K_load(q) is singular, with the posture held at q, and joints without a spring, too.
+    Only real positive s count; loads that soften nothing give none.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q
+        Posture [rad], shape (n,); default: springs slack, joints at zero.
+    tip_wrench
+        Force and moment on the tip [N, N m], shape (6,), axes of frame 0.
+    locked
+        Coordinates that do not move, as in `solve_static`.
+
+    Returns
+    -------
+    Array
+        Factors s, smallest first.
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape or is not finite, or `locked` names no coordinate.
+
+    Examples
+    --------
+    >>> standing = np.where(np.arange(chain.n) == 0, np.pi / 2, 0.0)  # rad; upright
+    >>> factors = fl.strength.buckling_loads(chain, standing, locked=["upper", "fore"])
+    >>> print(factors[0].round(1))  # times its weight and load
+    140.9
+    """
+    n = require_type("chain", chain, Chain).n
+    q = chain.rest.copy() if q is None else vector("q", q, n)
+    wrench = wrench_vector(tip_wrench)
+    free = unlocked(chain, locked)
+    block = np.ix_(*2 * (free[chain.stiffness[free] > 0],))
+    K = about(chain, q).matrix("stiffness")[block]
+    load = stiffness_matrix(chain, q, np.zeros(chain.n), wrench)[block] - K
+    inverse = linalg.eigvals(-_per_stiffness(load, K, diagonal=not chain.springs_join_hinges))  # 1/s
+    rounding = len(K) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
+    softening = inverse.real > rounding
+    real = np.abs(inverse.imag) <= np.sqrt(np.finfo(float).eps) * np.abs(inverse)  # of a double eigenvalue, too
+    return np.asarray(np.sort(1 / inverse.real[softening & real]))
+
+
+def _per_stiffness(load: Array, K: Array, *, diagonal: bool) -> Array:
+    """L⁻¹ load L⁻ᵀ of K = L Lᵀ, which has the eigenvalues of K⁻¹ load; whether K is `diagonal`, is known.
+
+    K⁻¹ load itself where K is not positive definite, as rotation vectors' springs may be, bent far.
+    """
+    if diagonal:
+        k = K.diagonal()
+        return np.asarray(load / np.sqrt(np.outer(k, k)))
+    try:
+        L = linalg.cholesky(K, lower=True)
+    except linalg.LinAlgError:
+        return np.asarray(linalg.solve(K, load))
+    half = linalg.solve_triangular(L, load, lower=True)
+    return np.asarray(linalg.solve_triangular(L, half.T, lower=True).T)

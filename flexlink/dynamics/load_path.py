@@ -1,0 +1,214 @@
+"""The path of equilibria on which a load grows, followed by its arc length.
+
+    r(q) = T_FL(q) + L(q) = 0,    L = T_GC(q, q̇) − τ        on the coordinates that are not locked
+
+The load grows in proportion to s from 0 to 1, while the torques that hold the springs at the posture q0 are let go:
+
+    F(q, s) = T_FL(q) + s L(q) − (1 − s) T_FL(q0)             where there is a spring
+    F(q, s) = L(q) − (1 − s) L(q0)                            where there is none: a load too small would not hold
+
+The path F = 0 is followed by its arc length in (s, q) (Riks 1979; Crisfield 1981), so that it may turn back in s. A
+step of Newton's method takes O(n): ∂F/∂q is eliminated along the chain (`kernels.derivatives.small_motion`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
+from flexlink.dynamics import rounding
+from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
+from flexlink.dynamics.springs import spring_torque
+from flexlink.dynamics.tangent import LoadedState, load_torque
+
+FIRST_ARC, LARGEST_ARC, SMALLEST_ARC = 0.5, 1.0, 1e-6  # rad over all joints; of those that slide, of the arm's length
+CORRECTIONS, WANTED = 12, 6  # Newton steps after which a corrector has failed; below which the arc may grow
+STEPS = 500
+TRIES = (1.0, 0.2), (0.1, 0.2), (1.0, 3.0)
+"""Lengths of arcs, over the usual one, and how far a corrector may leave the end of an arc, over its length: the last
+where the others are lost, for free joints that no spring holds and whose path begins with a jump."""
+
+
+class LostError(Exception):
+    """The path does not reach the full load: how far it came."""
+
+    def __init__(self, path: list[Array]) -> None:
+        furthest = max(path, key=lambda point: point[0])
+        self.part, self.q, self.steps = float(furthest[0]), furthest[1:], len(path)
+
+
+class Equations:
+    """F(x) for x = (s, q), shape (1 + n,), 0 at coordinates that are locked, and its slopes.
+
+    From the posture of `acting`, under its loads, and `drive`, the torques T_EX.
+    """
+
+    def __init__(self, chain: Chain, acting: LoadedState, drive: Array) -> None:
+        self.chain, self.acting, self.drive, self.sprung = chain, acting, drive, chain.stiffness > 0
+        self.locked = np.ones(chain.n, dtype=bool)
+        self.locked[acting.free] = False
+        start, rates, wrench, follower, _ = acting
+        self.motion = SmallMotion(chain, start, rates, wrench, follower, self.locked)
+        self.start = np.concatenate([[0.0], start])
+        self.sizes = rounding.largest_load_stiffness(chain, rates, wrench)
+        self.scales = np.concatenate([[1.0], rounding.scales(chain)])  # of x, as the arc is measured
+        self.held = np.where(self.sprung, spring_torque(chain, start), self.load(start))
+
+    def load(self, q: Array) -> Array:
+        """L(q)."""
+        _, rates, wrench, follower, _ = self.acting
+        return load_torque(self.chain, q, rates, wrench, follower) - self.drive
+
+    def value(self, x: Array) -> Array:
+        """F(x)."""
+        return self._value(x, self.load(x[1:]))
+
+    def _value(self, x: Array, load: Array) -> Array:
+        s, q = x[0], x[1:]
+        loaded = np.where(self.sprung, s, 1.0) * load
+        left = spring_torque(self.chain, q) + loaded - (1 - s) * self.held
+        return np.where(self.locked, 0.0, left)
+
+    def with_slope(self, x: Array) -> tuple[Array, Array]:
+        """F(x) and ∂F/∂s there; ∂F/∂q is made ready for `solve`."""
+        s, q = x[0], x[1:]
+        load, w = self.load(q), np.where(self.sprung, s, 1.0)
+        by_s = np.where(self.sprung, load, 0.0) + self.held
+        self.motion.place(q)
+        self.motion.eliminate(K_ALONE, w, self.chain.stiffness + np.abs(w) * self.sizes)
+        return self._value(x, load), np.where(self.locked, 0.0, by_s)
+
+    def solve(self, by_s: Array, row: Array, left: Array, last: float, *, held: bool = False) -> Array:
+        """Shortest solution (δs, δq) of F' δx = left (n,) and row · δx = last, shape (1 + n,); nan if there is none.
+
+        F' is ∂F/∂(s, q) where `with_slope` was asked for last, with ∂F/∂q eliminated but for the coordinates d whose
+        pivots are too small. With q̂ and p̂ the solutions for a right side and for ∂F/∂s with δq_d = 0, and N those for
+        none with δq_d = 1,
+
+            δq = q̂ − p̂ δs + N δq_d
+
+        so that δs and δq_d follow from the rows d, whose left sides the elimination tells, and from the row below.
+
+        A joint that nothing holds and nothing pushes stays where it is; where one is pushed there is no solution,
+        unless it is `held` by a weak spring.
+        """
+        if not (np.isfinite(by_s).all() and np.isfinite(left).all()):
+            return np.full(len(row), np.nan)  # which the corrector gives up on
+        spared = self.motion.spared
+        x, of_spared = self.motion.solve(np.array([by_s, left]))
+        columns = np.concatenate([-x[:1], x[2:]])
+        along = columns @ row[1:]
+        along[0] += row[0]
+        right = last - row[1:] @ x[1]
+        if len(spared):
+            small = np.empty((1 + len(spared), 1 + len(spared)))
+            small[:-1, 0] = by_s[spared] - of_spared[0]
+            small[:-1, 1:] = of_spared[2:].T
+            small[-1] = along
+            sizes = np.append(self.motion.sizes[spared], max(np.abs(along).max(), np.finfo(float).tiny))
+            sizes[sizes == 0] = 1.0
+            if held:
+                small[:-1, 1:] += np.diag(np.sqrt(self.motion.rounding) * sizes[:-1])
+            found = _shortest(small, np.append(left[spared] - of_spared[1], right), sizes, self.motion.rounding)
+        else:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                found = right / along
+        return np.concatenate([found[:1], x[1] + found @ columns])
+
+
+def _shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
+    """Shortest solution of A x = b, rows made of numbers of these sizes; nan if there is none.
+
+    What rounding leaves of a row counts as 0.
+    """
+    scaled, right = A / sizes[:, None], b / sizes
+    if not (np.isfinite(scaled).all() and np.isfinite(right).all()):
+        return np.full(len(b), np.nan)
+    columns = np.maximum(np.abs(scaled).max(axis=0), 1.0)
+    found = np.linalg.lstsq(scaled / columns, right, rcond=rounding)[0] / columns
+    consistent = np.abs(scaled @ found - right).max() <= rounding + np.sqrt(rounding) * np.abs(right).max()
+    return np.asarray(found if consistent else np.full(len(b), np.nan))
+
+
+def follow(equations: Equations, tolerance: float, stable: Callable[[Array], bool]) -> list[Array]:
+    """Points x = (s, q) from s = 0 to s = 1.
+
+    By shorter arcs where the path is lost, or ends unstable: it may have crossed to a buckled arm that stands straight.
+    """
+    path, lost = list[Array](), list[LostError]()
+    for part, off in TRIES:
+        if path and off > 1:
+            break
+        try:
+            path = _arcs(equations, tolerance, part, off)
+        except LostError as error:
+            lost.append(error)
+            continue
+        if stable(path[-1][1:]):
+            break
+    if not path:
+        raise max(lost, key=lambda error: error.part)
+    return path
+
+
+def _arcs(equations: Equations, tolerance: float, part: float, off: float) -> list[Array]:
+    """The same by arcs, this part of their usual length: predictor along the tangent, corrector orthogonal to it."""
+    point, arc = equations.start, part * FIRST_ARC
+    path, direction = [point], np.append(1.0, np.zeros(len(point) - 1))
+    while point[0] < 1:
+        direction = _direction(equations, point, direction)
+        while True:
+            step = min(arc, (1 - point[0]) / direction[0]) if direction[0] > 0 else arc
+            new, corrections = _corrected(equations, point, step, direction, tolerance, off)
+            if new is not None:
+                break
+            arc = step / 4
+            if arc < SMALLEST_ARC:
+                raise LostError(path)
+        point = new
+        path.append(point)
+        if len(path) > STEPS or point[0] < -1:  # all of the load reversed
+            raise LostError(path)
+        if corrections < WANTED:
+            arc = min(2 * arc, part * LARGEST_ARC)
+    return path
+
+
+def _corrected(
+    equations: Equations, point: Array, step: float, direction: Array, tolerance: float, off: float
+) -> tuple[Array | None, int]:
+    """The point of the path that lies a step ahead, or at s = 1; None if there is none near."""
+    scales, target = equations.scales, point + step * direction
+    new, corrections = _correct(equations, target, direction / scales**2, tolerance)
+    if new is not None and new[0] + 1e-12 >= 1:  # arrived: land on s = 1
+        target = point + (new - point) * ((1 - point[0]) / (new[0] - point[0]))
+        target[0] = 1.0
+        new, _ = _correct(equations, target, np.append(1.0, np.zeros(len(point) - 1)), tolerance)
+    if new is None or np.linalg.norm((new - target) / scales) > off * step:  # it may be on another path
+        return None, corrections
+    return new, corrections
+
+
+def _direction(equations: Equations, point: Array, before: Array) -> Array:
+    """Unit tangent of the path at a point, on the side of the direction before: F' t = 0."""
+    scales, (_, by_s) = equations.scales, equations.with_slope(point)
+    still, row = np.zeros(len(before) - 1), before / scales**2
+    t = equations.solve(by_s, row, still, 1.0)
+    if not np.isfinite(t).all():  # at a limit of the load: it moves what it pushes
+        t = equations.solve(by_s, row, still, 1.0, held=True)
+    return np.asarray(t / np.linalg.norm(t / scales))
+
+
+def _correct(equations: Equations, target: Array, row: Array, tolerance: float) -> tuple[Array | None, int]:
+    """Newton back to the path in the plane row · (x − target) = 0; None if it does not converge."""
+    x, k, scales = target.copy(), 0, equations.scales
+    while k < CORRECTIONS and np.isfinite(x).all() and np.linalg.norm((x - target) / scales) <= 100 * LARGEST_ARC:
+        value, by_s = equations.with_slope(x)
+        change = equations.solve(by_s, row, value, float(row @ (x - target)))
+        x, k = x - change, k + 1
+        if np.abs(change / scales).max() <= tolerance:
+            return x, k
+    return None, CORRECTIONS
