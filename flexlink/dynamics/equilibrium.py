@@ -19,8 +19,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg
 
 from flexlink.chain.arguments import positive, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
@@ -216,7 +216,7 @@ def buckling_loads(
     K = about(chain, q).matrix("stiffness")[block]
     load = stiffness_matrix(chain, q, np.zeros(chain.n), wrench)[block] - K
     coupled = len(chain.couplings) > 0 or chain.has_rotation_springs
-    inverse = linalg.eigvals(-_per_stiffness(load, K, coupled=coupled))  # 1/s
+    inverse = scipy.linalg.eigvals(-_per_stiffness(load, K, coupled=coupled))  # 1/s
     rounding = len(K) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
     softening = inverse.real > rounding
     real = np.abs(inverse.imag) <= np.sqrt(np.finfo(float).eps) * np.abs(inverse)  # of a double eigenvalue, too
@@ -232,11 +232,11 @@ def _per_stiffness(load: Array, K: Array, *, coupled: bool) -> Array:
         k = K.diagonal()
         return np.asarray(load / np.sqrt(np.outer(k, k)))
     try:
-        L = linalg.cholesky(K, lower=True)
-    except linalg.LinAlgError:
-        return np.asarray(linalg.solve(K, load))
-    half = linalg.solve_triangular(L, load, lower=True)
-    return np.asarray(linalg.solve_triangular(L, half.T, lower=True).T)
+        L = scipy.linalg.cholesky(K, lower=True)
+    except scipy.linalg.LinAlgError:
+        return np.asarray(scipy.linalg.solve(K, load))
+    half = scipy.linalg.solve_triangular(L, load, lower=True)
+    return np.asarray(scipy.linalg.solve_triangular(L, half.T, lower=True).T)
 
 
 def _as_known(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wrench: Array) -> Array:

@@ -13,8 +13,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg
 
 from flexlink.chain.arguments import integer, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
@@ -335,7 +335,7 @@ def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array
     """
     whole = mass_matrix(chain, q, algorithm="upper")  # in body axes: twist of a slender arm, straight, keeps its digits
     M = whole if len(free) == chain.n else np.ascontiguousarray(whole[np.ix_(free, free)])
-    L, stopped = linalg.lapack.dpotrf(M, lower=1)
+    L, stopped = scipy.linalg.lapack.dpotrf(M, lower=1)
     with np.errstate(invalid="ignore"):
         good = L.diagonal() > np.sqrt(len(M) * EPS * M.diagonal())  # False for nan, too
     if stopped or not good.all():
@@ -353,8 +353,8 @@ def _idle(chain: Chain, k: int) -> SingularMassError:
 
 def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
     """A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n), with the factor of M that `factored_mass` found regular."""
-    L, _ = linalg.lapack.dpotrf(M, lower=1)
-    lower = [-linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
+    L, _ = scipy.linalg.lapack.dpotrf(M, lower=1)
+    lower = [-scipy.linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
     A = np.block([[np.zeros_like(M), np.eye(len(M))], lower])
     if not np.isfinite(A).all():
         raise ArgumentError("stiffness, damping, loads or rates are so large that accelerations overflow float64")
