@@ -71,6 +71,12 @@ def test_every_command_has_its_options_only_where_it_is_named() -> None:
     assert commands(modules) == {"robots"}
 
 
+@pytest.mark.slow
+def test_a_fit_loads_filters_and_statistics_when_it_runs() -> None:
+    modules = loaded("import flexlink as fl; fl.fit; fl.fits.FitProblem")
+    assert modules & {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate"} == set()
+
+
 def test_a_public_name_is_the_one_that_type_checkers_see() -> None:
     tree = ast.parse(Path(fl.__file__).read_text(encoding="utf-8"))
     (block,) = (node for node in tree.body if isinstance(node, ast.If))
