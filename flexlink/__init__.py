@@ -8,63 +8,63 @@ import flexlink.common.entry  # noqa: F401  first of all
 # isort: split
 
 from flexlink import errors
-from flexlink.advice.advise import advise
-from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.versions import __version__ as __version__
-from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
-from flexlink.describe.arm import Arm, Base
-from flexlink.describe.drag import Drag
-from flexlink.describe.initial import InitialState
-from flexlink.describe.joint import Joint, Mount
-from flexlink.describe.link import Link
-from flexlink.describe.material import Damping, Friction, Material, Section
-from flexlink.describe.reference import Reference
-from flexlink.describe.reference_trajectory import ReferenceTrajectory
-from flexlink.describe.rigid_body import RigidBody
-from flexlink.describe.rigidified import rigidified
-from flexlink.describe.rigidity import Rigidity
-from flexlink.describe.run_settings import RunSettings
-from flexlink.describe.scene import Scene
-from flexlink.describe.scene_file import load_scene
-from flexlink.describe.sensor import Sensor
-from flexlink.describe.shaping import InputShaper
-from flexlink.dynamics.accelerations import forward_dynamics
-from flexlink.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
-from flexlink.dynamics.energy import energy
-from flexlink.dynamics.equilibrium import solve_static
-from flexlink.dynamics.forces import drag_torque
-from flexlink.dynamics.momentum import momentum
-from flexlink.dynamics.placement import frames, jacobian, tip_position
-from flexlink.dynamics.point_motion import point_motion
-from flexlink.dynamics.terms import (
-    bias_torque,
-    elastic_torque,
-    friction_torque,
-    gravity_torque,
-    inverse_dynamics,
-    mass_matrix,
-)
-from flexlink.dynamics.vibration.linear import linearize
-from flexlink.dynamics.vibration.modal import modes, natural_frequencies
-from flexlink.dynamics.vibration.stability import stable_step
-from flexlink.formats import to_mjcf, to_sdf, to_urdf
-from flexlink.motion.batch import simulate_many
-from flexlink.motion.inputs.initial_state import initial_state
-from flexlink.motion.sensitivity import sensitivities
-from flexlink.motion.simulate import Problem, simulate
-from flexlink.motion.simulator import Simulator
-from flexlink.results.loading import load_trajectory
-from flexlink.results.trajectory import Trajectory
-from flexlink.robots.flexible import FlexibleLink
-from flexlink.robots.importing import import_urdf
 
 if TYPE_CHECKING:
     from flexlink import details, fits, measures, small_motion, strength
+    from flexlink.advice.advise import advise
+    from flexlink.chain.chain import Chain
+    from flexlink.chain.lumping import lump
+    from flexlink.describe.actions import Drive, PrescribedMotion, Wrench
+    from flexlink.describe.arm import Arm, Base
+    from flexlink.describe.drag import Drag
+    from flexlink.describe.initial import InitialState
+    from flexlink.describe.joint import Joint, Mount
+    from flexlink.describe.link import Link
+    from flexlink.describe.material import Damping, Friction, Material, Section
+    from flexlink.describe.reference import Reference
+    from flexlink.describe.reference_trajectory import ReferenceTrajectory
+    from flexlink.describe.rigid_body import RigidBody
+    from flexlink.describe.rigidified import rigidified
+    from flexlink.describe.rigidity import Rigidity
+    from flexlink.describe.run_settings import RunSettings
+    from flexlink.describe.scene import Scene
+    from flexlink.describe.scene_file import load_scene
+    from flexlink.describe.sensor import Sensor
+    from flexlink.describe.shaping import InputShaper
     from flexlink.diagnosis.comparison import compare
     from flexlink.diagnosis.trajectories import compare_trajectories
+    from flexlink.dynamics.accelerations import forward_dynamics
+    from flexlink.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
+    from flexlink.dynamics.energy import energy
+    from flexlink.dynamics.equilibrium import solve_static
+    from flexlink.dynamics.forces import drag_torque
+    from flexlink.dynamics.momentum import momentum
+    from flexlink.dynamics.placement import frames, jacobian, tip_position
+    from flexlink.dynamics.point_motion import point_motion
+    from flexlink.dynamics.terms import (
+        bias_torque,
+        elastic_torque,
+        friction_torque,
+        gravity_torque,
+        inverse_dynamics,
+        mass_matrix,
+    )
+    from flexlink.dynamics.vibration.linear import linearize
+    from flexlink.dynamics.vibration.modal import modes, natural_frequencies
+    from flexlink.dynamics.vibration.stability import stable_step
+    from flexlink.formats import to_mjcf, to_sdf, to_urdf
     from flexlink.identification.fit import fit
+    from flexlink.motion.batch import simulate_many
+    from flexlink.motion.inputs.initial_state import initial_state
+    from flexlink.motion.sensitivity import sensitivities
+    from flexlink.motion.simulate import Problem, simulate
+    from flexlink.motion.simulator import Simulator
+    from flexlink.results.loading import load_trajectory
+    from flexlink.results.trajectory import Trajectory
+    from flexlink.robots.flexible import FlexibleLink
+    from flexlink.robots.importing import import_urdf
     from flexlink.scene_report.report import report
     from flexlink.sweeps.plan import Sweep, load_sweep
     from flexlink.sweeps.run import sweep
@@ -150,11 +150,60 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """What is public but loaded when it is used: it brings other engines, pages and workers; modules of rarer names."""
-    later = {
+    """A public name, loaded when it is first used: machine code and linear algebra take longer than a short program."""
+    places = {
+        "advice.advise": ["advise"],
+        "chain.chain": ["Chain"],
+        "chain.lumping": ["lump"],
+        "describe.actions": ["Drive", "PrescribedMotion", "Wrench"],
+        "describe.arm": ["Arm", "Base"],
+        "describe.drag": ["Drag"],
+        "describe.initial": ["InitialState"],
+        "describe.joint": ["Joint", "Mount"],
+        "describe.link": ["Link"],
+        "describe.material": ["Damping", "Friction", "Material", "Section"],
+        "describe.reference": ["Reference"],
+        "describe.reference_trajectory": ["ReferenceTrajectory"],
+        "describe.rigid_body": ["RigidBody"],
+        "describe.rigidified": ["rigidified"],
+        "describe.rigidity": ["Rigidity"],
+        "describe.run_settings": ["RunSettings"],
+        "describe.scene": ["Scene"],
+        "describe.scene_file": ["load_scene"],
+        "describe.sensor": ["Sensor"],
+        "describe.shaping": ["InputShaper"],
         "diagnosis.comparison": ["compare"],
         "diagnosis.trajectories": ["compare_trajectories"],
+        "dynamics.accelerations": ["forward_dynamics"],
+        "dynamics.derivatives": ["forward_dynamics_derivatives", "inverse_dynamics_derivatives"],
+        "dynamics.energy": ["energy"],
+        "dynamics.equilibrium": ["solve_static"],
+        "dynamics.forces": ["drag_torque"],
+        "dynamics.momentum": ["momentum"],
+        "dynamics.placement": ["frames", "jacobian", "tip_position"],
+        "dynamics.point_motion": ["point_motion"],
+        "dynamics.terms": [
+            "bias_torque",
+            "elastic_torque",
+            "friction_torque",
+            "gravity_torque",
+            "inverse_dynamics",
+            "mass_matrix",
+        ],
+        "dynamics.vibration.linear": ["linearize"],
+        "dynamics.vibration.modal": ["modes", "natural_frequencies"],
+        "dynamics.vibration.stability": ["stable_step"],
+        "formats": ["to_mjcf", "to_sdf", "to_urdf"],
         "identification.fit": ["fit"],
+        "motion.batch": ["simulate_many"],
+        "motion.inputs.initial_state": ["initial_state"],
+        "motion.sensitivity": ["sensitivities"],
+        "motion.simulate": ["Problem", "simulate"],
+        "motion.simulator": ["Simulator"],
+        "results.loading": ["load_trajectory"],
+        "results.trajectory": ["Trajectory"],
+        "robots.flexible": ["FlexibleLink"],
+        "robots.importing": ["import_urdf"],
         "scene_report.report": ["report"],
         "sweeps.plan": ["Sweep", "load_sweep"],
         "sweeps.run": ["sweep"],
@@ -162,9 +211,9 @@ def __getattr__(name: str) -> object:
     modules = ("details", "fits", "measures", "small_motion", "strength")
     if name in modules:
         return importlib.import_module(f"flexlink.{name}")
-    for module, names in later.items():
+    for module, names in places.items():
         if name in names:
-            return getattr(importlib.import_module(f"flexlink.{module}"), name)
+            return globals().setdefault(name, getattr(importlib.import_module(f"flexlink.{module}"), name))
     moved = (
         [] if name.startswith("_") else [m for m in modules if name in importlib.import_module(f"flexlink.{m}").__all__]
     )

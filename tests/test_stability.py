@@ -148,6 +148,9 @@ def test_estimates_for_long_chains_hold_the_largest_stiffness_and_the_largest_da
     assert λ.imag.max() == pytest.approx(np.sqrt(squares.max()), rel=1e-3)
 
 
+UNLOADED = {"tip_wrench": np.zeros(6), "frame": "world"}
+
+
 @pytest.mark.parametrize("turning", [0.0, 30.0])
 @pytest.mark.parametrize("damping", STRENGTHS, ids=["undamped", "swinging", "creeping"])
 @pytest.mark.parametrize("flex", ["z", "xyz"])
@@ -157,16 +160,18 @@ def test_no_eigenvalue_exceeds_the_bound_which_is_not_far_above(flex, damping, t
     qd = np.where(np.arange(chain.n) == 0, turning, 0.0)
     kp, kd = np.zeros((2, chain.n))
     kp[chain.active], kd[chain.active] = 1e4, 1e2 if turning else 0.0
-    for gains in (None, Gains(kp, kd)):
+    for gains in (Gains(0 * kp, 0 * kd), Gains(kp, kd)):
         largest = np.abs(eigenvalues(chain, q, qd, gains=gains)).max()
-        bound = stability.eigenvalue_bound(chain, q, qd, gains=gains)
+        (bound,) = stability.eigenvalue_bounds([(chain, q, qd)], [{**UNLOADED, "gains": gains}])
         assert largest <= bound <= (2 * chain.n**0.5 if damping or turning else 1.01 * chain.n**0.25) * largest
 
 
 def test_of_a_long_chain_no_bound_is_known(monkeypatch) -> None:
     chain, q = weightless_pair("z", None)
     monkeypatch.setattr(stability, "DENSE", chain.n - 1)
-    assert stability.eigenvalue_bound(chain, q) == np.inf
+    still = np.zeros(chain.n)
+    unloaded = {**UNLOADED, "gains": Gains(still, still)}
+    assert stability.eigenvalue_bounds([(chain, q, still)], [unloaded]) == [np.inf]
 
 
 LONG = {  # what acts on a chain, and what it acts through

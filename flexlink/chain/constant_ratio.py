@@ -19,8 +19,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
@@ -91,8 +91,8 @@ def _check(chain: Chain, arm: Arm, hinges: NDArray[np.intp], count: int) -> None
 
 def _damping(M: Array, K: Array, ratios: Array, name: str) -> Array:
     try:
-        squares, shapes = linalg.eigh(K, M)
-    except linalg.LinAlgError:
+        squares, shapes = scipy.linalg.eigh(K, M)
+    except scipy.linalg.LinAlgError:
         raise SceneError(f"{name}: damping.law = 'constant': some hinges move no inertia of their own") from None
     momenta = np.sqrt(ratios)[:, None] * (M @ shapes)
     D = (momenta * (2 * np.sqrt(np.maximum(squares, 0.0)))) @ momenta.T

@@ -10,6 +10,8 @@ import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
+
 from flexlink.common.progress import Line, clock
 from flexlink.kernels.tools.compiler import watched
 from flexlink.kernels.tools.machine_code import cache_folder
@@ -78,12 +80,15 @@ class Compiling(Line):
 
 @contextlib.contextmanager
 def announced() -> Iterator[None]:
-    """Say when machine code is being made, and put every warning into one line."""
+    """Say when machine code is being made, put every warning into one line, and none of NumPy's.
+
+    Numbers beyond float64 are refused where they arise.
+    """
 
     def show(message: Warning | str, *_: object) -> None:
         print(f"flexlink: warning: {' '.join(str(message).split())}", file=sys.stderr)
 
     compiling = Compiling()
-    with warnings.catch_warnings(), watched(compiling.started, compiling.ended):
+    with warnings.catch_warnings(), watched(compiling.started, compiling.ended), np.errstate(all="ignore"):
         warnings.showwarning = show  # type: ignore[assignment]
         yield

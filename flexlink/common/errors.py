@@ -9,6 +9,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+ALSO = "; also "
+"""Between two mistakes in one message."""
+
 
 class FlexlinkError(Exception):
     """Base of every error that flexlink raises on purpose; the command line prints it as one line.

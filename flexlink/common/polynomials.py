@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
@@ -56,8 +57,10 @@ def lagrange(nodes: Sequence[Fraction]) -> list[Polynomial]:
 
 
 def dot(x: Iterable[Fraction], y: Iterable[Fraction]) -> Fraction:
-    """Σ x_i y_i."""
-    return sum((a * b for a, b in zip(x, y, strict=True) if a), Fraction(0))
+    """Σ x_i y_i, over a common denominator: a sum of Fractions reduces after every term."""
+    products = [(a.numerator * b.numerator, a.denominator * b.denominator) for a, b in zip(x, y, strict=True) if a]
+    common = math.lcm(*(below for _, below in products))
+    return Fraction(sum(above * (common // below) for above, below in products), common)
 
 
 def float64(exact: Sequence[Fraction] | Sequence[Sequence[Fraction]]) -> Array:

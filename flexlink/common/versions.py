@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import platform
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,6 +11,8 @@ __version__ = "0.1.0"
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
     """Installed versions; "" for what is absent."""
+    import importlib.metadata  # noqa: PLC0415  as long as all else of `import flexlink`
+
     versions = {}
     for name in packages:
         try:

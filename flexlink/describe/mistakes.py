@@ -7,11 +7,8 @@ from typing import Any, get_args, get_origin
 
 import msgspec
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ALSO, SceneError
 from flexlink.describe.spec import TOO_DEEP, bare_type, decode, fields_of, key_mistakes, path_to, type_below
-
-ALSO = "; also "
-"""Between two mistakes in one message."""
 
 
 def mistakes(raw: Any, kind: Any, path: str = "") -> list[str]:

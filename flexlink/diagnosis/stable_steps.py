@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
@@ -25,7 +25,7 @@ def _modes(chain: Chain) -> tuple[Array, Array]:
     """ω [rad/s] and d = φᵀ D φ [1/s] of the undamped modes φ; an unstable one counts with its growth rate."""
     q = _bent(chain)
     M, K = regular_mass(chain, q, np.arange(chain.n)), stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
-    square, φ = linalg.eigh((K + K.T) / 2, M)
+    square, φ = scipy.linalg.eigh((K + K.T) / 2, M)
     return np.sqrt(np.abs(square)), np.einsum("im,im->m", φ, chain.times("damping", φ.T).T)
 
 

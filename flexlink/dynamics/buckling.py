@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import linalg
 
 from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
@@ -61,7 +61,7 @@ def buckling_loads(
     block = np.ix_(*2 * (free[chain.stiffness[free] > 0],))
     K = about(chain, q).matrix("stiffness")[block]
     load = stiffness_matrix(chain, q, np.zeros(chain.n), wrench)[block] - K
-    inverse = linalg.eigvals(-_per_stiffness(load, K, diagonal=not chain.springs_join_hinges))  # 1/s
+    inverse = scipy.linalg.eigvals(-_per_stiffness(load, K, diagonal=not chain.springs_join_hinges))  # 1/s
     rounding = len(K) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
     softening = inverse.real > rounding
     real = np.abs(inverse.imag) <= np.sqrt(np.finfo(float).eps) * np.abs(inverse)  # of a double eigenvalue, too
@@ -77,8 +77,8 @@ def _per_stiffness(load: Array, K: Array, *, diagonal: bool) -> Array:
         k = K.diagonal()
         return np.asarray(load / np.sqrt(np.outer(k, k)))
     try:
-        L = linalg.cholesky(K, lower=True)
-    except linalg.LinAlgError:
-        return np.asarray(linalg.solve(K, load))
-    half = linalg.solve_triangular(L, load, lower=True)
-    return np.asarray(linalg.solve_triangular(L, half.T, lower=True).T)
+        L = scipy.linalg.cholesky(K, lower=True)
+    except scipy.linalg.LinAlgError:
+        return np.asarray(scipy.linalg.solve(K, load))
+    half = scipy.linalg.solve_triangular(L, load, lower=True)
+    return np.asarray(scipy.linalg.solve_triangular(L, half.T, lower=True).T)

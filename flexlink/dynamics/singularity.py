@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.free_base import AXES
@@ -96,7 +96,7 @@ def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array
     """
     whole = mass_matrix(chain, q, algorithm="upper")  # in body axes: twist of a slender arm, straight, keeps its digits
     M = whole if len(free) == chain.n else np.ascontiguousarray(whole[np.ix_(free, free)])
-    L, stopped = linalg.lapack.dpotrf(M, lower=1)
+    L, stopped = scipy.linalg.lapack.dpotrf(M, lower=1)
     with np.errstate(invalid="ignore"):
         good = L.diagonal() > np.sqrt(len(M) * EPS * M.diagonal())  # False for nan, too
     if stopped or not good.all():

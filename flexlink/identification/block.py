@@ -13,8 +13,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
-from scipy.stats import chi2
+import scipy
 
 from flexlink.common.types import Array
 
@@ -35,7 +34,7 @@ class Colour(NamedTuple):
         """
         if not X.size:
             return X
-        found, p, a, size = lfilter(self.a, [1.0], X, axis=0), len(self.a) - 1, self.a, 1.0
+        found, p, a, size = scipy.signal.lfilter(self.a, [1.0], X, axis=0), len(self.a) - 1, self.a, 1.0
         for t in range(p, 0, -1):  # the predictor of order t to that of order t − 1 (Levinson and Durbin)
             k = a[t]
             a = (a - k * a[::-1])[:t] / (1 - k * k)
@@ -55,7 +54,8 @@ class Colour(NamedTuple):
 
     def pulled_back(self, J: Array, past: int) -> Array:
         """Hᵀ J, latest row first, H the pulse response from innovations on, `past` earlier ones, too, (n + past, k)."""
-        return np.asarray(lfilter([1.0], self.a, np.vstack([J[::-1], np.zeros((past, J.shape[1]))]), axis=0))
+        rows = np.vstack([J[::-1], np.zeros((past, J.shape[1]))])
+        return np.asarray(scipy.signal.lfilter([1.0], self.a, rows, axis=0))
 
     @property
     def price(self) -> float:
@@ -73,7 +73,7 @@ class Colour(NamedTuple):
     @property
     def correlation_length(self) -> float:
         """Σ ρ² over all lags: a mean square of n samples is as well known as that of n over this many independent."""
-        h = lfilter([1.0], self.a, np.eye(1, self.memory + 1).ravel())
+        h = scipy.signal.lfilter([1.0], self.a, np.eye(1, self.memory + 1).ravel())
         full = np.correlate(h, h, "full")
         return float(np.sum((full / full[len(h) - 1]) ** 2))
 
@@ -97,7 +97,7 @@ def colour_of(e: Array) -> Colour:
         if criterion < least:
             best, least = a, criterion
         f, b = (f + k * b)[1:], (b + k * f)[:-1]
-    return Colour(best, np.asarray(lfilter(best, [1.0], e)))
+    return Colour(best, np.asarray(scipy.signal.lfilter(best, [1.0], e)))
 
 
 def _price(order: int, samples: int) -> float:
@@ -111,7 +111,7 @@ def whiteness(e: Array) -> float:
     if lags < 1 or not power:
         return 1.0
     ρ = np.array([float(e[lag:] @ e[:-lag]) for lag in range(1, lags + 1)]) / power
-    return float(chi2.sf(n * (n + 2) * np.sum(ρ**2 / (n - np.arange(1, lags + 1))), lags))
+    return float(scipy.special.chdtrc(lags, n * (n + 2) * np.sum(ρ**2 / (n - np.arange(1, lags + 1)))))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from msgspec.structs import replace
-from scipy.interpolate import CubicSpline
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
@@ -208,7 +208,7 @@ def at_times(t: Array, samples: Array, times: Array) -> Array:
     """Samples (n, …) at times t as they are where these are asked for, else by cubic splines."""
     if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
         return np.asarray(samples[: len(times)])
-    return np.asarray(CubicSpline(t, samples)(times))
+    return np.asarray(scipy.interpolate.CubicSpline(t, samples)(times))
 
 
 def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:

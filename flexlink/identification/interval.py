@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
+import scipy
 
 from flexlink.common.types import Array
 from flexlink.identification.block import Colour, colour_of
@@ -72,7 +72,7 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
     if samples:
         meat = meat * (samples + coefficients) / max(samples - coefficients, 1)
     freedom = max(independent - lost, 1.0) if samples else math.inf
-    wide = float(student.ppf((1 + level) / 2, freedom)) if math.isfinite(freedom) else 1.959963984540054
+    wide = float(scipy.special.stdtrit(freedom, (1 + level) / 2)) if math.isfinite(freedom) else 1.959963984540054
     covariance = inverse @ meat @ inverse
     meat = meat + sum(_absorbed(slopes, covariance) for _, slopes, is_run in parts if is_run)
     return Spread(inverse @ meat @ inverse, wide, colours)

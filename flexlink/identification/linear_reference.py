@@ -12,9 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
-from scipy.signal import lfilter
+import scipy
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
@@ -56,7 +54,7 @@ def linear_models(
         return np.concatenate([_left(*fit) for fit in fits])
 
     far = np.concatenate([np.full(len(λ), 0.7), np.full(len(λ), 0.3)])
-    found = least_squares(residual, start, bounds=(start - far, start + far), max_nfev=40).x
+    found = scipy.optimize.least_squares(residual, start, bounds=(start - far, start + far), max_nfev=40).x
     shared = {name: _weights(name, _poles(found), fitted, inputs) for name in columns}
     return [
         [_given(block.name, _poles(found), source, taken, shared) for block in source.blocks]
@@ -89,7 +87,8 @@ def _accelerations(scene: Scene) -> tuple[Array, Array]:
     """Times of a run, and accelerations of its prescribed joints, shape (samples, joints)."""
     run = simulate(scene)
     led = np.flatnonzero(run.chain.hinges["prescribed"] != 0)
-    return run.t, np.asarray(CubicSpline(run.t, run.qd[:, led])(run.t, 1)).reshape(len(run.t), len(led))
+    accelerations = scipy.interpolate.CubicSpline(run.t, run.qd[:, led])(run.t, 1)
+    return run.t, np.asarray(accelerations).reshape(len(run.t), len(led))
 
 
 def _shapes(λ: Array, times: Array, taken: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -104,7 +103,7 @@ def _shapes(λ: Array, times: Array, taken: tuple[Array, Array]) -> tuple[Array,
         last = (E - 1 - one * h) / (one**2 * h)  # inputs are linear between samples
         first = (E - 1) / one - last
         for column in u.T:
-            z = lfilter([last, first], [1.0, -E], column.astype(complex))
+            z = scipy.signal.lfilter([last, first], [1.0, -E], column.astype(complex))
             forced += [z.real, z.imag]
     of_inputs = np.array(forced).T if forced else np.empty((len(t), 0))
     return own, at_times(t, of_inputs, times)

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
@@ -155,4 +155,5 @@ def _end(search: Search, best: Found, k: int, one: Estimate, side: int, least: f
     wanted = half / white
     if not (np.diff(heights) > 0).all() or heights[-1] < wanted:
         return math.nan
-    return coordinate.value(float(x[k]) + side * half * float(PchipInterpolator(heights, (0.0, *at))(wanted)))
+    distance = float(scipy.interpolate.PchipInterpolator(heights, (0.0, *at))(wanted))
+    return coordinate.value(float(x[k]) + side * half * distance)

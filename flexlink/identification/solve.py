@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.stats import qmc
+import scipy
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
@@ -112,7 +111,7 @@ class Search:
             point[free] = part
             return point
 
-        found = least_squares(
+        found = scipy.optimize.least_squares(
             lambda part: self._residual(whole(part), blocks), np.clip(x[free], *bounds),
             lambda part: self._jacobian(whole(part), blocks)[:, free], bounds=bounds, loss=self.loss, x_scale=1.0,
             max_nfev=30 if rough else 100, **end,
@@ -196,7 +195,9 @@ def start_points(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
     """The problem's own start, then points that fill the bounds, or a factor of 2 to either side, evenly."""
     own = np.array([one.x(one.start) for one in coordinates])
     low, high = np.array([_around(one) for one in coordinates]).T
-    points = qmc.LatinHypercube(len(own), seed=0).random(count - 1) if count > 1 else np.empty((0, len(own)))
+    if count < 2:
+        return [own]
+    points = scipy.stats.qmc.LatinHypercube(len(own), seed=0).random(count - 1)
     return [own, *(low + (high - low) * points)]
 
 

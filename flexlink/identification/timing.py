@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import DataFileError, FlexlinkError
@@ -100,10 +100,10 @@ def _swings(scene: Scene, blocks: Sequence[Block], hertz: float, between: float)
     except FlexlinkError:  # reported where the run itself is needed
         return False
     for block in blocks:
-        y = CubicSpline(run.t, run.columns[block.name])(t)
+        y = scipy.interpolate.CubicSpline(run.t, run.columns[block.name])(t)
         if count > few * every // 2:
             inside = slice(None, (count - 1) // every * every + 1)
-            between_samples = y[inside] - CubicSpline(t[::every], y[::every])(t[inside])
+            between_samples = y[inside] - scipy.interpolate.CubicSpline(t[::every], y[::every])(t[inside])
         else:
             between_samples = y - np.polyval(np.polyfit(t - t[0], y, 1), t - t[0])
         if np.ptp(between_samples) > part * np.ptp(block.y):

@@ -69,7 +69,7 @@ def step_cost(chain: Chain, name: str) -> float:
 
 
 def machine_factor(problem: InitialValueProblem) -> float:
-    """How many times the listed cost an evaluation takes on this machine, measured in about 30 ms."""
+    """How many times the listed cost an evaluation takes on this machine, measured in about 5 ms."""
     return evaluation_time(problem) / run_cost(problem.chain, "RK4", 1)
 
 
@@ -87,6 +87,6 @@ def evaluation_time(problem: InitialValueProblem) -> float:
 
     taken(1)  # compiles
     steps = 1
-    while taken(steps) < 2e-3:  # [s], a thousand times the resolution of the clock
+    while taken(steps) < 5e-4:  # [s], hundreds of times the resolution of any clock
         steps *= 2
     return min(taken(steps) for _ in range(5)) / (steps * rule.stages)

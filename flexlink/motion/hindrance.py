@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
@@ -84,7 +84,7 @@ def _sampled_growth(record: Record) -> tuple[float, float]:
     both = np.zeros((size, size))
     both[np.arange(n), n + np.arange(n)] = unit
     both[n : 2 * n] = np.hstack([slopes.dq / unit, slopes.dqd, slopes.dtau[:, moving]])
-    both = linalg.expm(both / drive.rate)
+    both = scipy.linalg.expm(both / drive.rate)
     if not np.isfinite(both).all():  # it grows beyond all bounds within a period, by itself
         return np.inf, np.inf
     Φ, Γ = both[: 2 * n, : 2 * n], both[: 2 * n, 2 * n :]

@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
@@ -141,7 +141,7 @@ class Comparison:
     def at_times(self, run: Trajectory) -> dict[str, Array]:
         """The measured columns as a run has them, by cubic splines through its samples."""
         columns = run.columns
-        return {name: CubicSpline(run.t, columns[name])(self.t) for name in self.measured}
+        return {name: scipy.interpolate.CubicSpline(run.t, columns[name])(self.t) for name in self.measured}
 
     def differences(self, run: Trajectory) -> dict[str, Array]:
         """Run less measured, every column; nan where nothing was measured."""

@@ -13,8 +13,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg
 
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array, Complex
@@ -76,7 +76,7 @@ def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
     if not falling:
         squares, Φ = _swinging(L, S, w, V, resting)
         return _Modes(squares, Φ, falling, resting)
-    down = linalg.solve_triangular(L, S[:, None] * V[:, :falling] * np.sqrt(-w[:falling]), lower=True)
+    down = scipy.linalg.solve_triangular(L, S[:, None] * V[:, :falling] * np.sqrt(-w[:falling]), lower=True)
     lift = 2 * float(np.linalg.norm(down, 2)) ** 2  # of μ ≥ −‖L⁻¹ Y₋‖²
     for _ in range(2):
         lifted = np.sqrt(S**2 + lift * np.diag(M))
@@ -96,7 +96,7 @@ def _swinging(L: Array, S: Array, w: Array, V: Array, resting: int) -> tuple[Arr
     """
     still, root = V[:, :resting], np.sqrt(w[resting:])
     Y = S[:, None] * V[:, resting:] * root
-    inverse = linalg.solve_triangular(L, np.eye(len(L)), lower=True).T
+    inverse = scipy.linalg.solve_triangular(L, np.eye(len(L)), lower=True).T
     U, ω, right = np.linalg.svd(Y.T @ inverse)  # all n rows of `right`
     Φ = inverse @ right.T
     moving = Φ[:, : len(ω)]
@@ -124,7 +124,7 @@ def _undamped(modes: _Modes, without_potential: Array) -> Solution:
 
 def _eigenvalues(A: Array) -> tuple[Complex, Complex, Array]:
     """Eigenvalues and right eigenvectors of A, and how far rounding may have moved each."""
-    λ, left, right = linalg.eig(A, left=True)
+    λ, left, right = scipy.linalg.eig(A, left=True)
     overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
     # The QR algorithm moves a simple eigenvalue by N eps ‖A‖/|wᴴ v| at most (Golub & Van Loan, section 7.2.2), a
     # multiple one as many times as far: two where a joint rests, four where two such meet.
@@ -178,8 +178,8 @@ def _dissipative(C: Array) -> bool:
 
 def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
     """A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n), M as `factored_mass` found it regular."""
-    L, _ = linalg.lapack.dpotrf(M, lower=1)
-    lower = [-linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
+    L, _ = scipy.linalg.lapack.dpotrf(M, lower=1)
+    lower = [-scipy.linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
     A = np.block([[np.zeros_like(M), np.eye(len(M))], lower])
     if not np.isfinite(A).all():
         raise ArgumentError("stiffness, damping, loads or rates are so large that accelerations overflow float64")

@@ -15,8 +15,8 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg
 
 from flexlink.chain.arguments import require_one_of, require_type, sequence, vector
 from flexlink.chain.chain import Chain
@@ -75,9 +75,9 @@ class LinearModel(SavedResult):
         n2 = len([name for name in self.states if not name.startswith(LOW_PASS)])
         own = self.A[:n2, :n2]
         angles = sum(name.startswith("q ") for name in self.states)  # internal coordinates have a rate alone
-        λ = np.diag(linalg.schur(graded(own) if 2 * angles == n2 else own, output="complex")[0])
+        λ = np.diag(scipy.linalg.schur(graded(own) if 2 * angles == n2 else own, output="complex")[0])
         if n2 < len(self.A):
-            λ = np.concatenate([λ, linalg.eigvals(self.A[n2:, n2:])])
+            λ = np.concatenate([λ, scipy.linalg.eigvals(self.A[n2:, n2:])])
         return np.asarray(λ[np.argsort(np.abs(λ), kind="stable")])
 
     def __repr__(self) -> str:

@@ -11,8 +11,8 @@ symmetric problem's modes are counted by Sylvester's law of inertia: none is pas
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import linalg
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
@@ -65,7 +65,7 @@ class Subspace:
 
     def _mass(self) -> tuple[Array, Array]:
         M = self.W @ self.MW.T
-        return M, linalg.cholesky((M + M.T) / 2, lower=True)
+        return M, scipy.linalg.cholesky((M + M.T) / 2, lower=True)
 
     def stiffness(self) -> Stiffness:
         """K, with the sizes of its parts."""

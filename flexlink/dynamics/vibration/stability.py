@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import linalg
 
 from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
@@ -23,7 +23,7 @@ from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.forces import force_slopes
 from flexlink.dynamics.rounding import scales
-from flexlink.dynamics.singularity import factored_mass, regular_mass
+from flexlink.dynamics.singularity import regular_mass
 from flexlink.dynamics.springs import about, damping_along, damping_matrix
 from flexlink.dynamics.tangent import LoadedState, gyroscopic_matrix, load_matrices, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import inverse_dynamics
@@ -122,37 +122,16 @@ def fastest_eigenvalues(
     return bounding_eigenvalues(np.sqrt(square), δ)
 
 
-def eigenvalue_bound(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike | None = None,
-    *,
-    tip_wrench: ArrayLike | None = None,
-    frame: Frame = "world",
-    gains: Gains | None = None,
-) -> float:
-    """Which none of the |λ| of `eigenvalues` exceeds [1/s], for a fraction of their cost; inf of more than 100 joints.
+def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequence[Mapping[str, Any]]) -> list[float]:
+    """What none of the |λ| of `eigenvalues` exceeds [1/s], for a fraction of their cost, of chains of one size.
 
     A mode φ has φ*M φ λ² + φ*C φ λ + φ*K φ = 0, so that with M = L Lᵀ
 
         |λ|² ≤ c |λ| + k        c = ‖L⁻¹ C L⁻ᵀ‖, k = ‖L⁻¹ K L⁻ᵀ‖
 
-    in Frobenius's norm, of which an undamped chain's largest ω² is at least the part 1/√n. Arguments and errors as
-    in `eigenvalues`.
+    in Frobenius's norm, of which an undamped chain's largest ω² is at least the part 1/√n. About states q, q̇, `acting`
+    what else `eigenvalues` takes; inf where no bound is known: of more than 100 joints, a mass that is singular.
     """
-    state, gains = _about(chain, q, qd, tip_wrench, frame, gains)
-    if chain.n > DENSE:
-        return np.inf
-    C, K = _damping_and_stiffness(chain, state, gains)
-    _, L = factored_mass(chain, state.q, state.free)
-    with np.errstate(all="ignore"):  # what is beyond float64 is no bound
-        W = np.linalg.inv(L)
-        c, k = (float(np.linalg.norm(W @ A @ W.T)) if A.any() else 0.0 for A in (C, K))
-        return float(c + np.sqrt(c**2 + 4 * k)) / 2
-
-
-def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequence[Mapping[str, Any]]) -> list[float]:
-    """`eigenvalue_bound` of chains of one size about states q, q̇, `acting` what else it takes; inf: see each."""
     n, count = abouts[0][0].n if abouts else 0, len(abouts)
     if n > DENSE or not n:
         return [np.inf] * count
@@ -208,19 +187,19 @@ def _all_eigenvalues(chain: Chain, state: LoadedState, gains: Gains) -> Complex:
     M = regular_mass(chain, state.q, state.free)
     C, K = _damping_and_stiffness(chain, state, gains)
     if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # the rounding of K
-        values: Complex = linalg.eigvals(first_order_matrix(M, C, K))
+        values: Complex = scipy.linalg.eigvals(first_order_matrix(M, C, K))
         return values
     ω = np.sqrt(_squares((K + K.T) / 2, M).astype(complex))
     return np.concatenate([1j * ω, -1j * ω])
 
 
 def _squares(K: Array, M: Array) -> Array:
-    """`linalg.eigh(K, M, eigvals_only=True)`, less its checks of what is known, which take three times as long."""
+    """SciPy's `eigh(K, M, eigvals_only=True)`, less its checks of what is known, which take three times as long."""
     if not K.size:  # nothing is free to move
         return np.zeros(0)
-    squares, _, failed = linalg.lapack.dsygvd(K, M, jobz="N", uplo="L")
+    squares, _, failed = scipy.linalg.lapack.dsygvd(K, M, jobz="N", uplo="L")
     if failed or not is_finite(squares):
-        squares = linalg.eigh(K, M, eigvals_only=True)  # says what is wrong
+        squares = scipy.linalg.eigh(K, M, eigvals_only=True)  # says what is wrong
     return np.asarray(squares)
 
 

@@ -11,12 +11,7 @@ import numpy as np
 from flexlink.common.errors import FlexlinkError, UnstableStepError
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
-from flexlink.dynamics.vibration.stability import (
-    eigenvalue_bound,
-    eigenvalue_bounds,
-    fastest_eigenvalues,
-    stable_step_of,
-)
+from flexlink.dynamics.vibration.stability import eigenvalue_bounds, fastest_eigenvalues, stable_step_of
 from flexlink.dynamics.vibration.stability_function import stable_half_disc
 from flexlink.motion.inputs.actuation import acting_at
 
@@ -29,7 +24,7 @@ def judge_steps(problems: Sequence[InitialValueProblem]) -> list[tuple[str, ...]
 
 def _judged(problem: InitialValueProblem) -> tuple[str, ...] | FlexlinkError:
     try:
-        return judge_step(problem)
+        return _judge_by_eigenvalues(problem)
     except FlexlinkError as error:
         return error
 
@@ -67,14 +62,16 @@ def judge_step(problem: InitialValueProblem) -> tuple[str, ...]:
     UnstableStepError
         The step is beyond it, and `run.unstable` does not allow it.
     """
+    return () if _within_bounds([problem])[0] else _judge_by_eigenvalues(problem)
+
+
+def _judge_by_eigenvalues(problem: InitialValueProblem) -> tuple[str, ...]:
+    """`judge_step` of a step that the bound does not settle."""
     run = problem.run
     if run.duration == 0 or not problem.explicit:
         return ()
-    about = problem.chain, problem.q, problem.qd
     acting = acting_at(problem.inputs, problem.chain, problem.start, problem.q, problem.qd)
-    if run.fixed_step * eigenvalue_bound(*about, **acting) <= stable_half_disc(method(run.method)):
-        return ()
-    λ = fastest_eigenvalues(*about, **acting)
+    λ = fastest_eigenvalues(problem.chain, problem.q, problem.qd, **acting)
     largest = stable_step_of(λ, run.method)
     if run.fixed_step <= largest:
         return ()

@@ -1,0 +1,102 @@
+"""What a start loads: nothing that the command, or the name that is used, does not need."""
+
+from __future__ import annotations
+
+import ast
+import gc
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+import flexlink as fl
+from flexlink.cli.main import main
+
+PAPER = str(ROOT / "models" / "paper_fig5.toml")
+COMMANDS = {path.stem for path in (ROOT / "flexlink" / "cli").glob("*.py")} - {"__init__", "main", "shared", "terminal"}
+HEAVY = {"numba", "llvmlite", "numpy", "scipy", "msgspec", "matplotlib", "tomllib", "importlib.metadata"}
+
+
+def loaded(code: str, *arguments: str) -> set[str]:
+    """Modules that are there when a process ends that runs this code."""
+    told = f"import atexit, sys; atexit.register(lambda: print(*sys.modules, file=sys.stderr)); {code}"
+    command = [sys.executable, "-c", told, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return set(done.stderr.splitlines()[-1].split())
+
+
+def loaded_by(*arguments: str) -> set[str]:
+    """Modules that are there when a command ends."""
+    return loaded("from flexlink.cli.main import main; main()", *arguments)
+
+
+def commands(modules: set[str]) -> set[str]:
+    return {name for name in COMMANDS if f"flexlink.cli.{name}" in modules}
+
+
+def rooms(modules: set[str]) -> set[str]:
+    return {name.split(".")[1] for name in modules if name.startswith("flexlink.")}
+
+
+def test_the_library_loads_its_errors_alone() -> None:
+    modules = loaded("import flexlink")
+    assert modules & HEAVY == set()
+    assert rooms(modules) == {"common", "errors", "results"}
+    assert {name for name in modules if name.startswith("flexlink.results.")} == {"flexlink.results.stop_reasons"}
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["--version"], ["nonsense"]], ids=" ".join)
+def test_help_loads_no_command(arguments: list[str]) -> None:
+    modules = loaded_by(*arguments)
+    assert modules & HEAVY == set()
+    assert commands(modules) == set()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["info", "simulate"])
+def test_a_command_loads_no_other_and_none_of_the_rooms_that_it_does_not_use(command: str) -> None:
+    modules = loaded_by(command, PAPER)
+    assert commands(modules) == {command} | ({"modes"} if command == "info" else set())  # which prints modes, too
+    others = {"advice", "diagnosis", "engines", "fits", "identification", "pages", "robots", "scene_report", "sweeps"}
+    assert rooms(modules) & others == set()
+    assert modules & {"matplotlib", "scipy.signal", "scipy.sparse", "scipy.interpolate", "scipy.special"} == set()
+
+
+@pytest.mark.slow
+def test_every_command_has_its_options_only_where_it_is_named() -> None:
+    modules = loaded_by("robots", "--help")
+    assert commands(modules) == {"robots"}
+
+
+@pytest.mark.slow
+def test_a_fit_loads_filters_and_statistics_when_it_runs() -> None:
+    modules = loaded("import flexlink as fl; fl.fit; fl.fits.FitProblem")
+    assert modules & {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate"} == set()
+
+
+def test_a_public_name_is_the_one_that_type_checkers_see() -> None:
+    tree = ast.parse(Path(fl.__file__).read_text(encoding="utf-8"))
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    seen = [(node.module, name.name) for node in block.body for name in node.names]
+    for module, name in seen:
+        inside = getattr(importlib.import_module(module), name, None)
+        assert getattr(fl, name) is (inside or importlib.import_module(f"{module}.{name}"))
+    assert sorted({name for _, name in seen} | {"FlexlinkError", "errors"}) == sorted(fl.__all__)
+
+
+@pytest.mark.slow
+def test_garbage_is_collected_while_a_command_runs_and_a_program_that_calls_one_is_left_alone(capsys) -> None:
+    code = (
+        "import gc, sys; from flexlink.cli import main, modes\n"
+        "modes.run_command = lambda _: print('collects' if gc.isenabled() else 'does not') or 0\n"
+        "main.main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "modes", PAPER], capture_output=True, text=True, check=True)
+    assert done.stdout == "collects\n"
+    before = gc.get_freeze_count()
+    assert main(["info", "nowhere.toml"]) == 2
+    assert gc.isenabled()
+    assert gc.get_freeze_count() == before
