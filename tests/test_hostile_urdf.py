@@ -156,8 +156,17 @@ def test_there_are_enough() -> None:
     assert len(HOSTILE) >= 40
 
 
+@pytest.fixture(scope="module")
+def loaded(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """All modules that importing a robot needs, which Python opens when they are first named."""
+    path = tmp_path_factory.mktemp("loaded") / "good.urdf"
+    path.write_text(edited(BODY, BODY), encoding="utf-8")
+    assert main(["import", str(path)]) == 0
+    assert main(["import", str(path.with_name("none.urdf"))]) == 2
+
+
 @pytest.fixture
-def opened() -> Iterator[list[str]]:
+def opened(loaded: None) -> Iterator[list[str]]:
     """Paths that are opened meanwhile."""
     found: list[str] = []
     hooks.append(found)
