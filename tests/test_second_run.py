@@ -16,7 +16,7 @@ from flexlink.common.interruption import Stop
 from flexlink.motion import single_run as single
 from flexlink.motion import verification as second_run
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import Monitor
 from flexlink.motion.verification import Second
 from flexlink.results import balance
 from validation.random_arms import Dice
@@ -73,7 +73,7 @@ def test_twice_the_step_judges_nothing_where_its_steps_were_taken_in_parts_as_th
 ) -> None:
     judges = []
 
-    def doubt(monitor: RunMonitor, second: Second, tip: np.ndarray) -> str:
+    def doubt(monitor: Monitor, second: Second, tip: np.ndarray) -> str:
         judges.append(second.run)
         return second_run.doubt(monitor, second, tip)
 
@@ -181,7 +181,7 @@ def test_a_motion_that_turns_round_and_round_is_within_its_tolerance_or_warned()
 
 
 def test_only_what_turns_far_has_a_second_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    runs: list[RunMonitor] = []
+    runs: list[Monitor] = []
     begin = single.steps_of
     monkeypatch.setattr(single, "steps_of", lambda monitor, halved: runs.append(monitor) or begin(monitor, halved))
     for rate, wanted in ((90.0, 1), (36000.0, 2)):
@@ -202,7 +202,7 @@ def test_energy_that_only_the_tolerance_excuses_calls_for_a_second_run_which_con
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Vibrations that stay below the tolerance are damped away, and with them most of the energy."""
-    runs: list[RunMonitor] = []
+    runs: list[Monitor] = []
     begin = single.steps_of
     monkeypatch.setattr(single, "steps_of", lambda monitor, halved: runs.append(monitor) or begin(monitor, halved))
     zigzag = fl.InitialState(q=(0.0, 0.03, -0.03, 0.03, -0.03))
@@ -241,7 +241,7 @@ def test_a_second_run_that_is_stopped_confirms_nothing(monkeypatch: pytest.Monke
     run = single.SingleRun(single.prepare(problem_of(varied)))
     stop, began = Stop(), []
 
-    def stopped(monitor: RunMonitor, name: str) -> Iterator[Second]:
+    def stopped(monitor: Monitor, name: str) -> Iterator[Second]:
         stop.signal = signal.SIGINT
         began.append(name)
         yield from second_run.second_runs(monitor, name)

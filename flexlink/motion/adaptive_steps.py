@@ -35,7 +35,7 @@ from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.method_choice import cheapest, fastest_motion, tumbles
 from flexlink.motion.method_trial import go_on_with_the_cheapest
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import Monitor
 from flexlink.motion.sampled_control import Control
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import SHORTEST, StopTimes
@@ -54,7 +54,7 @@ NEAR = 1e-9
 class AdaptiveSteps:
     """Stepper of a run, which may have its longest steps `halved`; `failure` says why it ended early."""
 
-    def __init__(self, monitor: RunMonitor, halved: bool = False) -> None:
+    def __init__(self, monitor: Monitor, halved: bool = False) -> None:
         self.halved = halved
         self.taken_over = False  # whether a method goes on for one that failed
         record, run = monitor.record, monitor.run

@@ -15,7 +15,7 @@ from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.floating_steps import Arrays, advance, far_of
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import Monitor
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import Failure
@@ -28,7 +28,7 @@ class FixedSteps:
 
     slow, deflection, angle_travelled = (0, ""), 0.0, 0.0  # of steps with a tolerance, or of an implicit method
 
-    def __init__(self, monitor: RunMonitor) -> None:
+    def __init__(self, monitor: Monitor) -> None:
         record, run = monitor.record, monitor.run
         self.run = run
         self.failure: Failure | None = None

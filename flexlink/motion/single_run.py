@@ -21,7 +21,7 @@ from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.fixed_steps import FixedSteps
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.step_check import judge_step
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import Monitor
 from flexlink.motion.sampled_control import Law, control_of
 from flexlink.motion.verification import advice, doubt, second_runs
 from flexlink.results.record import Record
@@ -42,7 +42,7 @@ nobody waits for a second run much longer than for the first."""
 class SingleRun:
     """A run that is ready to start: checked, allocated, compiled; errors as in `simulate`."""
 
-    def __init__(self, monitor: RunMonitor, halved: bool = False) -> None:
+    def __init__(self, monitor: Monitor, halved: bool = False) -> None:
         self.monitor = monitor
         self.steps = steps_of(self.monitor, halved)
 
@@ -102,7 +102,7 @@ class SingleRun:
             steps.failure = ended_early(monitor.last_time, float(monitor.record.t[-1]))
 
 
-def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
+def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[str]:
     """Compare a finished run of this method with verification runs: yields a warning where they contradict it."""
     text, own, problem = "", monitor.steps.evaluations, monitor.record.problem
     for second in second_runs(monitor, name):
@@ -135,7 +135,7 @@ def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
         yield text
 
 
-def steps_of(monitor: RunMonitor, halved: bool = False) -> FixedSteps | AdaptiveSteps:
+def steps_of(monitor: Monitor, halved: bool = False) -> FixedSteps | AdaptiveSteps:
     """The stepper of a run: fixed steps of an explicit method, or adaptive and implicit ones, the longest `halved`."""
     return FixedSteps(monitor) if monitor.explicit else AdaptiveSteps(monitor, halved)
 
@@ -147,7 +147,7 @@ def prepare(
     *,
     rows: int | None = None,
     kept: Kept | None = None,
-) -> RunMonitor:
+) -> Monitor:
     """`allocate` a run, with its checks compiled; errors as there."""
     monitor = allocate(problem, law, rate, rows=rows, kept=kept)
     monitor.compile()
@@ -162,7 +162,7 @@ def allocate(
     rows: int | None = None,
     kept: Kept | None = None,
     warnings: tuple[str, ...] | None = None,
-) -> RunMonitor:
+) -> Monitor:
     """Allocate the sample arrays of a run, write the initial state into row 0, and check the fixed step.
 
     With scratch and machine code that is `kept` from another run of the problem, if there is one; `warnings`, if known:
@@ -197,7 +197,7 @@ def allocate(
     about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
     if warnings is None:
         warnings = record.kept("step", about, lambda: judge_step(problem))
-    monitor = RunMonitor(record, warnings, control)
+    monitor = Monitor(record, warnings, control)
     if control is not None:
         try:
             control.note(0, problem.q, problem.qd)
