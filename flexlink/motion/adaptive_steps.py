@@ -35,7 +35,6 @@ from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.method_choice import cheapest, fastest_motion, tumbles
 from flexlink.motion.method_trial import go_on_with_the_cheapest
-from flexlink.motion.monitor import Monitor
 from flexlink.motion.sampled_control import Control
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import SHORTEST, StopTimes
@@ -54,15 +53,15 @@ NEAR = 1e-9
 class AdaptiveSteps:
     """Stepper of a run, which may have its longest steps `halved`; `failure` says why it ended early."""
 
-    def __init__(self, monitor: Monitor, halved: bool = False) -> None:
+    def __init__(self, record: Record, control: Control | None = None, halved: bool = False) -> None:
         self.halved = halved
         self.taken_over = False  # whether a method goes on for one that failed
-        record, run = monitor.record, monitor.run
+        run = record.run
         self.failure: Failure | None = None
-        self.record, self.run, self.control = record, run, monitor.control
+        self.record, self.run, self.control = record, run, control
         self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
         self.budget = Budget(run.max_evaluations, run.duration)
-        start, self.ends = pieces(record, monitor.control)
+        start, self.ends = pieces(record, control)
         about = record.q[0].tobytes(), record.qd[0].tobytes()
         posture = record.q[0] if run.controlled else np.zeros(record.chain.n)
         self.slowest = record.kept("slowest", about, lambda: slowest_frequency(record.chain, posture))

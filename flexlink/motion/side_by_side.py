@@ -23,7 +23,7 @@ from flexlink.dynamics.placement import unbent
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.geometry.kinematics import tip_points
 from flexlink.kernels.tools.lanes import LANES
-from flexlink.motion.fixed_steps import pieces, steps_up_to
+from flexlink.motion.fixed_steps import FixedSteps, steps_up_to
 from flexlink.motion.inputs.drives import acts_on_many, same_law
 from flexlink.motion.monitor import Monitor
 from flexlink.motion.single_run import verify
@@ -119,11 +119,11 @@ class Block:
             q[0, :, lane], qd[0, :, lane] = (part[min(lane, b - 1), 0] for part in (self.q, self.qd))
         state = q[0].copy(), qd[0].copy(), np.zeros((1, LANES))
         work = lanes_workspace(solver_for(self.chain, run.solver), [record.chain for record in self.records])
-        done = 0
-        for done in pieces(run, self.records[0], work, state, samples):  # noqa: B007  where it ended
+        steps = FixedSteps(self.records[0], lanes=(work, state, samples))
+        for self.rows, _ in steps:
             if stop.asked:
                 break
-        self.rows, self.steps = done // run.steps_per_sample + 1, steps_up_to(run, done)
+        self.steps = steps.steps
         if not stop.asked and ended_early(float(self.t[self.rows - 1]), float(self.t[-1])):
             return False
         self.errors = step_errors_side_by_side(self.records, work, samples[:2], probed(run, slice(0, self.rows)))

@@ -22,7 +22,7 @@ from flexlink.motion.budget import warn
 from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.inputs.problem import problem_of, started
 from flexlink.motion.sampled_control import Law
-from flexlink.motion.single_run import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun
 from flexlink.results.trajectory import Trajectory
 
 
@@ -219,12 +219,8 @@ class Problem:
             for array in remembered(problem.inputs.drive):
                 array[...] = 0
             scene = started_from(self.scene, q0, qd0, t0)
-            run = SingleRun(
-                prepare(
-                    problem if scene is self.scene else started(problem, scene), control, rate,
-                    kept=kept if control is None else None,
-                )
-            )  # fmt: skip
+            begun = problem if scene is self.scene else started(problem, scene)
+            run = SingleRun(begun, control, rate, kept=kept if control is None else None)
             with deferred() as stop:
                 return run.finish(stop, progress, warn=warn)
         finally:

@@ -20,7 +20,7 @@ from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.sampled_control import held_torques_advice
 from flexlink.motion.sensing import sample_at
 from flexlink.motion.simulate import started_from
-from flexlink.motion.single_run import prepare, steps_of
+from flexlink.motion.single_run import SingleRun
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
 from flexlink.results.stop_reasons import DivergenceError, Failure, ended_early
@@ -96,15 +96,16 @@ class Simulator:
         0.0
         """
         scene = started_from(self._scene, q, qd, time)
-        monitor = self._monitor = prepare(problem_of(scene, self.chain), rows=1)
-        monitor.begin()
-        self._run, self._record, self._steps = monitor.run, monitor.record, steps_of(monitor)
+        single = SingleRun(problem_of(scene, self.chain), rows=1)
+        self._monitor, self._steps = single.monitor, single.steps
+        self._run, self._record = self._monitor.run, self._monitor.record
         inputs = self._record.inputs
         self._driven, self._pushed = inputs, inputs._replace(drive=self._held)
         self._time, self._calls = float(self._record.t[0]), 0
         if not self._run.controlled:
             self._time = self._record.origin * self._run.fixed_step
         self._sensing = Readings(scene) if scene.sensor else None
+        self._monitor.begin()
         self._steps.go(self._pushed, self._time, self._time)  # compiles
         self._look(self._driven)
         return self.state
