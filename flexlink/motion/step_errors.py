@@ -54,9 +54,10 @@ def rounded_away(run: RunSettings, q: Array, qd: Array, size: Array) -> Array:
     Of samples (…, rows, n) of arms of a size (…). Nothing at the angles of a few turns, where that is what rounding
     leaves anyway.
     """
-    largest, fastest = (np.abs(part).max(axis=-2) for part in (q, qd))
-    lost = np.minimum(run.fixed_step * fastest, np.spacing(largest) / 2).sum(axis=-1) * size
-    steps = q.shape[-2] * run.steps_per_sample
+    most, steps = np.spacing(np.abs(q).max(axis=-2)) / 2, q.shape[-2] * run.steps_per_sample
+    if (most.sum(axis=-1) <= rounding.of_reach(1.0)).all():
+        return np.zeros(size.shape)
+    lost = np.minimum(run.fixed_step * np.abs(qd).max(axis=-2), most).sum(axis=-1) * size
     return np.where(lost > rounding.of_reach(1.0) * size, lost * steps, 0.0)
 
 

@@ -51,7 +51,7 @@ def second_runs(monitor: Monitor, name: str) -> Iterator[Second]:
         if monitor.suspicious or multiplies(monitor):
             yield Second(_stricter(monitor, name), 1, 1.0)
     elif monitor.explicit:
-        if monitor.tip_error <= _tolerance(monitor) and multiplies(monitor):
+        if multiplies(monitor) and monitor.tip_error <= _tolerance(monitor):
             yield from _stricter_and_stricter(monitor)
     elif monitor.extent > 0:
         if pairs := (run.samples - 1) // 2:
