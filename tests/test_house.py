@@ -20,7 +20,7 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 BARS = {
-    "layers of imports": 10, "classes": 362, "constants": 398, "public names": 75, "files of more than 350 lines": 16,
+    "layers of imports": 10, "classes": 362, "constants": 398, "public names": 75, "files of more than 350 lines": 15,
     "functions of more than 60 lines of code": 2, "lines of contracts": 56,
 }  # fmt: skip
 FEATURES = {

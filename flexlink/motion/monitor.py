@@ -47,7 +47,6 @@ class Monitor:
     def __init__(self, record: Record, warnings: tuple[str, ...] = (), control: Control | None = None) -> None:
         chain, run = record.chain, record.run
         self.record, self.run, self.control = record, run, control
-        self._size = np.array(chain.size)
         self._balance = balance.Balance(
             chain, record.inputs.potential_force, insisted=run.unstable == "allow",
             bend=Thresholds.far_bent, near=Thresholds.at_limit, kept=record.kept,
@@ -273,14 +272,16 @@ class Monitor:
         """Sum of the errors of an explicit method's fixed steps [m], extrapolated from measured ones; 0 of others."""
         if not self.explicit:
             return 0.0
-        return float(summed(self.run, np.concatenate(self._step_errors), self._size))
+        return float(summed(self.run, np.concatenate(self._step_errors), np.array(self.record.chain.size)))
 
     def _doubts(self) -> Iterator[str]:
         """Warnings of a run that passed all checks but may be inaccurate."""
         if self.n_valid < 2:
             return
-        q, qd, tip_error = self.record.q[: self.n_valid], self.record.qd[: self.n_valid], self.tip_error
-        rounded = 0.0 if self.run.controlled else float(rounded_away(self.run, q, qd, self._size))
+        rounded, tip_error = 0.0, self.tip_error
+        if not self.run.controlled:
+            q, qd = self.record.q[: self.n_valid], self.record.qd[: self.n_valid]
+            rounded = float(rounded_away(self.run, q, qd, np.array(self.record.chain.size)))
         moved = self.extent if tip_error or rounded else np.inf
         if tip_error > Thresholds.doubt * Thresholds.tip_share * moved:
             yield (
@@ -289,7 +290,7 @@ class Monitor:
                 "halve the step and compare"
             )
         if rounded > Thresholds.doubt * Thresholds.tip_share * moved:
-            largest = np.abs(q).max()
+            largest = np.abs(self.record.q[: self.n_valid]).max()
             yield (
                 f"doubtful: rounding of angles up to {largest:.2g} rad adds up, step by step, "
                 f"to {rounded:.2g} m, while the tip moves {moved:.3g} m; start at angles of a few turns or less"
