@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.single_run import prepare
+from flexlink.motion.single_run import SingleRun
 from validation.random_arms import Dice
 
 WRONG = 0.05  # of the tip's motion
@@ -92,7 +92,7 @@ def with_random_step(dice: Dice, scene: fl.Scene) -> fl.Scene:
 def largest_step(scene: fl.Scene) -> float:
     """The largest stable step at the start, as `simulate` itself finds it."""
     try:
-        prepare(problem_of(scene.varied({"run": fl.RunSettings(step=1e9, sample=1e9, duration=1e9)})))
+        SingleRun(problem_of(scene.varied({"run": fl.RunSettings(step=1e9, sample=1e9, duration=1e9)})))
     except fl.errors.UnstableStepError as error:
         return error.largest
     return float("inf")

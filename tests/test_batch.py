@@ -17,7 +17,7 @@ from flexlink.common.interruption import Stop
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.single_run import prepare
+from flexlink.motion.single_run import SingleRun
 from flexlink.motion.step_errors import step_errors, step_errors_side_by_side
 
 
@@ -60,7 +60,7 @@ def members(flex: str, count: int) -> list[fl.Scene]:
 @compiled
 def test_the_errors_of_steps_side_by_side_are_those_of_each_alone() -> None:
     scenes = [scene.varied({"run.step": 1e-3, "run.unstable": "allow"}) for scene in members("z", LANES)]
-    monitors = [prepare(problem_of(scene)) for scene in scenes]
+    monitors = [SingleRun(problem_of(scene)).monitor for scene in scenes]
     q, qd = (np.stack([getattr(w.record, name)[:1] for w in monitors], axis=-1) for name in ("q", "qd"))
     chains, probed = [w.record.chain for w in monitors], np.array([0])
     scratch = lanes_workspace(solver_for(chains[0], "articulated"), chains)
@@ -181,8 +181,8 @@ def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
 
 def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
     """Asked to stop after 100 of 500 steps, which are 2 of 10 samples."""
-    stop, batch, scenes = Stop(), sys.modules["flexlink.motion.side_by_side"], members("yz", 10)
-    pieces = batch.pieces
+    stop, fixed, scenes = Stop(), sys.modules["flexlink.motion.fixed_steps"], members("yz", 10)
+    pieces = fixed.pieces
 
     def interrupted(*arguments):
         for done in pieces(*arguments):
@@ -191,7 +191,7 @@ def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
             yield done
 
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # a piece a step
-    monkeypatch.setattr(batch, "pieces", interrupted)
+    monkeypatch.setattr(fixed, "pieces", interrupted)
     monkeypatch.setattr(sys.modules["flexlink.motion.batch"], "deferred", lambda: contextlib.nullcontext(stop))
     with pytest.raises(fl.errors.InterruptedRunError) as caught:
         fl.simulate_many(scenes)

@@ -18,7 +18,7 @@ from flexlink.motion.batch import outcomes
 from flexlink.motion.budget import FEWEST, LOOKS, SHORTEST, Budget, Spent
 from flexlink.motion.hindrance import hindrance, sampled_growth
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.single_run import prepare
+from flexlink.motion.single_run import SingleRun
 
 
 def swinging(**changes: Any) -> fl.Scene:
@@ -87,7 +87,7 @@ def test_a_run_that_takes_more_than_it_may_stops_with_its_samples_and_the_same_o
 @compiled
 def test_a_hinge_of_three_axes_at_90_degrees_is_named() -> None:
     scene = make_scene(flexible("a", segments=3, flex="xyz"))
-    record = prepare(problem_of(scene)).record
+    record = SingleRun(problem_of(scene)).monitor.record
     q = np.zeros(record.chain.n)
     assert hindrance(record, q) is None
     q[2] = np.radians(-89.9)
@@ -99,7 +99,7 @@ def test_a_hinge_of_three_axes_at_90_degrees_is_named() -> None:
 @compiled
 def test_a_sampled_loop_that_is_unstable_by_itself_is_named_and_a_stable_one_is_not() -> None:
     for scene, unstable in ((held_too_seldom(), True), (held_too_seldom(**{"drive.rate": 1000.0}), False)):
-        growth, without = sampled_growth(prepare(problem_of(scene)).record)
+        growth, without = sampled_growth(SingleRun(problem_of(scene)).monitor.record)
         assert without == pytest.approx(1.0, abs=1e-3)
         assert (growth > 1.0 + 1e-3) is unstable
     scene = held_too_seldom(**{"run.max_evaluations": 4000, "run.duration": 20.0})
@@ -127,7 +127,7 @@ def test_the_growth_of_a_sampled_loop_is_that_of_a_wheel_by_hand() -> None:
     link = fl.Link(name="wheel", length=0.0, flex="rigid", joint=fl.Joint(armature=0.5))
     drive = fl.Drive(kind="pd", kp=(0.0,), kd=(30.0,), target_deg=(0.0,), rate=20.0)
     scene = make_scene(link, drive=drive, gravity=(0.0, 0.0, 0.0))
-    growth, without = sampled_growth(prepare(problem_of(scene)).record)
+    growth, without = sampled_growth(SingleRun(problem_of(scene)).monitor.record)
     assert growth == pytest.approx(abs(1 - 30.0 / 20.0 / 0.5))
     assert without == pytest.approx(1.0)
 

@@ -25,7 +25,7 @@ def test_either_kind_of_display_is_a_screen(name: str, monkeypatch: pytest.Monke
 
 
 def test_a_format_that_no_file_has_is_refused_before_the_run(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    monkeypatch.setattr(simulate, "prepare", lambda problem: pytest.fail("it was about to run"))
+    monkeypatch.setattr(simulate, "SingleRun", lambda problem: pytest.fail("it was about to run"))
     assert main(["simulate", str(ROOT / "models" / "three_links.toml"), "--out", "run.txt"]) == 2
     assert "'run.txt': unknown format; a trajectory is saved as .npz or .csv" in capsys.readouterr().err
 

@@ -136,9 +136,9 @@ def test_a_simulator_whose_energy_does_not_balance_stays_where_it_was() -> None:
     simulator = fl.Simulator(arm("none", **{"run.step": 0.01, "run.unstable": "allow"}))
     with pytest.raises(fl.errors.DivergenceError, match="does not balance") as caught:
         while True:
-            before, energies = simulator.state, simulator._balance.seen.copy()
+            before, energies = simulator.state, simulator._monitor._balance.seen.copy()
             simulator.step([0.0, 0.0])
-    np.testing.assert_array_equal(simulator._balance.seen, energies)
+    np.testing.assert_array_equal(simulator._monitor._balance.seen, energies)
     np.testing.assert_array_equal(simulator.state.q, before.q)
     np.testing.assert_array_equal(caught.value.trajectory.q[-1], before.q)
 
@@ -150,13 +150,13 @@ def test_a_call_that_is_refused_leaves_no_trace(way: str, monkeypatch: pytest.Mo
     disturbed, other = fl.Simulator(scene), fl.Simulator(scene)
     for k in range(20):
         if k % 5 == 3:
-            before, judged = disturbed.state, disturbed._balance.seen.copy()
+            before, judged = disturbed.state, disturbed._monitor._balance.seen.copy()
             with pytest.raises(fl.errors.DivergenceError, match=r"after t = 0\.0"):
                 disturbed.step([1e200, -1e200], duration=0.01)
             assert disturbed.time == before.t
-            np.testing.assert_array_equal(disturbed._balance.seen, judged)
+            np.testing.assert_array_equal(disturbed._monitor._balance.seen, judged)
             with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-                patch.setattr(disturbed, "_unbalanced", interrupted)
+                patch.setattr(disturbed._monitor, "unbalanced", lambda *_: interrupted())
                 disturbed._calls = OFTEN - 1
                 disturbed.step([1.0, 0.0], duration=0.01)
             disturbed._calls = other._calls

@@ -13,7 +13,7 @@ from conftest import flexible, make_scene
 import flexlink as fl
 from flexlink.kernels.stepping.judgement import WRONG
 from flexlink.kernels.stepping.step_state import SO_FAR
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import Monitor
 from flexlink.motion.verification import Second, doubt, second_runs
 from flexlink.results.balance import Balance
 from flexlink.results.samples import Steps
@@ -27,7 +27,7 @@ def path(off: float) -> np.ndarray:
     return np.column_stack([T / 4.0, np.full_like(T, off), np.zeros_like(T)])
 
 
-def monitor(run: fl.RunSettings, off: float) -> RunMonitor:
+def monitor(run: fl.RunSettings, off: float) -> Monitor:
     """Of a run by an implicit method, so far as a second run looks at it."""
     record = SimpleNamespace(tip=path(off), chain=CHAIN, t=T, q=np.zeros((41, CHAIN.n)), qd=np.zeros((41, CHAIN.n)))
     record.run, record.least_tolerance, record.compared = run, 1e-12, lambda stop: record.tip[:stop]
@@ -35,7 +35,7 @@ def monitor(run: fl.RunSettings, off: float) -> RunMonitor:
     of_a_run.n_valid = len(T)
     of_a_run.tolerance, of_a_run.suspicious, of_a_run.travelled = run.tolerance, False, 20.0
     of_a_run.steps = Steps("Radau5", 100, 500)
-    return cast("RunMonitor", of_a_run)
+    return cast("Monitor", of_a_run)
 
 
 def test_of_steps_of_order_two_the_error_is_a_third_of_what_twice_the_step_changes() -> None:
@@ -86,6 +86,6 @@ def test_the_joints_count_together_and_led_ones_and_hinges_that_vibrate_do_not()
     for first, stop in ((0, 7), (7, rows)):  # in two pieces
         assert known.look(first, stop, samples) == (stop, WRONG.nothing)
     seen = cast("Any", SimpleNamespace(_balance=known, angle_travelled=0.0))
-    assert RunMonitor.travelled.fget(seen) == pytest.approx(20.0)
+    assert Monitor.travelled.fget(seen) == pytest.approx(20.0)
     seen.angle_travelled = 25.0  # of all steps, where samples are few
-    assert RunMonitor.travelled.fget(seen) == 25.0
+    assert Monitor.travelled.fget(seen) == 25.0

@@ -13,7 +13,7 @@ from conftest import compiled, flexible, make_scene
 import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.kernels.stepping.adaptive import OUTCOME
-from flexlink.motion import fixed_steps, floating_steps, sampled_control, side_by_side
+from flexlink.motion import fixed_steps, floating_steps, sampled_control
 from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.batch import outcomes
 
@@ -143,8 +143,7 @@ def test_steps_that_end_early_without_a_reason_are_an_error_in_every_kind_of_run
         return go(integrate, fixed, first, min(stop, 50), *rest)
 
     monkeypatch.setattr(AdaptiveSteps, "take", half_way)
-    for module in (fixed_steps, side_by_side):
-        monkeypatch.setattr(module, "pieces", half)
+    monkeypatch.setattr(fixed_steps, "pieces", half)
     monkeypatch.setattr(sampled_control, "advance", some)
     monkeypatch.setattr(fixed_steps, "advance", some)
     with pytest.raises(fl.errors.DivergenceError) as caught:

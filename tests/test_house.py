@@ -20,8 +20,8 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 BARS = {
-    "layers of imports": 10, "classes": 346, "constants": 395, "public names": 75, "files of more than 350 lines": 8,
-    "functions of more than 60 lines of code": 2, "lines of contracts": 56,
+    "layers of imports": 10, "classes": 346, "constants": 393, "public names": 75, "files of more than 350 lines": 6,
+    "functions of more than 60 lines of code": 1, "lines of contracts": 56,
 }  # fmt: skip
 FEATURES = {
     "slides": ("slides|prismatic", 93), "couplings": ("coupl", 65), "branches": ("branch", 50),

@@ -22,7 +22,7 @@ from flexlink.motion.inputs import drives
 from flexlink.motion.inputs.drives import drive_arrays, gains_of
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.references import constant
-from flexlink.motion.single_run import prepare
+from flexlink.motion.single_run import SingleRun
 from flexlink.motion.step_errors import step_errors
 
 UP = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))
@@ -206,7 +206,7 @@ def test_stepping_loops_are_compiled_once_whatever_drives_the_arm() -> None:
 
 def test_a_probed_step_does_not_ask_a_sampled_law() -> None:
     """One that ends at an instant which the run itself has not reached."""
-    record = prepare(problem_of(arm({**PD, "rate": 1e4}))).record
+    record = SingleRun(problem_of(arm({**PD, "rate": 1e4}))).monitor.record
     before = [array.copy() for array in drives.remembered(record.inputs.drive)]
     step_errors(record, np.array([0]))
     for array, kept in zip(drives.remembered(record.inputs.drive), before, strict=True):

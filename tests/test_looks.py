@@ -14,7 +14,7 @@ import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.motion.batch import outcomes
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import Monitor
 from flexlink.results.record import Record
 
 TUMBLER = fl.Arm(
@@ -155,7 +155,7 @@ def test_postures_are_judged_alike_in_pieces_of_any_size(pieces: tuple[int, ...]
     chain, rows = problem.chain, np.arange(20.0)
     q = np.radians(np.multiply.outer(10.0 * rows, chain.stiffness > 0))
     q[2:, chain.index("b", 0, 0)] = 1.0
-    monitor = RunMonitor(Record(problem, rows, q, np.zeros_like(q)))
+    monitor = Monitor(Record(problem, rows, q, np.zeros_like(q)))
     for stop in pieces[1:]:
         monitor.check(stop)
     firsts = [float(np.linalg.eigvalsh(fl.mass_matrix(chain, row))[0]) <= 0 for row in q]

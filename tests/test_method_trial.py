@@ -12,7 +12,7 @@ import pytest
 import flexlink as fl
 from flexlink.kernels.stepping.adaptive import OUTCOME
 from flexlink.motion import method_trial
-from flexlink.motion.method_trial import Stepping
+from flexlink.motion.method_steps import MethodSteps
 
 SAMPLED = {
     "kind": "pd",
@@ -37,7 +37,7 @@ def test_methods_that_do_not_go_on_leave_no_trace_but_their_evaluations(
 ) -> None:
     whole = method_trial._cost_up_to_the_end
 
-    def never_cheaper(steps: Stepping, _most: float) -> float:
+    def never_cheaper(steps: MethodSteps, _most: float) -> float:
         assert math.isfinite(whole(steps, math.inf))
         return math.inf
 
@@ -95,9 +95,6 @@ class Rejecting:
 
     def take(self, _most: int) -> int:
         return int(OUTCOME.goes_on)
-
-    def cost(self, _name: str, evaluations: float) -> float:
-        return evaluations
 
 
 def test_a_stretch_in_which_nothing_was_accepted_compares_nothing() -> None:

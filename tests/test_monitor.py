@@ -19,7 +19,7 @@ from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance, explained_by
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import Monitor
 from flexlink.motion.tolerable import allowed_imbalance
 from flexlink.results import balance
 from flexlink.results.record import Record, trajectory_from_states
@@ -223,10 +223,10 @@ def test_a_hinge_bent_to_where_its_axes_coincide_is_named() -> None:
     assert any("hinge 'a.1.y' is bent by" in warning for warning in run.warnings)
 
 
-def looked_at(scene: fl.Scene, q: np.ndarray) -> RunMonitor:
+def looked_at(scene: fl.Scene, q: np.ndarray) -> Monitor:
     """The monitor of a run whose only sample is a posture, at rest."""
     problem = problem_of(replace(scene, run=replace(scene.run, duration=0.0)))
-    monitor = RunMonitor(Record(problem, np.zeros(1), np.array([q]), np.zeros((1, problem.chain.n))))
+    monitor = Monitor(Record(problem, np.zeros(1), np.array([q]), np.zeros((1, problem.chain.n))))
     monitor.check(1)
     return monitor
 

@@ -19,8 +19,8 @@ from flexlink.common.output import make_folder, or_keep, write_text
 PAPER, TAPPED = str(ROOT / "models/paper_fig5.toml"), str(ROOT / "models/fits/tapped.toml")
 PAYLOAD = str(ROOT / "models/sweeps/payload.toml")
 COMMANDS = {  # the command without its place, the place, and the work that must not have begun
-    "simulate": (["simulate", PAPER, "--out"], "run.npz", "simulate.prepare"),
-    "simulate --plot": (["simulate", PAPER, "--plot"], "run.png", "simulate.prepare"),
+    "simulate": (["simulate", PAPER, "--out"], "run.npz", "simulate.SingleRun"),
+    "simulate --plot": (["simulate", PAPER, "--plot"], "run.png", "simulate.SingleRun"),
     "advise": (["advise", PAPER, "--tip", "1e-3", "-o"], "arm.toml", "advise.advise"),
     "modes": (["modes", PAPER, "--plot"], "modes.png", "modes.modes"),
     "show": (["show", PAPER, "-o"], "film.html", "show.simulate"),
@@ -118,7 +118,8 @@ def test_a_sweep_whose_members_all_fail_is_no_success(tmp_path: Path, capsys: py
 
 def test_out_of_memory_has_no_colon_without_a_reason(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     for error, line in ((MemoryError(), "not enough memory"), (MemoryError("8 GB"), "not enough memory: 8 GB")):
-        monkeypatch.setattr("flexlink.cli.simulate.prepare", lambda *_, error=error, **__: (_ for _ in ()).throw(error))
+        raised = lambda *_, error=error, **__: (_ for _ in ()).throw(error)
+        monkeypatch.setattr("flexlink.cli.simulate.SingleRun", raised)
         assert main(["simulate", PAPER]) == 2
         assert capsys.readouterr().err.splitlines()[-1] == f"flexlink: {line}"
 

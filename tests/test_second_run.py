@@ -16,7 +16,7 @@ from flexlink.common.interruption import Stop
 from flexlink.motion import single_run as single
 from flexlink.motion import verification as second_run
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import Monitor
 from flexlink.motion.verification import Second
 from flexlink.results import balance
 from validation.random_arms import Dice
@@ -73,7 +73,7 @@ def test_twice_the_step_judges_nothing_where_its_steps_were_taken_in_parts_as_th
 ) -> None:
     judges = []
 
-    def doubt(monitor: RunMonitor, second: Second, tip: np.ndarray) -> str:
+    def doubt(monitor: Monitor, second: Second, tip: np.ndarray) -> str:
         judges.append(second.run)
         return second_run.doubt(monitor, second, tip)
 
@@ -181,9 +181,11 @@ def test_a_motion_that_turns_round_and_round_is_within_its_tolerance_or_warned()
 
 
 def test_only_what_turns_far_has_a_second_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    runs: list[RunMonitor] = []
-    begin = single.steps_of
-    monkeypatch.setattr(single, "steps_of", lambda monitor, halved: runs.append(monitor) or begin(monitor, halved))
+    runs: list[Monitor] = []
+    begin = single.SingleRun.advance
+    monkeypatch.setattr(
+        single.SingleRun, "advance", lambda run, *some, **named: runs.append(run.monitor) or begin(run, *some, **named)
+    )
     for rate, wanted in ((90.0, 1), (36000.0, 2)):
         runs.clear()
         fl.simulate(spinning(rate), relative_tolerance=1e-2)
@@ -202,9 +204,11 @@ def test_energy_that_only_the_tolerance_excuses_calls_for_a_second_run_which_con
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Vibrations that stay below the tolerance are damped away, and with them most of the energy."""
-    runs: list[RunMonitor] = []
-    begin = single.steps_of
-    monkeypatch.setattr(single, "steps_of", lambda monitor, halved: runs.append(monitor) or begin(monitor, halved))
+    runs: list[Monitor] = []
+    begin = single.SingleRun.advance
+    monkeypatch.setattr(
+        single.SingleRun, "advance", lambda run, *some, **named: runs.append(run.monitor) or begin(run, *some, **named)
+    )
     zigzag = fl.InitialState(q=(0.0, 0.03, -0.03, 0.03, -0.03))
     scene = make_scene(flexible("a", segments=5), initial=zigzag)
     scene = scene.varied({"run": fl.RunSettings(method="Radau5", tolerance=0.05, duration=1.0, sample=0.01)})
@@ -238,10 +242,10 @@ def test_runs_side_by_side_from_rest_are_doubted_for_their_energy_as_single_ones
 def test_a_second_run_that_is_stopped_confirms_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"initial.joint_deg": (0.0, 70.0, 90.0)})
     varied = scene.varied({"run": fl.RunSettings(tolerance=1e-3, sample=0.1, duration=2.5)})
-    run = single.SingleRun(single.prepare(problem_of(varied)))
+    run = single.SingleRun(problem_of(varied))
     stop, began = Stop(), []
 
-    def stopped(monitor: RunMonitor, name: str) -> Iterator[Second]:
+    def stopped(monitor: Monitor, name: str) -> Iterator[Second]:
         stop.signal = signal.SIGINT
         began.append(name)
         yield from second_run.second_runs(monitor, name)

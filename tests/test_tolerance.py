@@ -16,10 +16,11 @@ import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.describe.schemes.methods import method
 from flexlink.kernels.inputs.laws import TABLE
+from flexlink.motion.batch import outcomes
 from flexlink.motion.inputs.actuation import input_arrays
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.references import constant
-from flexlink.motion.single_run import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun
 from validation.random_arms import Dice
 
 pytestmark = compiled
@@ -192,11 +193,19 @@ def test_the_deflection_of_an_arm_that_starts_bent_in_a_stiff_way_is_no_more_tha
     zigzag = fl.InitialState(q=(0.0, 0.03, -0.03, 0.03, -0.03))
     run = fl.RunSettings(method="DOP853", relative_tolerance=1e-2, accuracy="deflection", duration=0.1, sample=0.01)
     scene = make_scene(flexible("a", segments=5), initial=zigzag).varied({"run": run})
-    ready = SingleRun(prepare(problem_of(scene)))
+    ready = SingleRun(problem_of(scene))
     there = ready.steps.deflection
     ready.finish(Stop())
     largest = float(np.abs(ready.monitor.record.q).sum(axis=1).max()) * ready.monitor.record.chain.reach
     assert there <= ready.steps.deflection <= largest < ready.monitor.record.chain.reach
+
+
+def test_a_member_whose_tolerance_no_step_can_keep_is_refused_by_itself() -> None:
+    good = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"))
+    good = good.varied({"run": fl.RunSettings(tolerance=1e-3, duration=0.1, sample=0.01)})
+    refused, run = outcomes([good.varied({"run.tolerance": 1e-30}), good], Stop())
+    assert isinstance(refused, fl.errors.SceneError) and "below the rounding error" in str(refused)
+    assert isinstance(run, fl.Trajectory)
 
 
 def test_a_part_of_no_deflection_is_no_tolerance() -> None:

@@ -14,19 +14,19 @@ from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.motion import monitor
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.static_feedforward import holding_torque
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import Monitor
 from flexlink.motion.tolerable import tolerance_of
 from flexlink.results import resolved_modes
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import Failure
 
 
-def monitor_of(scene: fl.Scene, *postures: Array) -> RunMonitor:
+def monitor_of(scene: fl.Scene, *postures: Array) -> Monitor:
     """The monitor of a run that shows these postures, at rest."""
     last = 0.01 * (len(postures) - 1)
     problem = problem_of(replace(scene, run=replace(scene.run, sample=0.01, duration=last)))
     q = np.array(postures)
-    return RunMonitor(Record(problem, 0.01 * np.arange(len(q)), q, np.zeros_like(q)))
+    return Monitor(Record(problem, 0.01 * np.arange(len(q)), q, np.zeros_like(q)))
 
 
 @pytest.mark.parametrize(("angle", "told"), [(-31.0, "-31"), (-29.0, ""), (44.0, ""), (46.0, "46")])

@@ -24,7 +24,7 @@ from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.motion.evaluation_cost import evaluation_cost, run_cost
 from flexlink.motion.inputs.actuation import acting_at, input_arrays
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.single_run import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
 
@@ -125,7 +125,7 @@ class ModelRunner:
             scene = self.scene_of(model, stepping)
             scene = scene if initial is None else replace(scene, initial=initial)
             with deferred() as stop:
-                run = self._finish(SingleRun(prepare(problem_of(scene, self.chain(model)))), stop)
+                run = self._finish(SingleRun(problem_of(scene, self.chain(model))), stop)
         except DivergenceError as error:
             run, reason = error.trajectory, str(error)
         except FlexlinkError as error:

@@ -34,7 +34,7 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.sensors.columns import coarse_samples
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.single_run import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun
 from flexlink.results.files import output_format
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
@@ -83,7 +83,7 @@ def run_command(options: argparse.Namespace) -> int:
         require_writable(options.out)
     require_picture(options.plot)
     with prefix_errors(options.scene):
-        ready = SingleRun(prepare(problem_of(scene)))  # compiled: a signal need not wait, and no run is timed by it
+        ready = SingleRun(problem_of(scene))  # compiled: a signal need not wait, and no run is timed by it
         print_notes(scene)
     with deferred() as stop, contextlib.ExitStack() as last:
         last.callback(finish)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import Any
 
 from flexlink.chain.chain import Chain
@@ -54,7 +55,7 @@ class InitialValueProblem:
         """The time t₀ at which it starts [s]."""
         return self.scene.initial.time
 
-    @property
+    @functools.cached_property
     def explicit(self) -> bool:
         """Whether it is integrated in fixed steps of an explicit method."""
         return steps_explicitly(self.run)

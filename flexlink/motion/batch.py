@@ -22,7 +22,7 @@ from flexlink.motion.budget import warn
 from flexlink.motion.inputs.problem import problems_of
 from flexlink.motion.inputs.step_check import judge_steps
 from flexlink.motion.side_by_side import Block, Ended, Member, Run, alike, goes_along
-from flexlink.motion.single_run import SingleRun, allocate
+from flexlink.motion.single_run import SingleRun
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
@@ -173,10 +173,7 @@ def _ended(end: Run | Outcome) -> Ended:
 
 def _alone(member: Member, stop: Stop) -> Outcome:
     try:
-        monitor = allocate(member.problem, warnings=member.warnings)
-    except FlexlinkError as error:
-        return error
-    try:
-        return SingleRun(monitor).finish(stop, compared=member.compared, warn=warn)
-    except (DivergenceError, InterruptedRunError) as error:
+        run = SingleRun(member.problem, warnings=member.warnings)
+        return run.finish(stop, compared=member.compared, warn=warn)
+    except (FlexlinkError, InterruptedRunError) as error:
         return error

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import method
@@ -15,33 +14,35 @@ from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.floating_steps import Arrays, advance, far_of
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.sampled_control import Control
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import Failure
 
-Indices = NDArray[np.intp]
+Lanes = tuple[Any, Arrays, Arrays]
+"""Of eight runs side by side: scratch, state (n, 8) and samples (rows, n, 8)."""
 
 
 class FixedSteps:
-    """Stepper of a run; `failure` says why it ended early."""
+    """Stepper of a run, or of eight side by side in `lanes`; `failure` says why it ended early."""
 
     slow, deflection, angle_travelled = (0, ""), 0.0, 0.0  # of steps with a tolerance, or of an implicit method
 
-    def __init__(self, monitor: RunMonitor) -> None:
-        record, run = monitor.record, monitor.run
-        self.run = run
+    def __init__(self, record: Record, control: Control | None = None, lanes: Lanes | None = None) -> None:
+        self.record, self.run, self.origin = record, record.run, record.origin
         self.failure: Failure | None = None
-        self.scratch, self.tableau = record.scratch, method(run.method).arrays
+        self.tableau = method(record.run.method).arrays
         self.no_samples = *np.empty((2, 0, record.chain.n)), np.empty(0)
         self._inputs: Inputs | None = None  # that `_integrate` is compiled for
         record.begin()
-        self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
-        self.record, self.joint_name, self.origin = record, record.chain.joint_name, record.origin
-        if monitor.control is None:
-            self._pieces = pieces(run, record, record.scratch, self.state, (record.q, record.qd, record.works))
+        if lanes is None:
+            start = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
+            lanes = record.scratch, start, (record.q, record.qd, record.works)
+        self.scratch, self.state, samples = lanes
+        if control is None:
+            self._pieces = pieces(self.run, record, self.scratch, self.state, samples)
         else:
-            self._pieces = monitor.control.pieces(record, run, self.state)
+            self._pieces = control.pieces(record, self.run, self.state)
         self._done = next(self._pieces)  # compiles, while no signal is deferred
 
     def __iter__(self) -> Iterator[Reached]:
@@ -99,7 +100,8 @@ class FixedSteps:
 
     def _not_finite(self) -> Failure:
         (q, qd, _), step = self.state, self._done + 1
-        joint = self.joint_name(int(np.argmin(np.isfinite(q) & np.isfinite(qd))))
+        finite = (np.isfinite(q) & np.isfinite(qd)).reshape(len(q), -1).all(axis=1)
+        joint = self.record.chain.joint_name(int(np.argmin(finite)))
         time = (self.origin + step) * self.run.fixed_step
         return Failure(f"the state is no longer finite at t = {time:.6g} s (step {step}, joint {joint!r})")
 

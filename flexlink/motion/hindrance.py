@@ -1,20 +1,24 @@
-"""Known causes of short steps and of failing Newton iterations, and what helps."""
+"""Known causes of short steps and of failing Newton iterations, and what helps: why steps hang or get stuck."""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 import scipy
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
+from flexlink.describe.own_units import in_words
+from flexlink.describe.run_settings import AUTO, DEFAULT_TOLERANCE
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.motion.inputs.drives import gains_of
 from flexlink.motion.inputs.tip_wrench import wrench_at
 from flexlink.results.record import Record
+from flexlink.results.stop_reasons import Failure
 
 
 def hindrance(record: Record, q: Array) -> tuple[str, str] | None:
@@ -27,6 +31,35 @@ def hindrance(record: Record, q: Array) -> tuple[str, str] | None:
             "use a higher rate, smaller gains, or no rate, or give the joints armature",
         )
     return _locked_gimbal(record, q)
+
+
+def hanging(record: Record, state: Sequence[Array], t: float, how: str) -> tuple[str, str]:
+    """Where and how a run hangs in a state q, q̇, q̈ at time t [s], and what may help."""
+    text, (q, _, qdd, *_), chain = f"t = {t:.6g} s: {how}", state, record.chain
+    if known := hindrance(record, q):
+        cause, advice = known
+        return f"{text}; {cause}", advice
+    k, own = int(np.argmax(np.abs(qdd))), "" if record.run.method == AUTO else "method = 'auto', "
+    at = in_words(bool(chain.slides[k]), float(q[k]), ".3g" if chain.slides[k] else ".1f")
+    worst = f"joint {chain.joint_name(k)!r} at {at} is accelerated most"
+    return f"{text}; {worst}", f"try {own}a larger tolerance or fixed steps, or raise max_evaluations"
+
+
+def stuck(record: Record, q: Array, t: float, h: float, unsolved: int | None) -> Failure:
+    """Why no step down to a length h [s] works at time t [s]: of which joint the stages are `unsolved`, if they are."""
+    run, chain = record.run, record.chain
+    text = f"no step down to {h:.3g} s meets the tolerance at t = {t:.6g} s"
+    if unsolved is not None:
+        iteration = f"Newton's iteration does not converge (joint {chain.joint_name(unsolved)!r})"
+        text = f"no step down to {h:.3g} s works at t = {t:.6g} s: {iteration}"
+    if known := hindrance(record, q):
+        cause, advice = known
+        return Failure(f"{text}; {cause}", advice)
+    if not run.controlled and chain.hinges["coulomb"].any():
+        cause, allowed = f"{text}; dry friction turns round within it", DEFAULT_TOLERANCE * chain.size
+        return Failure(cause, f"take run.tolerance, such as {allowed:.1g} m, in place of run.step")
+    fixed = f"try a tolerance, which steps follow, or a smaller step than {run.fixed_step:g} s"
+    return Failure(text, "" if run.controlled else fixed)
 
 
 def loop_is_unstable(record: Record) -> bool:

@@ -7,59 +7,14 @@ so that runs repeat to the bit.
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
 
 from flexlink.describe.schemes.methods import method
 from flexlink.kernels.stepping.adaptive import OUTCOME
+from flexlink.motion.evaluation_cost import run_cost
+from flexlink.motion.method_steps import MethodSteps
 
 
-class Stepping(Protocol):
-    """What a trial asks of a run: name of its method, end of its piece [s], evaluations by other methods."""
-
-    name: str
-    end: float
-    evaluations_before: int
-
-    @property
-    def time(self) -> float:
-        """Where the run is [s]."""
-
-    @property
-    def row(self) -> int:
-        """Row of the next sample."""
-
-    @property
-    def tries(self) -> int:
-        """Steps that were tried so far."""
-
-    @property
-    def evaluations(self) -> int:
-        """Evaluations so far, those of other methods in trials included."""
-
-    def take(self, most: int) -> int:
-        """Try up to so many steps; an OUTCOME."""
-
-    def go_on_with(self, name: str, end: float) -> None:
-        """Go on with another method, up to a time [s]."""
-
-    def aim(self, start: float, end: float) -> None:
-        """Begin a piece between two times [s]."""
-
-    def cost(self, name: str, evaluations: float) -> float:
-        """CPU time of evaluations by a method [s], as it is listed."""
-
-    @property
-    def fastest(self) -> float:
-        """The fastest frequency, or decay, at this posture [rad/s]."""
-
-    def saved(self, row: int) -> Any:
-        """All that steps change, samples from a row on included."""
-
-    def restore(self, saved: Any) -> None:
-        """Go back to where `saved` was."""
-
-
-def go_on_with_the_cheapest(steps: Stepping) -> int:
+def go_on_with_the_cheapest(steps: MethodSteps) -> int:
     """Take a stretch of a run by its method and by each that may be cheaper; stay with the cheapest; an OUTCOME."""
     row, begin, end = steps.row, steps.time, steps.end
     start, first, before = steps.saved(row), steps.name, steps.evaluations
@@ -87,7 +42,7 @@ def go_on_with_the_cheapest(steps: Stepping) -> int:
     return how
 
 
-def _cost_up_to_the_end(steps: Stepping, most: float) -> float:
+def _cost_up_to_the_end(steps: MethodSteps, most: float) -> float:
     """Cost of going to the end of the piece [s]; infinite if it is more than `most`."""
     before, how = steps.evaluations, int(OUTCOME.goes_on)
     while how == OUTCOME.goes_on and _cost(steps, before) < most:
@@ -96,13 +51,13 @@ def _cost_up_to_the_end(steps: Stepping, most: float) -> float:
     return _cost(steps, before) if how == OUTCOME.ended else math.inf
 
 
-def _cost(steps: Stepping, before: int) -> float:
+def _cost(steps: MethodSteps, before: int) -> float:
     """Of the evaluations since there were so many [s]."""
-    return steps.cost(steps.name, steps.evaluations - before)
+    return run_cost(steps.record.chain, steps.name, steps.evaluations - before)
 
 
-def _least_cost(steps: Stepping, name: str, angle: float) -> float:
+def _least_cost(steps: MethodSteps, name: str, angle: float) -> float:
     """What a method costs at least [s] in a time in which the fastest motion turns by an angle [rad]."""
     explicit = method(name).explicit
     # |h ω| of an explicit method up to which steps may be stable: that of DOP853 ends there, or before
-    return steps.cost(name, method(name).stages * angle / 6.0) if explicit else 0.0
+    return run_cost(steps.record.chain, name, method(name).stages * angle / 6.0) if explicit else 0.0

@@ -7,19 +7,18 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from flexlink.chain.chain import Chain
-from flexlink.common.memo import keep_last
 from flexlink.common.types import Array
 from flexlink.describe.own_units import in_words
 from flexlink.describe.run_settings import AUTO
 from flexlink.describe.schemes.methods import method
-from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.stepping.judgement import SEEN, WRONG, Allowance
+from flexlink.kernels.stepping.samples import tips_and_energies
+from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.motion.hindrance import hindrance
 from flexlink.motion.sampled_control import Control, held_torques_advice
-from flexlink.motion.step_errors import step_errors
-from flexlink.motion.tolerable import Thresholds, allowed_imbalance, apart, probed, tolerance_of
+from flexlink.motion.step_errors import rounded_away, step_errors, summed
+from flexlink.motion.tolerable import Thresholds, allowed_imbalance, probed, tolerance_of
 from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -28,7 +27,7 @@ from flexlink.results.tip_motion import extent_of_motion, motion_in_words
 from flexlink.results.trajectory import Trajectory
 
 
-class RunMonitor:
+class Monitor:
     """Checks the samples of a run, chunk by chunk in the order of time.
 
     Each is judged by what was before it, so that nothing depends on how long the chunks are.
@@ -52,7 +51,7 @@ class RunMonitor:
             chain, record.inputs.potential_force, insisted=run.unstable == "allow",
             bend=Thresholds.far_bent, near=Thresholds.at_limit, kept=record.kept,
         )  # fmt: skip
-        self.negative_rotors = _negative_rotors(chain)
+        self.negative_rotors = chain.hinges["armature"].min(initial=0.0) < 0
         self.n_valid, self.failure = 0, ""
         self.warnings = list(warnings)
         self.confirmed = False
@@ -62,6 +61,11 @@ class RunMonitor:
         self._step_errors = [np.zeros(0)]
         self._furthest = -Thresholds.a_degree  # bend of a hinge at which M was judged last [rad]
         self._extent = 0, 0.0  # number of samples, and theirs
+
+    def begin(self) -> None:
+        """Find tip and energies of the first sample, by which all others are judged."""
+        self.record.derive(0, 1)
+        self._balance.start(self.record.energy[:, 0], self.record.tip[0])
 
     def compile(self) -> None:
         """Compile what `check` calls, while no signal is deferred."""
@@ -95,8 +99,8 @@ class RunMonitor:
             bent = self._bent(definite, self._bends(slice(definite, stop))[0])
             self.failure = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
         if self.n_valid > first and self.explicit:
-            with np.errstate(all="ignore"):
-                self._probe_steps(slice(first, self.n_valid), errors)
+            whole = self.n_valid == stop
+            self._step_errors.append(errors if whole and errors is not None else self._probed(first, errors))
         return not self.failure
 
     def trajectory(self) -> Trajectory:
@@ -163,29 +167,52 @@ class RunMonitor:
             if wrong == WRONG.nothing and self.n_valid == begin < end:
                 samples, allowed = self.record.samples, self._allowance(name)
                 self.n_valid, wrong = self._balance.look(begin, end, samples, allowed)
-        rows = slice(first, self.n_valid)
-        for row, key, text in sorted(self._findings(rows), key=lambda found: found[0]):
-            self._warn(key, row, text)
+        if seen[SEEN.garbage] >= 0 or seen[SEEN.bent] or seen[SEEN.beyond]:
+            for row, key, text in sorted(self._findings(slice(first, self.n_valid)), key=lambda found: found[0]):
+                self._warn(key, row, text)
         if seen[SEEN.garbage] >= 0 and self.run.unstable != "allow":
-            self.failure = f"{self._unbalanced()} (at most {balance.SHARE:.0%} allowed)"
+            self.failure = f"{self._imbalance()} (at most {balance.SHARE:.0%} allowed)"
         self.failure = wrong_samples.get(wrong, self.failure)
 
     def _findings(self, rows: slice) -> Iterator[tuple[int, str, str]]:
         """What a reader of these samples should know: rows, what it is about, and texts."""
         seen = self._balance.seen
         if seen[SEEN.garbage] >= 0 and self.run.unstable == "allow":
-            yield int(seen[SEEN.garbage]), "balance", self._unbalanced()
+            yield int(seen[SEEN.garbage]), "balance", self._imbalance()
         if seen[SEEN.bent]:
             yield from self._far_bends(rows)
         if seen[SEEN.beyond]:
             yield from self._past_limits(rows)
 
-    def _unbalanced(self) -> str:
-        r, X = self._balance.seen[[SEEN.imbalance, SEEN.available]]
+    def _imbalance(self, left: int = SEEN.imbalance, of: int = SEEN.available) -> str:
+        r, X = self._balance.seen[[left, of]]
         return f"the energy does not balance: E − E(0) − W = {r:.3g} J of {X:.3g} J exchanged"
+
+    def unbalanced(self, q: Array, qd: Array, work: Array, steps: Steps, deflection: float) -> Failure | None:
+        """What is wrong with the energy in a state beyond the samples, if anything is, also where the run insists.
+
+        Of a run that has begun: angles and rates (n,), the integrated work (1,) and the steps to there, the largest
+        `deflection` so far [m]. What is wrong leaves no trace.
+        """
+        record, seen = self.record, self._balance.seen
+        tip, energy = np.empty((1, 3)), np.empty((3, 1))
+        tips_and_energies(record.chain.arrays, q[None], qd[None], tip, energy)
+        work = work + (tip - record.tip[0]) @ record.inputs.potential_force
+        before, so_far = seen.copy(), np.zeros((1, SO_FAR.size))
+        so_far[0, [SO_FAR.deflection, SO_FAR.steps]] = deflection, steps.taken
+        samples = record.t[:1], q[None], qd[None], np.zeros((1, len(q))), tip, energy, work, so_far
+        seen[SEEN.garbage] = -1.0
+        _, wrong = self._balance.look(0, 1, samples, self._allowance(steps.method)._replace(compared=False))
+        if wrong == WRONG.kinetic or (wrong == WRONG.nothing and seen[SEEN.garbage] < 0):
+            return None
+        text = self._imbalance(SEEN.last, SEEN.exchanged)
+        seen[:] = before
+        return Failure(text)
 
     def _allowance(self, name: str) -> Allowance:
         """Energy imbalance that the tolerance explains of samples by a method."""
+        if not self.run.controlled:
+            return balance.NOTHING
         explicit = name != AUTO and method(name).explicit  # before the first step it may not be picked yet
         return allowed_imbalance(
             self.run, self.record.chain, self.record.least_tolerance, explicit, compared=not explicit
@@ -232,29 +259,33 @@ class RunMonitor:
         k = int(self._balance.bounds.bending[np.argmax(bends)])
         return f"hinge {self.record.chain.joint_name(k)!r} is bent by {np.degrees(self.record.q[row, k]):.1f}°"
 
-    def _probe_steps(self, rows: slice, known: Array | None) -> None:
-        """Measure the errors of some steps."""
-        sampled = probed(self.run, rows)
-        errors = step_errors(self.record, sampled) if known is None else known[: len(sampled)].copy()
-        errors[errors < rounding.of_position(self.record.chain)] = 0.0
-        self._step_errors.append(errors)
+    def _probed(self, first: int, known: Array | None) -> Array:
+        """The errors of some steps from a valid sample on, measured if they are not known."""
+        sampled = probed(self.run, slice(first, self.n_valid))
+        if known is not None:
+            return known[: len(sampled)]
+        with np.errstate(all="ignore"):
+            return step_errors(self.record, sampled)
 
     @property
     def tip_error(self) -> float:
         """Sum of the errors of an explicit method's fixed steps [m], extrapolated from measured ones; 0 of others."""
         if not self.explicit:
             return 0.0
-        return float(np.concatenate(self._step_errors).sum()) * apart(self.run) * self.run.steps_per_sample
+        return float(summed(self.run, np.concatenate(self._step_errors), np.array(self.record.chain.size)))
 
     def _doubts(self) -> Iterator[str]:
         """Warnings of a run that passed all checks but may be inaccurate."""
         if self.n_valid < 2:
             return
-        rounded = self._rounded_away()
-        moved = self.extent if self.tip_error or rounded else np.inf
-        if self.tip_error > Thresholds.doubt * Thresholds.tip_share * moved:
+        rounded, tip_error = 0.0, self.tip_error
+        if not self.run.controlled:
+            q, qd = self.record.q[: self.n_valid], self.record.qd[: self.n_valid]
+            rounded = float(rounded_away(self.run, q, qd, np.array(self.record.chain.size)))
+        moved = self.extent if tip_error or rounded else np.inf
+        if tip_error > Thresholds.doubt * Thresholds.tip_share * moved:
             yield (
-                f"doubtful: step errors add up to {self.tip_error:.2g} m, "
+                f"doubtful: step errors add up to {tip_error:.2g} m, "
                 f"{motion_in_words(self.record.chain, moved)}; "
                 "halve the step and compare"
             )
@@ -283,25 +314,7 @@ class RunMonitor:
         """Angle [rad] that all driven joints travel, back and forth, in all steps, or by their rates at the samples."""
         return max(self.angle_travelled, float(self._balance.seen[SEEN.travelled]))
 
-    def _rounded_away(self) -> float:
-        """Tip motion [m] that rounding of q + h q̇ in N fixed steps may lose: N h q̇, at most N ulp(q)/2.
-
-        Nothing at the angles of a few turns, where that is what rounding leaves anyway.
-        """
-        if self.run.controlled:
-            return 0.0
-        record, run = self.record, self.run
-        q, qd = (np.abs(part[: self.n_valid]).max(axis=0) for part in (record.q, record.qd))
-        step, size = float(np.minimum(run.fixed_step * qd, np.spacing(q) / 2).sum()), record.chain.size
-        return step * size * self.n_valid * run.steps_per_sample if step * size > rounding.of_reach(size) else 0.0
-
     def _warn(self, key: str, row: int, text: str) -> None:
         if key not in self._warned:
             self._warned.add(key)
             self.warnings.append(f"t = {self.record.t[row]:.6g} s: {text}")
-
-
-@keep_last(64)
-def _negative_rotors(chain: Chain) -> bool:
-    """Whether a rotor has a negative inertia."""
-    return bool((chain.hinges["armature"] < 0).any())

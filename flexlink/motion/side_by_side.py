@@ -1,7 +1,6 @@
-"""Eight runs of one layout in one pass of the compiled loop, and what they have in common judged once.
+"""Eight runs of one layout in one pass of the compiled loop, judged by the `Monitor` of each, as a run alone is.
 
-Samples have a leading axis of members. Who passes every look is done; who calls for a second look, a warning or an
-error is looked at by `RunMonitor`, as a run alone is.
+Samples have a leading axis of members.
 """
 
 from __future__ import annotations
@@ -18,22 +17,20 @@ from flexlink.common.interruption import Stop
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
 from flexlink.describe.whole_steps import multiples
-from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.dynamics.energy import Energy
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.placement import unbent
 from flexlink.kernels.geometry.kinematics import tip_points
-from flexlink.kernels.stepping.judgement import SEEN, WRONG
 from flexlink.kernels.tools.lanes import LANES
-from flexlink.motion.fixed_steps import pieces, steps_up_to
+from flexlink.motion.fixed_steps import FixedSteps, steps_up_to
 from flexlink.motion.inputs.drives import acts_on_many, same_law
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import Monitor
 from flexlink.motion.single_run import verify
-from flexlink.motion.step_errors import step_errors_side_by_side
-from flexlink.motion.tolerable import Thresholds, apart, probed
+from flexlink.motion.step_errors import rounded_away, step_errors_side_by_side, summed
+from flexlink.motion.tolerable import Thresholds, probed
 from flexlink.results import balance
-from flexlink.results.record import Record
+from flexlink.results.record import Record, noted
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError, ended_early
 from flexlink.results.trajectory import Trajectory
@@ -100,12 +97,14 @@ class Block:
         self.q, self.qd = np.empty((2, b, rows, n))
         self.tau, self.tip = np.empty((b, rows, n)), np.empty((b, rows, 3))
         self.energy, self.works = np.empty((b, 3, rows)), np.zeros((b, rows))
-        self.records = [Record(member.problem, self.t, self.q[k], self.qd[k]) for k, member in enumerate(members)]
-        for k, record in enumerate(self.records):
-            record.tau, record.tip = self.tau[k], self.tip[k]
-            record.energy, record.works = self.energy[k], self.works[k]
-            if not problem.inputs.motion.joints.size:  # whose torques take scratch of a member's own chain
-                record.kept = kept
+        shared = None if problem.inputs.motion.joints.size else kept  # torques of motions take scratch of an own chain
+        each = zip(self.q, self.qd, self.tau, self.tip, self.energy, self.works, strict=True)
+        steps = noted(problem, rows)
+        self.records = [
+            Record(member.problem, self.t, q, qd, shared, (*others, steps))
+            for member, (q, qd, *others) in zip(members, each, strict=True)
+        ]
+        self.monitors = [Monitor(*each) for each in zip(self.records, (m.warnings for m in members), strict=True)]
         self.rows, self.steps = 0, Steps(self.run.method, 0, 0)
         self.errors = np.zeros((b, 0))
 
@@ -120,11 +119,11 @@ class Block:
             q[0, :, lane], qd[0, :, lane] = (part[min(lane, b - 1), 0] for part in (self.q, self.qd))
         state = q[0].copy(), qd[0].copy(), np.zeros((1, LANES))
         work = lanes_workspace(solver_for(self.chain, run.solver), [record.chain for record in self.records])
-        done = 0
-        for done in pieces(run, self.records[0], work, state, samples):  # noqa: B007  where it ended
+        steps = FixedSteps(self.records[0], lanes=(work, state, samples))
+        for self.rows, _ in steps:
             if stop.asked:
                 break
-        self.rows, self.steps = done // run.steps_per_sample + 1, steps_up_to(run, done)
+        self.steps = steps.steps
         if not stop.asked and ended_early(float(self.t[self.rows - 1]), float(self.t[-1])):
             return False
         self.errors = step_errors_side_by_side(self.records, work, samples[:2], probed(run, slice(0, self.rows)))
@@ -134,9 +133,10 @@ class Block:
 
     def ends(self, stop: Stop) -> list[Run | Ended]:
         """What has become of every member."""
-        if stop.asked:
-            return [self._looked_at(k, stop) for k in range(len(self.members))]
-        return [Run(self, k) if good else self._looked_at(k, stop) for k, good in enumerate(self._passed().tolist())]
+        for monitor, errors in zip(self.monitors, self.errors, strict=True):
+            monitor.check(self.rows, self.steps, errors)
+        calm = self._calm().tolist()
+        return [Run(self, k) if calm[k] and not stop.asked else self._ended(k, stop) for k in range(len(calm))]
 
     @functools.cached_property
     def samples(self) -> Samples:
@@ -161,12 +161,12 @@ class Block:
 
     def trajectory(self, k: int) -> Trajectory:
         """The run of a member that passed."""
-        return self.records[k].trajectory(self.rows, self.members[k].warnings, self.steps)
+        return self.records[k].trajectory(self.rows, tuple(self.monitors[k].warnings), self.steps)
 
-    def _looked_at(self, k: int, stop: Stop) -> Ended:
-        """What has become of a member, judged like a run alone."""
-        monitor = RunMonitor(self.records[k], self.members[k].warnings)
-        if not monitor.check(self.rows, self.steps, self.errors[k]):
+    def _ended(self, k: int, stop: Stop) -> Ended:
+        """What has become of a member that may be doubted, compared with another run, or no run at all."""
+        monitor = self.monitors[k]
+        if monitor.failure:
             monitor.steps = steps_up_to(self.run, monitor.n_valid * self.run.steps_per_sample)
             return monitor.diverged()
         if self.members[k].compared and not stop.asked:
@@ -175,51 +175,21 @@ class Block:
             return InterruptedRunError(monitor.trajectory(), stop.signal)
         return monitor.trajectory()
 
-    def _passed(self) -> NDArray[np.bool_]:
-        """Whose samples pass every look without a word."""
+    def _calm(self) -> NDArray[np.bool_]:
+        """Whose samples are all right, and nothing calls for a doubt or for another run."""
         # part of a limit from which a member is looked at by itself: what is found together may differ in its last
         # digits
         nearly = 0.9
-        chains = [record.chain for record in self.records]
-        rounded = rounding.of_reach(1.0) * np.array([chain.size for chain in chains])
-        seen, good = self._look()
-        least = nearly * Thresholds.doubt * balance.SHARE * seen[:, SEEN.exchanged]
-        good &= (seen[:, SEEN.unbalanced] <= least) & (seen[:, SEEN.excused] <= least / Thresholds.doubt)
-        good &= seen[:, SEEN.travelled] <= nearly * Thresholds.far_turned
-        good &= np.array([not chain.hinges["armature"].min() < 0 for chain in chains])
-        if self.rows > 1:
-            errors = np.where(self.errors < rounded[:, None], 0.0, self.errors)
-            tip_error = errors.sum(axis=1) * apart(self.run) * self.run.steps_per_sample
-            extent = np.linalg.norm(np.ptp(self.tip[:, : self.rows], axis=1), axis=1)
-            good &= (
-                np.maximum(tip_error, self._rounded_away(chains, rounded))
-                <= nearly * Thresholds.doubt * Thresholds.tip_share * extent
-            )
-        return good
-
-    def _look(self) -> tuple[Array, NDArray[np.bool_]]:
-        """What is seen of the samples of each, and whether none of them is wrong."""
-        insisted = self.run.unstable == "allow"
-        seen, good = np.zeros((len(self.members), SEEN.size)), np.zeros(len(self.members), dtype=bool)
-        for k, record in enumerate(self.records):
-            record.derive(0, self.rows)
-            force = record.inputs.potential_force
-            judge = balance.Balance(
-                record.chain, force, insisted=insisted, bend=Thresholds.far_bent, near=Thresholds.at_limit,
-                kept=record.kept,
-            )  # fmt: skip
-            judge.start(record.energy[:, 0], record.tip[0])
-            row, wrong = judge.look(0, self.rows, record.samples)
-            seen[k] = judge.seen
-            good[k] = row == self.rows and wrong == WRONG.nothing
-        return seen, good & (seen[:, SEEN.garbage] < 0) & ~seen[:, [SEEN.bent, SEEN.beyond]].any(axis=1)
-
-    def _rounded_away(self, chains: Sequence[Chain], rounded: Array) -> Array:
-        """`RunMonitor._rounded_away` of each [m]."""
-        q, qd = (np.abs(part[:, : self.rows]).max(axis=1) for part in (self.q, self.qd))
-        lost = np.minimum(self.run.fixed_step * qd, np.spacing(q) / 2).sum(axis=1)
-        lost *= [chain.size for chain in chains]
-        return np.where(lost > rounded, lost * self.rows * self.run.steps_per_sample, 0.0)
+        calm = [
+            not (monitor.failure or monitor.suspicious or monitor.travelled > Thresholds.far_turned)
+            for monitor in self.monitors
+        ]
+        q, qd, tip = (part[:, : self.rows] for part in (self.q, self.qd, self.tip))
+        sizes = np.array([record.chain.size for record in self.records])
+        off = np.maximum(summed(self.run, self.errors, sizes), rounded_away(self.run, q, qd, sizes))
+        extent = np.linalg.norm(np.ptp(tip, axis=1), axis=1)
+        small: NDArray[np.bool_] = off <= nearly * Thresholds.doubt * Thresholds.tip_share * extent
+        return np.array(calm, bool) & small
 
 
 class Run(NamedTuple):

@@ -12,21 +12,15 @@ from flexlink.chain.arguments import positive, require_type, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.describe.schemes.methods import method
 from flexlink.describe.whole_steps import parts, whole
 from flexlink.dynamics.sensors.readings import Readings
 from flexlink.kernels.inputs.record import Inputs
-from flexlink.kernels.stepping.judgement import SEEN, WRONG
-from flexlink.kernels.stepping.samples import tips_and_energies
-from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.motion.inputs.drives import effort_of, held_torques, remembered
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.sampled_control import held_torques_advice
 from flexlink.motion.sensing import sample_at
 from flexlink.motion.simulate import started_from
-from flexlink.motion.single_run import prepare, steps_of
-from flexlink.motion.tolerable import allowed_imbalance
-from flexlink.results import balance
+from flexlink.motion.single_run import SingleRun
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
 from flexlink.results.stop_reasons import DivergenceError, Failure, ended_early
@@ -102,17 +96,16 @@ class Simulator:
         0.0
         """
         scene = started_from(self._scene, q, qd, time)
-        monitor = prepare(problem_of(scene, self.chain), rows=1)
-        monitor.check(1)
-        self._run, self._record, self._steps = monitor.run, monitor.record, steps_of(monitor)
+        single = SingleRun(problem_of(scene, self.chain), rows=1)
+        self._monitor, self._steps = single.monitor, single.steps
+        self._run, self._record = self._monitor.run, self._monitor.record
         inputs = self._record.inputs
         self._driven, self._pushed = inputs, inputs._replace(drive=self._held)
         self._time, self._calls = float(self._record.t[0]), 0
         if not self._run.controlled:
             self._time = self._record.origin * self._run.fixed_step
         self._sensing = Readings(scene) if scene.sensor else None
-        self._balance = balance.Balance(self.chain, np.zeros(3))
-        self._balance.start(self._record.energy[:, 0], self._record.tip[0])
+        self._monitor.begin()
         self._steps.go(self._pushed, self._time, self._time)  # compiles
         self._look(self._driven)
         return self.state
@@ -189,7 +182,8 @@ class Simulator:
         try:
             fault = steps.go(inputs, self._time, end) or ended_early(steps.time, end)
             if not fault and (calls % OFTEN == 0 or calls & (calls - 1) == 0):
-                fault = self._unbalanced()
+                q, qd, *_, done = steps.state
+                fault = self._monitor.unbalanced(q, qd, done[:1], steps.steps, steps.deflection)
         except BaseException:  # Ctrl-C, too
             self._restore(*before)
             raise
@@ -220,24 +214,6 @@ class Simulator:
         if end <= now:
             raise ArgumentError(f"duration = {duration!r}: too short to change t = {now!r} s in float64")
         return end
-
-    def _unbalanced(self) -> Failure | None:
-        """What is wrong with the energy, if anything is."""
-        (q, qd, *_, done), record, run = self._steps.state, self._record, self._run
-        tip, energy = np.empty((1, 3)), np.empty((3, 1))
-        tips_and_energies(self._record.chain.arrays, q[None], qd[None], tip, energy)
-        work = done[:1] + (tip - record.tip[0]) @ record.inputs.potential_force
-        explicit = method(self._steps.steps.method).explicit
-        allowed = allowed_imbalance(run, self.chain, record.least_tolerance, explicit, compared=False)
-        before, so_far = self._balance.seen.copy(), np.zeros((1, SO_FAR.size))
-        so_far[0, [SO_FAR.deflection, SO_FAR.steps]] = self._steps.deflection, self._steps.steps.taken
-        samples = record.t[:1], q[None], qd[None], record.tau[:1], tip, energy, work, so_far
-        _, wrong = self._balance.look(0, 1, samples, allowed)
-        if wrong in {WRONG.nothing, WRONG.kinetic}:
-            return None
-        r, X = self._balance.seen[[SEEN.last, SEEN.exchanged]]
-        self._balance.seen[:] = before
-        return Failure(f"the energy does not balance: E − E(0) − W = {r:.3g} J of {X:.3g} J exchanged")
 
     def _diverged(self, fault: Failure, held: float) -> DivergenceError:
         """The error for a step that failed, with torques from outside that are held for so long [s], or none."""

@@ -21,7 +21,7 @@ from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.fixed_steps import FixedSteps
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.step_check import judge_step
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import Monitor
 from flexlink.motion.sampled_control import Law, control_of
 from flexlink.motion.verification import advice, doubt, second_runs
 from flexlink.results.record import Record
@@ -34,17 +34,69 @@ from flexlink.results.stop_reasons import (
 )
 from flexlink.results.trajectory import Trajectory
 
+Stepper = FixedSteps | AdaptiveSteps
+"""What advances a run: fixed steps of an explicit method, or steps with a tolerance and those of implicit methods."""
+
 GIVEN_UP = 50
 """Times the evaluations of a run that a second one may take: one that ends takes a few times as many at most, and
 nobody waits for a second run much longer than for the first."""
 
 
 class SingleRun:
-    """A run that is ready to start: checked, allocated, compiled; errors as in `simulate`."""
+    """A run that is ready to start: its step is judged, its samples are allocated, all that it calls is compiled.
 
-    def __init__(self, monitor: RunMonitor, halved: bool = False) -> None:
-        self.monitor = monitor
-        self.steps = steps_of(self.monitor, halved)
+    Parameters
+    ----------
+    problem
+        What is integrated.
+    law, rate
+        A control law in place of the scene's drive, and how often it is asked [Hz].
+    rows
+        Number of samples that there is room for; None: as many as the run has.
+    kept
+        Scratch and machine code of other runs of the problem.
+    warnings
+        Those of the check of its step, if they are known.
+    halved
+        Whether its longest steps are, as those of a run that judges another one.
+
+    Raises
+    ------
+    SceneError
+        The method is unknown, or cannot do what the run asks of it, or the samples do not fit into memory.
+    UnstableStepError, ArgumentError, ControlError
+        As in `simulate`.
+    """
+
+    def __init__(
+        self,
+        problem: InitialValueProblem,
+        law: Law | None = None,
+        rate: float | None = None,
+        *,
+        rows: int | None = None,
+        kept: Kept | None = None,
+        warnings: tuple[str, ...] | None = None,
+        halved: bool = False,
+    ) -> None:
+        check_method(problem.run)
+        control = control_of(problem, law, rate)
+        if control is not None:
+            problem = dataclasses.replace(problem, inputs=problem.inputs._replace(drive=control.drive))
+        record = _recorded(problem, rows, kept)
+        about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
+        if warnings is None:
+            warnings = record.kept("step", about, lambda: judge_step(problem))
+        self.monitor = Monitor(record, warnings, control)
+        if control is not None:
+            try:
+                control.note(0, problem.q, problem.qd)
+            except LawFailure as failure:
+                raise ControlError(f"{problem.chain.name}: {failure}", self.monitor.trajectory()) from failure.__cause__
+        self.monitor.compile()
+        self.steps: Stepper = (
+            FixedSteps(record, control) if problem.explicit else AdaptiveSteps(record, control, halved)
+        )
 
     def finish(
         self,
@@ -102,7 +154,7 @@ class SingleRun:
             steps.failure = ended_early(monitor.last_time, float(monitor.record.t[-1]))
 
 
-def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
+def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[str]:
     """Compare a finished run of this method with verification runs: yields a warning where they contradict it."""
     text, own, problem = "", monitor.steps.evaluations, monitor.record.problem
     for second in second_runs(monitor, name):
@@ -114,7 +166,7 @@ def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
         limited = replace(second.run, max_evaluations=most) if second.run.controlled else second.run
         try:
             again = replace(problem.scene, run=limited)  # whose steps may not be such that one begins at its start
-            other = SingleRun(prepare(problem_of(again, problem.original)), halved=limited.controlled)
+            other = SingleRun(problem_of(again, problem.original), halved=limited.controlled)
             other.advance(stop, lambda _: None)
         except FlexlinkError:
             continue
@@ -135,51 +187,9 @@ def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
         yield text
 
 
-def steps_of(monitor: RunMonitor, halved: bool = False) -> FixedSteps | AdaptiveSteps:
-    """The stepper of a run: fixed steps of an explicit method, or adaptive and implicit ones, the longest `halved`."""
-    return FixedSteps(monitor) if monitor.explicit else AdaptiveSteps(monitor, halved)
-
-
-def prepare(
-    problem: InitialValueProblem,
-    law: Law | None = None,
-    rate: float | None = None,
-    *,
-    rows: int | None = None,
-    kept: Kept | None = None,
-) -> RunMonitor:
-    """`allocate` a run, with its checks compiled; errors as there."""
-    monitor = allocate(problem, law, rate, rows=rows, kept=kept)
-    monitor.compile()
-    return monitor
-
-
-def allocate(
-    problem: InitialValueProblem,
-    law: Law | None = None,
-    rate: float | None = None,
-    *,
-    rows: int | None = None,
-    kept: Kept | None = None,
-    warnings: tuple[str, ...] | None = None,
-) -> RunMonitor:
-    """Allocate the sample arrays of a run, write the initial state into row 0, and check the fixed step.
-
-    With scratch and machine code that is `kept` from another run of the problem, if there is one; `warnings`, if known:
-    those of the step check.
-
-    Raises
-    ------
-    SceneError
-        The method is unknown, or cannot do what the run asks of it, or the samples do not fit into memory.
-    UnstableStepError
-        As in `simulate`.
-    """
+def _recorded(problem: InitialValueProblem, rows: int | None, kept: Kept | None) -> Record:
+    """The samples of a run of a problem, so many rows or all, of which the first is the start."""
     run, chain = problem.run, problem.chain
-    check_method(run)
-    control = control_of(problem, law, rate)
-    if control is not None:
-        problem = dataclasses.replace(problem, inputs=problem.inputs._replace(drive=control.drive))
     try:
         times = multiples(problem.start, run.between, run.samples if rows is None else rows)
         q, qd = np.empty((2, len(times), chain.n))
@@ -194,16 +204,7 @@ def allocate(
         solver = f"{run.solver} {chain.is_planar}".encode()
         drive, *others = problem.inputs
         record.kept.types = types_of(chain.arrays, *others) + _types_of_drive(drive) + solver
-    about = problem.q.tobytes(), problem.qd.tobytes(), problem.start
-    if warnings is None:
-        warnings = record.kept("step", about, lambda: judge_step(problem))
-    monitor = RunMonitor(record, warnings, control)
-    if control is not None:
-        try:
-            control.note(0, problem.q, problem.qd)
-        except LawFailure as failure:
-            raise ControlError(f"{chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
-    return monitor
+    return record
 
 
 @keep_last(64)

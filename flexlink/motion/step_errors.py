@@ -1,4 +1,7 @@
-"""Errors of fixed steps at the tip: one step of h against two of h/2, from samples that stand for all."""
+"""Errors of fixed steps at the tip: one step of h against two of h/2, from samples that stand for all.
+
+Sums over all steps take runs side by side, too, which are a first axis.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array
+from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import method
+from flexlink.dynamics import rounding
 from flexlink.kernels.stepping.runge_kutta import NEVER, probe
 from flexlink.kernels.tools.machine_code import direct
+from flexlink.motion import tolerable
 from flexlink.results.record import Record
 from flexlink.results.tip_motion import apart, compared_path
 
@@ -31,6 +37,28 @@ def step_errors_side_by_side(
     """`step_errors` of up to eight runs from their samples (rows, n, 8), with their scratch; shape (runs, probed)."""
     one, two = _ends(records[0], scratch, samples, probed)
     return _tips(one, two, records)
+
+
+def summed(run: RunSettings, errors: Array, size: Array) -> Array:
+    """Sums of the errors of all steps [m], shape (…), from those of the probed ones (…, probed) of arms of a size (…).
+
+    Those that are rounding of the tip's place count as none.
+    """
+    counted = np.where(errors < rounding.of_reach(1.0) * size[..., None], 0.0, errors)
+    return np.asarray(counted.sum(axis=-1) * tolerable.apart(run) * run.steps_per_sample)
+
+
+def rounded_away(run: RunSettings, q: Array, qd: Array, size: Array) -> Array:
+    """Tip motion [m], shape (…), that rounding of q + h q̇ in N fixed steps may lose: N h q̇, at most N ulp(q)/2.
+
+    Of samples (…, rows, n) of arms of a size (…). Nothing at the angles of a few turns, where that is what rounding
+    leaves anyway.
+    """
+    most, steps = np.spacing(np.abs(q).max(axis=-2)) / 2, q.shape[-2] * run.steps_per_sample
+    if (most.sum(axis=-1) <= rounding.of_reach(1.0)).all():
+        return np.zeros(size.shape)
+    lost = np.minimum(run.fixed_step * np.abs(qd).max(axis=-2), most).sum(axis=-1) * size
+    return np.where(lost > rounding.of_reach(1.0) * size, lost * steps, 0.0)
 
 
 def _ends(record: Record, scratch: Any, samples: tuple[Array, Array], probed: NDArray[np.intp]) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ from msgspec.structs import replace
 from flexlink.common.types import Array
 from flexlink.describe.run_settings import AUTO, RunSettings
 from flexlink.motion.hindrance import sampled_growth
-from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.monitor import Monitor
 from flexlink.motion.tolerable import Thresholds
 from flexlink.results.tip_motion import apart, motion_in_words
 
@@ -36,7 +36,7 @@ class Second(NamedTuple):
     strict: bool = True  # so much that the first is to blame where they differ
 
 
-def second_runs(monitor: RunMonitor, name: str) -> Iterator[Second]:
+def second_runs(monitor: Monitor, name: str) -> Iterator[Second]:
     """Runs to compare a finished one with, that advanced by the method of this name: up to one that ends and is strict.
 
     None where a control law drives the arm: it may remember what it was asked.
@@ -51,7 +51,7 @@ def second_runs(monitor: RunMonitor, name: str) -> Iterator[Second]:
         if monitor.suspicious or multiplies(monitor):
             yield Second(_stricter(monitor, name), 1, 1.0)
     elif monitor.explicit:
-        if monitor.tip_error <= _tolerance(monitor) and multiplies(monitor):
+        if multiplies(monitor) and monitor.tip_error <= _tolerance(monitor):
             yield from _stricter_and_stricter(monitor)
     elif monitor.extent > 0:
         if pairs := (run.samples - 1) // 2:
@@ -61,7 +61,7 @@ def second_runs(monitor: RunMonitor, name: str) -> Iterator[Second]:
         yield Second(_within(run, AUTO, STRICTER * _tolerance(monitor)), 1, 1.0)
 
 
-def doubt(monitor: RunMonitor, second: Second, path: Array) -> str:
+def doubt(monitor: Monitor, second: Second, path: Array) -> str:
     """The warning that follows from what a verification run has to compare; empty if both runs agree."""
     own = monitor.record.compared(monitor.n_valid)[:: second.every][: len(path)]
     error = float(apart(own, path).max()) / second.larger
@@ -80,7 +80,7 @@ def doubt(monitor: RunMonitor, second: Second, path: Array) -> str:
     return ""
 
 
-def multiplies(monitor: RunMonitor) -> str:
+def multiplies(monitor: Monitor) -> str:
     """Why a run may multiply its errors, as the end of a sentence; empty if there is no known reason."""
     # Growth of motion by a sampled loop within a run, beyond that without the drive, that calls for a verification run.
     # Of 44 random loops the stable ones came to 2.1 and less, the others to 4e3 and more.
@@ -98,12 +98,12 @@ def multiplies(monitor: RunMonitor) -> str:
     return ""
 
 
-def advice(monitor: RunMonitor) -> str:
+def advice(monitor: Monitor) -> str:
     """What to change in a run that its verification run contradicts."""
     return "take a hundredth of the tolerance" if monitor.run.controlled else "halve the step"
 
 
-def _stricter_and_stricter(monitor: RunMonitor) -> Iterator[Second]:
+def _stricter_and_stricter(monitor: Monitor) -> Iterator[Second]:
     """Settings of stricter and stricter runs that may explain a difference by their own errors."""
     finer = 1e-2  # Tolerance of a run that is to explain why two differ, over that of the one before
     tolerance, own = STRICTER * _tolerance(monitor), STRICTER * max(monitor.tip_error, monitor.record.least_tolerance)
@@ -113,7 +113,7 @@ def _stricter_and_stricter(monitor: RunMonitor) -> Iterator[Second]:
     yield Second(_within(monitor.run, AUTO, max(own, monitor.record.least_tolerance)), 1, 1.0)
 
 
-def _stricter(monitor: RunMonitor, name: str) -> RunSettings:
+def _stricter(monitor: Monitor, name: str) -> RunSettings:
     """The same settings with a stricter tolerance of the same kind."""
     run = monitor.run
     if run.accuracy == "tip":
@@ -133,7 +133,7 @@ def _within(run: RunSettings, name: str, tolerance: float) -> RunSettings:
     )
 
 
-def _tolerance(monitor: RunMonitor) -> float:
+def _tolerance(monitor: Monitor) -> float:
     """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if monitor.run.controlled:
         return monitor.tolerance

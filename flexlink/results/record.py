@@ -45,13 +45,27 @@ class Record:
         Scratch and machine code of the problem's runs, one after another.
     """
 
-    def __init__(self, problem: InitialValueProblem, t: Array, q: Array, qd: Array, kept: Kept | None = None) -> None:
+    def __init__(
+        self,
+        problem: InitialValueProblem,
+        t: Array,
+        q: Array,
+        qd: Array,
+        kept: Kept | None = None,
+        others: tuple[Array, ...] | None = None,
+    ) -> None:
         self.problem, self.run, self.chain, self.inputs = problem, problem.run, problem.chain, problem.inputs
         self.t, self.q, self.qd = t, q, qd
-        self.tau, self.tip, self.energy = np.empty_like(q), np.empty((len(t), 3)), np.empty((3, len(t)))
-        self.works, self.so_far = np.zeros(len(t)), np.zeros((len(t), SO_FAR.size))
-        if problem.explicit:
-            self.so_far[:, SO_FAR.steps] = self.run.steps_per_sample * np.arange(len(t))
+        if others is None:
+            n = problem.chain.n
+            others = (
+                np.empty((len(t), n)),
+                np.empty((len(t), 3)),
+                np.empty((3, len(t))),
+                np.zeros(len(t)),
+                noted(problem, len(t)),
+            )
+        self.tau, self.tip, self.energy, self.works, self.so_far = others
         self._placed = None if self.chain.has_levers else np.empty((len(t), len(self.chain.bodies), 12))
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.fixed_step)
         self.kept = Kept() if kept is None else kept
@@ -146,6 +160,14 @@ class Record:
 
     def _wrenches(self, rows: slice) -> Array:
         return self.inputs.tip_wrenches(self.t[rows], self.q[rows], self.qd[rows])
+
+
+def noted(problem: InitialValueProblem, rows: int) -> Array:
+    """What is noted of the steps before a run (rows, SO_FAR.size): of fixed explicit ones their numbers are known."""
+    so_far = np.zeros((rows, SO_FAR.size))
+    if problem.explicit:
+        so_far[:, SO_FAR.steps] = problem.run.steps_per_sample * np.arange(rows)
+    return so_far
 
 
 def _kept(array: Array, stop: int) -> Array:

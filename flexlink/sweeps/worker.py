@@ -126,7 +126,7 @@ def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]
         if isinstance(end, Run):
             if end.block is not block:
                 block, values = end.block, measured_together(plan.sweep.quantity, end.block)
-            results[number] = _done(number, *values[end.place], block.members[end.place].warnings)
+            results[number] = _done(number, *values[end.place], block.monitors[end.place].warnings)
         else:
             results[number] = end
     return [results[number] for number in numbers]

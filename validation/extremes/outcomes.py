@@ -29,7 +29,7 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.single_run import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun
 from flexlink.motion.tolerable import Thresholds
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.tip_motion import largest_distance, tip_travel
@@ -124,7 +124,7 @@ def within_budget(scene: Scene, budget: float, *, compared: bool = True) -> Traj
             raise KeyboardInterrupt
 
     with deferred() as stop:
-        return SingleRun(prepare(problem_of(scene))).finish(stop, look, compared=compared)
+        return SingleRun(problem_of(scene)).finish(stop, look, compared=compared)
 
 
 def outcome_of(scene: Scene, truth: Callable[[], Truth], budget: float) -> RunOutcome:

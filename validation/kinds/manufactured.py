@@ -19,7 +19,7 @@ from flexlink.describe.spec import Positive, Spec
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.motion.inputs.drives import drive_of
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.single_run import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import manufactured
@@ -105,5 +105,5 @@ def _error(scene: Scene, method: str, steps: int, spline: PiecewisePolynomial, m
     drive = drive_of(np.arange(problem.chain.n), feedforward=spline)
     problem = dataclasses.replace(problem, inputs=problem.inputs._replace(drive=drive))
     with deferred() as stop:
-        found = SingleRun(prepare(problem)).finish(stop)
+        found = SingleRun(problem).finish(stop)
     return float(np.abs(found.q - manufactured.states(found.t, moved)[0]).max())

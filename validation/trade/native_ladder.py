@@ -16,7 +16,7 @@ from typing import NamedTuple
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.motion.inputs.problem import problem_of
-from flexlink.motion.single_run import SingleRun, prepare
+from flexlink.motion.single_run import SingleRun
 from flexlink.results.tip_motion import tip_travel
 from validation.runs import stable_steps
 from validation.trade.scenes import OUTPUTS, Seen, point, reference, seen, trade_scene
@@ -38,7 +38,7 @@ class Timed(NamedTuple):
 
 def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
     """A run of a scene: the time of its steps alone; errors as in `simulate`, and of one longer than `longest` [s]."""
-    run = SingleRun(prepare(problem_of(scene)))
+    run = SingleRun(problem_of(scene))
     monitor, rows, begun = run.monitor, 1, time.thread_time()
     for rows, _ in run.steps:  # noqa: B007  where it ended
         if run.steps.failure:

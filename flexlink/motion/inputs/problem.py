@@ -13,13 +13,14 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.floating_base import FloatingBase
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
 from flexlink.dynamics.sensors.placement import check_placements
+from flexlink.kernels.inputs.record import Inputs
 from flexlink.motion.inputs.actuation import input_arrays, of_kind
 from flexlink.motion.inputs.initial_state import state_under
 from flexlink.motion.inputs.references import check_start
 
 
-def problem_of(scene: Scene, chain: Chain | None = None) -> InitialValueProblem:
-    """The problem of a scene, on its own chain or on another one of the same links.
+def problem_of(scene: Scene, chain: Chain | None = None, inputs: Inputs | None = None) -> InitialValueProblem:
+    """The problem of a scene, on its own chain or on another one of the same links, under its inputs, if known.
 
     Raises
     ------
@@ -30,7 +31,7 @@ def problem_of(scene: Scene, chain: Chain | None = None) -> InitialValueProblem:
     base = FloatingBase(chain) if chain.has_free_base else None
     chain = chain if base is None else base.chain
     check_placements(scene)
-    inputs = input_arrays(scene, chain)
+    inputs = input_arrays(scene, chain) if inputs is None else inputs
     return InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain), base)
 
 
@@ -38,20 +39,14 @@ def problems_of(scenes: Sequence[Scene]) -> list[InitialValueProblem | FlexlinkE
     """The problem of every scene as `problem_of` makes it, or the error that it raises; free arms share inputs."""
     found: list[InitialValueProblem | FlexlinkError] = []
     before: InitialValueProblem | None = None
-    for scene, lumped in zip(scenes, lump_many(scenes), strict=True):
+    for scene, chain in zip(scenes, lump_many(scenes), strict=True):
         try:
-            if isinstance(lumped, FlexlinkError):
-                found.append(lumped)
-                continue
-            chain = of_kind(scene, lumped)
-            if chain.has_free_base:
-                found.append(problem_of(scene, chain))
-                continue
-            check_placements(scene)
-            same = before is not None and _acts_alike(before.scene, scene)
-            inputs = before.inputs if same and before is not None else input_arrays(scene, chain)
-            before = InitialValueProblem(scene, chain, inputs, *state_under(inputs, scene, chain))
-            found.append(before)
+            if isinstance(chain, FlexlinkError):
+                raise chain
+            shares = before is not None and not chain.has_free_base and _acts_alike(before.scene, scene)
+            problem = problem_of(scene, chain, before.inputs if before is not None and shares else None)
+            before = problem if problem.base is None else before
+            found.append(problem)
         except FlexlinkError as error:
             found.append(error)
     return found

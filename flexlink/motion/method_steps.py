@@ -1,0 +1,319 @@
+"""Steps of one method after another: what they remember, how they turn, how a method goes on for another."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.memo import Kept
+from flexlink.data.documents import is_user_file
+from flexlink.describe.run_settings import AUTO
+from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.vibration.extremes import slowest_frequency
+from flexlink.dynamics.vibration.stability import bounding_eigenvalues, stable_step_of
+from flexlink.kernels.inputs.record import Inputs
+from flexlink.kernels.stepping import adaptive
+from flexlink.kernels.stepping.adaptive import OUTCOME
+from flexlink.kernels.stepping.embedded import EmbeddedWork
+from flexlink.kernels.stepping.implicit_layout import ImplicitWork
+from flexlink.kernels.stepping.saturation import choose_branches
+from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
+from flexlink.kernels.tools.machine_code import direct
+from flexlink.motion.inputs.drives import remembered
+from flexlink.motion.method_choice import cheapest, fastest_motion
+from flexlink.motion.step_settings import longest_step, settings
+from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
+from flexlink.motion.stop_times import StopTimes
+from flexlink.results.record import Record
+from flexlink.results.samples import Steps
+
+NEVER = 2**62
+"""Steps that do not end anything."""
+
+
+class MethodSteps:
+    """Steps from the start of a record's run, by its method or by the one that is picked for it.
+
+    Attributes
+    ----------
+    state
+        q, q̇, q̈ (n,), and W with its power (2,), where they are.
+    name, why, method
+        The method that takes them now, and why it was picked.
+    methods
+        All so far, each with the row of its first sample and why it was picked.
+    end
+        Where the present piece ends [s].
+    settings
+        Of the steps, as `adaptive.advance` takes them.
+    dearest
+        Evaluations that a step with a tolerance may take; 0 of a fixed one.
+    """
+
+    settings: tuple[float, ...]
+
+    def __init__(self, record: Record, by_drive: bool, halved: bool) -> None:
+        run, n = record.run, record.chain.n
+        self.record, self.run, self.by_drive, self.halved = record, run, by_drive, halved
+        self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
+        about = record.q[0].tobytes(), record.qd[0].tobytes()
+        posture = record.q[0] if run.controlled else np.zeros(n)
+        self.slowest = record.kept("slowest", about, lambda: slowest_frequency(record.chain, posture))
+        self.memory, self.tau, self.count = np.zeros(3 * n + 2), np.zeros(n), np.zeros(COUNT.size, np.int64)
+        self.state = self.memory[:n], self.memory[n : 2 * n], self.memory[2 * n : -2], self.memory[-2:]
+        record.begin()
+        self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
+        self.methods: tuple[tuple[int, str, str], ...] = ()
+        self.count[COUNT.row] = 1
+        self.samples, self.forward = (record.t, record.q, record.qd, record.works, record.so_far), record.scratch
+        # fixed steps begin on the grid of all steps, to the bit
+        start = float(record.t[0]) if run.controlled else run.fixed_step * record.origin
+        self._take(record.kept("choice", about, self._choice), start)
+        self.aim(start, start)
+        if run.controlled:
+            arguments = self.work, self.state, self.settings, run.duration, self.tau
+            types = self._types(record.kept)
+            find = functools.partial(direct, adaptive.first_step, *arguments, types=types)
+            record.kept("first step", (types, self.method), find)(*arguments)
+            self.work.stepper[STEPPER.deflection] = min(self.work.stepper[STEPPER.deflection], record.chain.size)
+        else:
+            self.work.stepper[STEPPER.step] = run.fixed_step
+
+    def _choice(self) -> tuple[str, str]:
+        """The method of a run, and the reason where it was chosen automatically."""
+        if self.run.method != AUTO:
+            return self.run.method, ""
+        return cheapest(self.record, self.run.tolerance_within(self.record.chain.size), self.slowest)
+
+    def act(self, inputs: Inputs) -> None:
+        """Go on under these inputs; if they are other ones, it compiles."""
+        if inputs is not self.given:
+            self.given, self.inputs = inputs, with_own_limits(inputs)
+            self._put_gains()
+            self._compile()
+
+    def saved(self, row: int | None = None) -> Any:
+        """All that steps change, for `restore`; from a row on, samples and what the drive holds, too."""
+        rows = None if row is None else slice(row, self.row)
+        base = self.record.base.saved() if self.record.base is not None else None
+        return vars(self).copy(), rows, [array.copy() for array in self._changing(rows)], base
+
+    def restore(self, saved: Any) -> None:
+        """Go back to where `saved` was."""
+        attributes, rows, arrays, base = saved
+        vars(self).update(attributes)
+        if self.record.base is not None:
+            self.record.base.restore(base, self.forward, self.work)
+        for array, before in zip(self._changing(rows), arrays, strict=True):
+            array[...] = before
+        self._put_gains()
+
+    def _changing(self, rows: slice | None) -> tuple[NDArray[Any], ...]:
+        changing = self.memory, self.count, self.work.stepper, *stages_of(self.work)
+        if rows is None:
+            return changing
+        return *changing, *remembered(self.inputs.drive), *(array[rows] for array in self.samples)
+
+    def _put_gains(self) -> None:
+        kp, kd, kick = drive_gains(self.record.chain, self.inputs)
+        self.work.springs.impulse[:] = kick
+        for gains in (self.work.springs, self.work.saturation):
+            gains.kp[:], gains.kd[:] = kp, kd
+        self._choose_branches()
+
+    def _choose_branches(self) -> None:
+        """Where motors saturate, steps with a tolerance follow one branch of their torques each."""
+        if self.run.controlled and may_saturate(self.inputs):
+            choose_branches(self.time, self.inputs, self.state, self.work)
+
+    def aim(self, start: float, end: float) -> None:
+        """Begin a piece between two times [s], at which torques may jump."""
+        self.end, self.knots = end, self.stop_times.between(start, end)
+        self.count[COUNT.knot], self.work.stepper[STEPPER.time] = 0, start
+        self._choose_branches()
+        self._begin(start, self.inputs, self.state, self.tau, self.forward)
+
+    def take(self, most: int) -> int:
+        """Try up to so many steps; an OUTCOME."""
+        return int(self._take_steps(*self._arguments(most)))
+
+    def turn(self) -> None:
+        """Go on in coordinates in which the angles of the base are zero."""
+        if self.record.base is not None:
+            self.record.base.turn(self.row, *self.state[:2], self.forward, self.work)
+        adaptive.forget(self.work.stepper)
+        self._begin(self.time, self.inputs, self.state, self.tau, self.forward)
+
+    def step_in_parts(self) -> bool:
+        """Go to the end of a fixed step in 2, 4, … 64 parts, each try from where the last one got to; whether one does.
+
+        The end is that of the whole step to the bit, and what follows starts as after a knot.
+        """
+        (*fixed, _, _), knots, now, count = self.settings, self.knots, self.work.stepper, self.count
+        step, k, start = self.run.fixed_step, int(count[COUNT.knot]), float(now[STEPPER.time])
+        at_knot = start + adaptive.NEARLY * step >= knots[k]
+        end = float(knots[k]) if at_knot else start + step
+        try:
+            # in half a step Newton's iteration converges 4 times as fast
+            solved = any(self._solved_in((end - start) / parts, end, fixed) for parts in (2, 4, 8, 16, 32, 64))
+        finally:
+            self.settings, self.knots, count[COUNT.knot] = (*fixed, step, step), knots, k
+        if not solved:
+            return False
+        self._restart(step)
+        if at_knot:
+            count[COUNT.knot] += 1
+        if count[COUNT.knot] < len(knots):
+            self._begin(end, self.inputs, self.state, self.tau, self.forward)
+        return True
+
+    def _solved_in(self, part: float, end: float, fixed: list[float]) -> bool:
+        """Whether steps of a length [s] get to a time."""
+        self.settings, self.knots, self.count[COUNT.knot] = (*fixed, part, part), np.array([end]), 0
+        self._restart(part)
+        while (how := self.take(NEVER)) == OUTCOME.turned:
+            self.turn()
+        return how == OUTCOME.ended
+
+    def _restart(self, step: float) -> None:
+        """Go on with steps of a length [s], as if none had been taken."""
+        adaptive.forget(self.work.stepper)
+        self.work.stepper[STEPPER.step] = step
+
+    def go_on_with(self, name: str, end: float) -> None:
+        """Go on with another method, from where it is to a time [s]."""
+        before, time, self.evaluations_before = self.work.stepper.copy(), self.time, self.evaluations
+        self.count[COUNT.iterations] = 0
+        self._take((name, f"{self.why}; {self.name} until t = {time:.3g} s"), time)
+        self._put_gains()  # of the inputs that act now: a simulator's are not always the record's
+        self.aim(time, end)
+        now, carried = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
+        now[carried], now[STEPPER.step] = before[carried], min(before[STEPPER.step], self.settings[-1])
+
+    def _take(self, choice: tuple[str, str], now: float) -> None:
+        """Prepare steps by a method, chosen for a reason, from a time on; compiles, while no signal is deferred."""
+        record, (self.name, self.why) = self.record, choice
+        first = self.row if self.methods else 0
+        self.methods = *(other for other in self.methods if other[0] < first), (first, *choice)
+        self.method = method(self.name)
+        self.dearest = self.method.stages * (1 if self.method.explicit else FEW_PASSES) if self.run.controlled else 0
+        self.work = self._scratch()
+        key = choice, now, *(part.tobytes() for part in self.state[:2]), float(record.t[0])
+        self.stop_times, self.settings = record.kept(("stops", self.name), key, lambda: self._stops(now))
+        self.end, self.knots = now, np.array([now])
+        self._compile()
+
+    def _stops(self, now: float) -> tuple[StopTimes, tuple[float, ...]]:
+        """Where and how the steps of the method stop, taken from a time on."""
+        record = self.record
+        longest = np.inf
+        if self.method.explicit and now > record.t[0]:
+            longest = stable_step_of(bounding_eigenvalues(*fastest_motion(record, self.state[0])), self.name)
+        elif self.method.explicit:
+            longest = longest_step(self.name, record, now, self.state)
+        stops = StopTimes(self.method, record, self.by_drive, self.halved)
+        return stops, settings(self.run, self.method, record, longest / 2 if self.halved else longest)
+
+    def _scratch(self) -> EmbeddedWork | ImplicitWork:
+        """The scratch of the method, new or as new."""
+        kept, key, name = self.record.kept, (self.method, self.run.controlled), self.name
+        work: EmbeddedWork | ImplicitWork
+        work = kept(("scratch", name), key, lambda: workspace(self.method, self.record, self.slowest))
+        new = kept(("new scratch", name), key, lambda: [array.copy() for array in carried(work)])
+        for array, value in zip(carried(work), new, strict=True):
+            array[:] = value
+        work.stepper[STEPPER.inverse_ω1] = 1.0 / self.slowest
+        if self.record.base is not None:
+            self.record.base.take(self.record.base.attitude, self.forward, work)
+        return work
+
+    def _compile(self) -> None:
+        kept = self.record.kept if self.given is self.record.inputs else Kept()  # whose code is for the record's types
+        start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self._arguments(0)
+        types = self._types(kept)
+        self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
+        self._take_steps = kept(
+            ("steps", self.name), (types, self.method), lambda: direct(adaptive.advance, *steps, types=types)
+        )
+
+    def _types(self, kept: Kept) -> bytes:
+        """Types of all that steps work on, which a method's own file may change."""
+        return b"" if is_user_file(self.name) or not kept.types else kept.types + self.name.encode()
+
+    def _arguments(self, most: int) -> tuple[Any, ...]:
+        of_the_method = self.work, self.forward, self.inputs, self.settings
+        return *of_the_method, self.count, self.state, self.tau, self.knots, self.samples, most
+
+    @property
+    def steps(self) -> Steps:
+        """Counts of the steps so far."""
+        count = self.count.tolist()
+        taken, rejected, failed = count[COUNT.steps], count[COUNT.rejected], count[COUNT.failed]
+        return Steps(self.name, taken, self.evaluations, rejected, failed, self.why)
+
+    def steps_before(self, row: int) -> Steps:
+        """Counts of the steps up to the one that passed a sample."""
+        *_, (_, name, why) = (found for found in self.methods if found[0] <= row)
+        note = self.record.so_far[row].astype(int).tolist()
+        evaluations = note[SO_FAR.before] + note[SO_FAR.iterations] * method(name).stages
+        return Steps(name, note[SO_FAR.steps], evaluations, note[SO_FAR.rejected], note[SO_FAR.failed], why)
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations so far."""
+        return self.evaluations_before + int(self.count[COUNT.iterations]) * self.method.stages
+
+    @property
+    def evaluations_before(self) -> int:
+        """Those by other methods, and in trials."""
+        return int(self.count[COUNT.before])
+
+    @evaluations_before.setter
+    def evaluations_before(self, number: int) -> None:
+        self.count[COUNT.before] = number
+
+    @property
+    def time(self) -> float:
+        """Where the run is [s]."""
+        return float(self.work.stepper[STEPPER.time])
+
+    @property
+    def row(self) -> int:
+        """Row of the next sample."""
+        return int(self.count[COUNT.row])
+
+    @property
+    def tries(self) -> int:
+        """Steps that were tried so far."""
+        count = self.count.tolist()
+        return int(count[COUNT.steps] + count[COUNT.rejected] + count[COUNT.failed])
+
+    @property
+    def deflection(self) -> float:
+        """The largest so far [m]."""
+        return float(self.work.stepper[STEPPER.deflection])
+
+    @property
+    def angle_travelled(self) -> float:
+        """Angle [rad] that all free joints went through so far, forth and back."""
+        return float(self.work.stepper[STEPPER.angle_travelled])
+
+    @property
+    def fastest(self) -> float:
+        """The fastest frequency, or decay, at this posture [rad/s]."""
+        return max(fastest_motion(self.record, self.state[0]))
+
+
+def may_saturate(inputs: Inputs) -> bool:
+    """Whether a motor has a largest torque that it may reach within a step, as `saturation.saturates` of kernels."""
+    return not inputs.drive.rate and min(inputs.drive.effort.tolist(), default=np.inf) < np.inf
+
+
+def with_own_limits(inputs: Inputs) -> Inputs:
+    """The inputs with limits of the torques that steps may write to, where they do."""
+    if not may_saturate(inputs):
+        return inputs
+    return inputs._replace(drive=inputs.drive._replace(limits=inputs.drive.limits.copy()))
