@@ -157,8 +157,10 @@ def test_there_are_enough() -> None:
 
 
 @pytest.fixture
-def opened() -> Iterator[list[str]]:
-    """Paths that are opened meanwhile."""
+def opened(capsys) -> Iterator[list[str]]:
+    """Paths that are opened meanwhile, by a command that is loaded."""
+    main(["import", "nowhere.urdf"])
+    capsys.readouterr()
     found: list[str] = []
     hooks.append(found)
     yield found
