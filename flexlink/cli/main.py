@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import gc
 import importlib
 import io
@@ -121,6 +122,7 @@ def _add_options(command: argparse.ArgumentParser, module: ModuleType) -> None:
     )
 
 
+@functools.cache
 def _help_of(module: str) -> tuple[str, str, str]:
     """Name, help text and examples of a command, which are the docstring of its module, read and not run."""
     said = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8").split('"""')[1]
