@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from conftest import ROOT
@@ -118,7 +119,7 @@ def test_a_sweep_whose_members_all_fail_is_no_success(tmp_path: Path, capsys: py
 
 def test_out_of_memory_has_no_colon_without_a_reason(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     for error, line in ((MemoryError(), "not enough memory"), (MemoryError("8 GB"), "not enough memory: 8 GB")):
-        monkeypatch.setattr("flexlink.cli.simulate.SingleRun", lambda *_, error=error, **__: (_ for _ in ()).throw(error))
+        monkeypatch.setattr("flexlink.cli.simulate.SingleRun", Mock(side_effect=error))
         assert main(["simulate", PAPER]) == 2
         assert capsys.readouterr().err.splitlines()[-1] == f"flexlink: {line}"
 
