@@ -22,8 +22,8 @@ from flexlink.motion.inputs import drives
 from flexlink.motion.inputs.drives import drive_arrays, gains_of
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.references import constant
-from flexlink.motion.single_run import SingleRun
 from flexlink.motion.step_errors import step_errors
+from flexlink.results.record import Record
 
 UP = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))
 TARGET_DEG = (40.0, 35.0, -50.0)
@@ -206,7 +206,8 @@ def test_stepping_loops_are_compiled_once_whatever_drives_the_arm() -> None:
 
 def test_a_probed_step_does_not_ask_a_sampled_law() -> None:
     """One that ends at an instant which the run itself has not reached."""
-    record = SingleRun(problem_of(arm({**PD, "rate": 1e4}))).monitor.record
+    problem = problem_of(arm({**PD, "rate": 1e4}))
+    record = Record(problem, np.zeros(1), problem.q[None], problem.qd[None])
     before = [array.copy() for array in drives.remembered(record.inputs.drive)]
     step_errors(record, np.array([0]))
     for array, kept in zip(drives.remembered(record.inputs.drive), before, strict=True):
