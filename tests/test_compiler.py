@@ -80,13 +80,20 @@ def copying(kernel: Callable[[float], float]) -> Callable[[float], float]:
     return compiler.kernel(of_another)
 
 
-@pytest.mark.parametrize("damage", ["missing", "damaged"])
+@pytest.mark.parametrize("damage", ["missing", "damaged", "of another process"])
 def test_what_copies_code_that_has_no_bitcode_compiles_it_once_more(folder: Path, damage: str) -> None:
     """As code of the package has none."""
     fresh()(3.0)
     (file,) = folder.glob("*.bc")
     if damage == "missing":
         file.unlink()
+    elif damage == "of another process":  # that compiled the same at the same time, and calls it by another name
+        theirs = file.read_bytes()
+        for own in folder.glob("*.b*"):
+            own.unlink()
+        fresh()(3.0)
+        assert file.read_bytes() != theirs
+        file.write_bytes(theirs)
     else:
         file.write_bytes(b"garbage")
     kernel = fresh()

@@ -7,8 +7,9 @@ sources may have left there. Here the name of the folder hashes every kernel fil
 their records among them, and the versions that compile them. A user's NUMBA_CACHE_DIR says where that folder lies.
 
 A file `.bin` has the machine code, with what Numba knows of the function; one of the same name, `.bc`, LLVM's bitcode,
-which another function that copies this one needs, when that is compiled. It is read then. Functions that no Python and
-no symbol calls lie in a folder of their own.
+which another function that copies this one needs, when that is compiled. It is read then, if it is of the same compiling
+as the code: two processes that compile the same function call it by different names. Functions that no Python and no
+symbol calls lie in a folder of their own.
 
 Borrowed arrays. Numba has no documented way to leave out the counting of references.
 
@@ -219,19 +220,19 @@ class DiskCache:
                 called, rest = pickle.loads(_read(file))
                 for module, name, types in called:  # before the code, which looks for their symbols
                     getattr(importlib.import_module(module), name).compile(types)
-                symbols, name, code, *others = pickle.loads(rest)
+                symbols, mark, name, code, *others = pickle.loads(rest)
                 target.codegen()._engine._defined_symbols.update(symbols)
                 found = CompileResult._rebuild(target, (name, "object", (code, NO_BITCODE)), *others)
                 found.library._shared_module = None
-                found.library._get_module_for_linking = functools.partial(self._module, found, file)
+                found.library._get_module_for_linking = functools.partial(self._module, found, file, mark)
                 return found
         return None
 
-    def _module(self, found: Any, file: Path) -> Any:
+    def _module(self, found: Any, file: Path, mark: bytes) -> Any:
         """LLVM's module of code that was on disk, for a function that copies it."""
         if found.library._shared_module is None:
             try:
-                bitcode = _read(file.with_suffix(".bc"))
+                bitcode = _read(file.with_suffix(".bc"), mark)
             except (OSError, ValueError):
                 found.library._shared_module = self._module_of_sources(found)
             else:
@@ -253,7 +254,7 @@ class DiskCache:
         others[ANNOTATION] = ""
         module = compiled.library._get_module_for_linking()
         symbols = [each.name for each in (*module.functions, *module.global_variables) if not each.is_declaration]
-        rest = serialize.dumps((symbols, name, code, *others))
+        rest = serialize.dumps((symbols, hashlib.sha256(bitcode).digest(), name, code, *others))
         try:
             file = next(self._files(signature, compiled.codegen.magic_tuple()))
             _make(_FOLDER)
@@ -302,10 +303,10 @@ def _source(file: str) -> bytes:
 ANNOTATION = 5  # place in what Numba keeps of a function, behind its code: the sources with all types, as text
 
 
-def _read(file: Path) -> bytes:
+def _read(file: Path, mark: bytes = b"") -> bytes:
     content, size = file.read_bytes(), hashlib.sha256().digest_size
-    if hashlib.sha256(content[size:]).digest() != content[:size]:
-        raise ValueError(f"{file}: damaged")
+    if hashlib.sha256(content[size:]).digest() != content[:size] or not content.startswith(mark):
+        raise ValueError(f"{file}: damaged, or not the one with that checksum")
     return content[size:]
 
 
