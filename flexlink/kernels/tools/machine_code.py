@@ -7,9 +7,9 @@ sources may have left there. Here the name of the folder hashes every kernel fil
 their records among them, and the versions that compile them. A user's NUMBA_CACHE_DIR says where that folder lies.
 
 A file `.bin` has the machine code, with what Numba knows of the function; one of the same name, `.bc`, LLVM's bitcode,
-which another function that copies this one needs, when that is compiled. It is read then, if it is of the same compiling
-as the code: two processes that compile the same function call it by different names. Functions that no Python and no
-symbol calls lie in a folder of their own.
+which another function that copies this one needs, when that is compiled. It is read then, if both were written together:
+two processes that compile the same function call it by different names. Functions that no Python and no symbol calls
+lie in a folder of their own.
 
 Borrowed arrays. Numba has no documented way to leave out the counting of references.
 
