@@ -7,7 +7,7 @@ sources may have left there. Here the name of the folder hashes every kernel fil
 their records among them, and the versions that compile them. A user's NUMBA_CACHE_DIR says where that folder lies.
 
 A file `.bin` has the machine code, with what Numba knows of the function; one of the same name, `.bc`, LLVM's bitcode,
-which another function that copies this one needs, when that is compiled. It is read then, if both were written together:
+which another function that copies this one needs, when that is compiled. It is read then, if written together with it:
 two processes that compile the same function call it by different names. Functions that no Python and no symbol calls
 lie in a folder of their own.
 
