@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.files import read_regular
 from flexlink.common.types import T
 from flexlink.common.wording import truncated
@@ -47,6 +48,15 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits
         raise SceneError(f"{path}: not TOML: {error}") from None
+
+
+@contextlib.contextmanager
+def errors_of(path: Path) -> Iterator[None]:
+    """Errors in what a file says begin with its path."""
+    try:
+        yield
+    except (SceneError, DataFileError) as error:
+        raise type(error)(f"{path}: {error}") from None
 
 
 def is_user_file(name: object) -> bool:

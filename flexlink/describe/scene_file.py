@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from flexlink.common.errors import DataFileError, SceneError
+from flexlink.common.errors import SceneError
 from flexlink.common.wording import truncated
 from flexlink.data import documents
 from flexlink.describe.scene import Scene, scene_from
@@ -43,12 +43,10 @@ def load_scene(path: str | Path) -> Scene:
     """
     path = documents.require_path("path", path)
     raw = documents.beside(path.parent, documents.read_toml(path))
-    try:
+    with documents.errors_of(path):
         scene = scene_from(raw)
         check_named(scene.arm, scene.run)
-    except (SceneError, DataFileError) as error:
-        raise type(error)(f"{path}: {error}") from None
-    return scene
+        return scene
 
 
 def scene_named(document: dict[str, Any], folder: Path) -> Scene:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from flexlink.common.errors import DataFileError, SceneError
 from flexlink.data import documents
 from flexlink.data.documents import paths_of
 from flexlink.describe.mistakes import mistakes, raise_together
@@ -45,7 +44,7 @@ def load_fit(path: str | Path) -> FitProblem:
     """
     path = documents.require_path("path", path)
     raw = documents.read_toml(path)
-    try:
+    with documents.errors_of(path):
         fields = {field.encode_name: field for field in fields_of(FitProblem)}
         check_keys(raw, fields, required=("scene", "parameter"))
         scene = scene_named(raw, path.parent)
@@ -55,8 +54,6 @@ def load_fit(path: str | Path) -> FitProblem:
         raise_together(wrong for key, value in raw.items() for wrong in mistakes(value, fields[key].type, key))
         parts = {key: decode(value, fields[key].type, key) for key, value in raw.items()}
         return FitProblem(scene=scene, **parts)
-    except (SceneError, DataFileError) as error:
-        raise type(error)(f"{path}: {error}") from None
 
 
 def _as_paths(table: Any) -> Any:

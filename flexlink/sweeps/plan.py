@@ -10,7 +10,7 @@ from typing import Any
 
 import msgspec
 
-from flexlink.common.errors import DataFileError, FlexlinkError, SceneError
+from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.data import documents
 from flexlink.describe.scene import FIELDS, Scene
@@ -207,7 +207,7 @@ def load_sweep(path: str | Path) -> Sweep:
     """
     path = documents.require_path("path", path)
     raw = documents.read_toml(path)
-    try:
+    with documents.errors_of(path):
         fields = {field.encode_name: field for field in fields_of(Sweep)}
         check_keys(raw, fields, required=("scene", "quantity"))
         folder = path.parent
@@ -223,8 +223,6 @@ def load_sweep(path: str | Path) -> Sweep:
         sweep = Sweep(scene=scene, **{key: decode(value, fields[key].type, key) for key, value in raw.items()})
         Plan(sweep)
         return sweep
-    except (SceneError, DataFileError) as error:
-        raise type(error)(f"{path}: {error}") from None
 
 
 def _is_slow(axis: Axis) -> bool:
