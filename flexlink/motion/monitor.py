@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from flexlink.common.types import Array
-from flexlink.describe.own_units import in_words
 from flexlink.describe.run_settings import AUTO
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.terms import mass_matrix
@@ -249,8 +248,9 @@ class Monitor:
             q, lower, upper = self.record.q[rows, k], chain.hinges["lower"][k], chain.hinges["upper"][k]
             out = np.maximum(lower - q, q - upper) > Thresholds.at_limit
             if out.any():
-                row, slides = rows.start + int(np.argmax(out)), bool(chain.slides[k])
-                at, least, most = (in_words(slides, float(part)) for part in (self.record.q[row, k], lower, upper))
+                row = rows.start + int(np.argmax(out))
+                places = float(self.record.q[row, k]), float(lower), float(upper)
+                at, least, most = (chain.place_in_words(k, place) for place in places)
                 joint = f"joint {chain.joint_name(int(k))!r} is at {at}, past its limits {least} … {most}"
                 yield row, f"limit {k}", f"{joint}; the model has no end stops"
 
