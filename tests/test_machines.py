@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numba
 import numpy as np
 import pytest
@@ -118,7 +120,7 @@ class TestNoise:
 def test_machine_code_on_disk_is_kept_apart_by_cpu() -> None:
     """Or a CPU without AVX would run, or be handed, another one's code."""
 
-    cache = DiskCache(test_what_this_computer_cannot_be_is_told)
+    cache = DiskCache(SimpleNamespace(py_func=test_what_this_computer_cannot_be_is_told))
     here = cpu_target.target_context.codegen().magic_tuple()
     others = [here, ("x86_64", "generic", ""), ("x86_64", "generic", "+avx"), ("x86_64", "znver4", "")]
     assert len({next(cache._files((), cpu)) for cpu in others}) == len(others)

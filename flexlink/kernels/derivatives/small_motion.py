@@ -212,6 +212,15 @@ def carried(bodies, i, δa, η, δω):
     return add(δa, add(cross(η, r), scale(2.0, cross(δω, u))))
 
 
+@inlined
+def beyond_hinge(rows, k, x, δa, δφ, η, δω):
+    """y ← y + j_k x of hinge k."""
+    return (
+        add_scaled(δa, x, vec_of(rows, k, HINGE.j + PARTS.δa)), add_scaled(δφ, x, vec_of(rows, k, HINGE.j + PARTS.δφ)),
+        add_scaled(η, x, vec_of(rows, k, HINGE.j + PARTS.η)), add_scaled(δω, x, vec_of(rows, k, HINGE.j + PARTS.δω)),
+    )  # fmt: skip
+
+
 @kernel
 def multiply(work, weights, κ, x, product):
     """Write (weights[0] K + weights[1] C + weights[2] M) x for x (columns, n), springs, friction and rotors in `κ`."""
@@ -242,10 +251,7 @@ def ask(work, x):
             δa, δφ, η, δω = kept_motion(work.forks, b.slot)
         δa = carried(bodies, i, δa, η, δω)
         for k in range(b.first, b.stop):
-            δa = add_scaled(δa, x[k], vec_of(rows, k, HINGE.j + PARTS.δa))
-            δφ = add_scaled(δφ, x[k], vec_of(rows, k, HINGE.j + PARTS.δφ))
-            η = add_scaled(η, x[k], vec_of(rows, k, HINGE.j + PARTS.η))
-            δω = add_scaled(δω, x[k], vec_of(rows, k, HINGE.j + PARTS.δω))
+            δa, δφ, η, δω = beyond_hinge(rows, k, x[k], δa, δφ, η, δω)
         f, n = by_acceleration(bodies, b.mass, i, δa)
         of_η, of_δω = by_turning(bodies, i, η), by_spin(bodies, i, δω)
         put_vec_of(demands, add(f, add(of_η[0], of_δω[0])), i, 0)

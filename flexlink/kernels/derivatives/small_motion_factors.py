@@ -24,6 +24,7 @@ from flexlink.kernels.derivatives.small_motion import (
     UNITS,
     add_column,
     add_loads,
+    beyond_hinge,
     by_acceleration,
     by_spin,
     by_turning,
@@ -51,11 +52,11 @@ from flexlink.kernels.tools.vec3 import ZERO, add, add_scaled, cross, dot, scale
 
 @kernel
 def factor(work, weights, κ, w, sizes, smallest):
-    """Eliminate (weights[0] K + weights[1] C + weights[2] M) x, springs, friction and rotors in `κ` (n,),
-    those between the hinges of a cell beside it.
+    """Eliminate (weights[0] K + weights[1] C + weights[2] M) x, springs, friction and rotors in `κ` (n,).
 
-    Hinges that are `given` keep their x, and so do those with |D| ≤ smallest · sizes[k], which become given, too.
-    Returns how many pivots are not positive; of hinges that are given D is the diagonal of what is left of the matrix.
+    The springs and dampers that couple hinges of a cell, which `κ` lacks, are the chain's. Hinges that are `given` keep
+    their x, and so do those with |D| ≤ smallest · sizes[k], which become given, too. Returns how many pivots are not
+    positive; of hinges that are given D is the diagonal of what is left of the matrix.
     """
     weigh(work, weights[0], weights[1], weights[2])
     rows, bodies, A, given, size = work.hinges, work.motion.bodies, work.A, work.given, work.size[0]
@@ -235,10 +236,7 @@ def move(work, x, left):
                 left[k] = D * x[k] + w * (py + rows[k, HINGE.eb])
             else:
                 left[k] = D * x[k] + pull + work.cells.known[k]
-            δa = add_scaled(δa, x[k], vec_of(rows, k, HINGE.j + PARTS.δa))
-            δφ = add_scaled(δφ, x[k], vec_of(rows, k, HINGE.j + PARTS.δφ))
-            η = add_scaled(η, x[k], vec_of(rows, k, HINGE.j + PARTS.η))
-            δω = add_scaled(δω, x[k], vec_of(rows, k, HINGE.j + PARTS.δω))
+            δa, δφ, η, δω = beyond_hinge(rows, k, x[k], δa, δφ, η, δω)
         if work.forks is not None and b.fork > 0:
             keep_motion(work.forks, b.fork, δa, δφ, η, δω)
 

@@ -157,7 +157,7 @@ def of_each(
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
     compiled = numba.njit(nogil=True, pipeline_class=KernelCompiler, **ARITHMETIC, **{**NO_C, **options})(function)
     if not numba.config.DISABLE_JIT:
-        keep_on_disk(compiled, function)
+        keep_on_disk(compiled)
         if options.keys() >= ONLY_KERNELS.keys():
             refuse_python(compiled)
     return compiled

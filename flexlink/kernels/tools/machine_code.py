@@ -185,9 +185,9 @@ with contextlib.suppress(OSError):
     os.utime(_FOLDER)  # used
 
 
-def keep_on_disk(compiled: Any, function: Callable[..., Any]) -> None:
+def keep_on_disk(compiled: Any) -> None:
     """Let a compiled function look for its machine code on disk first, and leave it there."""
-    compiled._cache = DiskCache(function, compiled)
+    compiled._cache = DiskCache(compiled)
 
 
 PARTS = "parts"
@@ -204,8 +204,8 @@ class DiskCache:
     told = False  # that code cannot be kept
     folder = ""
 
-    def __init__(self, function: Callable[..., Any], compiled: Any = None) -> None:
-        self._function, self._compiled = function, compiled
+    def __init__(self, compiled: Any) -> None:
+        self._compiled, self._function = compiled, compiled.py_func
 
     @property
     def cache_path(self) -> str:
@@ -254,12 +254,12 @@ class DiskCache:
         others[ANNOTATION] = ""
         module = compiled.library._get_module_for_linking()
         symbols = [each.name for each in (*module.functions, *module.global_variables) if not each.is_declaration]
-        rest = serialize.dumps((symbols, hashlib.sha256(bitcode).digest(), name, code, *others))
         try:
             file = next(self._files(signature, compiled.codegen.magic_tuple()))
             _make(_FOLDER)
             file.parent.mkdir(exist_ok=True)
-            _write(file.with_suffix(".bc"), bitcode)
+            mark = _write(file.with_suffix(".bc"), bitcode)
+            rest = serialize.dumps((symbols, mark, name, code, *others))
             _write(file, serialize.dumps((_called(compiled.library), rest)))
         except OSError as error:
             self._tell(error)
@@ -310,8 +310,10 @@ def _read(file: Path, mark: bytes = b"") -> bytes:
     return content[size:]
 
 
-def _write(file: Path, content: bytes) -> None:
-    write_whole(file, lambda place: place.write_bytes(hashlib.sha256(content).digest() + content))
+def _write(file: Path, content: bytes) -> bytes:
+    checksum = hashlib.sha256(content).digest()
+    write_whole(file, lambda place: place.write_bytes(checksum + content))
+    return checksum
 
 
 def _make(folder: Path) -> None:
