@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import tarfile
 from pathlib import Path
 
 import pytest
@@ -12,18 +13,18 @@ import flexlink as fl
 from flexlink.cli import rehearsal
 from flexlink.cli.compile import _put
 from flexlink.cli.main import main
-from flexlink.kernels.tools.machine_code import PARTS, families_here
+from flexlink.kernels.tools.code_files import archive_name
+from flexlink.kernels.tools.machine_code import PARTS, families_here, here
 
 NOT_KERNELS = {
     "check_fit", "compare", "compare_trajectories", "fit", "import_urdf", "initial_state", "load_fit", "load_scene",
     "load_sweep", "lump", "report", "rigidified", "sweep", "to_mjcf", "to_sdf", "to_urdf",
 }  # fmt: skip
 """Functions that run what others rehearse."""
-SCENES = [name for group in rehearsal.GROUPS for name in group]
 
 
 def test_the_scenes_are_all_kinds() -> None:
-    chains = [fl.lump(rehearsal.scene_of(name)) for name in SCENES]
+    chains = [fl.lump(rehearsal.scene_of(name)) for name in rehearsal.KINDS]
     assert len({(chain.is_planar, chain.arrays.rare is None) for chain in chains}) == 4
     assert any(chain.has_free_base for chain in chains)
     assert any(chain.has_rotation_springs for chain in chains)
@@ -56,9 +57,12 @@ def test_a_package_gets_what_is_called_and_nothing_of_other_sources(tmp_path: Pa
         (code / file).parent.mkdir(parents=True, exist_ok=True)
         (code / file).write_bytes(b"code")
     (out / "0123456789abcdef").mkdir(parents=True)
-    _put(code, out)
-    assert [path.relative_to(out).as_posix() for path in out.rglob("*.b*")] == ["fedcba9876543210/called.bin"]
+    _put(code, out, here())
     assert [path.name for path in out.iterdir()] == ["fedcba9876543210"]
+    (archive,) = (out / code.name).iterdir()
+    assert archive.name == archive_name(here())
+    with tarfile.open(archive) as packed:
+        assert packed.getnames() == ["called.bin"]
 
 
 def test_this_machine_is_of_a_family_or_of_none() -> None:

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from conftest import ROOT, compiled
 
-from flexlink.kernels.tools import compiler, machine_code
+from flexlink.kernels.tools import code_files, compiler, machine_code
 from flexlink.kernels.tools.lanes import LANES, empty_lanes
 from flexlink.kernels.tools.rare import rarely
 
@@ -44,9 +44,9 @@ def compilations(call: Callable[[], float]) -> int:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch) -> Path:
-    monkeypatch.setattr(machine_code, "_FOLDER", tmp_path / "flexlink" / "0123456789abcdef")
+    monkeypatch.setattr(code_files, "FOLDER", tmp_path / "flexlink" / "0123456789abcdef")
     monkeypatch.setattr(machine_code.DiskCache, "told", False)
-    return machine_code._FOLDER
+    return code_files.FOLDER
 
 
 def test_code_that_is_on_disk_is_not_compiled_again(folder: Path) -> None:
@@ -59,16 +59,68 @@ def test_code_that_is_on_disk_is_not_compiled_again(folder: Path) -> None:
 def test_code_of_the_package_serves_where_the_user_has_none(folder: Path, monkeypatch, cpu: str) -> None:
     """That of the CPU, and of each family that it is of."""
     host = numba.core.registry.cpu_target.target_context.codegen().magic_tuple()
-    monkeypatch.setattr(machine_code, "_SHIPPED", folder.parent / "shipped")
-    monkeypatch.setattr(machine_code, "families", lambda _: [(host[0], name, "") for name in machine_code.FAMILIES])
+    monkeypatch.setattr(code_files, "SHIPPED", folder.parent / "shipped")
+    of = [(host[0], name, "") for name in code_files.FAMILIES]
+    for module in (code_files, machine_code):
+        monkeypatch.setattr(module, "families", lambda _: of)
     kernel = fresh()
     assert compilations(lambda: kernel(3.0)) == 1
     (file,) = folder.glob("*.bin")
-    shipped = machine_code._key(kernel.py_func, (numba.float64,), host if cpu == "host" else (host[0], cpu, ""))
-    machine_code._SHIPPED.mkdir()
-    file.rename(machine_code._SHIPPED / f"{shipped}.bin")
+    built_for = host if cpu == "host" else (host[0], cpu, "")
+    file.rename(file.with_stem(machine_code._key(kernel.py_func, (numba.float64,), built_for)))
+    code_files.SHIPPED.mkdir()
+    code_files.pack(folder, code_files.SHIPPED / code_files.archive_name(built_for))
+    shutil.rmtree(folder)
+    code_files.shipped.cache_clear()
     assert compilations(lambda: fresh()(3.0)) == 0
-    assert not [*folder.glob("*.bin")]
+    assert len([*folder.glob("*.bin")]) == 1  # for later processes
+    assert compilations(lambda: fresh()(3.0)) == 0
+    code_files.shipped.cache_clear()
+
+
+def test_code_of_the_package_serves_where_the_user_s_folder_is_not_writable(folder: Path, monkeypatch) -> None:
+    kernel = fresh()
+    assert compilations(lambda: kernel(3.0)) == 1
+    monkeypatch.setattr(code_files, "SHIPPED", folder.parent / "shipped")
+    code_files.SHIPPED.mkdir()
+    code_files.pack(folder, code_files.SHIPPED / code_files.archive_name(machine_code.here()))
+    monkeypatch.setattr(code_files, "FOLDER", folder.parent / "shipped" / "file" / "0123456789abcdef")
+    (folder.parent / "shipped" / "file").touch()
+    code_files.shipped.cache_clear()
+    assert compilations(lambda: fresh()(3.0)) == 0
+    code_files.shipped.cache_clear()
+
+
+ONCE = """
+import sys, time
+from pathlib import Path
+from flexlink.kernels.tools import code_files, compiler, machine_code
+
+code_files.FOLDER = Path(sys.argv[1])
+own = machine_code.DiskCache._save
+def slow(*arguments):
+    print("compiled")
+    time.sleep(0.5)
+    own(*arguments)
+machine_code.DiskCache._save = slow
+
+@compiler.kernel
+def twice(x):
+    return 2.0 * x
+
+assert twice(3.0) == 6.0
+"""
+
+
+@pytest.mark.slow
+def test_processes_that_need_the_same_function_compile_it_once(tmp_path: Path) -> None:
+    script = tmp_path / "once.py"
+    script.write_text(ONCE)
+    command = [sys.executable, str(script), str(tmp_path / "code")]
+    both = [subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    assert sorted(process.communicate()[0] for process in both) == ["", "compiled\n"]
+    assert not [process.returncode for process in both if process.returncode]
+    assert not [*(tmp_path / "code").glob("*.lock")]
 
 
 def copying(kernel: Callable[[float], float]) -> Callable[[float], float]:
@@ -115,9 +167,9 @@ def test_bitcode_is_read_where_other_code_copies_it(folder: Path, monkeypatch) -
 def test_a_cpu_is_of_the_families_whose_instructions_it_has() -> None:
     triple = "x86_64-unknown-linux-gnu"
     old, new = (f"+{name}" for name in ("sse2", "avx2"))
-    third = ",".join(f"+{name}" for name in machine_code.FAMILIES["x86-64-v3"].split())
-    fourth = ",".join(f"+{name}" for name in machine_code.FAMILIES["x86-64-v4"].split())
-    of = [[name for _, name, _ in machine_code.families((triple, "any", each))] for each in (old, new, third, fourth)]
+    third = ",".join(f"+{name}" for name in code_files.FAMILIES["x86-64-v3"].split())
+    fourth = ",".join(f"+{name}" for name in code_files.FAMILIES["x86-64-v4"].split())
+    of = [[name for _, name, _ in code_files.families((triple, "any", each))] for each in (old, new, third, fourth)]
     assert of == [[], [], ["x86-64-v3"], ["x86-64-v4", "x86-64-v3"]]
 
 
@@ -203,7 +255,7 @@ def test_a_first_run_compiles_few_functions(tmp_path: Path) -> None:
     command = [sys.executable, "-c", COUNTING]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
     assert int(done.stdout) <= 190
-    own = machine_code._FOLDER
+    own = code_files.FOLDER
     with contextlib.suppress(OSError):  # a user without a home
         shutil.copytree(tmp_path / "flexlink" / own.name, own, dirs_exist_ok=True)
 
@@ -300,7 +352,7 @@ def test_a_folder_that_cannot_be_written_is_told_once_and_nothing_is_kept_beside
     folder: Path, tmp_path: Path, monkeypatch
 ) -> None:
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
-    monkeypatch.setattr(machine_code, "_FOLDER", tmp_path / "file" / "0123456789abcdef")
+    monkeypatch.setattr(code_files, "FOLDER", tmp_path / "file" / "0123456789abcdef")
     beside = set(Path(__file__).parent.rglob("*.nb?"))
     with pytest.warns(RuntimeWarning, match=r"every process compiles again.*NUMBA_CACHE_DIR") as told:
         assert compilations(lambda: fresh()(3.0)) == 1
@@ -313,22 +365,22 @@ def test_a_folder_that_cannot_be_written_is_told_once_and_nothing_is_kept_beside
 def test_an_edit_in_any_kernel_file_changes_the_cache_folder(variable: str, monkeypatch, tmp_path: Path) -> None:
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv(variable, str(tmp_path / "cache"))
-    shutil.copytree(machine_code.HERE, tmp_path / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(machine_code, "HERE", tmp_path / "kernels")
-    before = machine_code.cache_folder()
+    shutil.copytree(code_files.HERE, tmp_path / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(code_files, "HERE", tmp_path / "kernels")
+    before = code_files.cache_folder()
     sources = sorted((tmp_path / "kernels").rglob("*.py"))
     assert tmp_path / "kernels" / "layout.py" in sources
     for source in sources:
         source.write_text("# edited", encoding="utf-8")
-        before, edited = machine_code.cache_folder(), before
+        before, edited = code_files.cache_folder(), before
         assert edited != before, source
-    assert machine_code.cache_folder().parent == before.parent == tmp_path / "cache" / "flexlink"
+    assert code_files.cache_folder().parent == before.parent == tmp_path / "cache" / "flexlink"
 
 
 def test_another_numba_has_another_folder(monkeypatch) -> None:
-    before = machine_code.cache_folder()
+    before = code_files.cache_folder()
     monkeypatch.setattr(machine_code.numba, "__version__", "0.0.0")
-    assert machine_code.cache_folder() != before
+    assert code_files.cache_folder() != before
 
 
 def test_a_user_without_a_home_still_has_kernels(folder: Path, monkeypatch) -> None:
@@ -338,7 +390,7 @@ def test_a_user_without_a_home_still_has_kernels(folder: Path, monkeypatch) -> N
     for variable in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
         monkeypatch.delenv(variable, raising=False)
     monkeypatch.setattr(machine_code.Path, "home", homeless)
-    monkeypatch.setattr(machine_code, "_FOLDER", machine_code.cache_folder())
+    monkeypatch.setattr(code_files, "FOLDER", code_files.cache_folder())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert compilations(lambda: fresh()(3.0)) == 1
@@ -346,7 +398,7 @@ def test_a_user_without_a_home_still_has_kernels(folder: Path, monkeypatch) -> N
 
 def test_a_new_folder_removes_the_least_used_and_nothing_that_is_not_its_own(folder: Path) -> None:
     root = folder.parent
-    for age in range(machine_code.KEPT + 3):
+    for age in range(code_files.KEPT + 3):
         old = root / f"{age:016x}"
         old.mkdir(parents=True)
         (old / "code.bin").write_bytes(b"")
@@ -355,16 +407,16 @@ def test_a_new_folder_removes_the_least_used_and_nothing_that_is_not_its_own(fol
     (root / "notes.txt").write_text("mine", encoding="utf-8")
     fresh()(3.0)
     left = {path.name for path in root.iterdir()}
-    assert left == {f"{age:016x}" for age in range(machine_code.KEPT)} | {folder.name, "mine", "notes.txt"}
+    assert left == {f"{age:016x}" for age in range(code_files.KEPT)} | {folder.name, "mine", "notes.txt"}
 
 
-def test_what_numba_does_not_document_is_used_in_two_files_alone() -> None:
+def test_what_numba_does_not_document_is_used_in_three_files_alone() -> None:
     """Documented are numba itself, its types, the extension API and, of the core, events and structures."""
     documented = {"numba", "numba.types", "numba.extending", "numba.core.event", "numba.core.cgutils"}
     private = re.compile(r"\b_nrt\b|\b_cache\b|\._re(?:duce|build)\b")
-    for source in sorted(machine_code.HERE.parent.rglob("*.py")):
+    for source in sorted(code_files.HERE.parent.rglob("*.py")):
         text = source.read_text(encoding="utf-8")
-        if source.name not in {"machine_code.py", "absent.py"}:
+        if source.name not in {"machine_code.py", "absent.py", "parts.py"}:
             assert imported(text) <= documented, source.name
             assert not private.search(text), source.name
 

@@ -119,7 +119,7 @@ def add_beam(
 def _springs_of(rule: LumpingRule, hinge: int) -> int:
     """What the springs of a hinge of three axes hold, counted from 0 along its beam."""
     leads = rule.cells is not None and rule.cells.hinges == PAIR and hinge % PAIR == 0
-    return SPRINGS.cell if leads else SPRINGS.rotation
+    return int(SPRINGS.cell if leads else SPRINGS.rotation)
 
 
 def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) -> tuple[slice, NDArray[np.intp]]:

@@ -18,10 +18,11 @@ import time
 from pathlib import Path
 
 from flexlink.cli import rehearsal
-from flexlink.cli.rehearsal import GROUPS
+from flexlink.cli.rehearsal import KINDS
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.progress import Progress, clock
-from flexlink.kernels.tools.machine_code import FAMILIES, PARTS, cache_folder, families_here, state
+from flexlink.kernels.tools.code_files import FAMILIES, Cpu, archive_name, cache_folder, pack, state
+from flexlink.kernels.tools.machine_code import families_here, here
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -65,28 +66,30 @@ def _compile(cpu: str | None, out: Path | None, jobs: int) -> None:
     with tempfile.TemporaryDirectory() as cache:
         own = {} if out is None else {"NUMBA_CACHE_DIR": cache}
         target = {"NUMBA_CPU_NAME": cpu, "NUMBA_CPU_FEATURES": ""} if cpu else {}
-        with concurrent.futures.ThreadPoolExecutor(max(1, jobs)) as pool:
-            progress = Progress(f"compiling for {cpu or 'this CPU'}", parts=len(GROUPS), what="kinds of scenes")
-            runs = [pool.submit(_rehearse, group, own | target) for group in GROUPS]
+        waiting = 2  # processes more than cores: some wait for a function that another one compiles
+        with concurrent.futures.ThreadPoolExecutor(max(1, jobs) + waiting) as pool:
+            progress = Progress(f"compiling for {cpu or 'this CPU'}", parts=len(KINDS), what="kinds of scenes")
+            runs = [pool.submit(_rehearse, kind, own | target) for kind in KINDS]
             for done, run in enumerate(concurrent.futures.as_completed(runs), 1):
                 run.result()
                 progress(done / len(runs))
         if out is not None:
-            _put(Path(cache) / "flexlink" / state(), out)
+            _put(Path(cache) / "flexlink" / state(), out, (here()[0], cpu, "") if cpu else here())
 
 
-def _put(code: Path, out: Path) -> None:
-    """Put code into a package's folder, without what only compiling needs, in place of that of other sources."""
+def _put(code: Path, out: Path, cpu: Cpu) -> None:
+    """Put code into a package's folder, in place of that of other sources."""
     for old in out.glob("[0-9a-f]" * 16):
         if old.name != code.name:
             shutil.rmtree(old)
-    shutil.copytree(code, out / code.name, ignore=shutil.ignore_patterns(PARTS, "*.bc"), dirs_exist_ok=True)
+    (out / code.name).mkdir(parents=True, exist_ok=True)
+    pack(code, out / code.name / archive_name(cpu))
 
 
-def _rehearse(group: tuple[str, ...], environment: dict[str, str]) -> None:
-    """Rehearse scenes, one after the other."""
-    command = [sys.executable, "-m", "flexlink.cli.rehearsal", *group]
+def _rehearse(kind: str, environment: dict[str, str]) -> None:
+    """Rehearse a scene."""
+    command = [sys.executable, "-m", "flexlink.cli.rehearsal", kind]
     run = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=False)
     if run.returncode:
         last = (run.stderr.strip().splitlines() or ["no message"])[-1]
-        raise FlexlinkError(f"compiling {', '.join(group)} failed: {last}")
+        raise FlexlinkError(f"compiling {kind} failed: {last}")

@@ -15,8 +15,8 @@ import numpy as np
 
 import flexlink as fl
 
-GROUPS = ("tree", "free"), ("space",), ("cells",), ("plane",)
-"""Files of `data/`, those of one kind together: processes share hardly any code. The longest come first."""
+KINDS = "tree", "space", "plane", "cells", "free"
+"""Files of `data/`. The longest come first."""
 
 
 def scene_of(name: str) -> fl.Scene:

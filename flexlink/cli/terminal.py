@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from flexlink.common.progress import Line, clock
+from flexlink.kernels.tools.code_files import cache_folder
 from flexlink.kernels.tools.compiler import watched
-from flexlink.kernels.tools.machine_code import cache_folder
 
 
 class Compiling(Line):

@@ -176,7 +176,7 @@ class MethodSteps:
         self._restart(part)
         while (how := self.take(NEVER)) == OUTCOME.turned:
             self.turn()
-        return how == OUTCOME.ended
+        return how == int(OUTCOME.ended)
 
     def _restart(self, step: float) -> None:
         """Go on with steps of a length [s], as if none had been taken."""

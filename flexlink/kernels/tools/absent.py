@@ -14,6 +14,8 @@ from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.ir_utils import get_definition, guard
 from numba.core.untyped_passes import IRProcessing
 
+from flexlink.kernels.tools.parts import Part
+
 
 @register_pass(mutates_CFG=False, analysis_only=False)
 class DecideAbsent(FunctionPass):
@@ -66,10 +68,16 @@ def _type_of(func_ir: Any, arguments: Any, variable: Any) -> Any:
 
 
 class KernelCompiler(CompilerBase):
-    """Numba's compiler with this pass."""
+    """Numba's compiler with this pass; of what is only copied it makes a `Part`."""
+
+    def __init__(self, *arguments: Any, part: bool = False) -> None:
+        super().__init__(*arguments)
+        self.part = part
 
     def define_pipelines(self) -> list[Any]:
         """Its passes."""
+        if self.part:
+            self.state.library = Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes.add_pass_after(DecideAbsent, IRProcessing)
         passes.finalize()

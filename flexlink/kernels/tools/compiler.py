@@ -13,7 +13,7 @@ from numba.core import event
 from numba.extending import overload
 
 from flexlink.kernels.tools.absent import KernelCompiler
-from flexlink.kernels.tools.machine_code import BORROWS, NO_C, ONLY_KERNELS, keep_on_disk, refuse_python, share
+from flexlink.kernels.tools.machine_code import BORROWS, NO_C, ONLY_KERNELS, choose, keep_on_disk, refuse_python, share
 
 
 class _Watch(event.Listener):
@@ -38,21 +38,12 @@ def watched(started: Callable[[], None], ended: Callable[[], None]) -> Iterator[
         yield
 
 
-class _Collector:
-    """Python's garbage collector goes without its full collections while something is compiled: a tenth of the time."""
-
-    def pause(self) -> None:
-        """Full collections become rare."""
-        self.threshold = gc.get_threshold()
-        gc.set_threshold(*self.threshold[:2], 1000)
-
-    def resume(self) -> None:
-        """As often as before."""
-        gc.set_threshold(*self.threshold)
-
-
-_COLLECTOR = _Collector()
-event.register("numba:compile", _Watch(_COLLECTOR.pause, _COLLECTOR.resume))
+_THRESHOLD = gc.get_threshold()
+# Python's garbage collector goes without its full collections while something is compiled: a tenth of the time.
+event.register(
+    "numba:compile",
+    _Watch(lambda: gc.set_threshold(*_THRESHOLD[:2], 1000), lambda: gc.set_threshold(*_THRESHOLD)),
+)
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -113,11 +104,7 @@ def by_type(algorithms: dict[type, Any]) -> Callable[[Callable[..., Any]], Calla
         def call(*arguments: Any) -> Any:
             return algorithms[type(arguments[-1])](*arguments)
 
-        @overload(call, jit_options=INLINED)
-        def choose(*arguments):
-            algorithm = algorithms[arguments[-1].instance_class]
-            return lambda *arguments: algorithm(*arguments)  # noqa: PLW0108
-
+        choose(call, algorithms)
         return call
 
     return decorate

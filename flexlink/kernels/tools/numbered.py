@@ -1,17 +1,10 @@
 """Names of numbers: where each number of a row stands, or what a code means."""
 
 from collections import namedtuple
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 
-class Numbers(Protocol):
-    """Whole numbers by name, as `numbered` makes them."""
-
-    def __getattr__(self, name: str) -> int:
-        """The number of a name."""
-
-
-def numbered(*names: str, start: int = 0) -> Numbers:
+def numbered(*names: str, start: int = 0) -> Any:
     """Names for whole numbers, one after another, and `size` for their end; `name:3` takes three of them.
 
     Kernels read a record of them as a global: its fields are constants of their machine code.
@@ -21,4 +14,4 @@ def numbered(*names: str, start: int = 0) -> Numbers:
         name, _, places = each.partition(":")
         fields[name], size = size, size + int(places or 1)
     record = cast("Any", namedtuple)("Numbers", [*fields, "size"])
-    return cast("Numbers", record(*fields.values(), size))
+    return record(*fields.values(), size)
