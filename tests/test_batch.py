@@ -33,6 +33,41 @@ def test_many_states_have_the_accelerations_of_single_ones(
         np.testing.assert_array_equal(row, fl.forward_dynamics(chain, *state, solver=method, tip_wrench=wrench))
 
 
+def test_functions_of_many_states_leave_them_as_they_were(chain: fl.Chain, rng: np.random.Generator) -> None:
+    """They read the arrays that they are given, without a copy."""
+    q, qd = (np.array(x) for x in zip(*(random_state(chain, rng) for _ in range(9)), strict=True))
+    states = [q, qd, rng.normal(size=q.shape)]
+    before = [part.copy() for part in states]
+    q, qd, third = states
+    for function in (fl.forward_dynamics, fl.inverse_dynamics, fl.forward_dynamics_derivatives):
+        function(chain, q, qd, third)
+    fl.inverse_dynamics_derivatives(chain, q, qd, third)
+    fl.point_motion(chain, q, qd, third)
+    for function in (fl.bias_torque, fl.momentum, fl.energy, fl.drag_torque):
+        function(chain, q, qd)
+    for function in (fl.mass_matrix, fl.gravity_torque, fl.elastic_torque, fl.tip_position):
+        function(chain, q)
+    fl.friction_torque(chain, qd)
+    for now, then in zip(states, before, strict=True):
+        np.testing.assert_array_equal(now, then)
+
+
+@pytest.mark.parametrize("made", ["read only", "of whole numbers", "every other row", "a column first"])
+def test_any_array_serves_as_many_states(chain: fl.Chain, made: str, rng: np.random.Generator) -> None:
+    """Kernels are compiled for one kind of array."""
+    tau = np.round(rng.normal(size=(8, chain.n)))
+    kinds = {
+        "of whole numbers": tau.astype(int),
+        "every other row": np.repeat(tau, 2, axis=0)[::2],
+        "a column first": np.asfortranarray(tau),
+    }
+    other = kinds.get(made, tau.copy())
+    if made == "read only":
+        other.setflags(write=False)
+    q = random_state(chain, rng)[0]
+    np.testing.assert_array_equal(fl.forward_dynamics(chain, q, q, other), fl.forward_dynamics(chain, q, q, tau))
+
+
 def test_states_of_unequal_shape_are_refused(chain: fl.Chain) -> None:
     q = np.zeros((3, chain.n))
     with pytest.raises(fl.errors.ArgumentError, match=rf"tau has shape \(2, {chain.n}\); expected .*\(3, {chain.n}\)"):

@@ -146,7 +146,7 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
     works = (lanes_workspace(solver, chains[part]) for part in parts)
     many = solvers.accelerations_of_many
     qdd = [many(work, *(s[part] for s in states)) for part, work in zip(parts, works, strict=True)]
-    return np.concatenate(qdd)
+    return qdd[0] if len(qdd) == 1 else np.concatenate(qdd)
 
 
 def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:

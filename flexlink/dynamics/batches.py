@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar, cast
+from typing import TypeGuard, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.types import Array
 from flexlink.dynamics.result import Result
+from flexlink.kernels.tools.finite import is_finite
 
 R = TypeVar("R")
 
@@ -31,21 +32,28 @@ def is_batch(*state: ArrayLike) -> bool:
 def rows(n: int, state: dict[str, ArrayLike]) -> list[Array]:
     """The parts of b states, shape (b, n) each, of which one has this shape, and any may have the shape (n,).
 
+    They are the arrays given, where kernels can read these: a copy of many states costs as much as their dynamics.
+
     Raises
     ------
     ArgumentError
         A part has another shape, is not real or not finite; the message names it and the shapes allowed.
     """
-    parts = {name: real_array(name, part, (n,)) for name, part in state.items()}
+    parts = {name: part if _readable(part) else real_array(name, part, (n,)) for name, part in state.items()}
     b, leader = next((len(part), name) for name, part in parts.items() if part.ndim > 1)
     for name, part in parts.items():
         if part.shape not in {(n,), (b, n)}:
             many = f"(b, {n}) for b states" if name == leader else f"({b}, {n}), as many as {leader}"
             raise ArgumentError(f"{name} has shape {part.shape}; expected ({n},), or {many}")
-        if not np.isfinite(part).all():
+        if not is_finite(part.reshape(-1)):
             place = tuple(int(k) for k in np.argwhere(~np.isfinite(part))[0])
             raise ArgumentError(f"{name}{list(place)} = {part[place]} is not finite; expected finite numbers")
-    return [np.array(part if part.ndim > 1 else np.broadcast_to(part, (b, n)), order="C") for part in parts.values()]
+    return [part if part.ndim > 1 else np.array(np.broadcast_to(part, (b, n))) for part in parts.values()]
+
+
+def _readable(part: ArrayLike) -> TypeGuard[Array]:
+    """Whether kernels know the type of an array: writable, contiguous, of many states."""
+    return type(part) is np.ndarray and part.dtype == np.float64 and part.ndim > 1 and part.flags.carray
 
 
 def wrench_rows(tip_wrench: ArrayLike | None, b: int) -> Array:

@@ -188,7 +188,7 @@ def _of_many(
     write: Callable[..., bool], n: int, state: dict[str, ArrayLike], tip_wrench: ArrayLike | None, frame: Frame
 ) -> Array | None:
     """Of b states, (3, b, n, n); None where something is not finite, and of wrenches that turn with the tip."""
-    many = rows(n, state)
+    many = [part.copy() for part in rows(n, state)]
     found = np.empty((3, len(many[0]), n, n))
     if turns_with_tip(frame) or not write(wrench_rows(tip_wrench, len(many[0])), *many, found):
         return None
