@@ -55,7 +55,7 @@ def test_code_that_is_on_disk_is_not_compiled_again(folder: Path) -> None:
     assert compilations(lambda: fresh()(3)) == 1  # another signature
 
 
-@pytest.mark.parametrize("cpu", ["host", "x86-64-v4", "x86-64-v3"])
+@pytest.mark.parametrize("cpu", ["host", "x86-64-v4", "x86-64-v3", "x86-64"])
 def test_code_of_the_package_serves_where_the_user_has_none(folder: Path, monkeypatch, cpu: str) -> None:
     """That of the CPU, and of each family that it is of."""
     host = numba.core.registry.cpu_target.target_context.codegen().magic_tuple()
@@ -170,7 +170,8 @@ def test_a_cpu_is_of_the_families_whose_instructions_it_has() -> None:
     third = ",".join(f"+{name}" for name in code_files.FAMILIES["x86-64-v3"].split())
     fourth = ",".join(f"+{name}" for name in code_files.FAMILIES["x86-64-v4"].split())
     of = [[name for _, name, _ in code_files.families((triple, "any", each))] for each in (old, new, third, fourth)]
-    assert of == [[], [], ["x86-64-v3"], ["x86-64-v4", "x86-64-v3"]]
+    assert of == [["x86-64"], ["x86-64"], ["x86-64-v3", "x86-64"], ["x86-64-v4", "x86-64-v3", "x86-64"]]
+    assert code_files.families(("aarch64-unknown-linux-gnu", "any", "+neon")) == []
 
 
 def test_a_recursion_answers_python_with_an_error_not_with_a_crash(folder: Path) -> None:

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from flexlink.cli import rehearsal
@@ -68,11 +69,11 @@ def _compile(cpu: str | None, out: Path | None, jobs: int) -> None:
         target = {"NUMBA_CPU_NAME": cpu, "NUMBA_CPU_FEATURES": ""} if cpu else {}
         waiting = 2  # processes more than cores: some wait for a function that another one compiles
         with concurrent.futures.ThreadPoolExecutor(max(1, jobs) + waiting) as pool:
-            progress = Progress(f"compiling for {cpu or 'this CPU'}", parts=len(KINDS), what="kinds of scenes")
-            runs = [pool.submit(_rehearse, kind, own | target) for kind in KINDS]
-            for done, run in enumerate(concurrent.futures.as_completed(runs), 1):
+            progress, calls = Progress(f"compiling for {cpu or 'this CPU'}"), rehearsal.count()
+            done = iter(range(1, calls + 1))
+            runs = [pool.submit(_rehearse, kind, own | target, lambda: progress(next(done) / calls)) for kind in KINDS]
+            for run in concurrent.futures.as_completed(runs):
                 run.result()
-                progress(done / len(runs))
         if out is not None:
             _put(Path(cache) / "flexlink" / state(), out, (here()[0], cpu, "") if cpu else here())
 
@@ -86,10 +87,13 @@ def _put(code: Path, out: Path, cpu: Cpu) -> None:
     pack(code, out / code.name / archive_name(cpu))
 
 
-def _rehearse(kind: str, environment: dict[str, str]) -> None:
-    """Rehearse a scene."""
-    command = [sys.executable, "-m", "flexlink.cli.rehearsal", kind]
-    run = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=False)
-    if run.returncode:
-        last = (run.stderr.strip().splitlines() or ["no message"])[-1]
+def _rehearse(kind: str, environment: dict[str, str], called: Callable[[], None]) -> None:
+    """Rehearse a scene, in a process that says a line of each call."""
+    command, last = [sys.executable, "-m", "flexlink.cli.rehearsal", kind], "no message"
+    with subprocess.Popen(command, env=os.environ | environment, stderr=subprocess.PIPE, text=True) as process:
+        for line in process.stderr or ():
+            last = line.strip() or last
+            if line.startswith(f"{kind}: "):
+                called()
+    if process.returncode:
         raise FlexlinkError(f"compiling {kind} failed: {last}")

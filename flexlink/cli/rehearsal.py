@@ -24,6 +24,11 @@ def scene_of(name: str) -> fl.Scene:
     return fl.load_scene(Path(__file__).parent / "data" / f"{name}.toml")
 
 
+def count() -> int:
+    """Number of calls of all scenes."""
+    return sum(len([*calls(scene_of(name))]) for name in KINDS)
+
+
 def calls(scene: fl.Scene) -> Iterator[tuple[str, Callable[[], object]]]:
     """Names of functions, and calls of them."""
     for method in ("RK4", "DOP853", "Radau5", "auto"):

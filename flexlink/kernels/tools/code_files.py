@@ -3,7 +3,7 @@
 The name of a folder hashes every kernel file, the layout of their records among them, and the versions that compile
 them. A user's NUMBA_CACHE_DIR says where that folder lies.
 
-A package carries one archive of all files for each family of CPUs, x86-64-v3 and v4, one that is built from source for
+A package carries one archive of all files for each family of CPUs, x86-64, v3 and v4, one that is built from source for
 the CPU that it was built on. It is unpacked into the user's folder when something is first missing there. Packed
 together files are a fifteenth as large: most of them is names of types, the same in all. Code of several families works
 together: all calls are alike.
@@ -63,15 +63,18 @@ def cache_folder() -> Path:
 FAMILIES = {
     "x86-64-v4": "avx512f avx512bw avx512cd avx512dq avx512vl avx2 bmi bmi2 f16c fma lzcnt movbe",
     "x86-64-v3": "avx2 bmi bmi2 f16c fma lzcnt movbe",
+    "x86-64": "",
 }
-"""Families of CPUs, the best first, and what their members have (System V ABI, x86-64 psABI, table 3.1)."""
+"""Families of CPUs, the best first, and what their members have (System V ABI, x86-64 psABI, table 3.1). The last one
+rounds a·b + c twice, so that its results differ from those of the others in their last digits."""
 
 
 def families(cpu: Cpu) -> list[Cpu]:
     """Those that a CPU is of."""
     triple, _, features = cpu
     has = {feature[1:] for feature in features.split(",") if feature[:1] == "+"}
-    return [(triple, name, "") for name, needed in FAMILIES.items() if has.issuperset(needed.split())]
+    of = FAMILIES if triple.startswith("x86_64") else {}
+    return [(triple, name, "") for name, needed in of.items() if has.issuperset(needed.split())]
 
 
 FOLDER = cache_folder()  # now, before the sources can change under a running process
