@@ -13,7 +13,6 @@ from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import AUTO
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.extremes import slowest_frequency
-from flexlink.dynamics.vibration.stability import bounding_eigenvalues, stable_step_of
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping import adaptive
 from flexlink.kernels.stepping.adaptive import OUTCOME
@@ -24,7 +23,7 @@ from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.method_choice import cheapest, fastest_motion
-from flexlink.motion.step_settings import longest_step, settings
+from flexlink.motion.step_settings import longest_step, longest_step_of, settings
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import StopTimes
 from flexlink.results.record import Record
@@ -211,7 +210,7 @@ class MethodSteps:
         record = self.record
         longest = np.inf
         if self.method.explicit and now > record.t[0]:
-            longest = stable_step_of(bounding_eigenvalues(*fastest_motion(record, self.state[0])), self.name)
+            longest = longest_step_of(self.name, record, *fastest_motion(record, self.state[0]))
         elif self.method.explicit:
             longest = longest_step(self.name, record, now, self.state)
         stops = StopTimes(self.method, record, self.by_drive, self.halved)
