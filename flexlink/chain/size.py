@@ -114,7 +114,9 @@ def _inertia_beyond(arrays: ChainArrays, placed: KinematicsWork, k: int) -> tupl
     mass, R, e = bodies["mass"][beyond], placed.rotations[beyond], placed.axes[k]
     centers = placed.points[beyond] + np.einsum("bij,bj->bi", R, bodies["center"][beyond]) - placed.points[body]
     own = np.einsum("bij,j->bi", R.transpose(0, 2, 1), e)
-    J = np.einsum("bi,bij,bj->", own, bodies["inertia"][beyond], own) + mass @ (np.cross(e, centers) ** 2).sum(axis=1)
+    x, y, z = centers.T
+    across = np.array([e[1] * z - e[2] * y, e[2] * x - e[0] * z, e[0] * y - e[1] * x]).T
+    J = np.einsum("bi,bij,bj->", own, bodies["inertia"][beyond], own) + mass @ (across**2).sum(axis=1)
     return float(J), float(mass.sum())
 
 
