@@ -221,7 +221,10 @@ class Chain(Layout):
     def reach(self) -> float:
         """How far from the origin of frame 0 any of the masses can get [m], at most."""
         if self.is_serial_revolute:
-            return _reach(self.bodies["translation"].tobytes(), self.bodies["center"].tobytes())
+            away, centres = (
+                np.sqrt((part * part).sum(axis=1)) for part in (self.bodies["translation"], self.bodies["center"])
+            )
+            return float(away.sum() + centres.max())
         away = sums_outward(spans_of(self.bodies), self.lengths)
         return float((away + np.linalg.norm(self.bodies["center"], axis=1)).max())
 
@@ -285,11 +288,3 @@ def add_products(product: Array, couplings: NDArray[np.void], value: Array, φ: 
     inner, outer = couplings["inner"], couplings["outer"]
     np.add.at(product.T, inner, (value * φ[..., outer]).T)
     np.add.at(product.T, outer, (value * φ[..., inner]).T)
-
-
-@functools.lru_cache(maxsize=64)
-def _reach(translations: bytes, centers: bytes) -> float:
-    """`Chain.reach`; chains that differ in stiffness alone share it."""
-    places = (np.frombuffer(part).reshape(-1, 3) for part in (translations, centers))
-    away, centres = (np.sqrt((place * place).sum(axis=1)) for place in places)
-    return float(away.sum() + centres.max())

@@ -70,12 +70,12 @@ class Layout:
     @functools.cached_property
     def is_serial(self) -> bool:
         """Whether every body hangs on the one before it."""
-        return not self.bodies["begins"].any()
+        return not np.count_nonzero(self.bodies["begins"])
 
     @functools.cached_property
     def is_serial_revolute(self) -> bool:
         """Whether every body hangs on the one before it and no joint slides."""
-        return self.is_serial and not self.slides.any()
+        return self.is_serial and not np.count_nonzero(self.slides)
 
     @functools.cached_property
     def has_free_base(self) -> bool:
@@ -94,7 +94,7 @@ class Layout:
     @functools.cached_property
     def has_rotation_springs(self) -> bool:
         """Whether springs hold rotation vectors of hinges about three axes, not their angles (`BODY`)."""
-        return bool(self.bodies["springs"].any())
+        return bool(np.count_nonzero(self.bodies["springs"]))
 
     @property
     def springs_join_hinges(self) -> bool:

@@ -44,12 +44,18 @@ def without_lever(arrays: ChainArrays, reach: float, anywhere: Callable[[], Kine
     A joint on which one with a lever hangs has a lever: the place moves on a circle, which lies on no axis. So those
     farthest out tell of most arms, and `anywhere`, `at_any_posture`, need not be asked.
     """
-    axes = arrays.hinges["axis"].tolist()
-    passes = [axis >= SLIDES for axis in axes]
+    last = len(arrays.hinges) - 1
+    if (
+        arrays.rare is None
+        and last >= 0
+        and _offset_of_next(arrays, last, len(arrays.bodies) - 2) > 2 * NEARLY * reach > 0
+    ):
+        return np.empty(0, np.intp)  # of an arm without branches the last one tells of all
+    passes = (arrays.hinges["axis"] >= SLIDES).tolist()
     if reach == 0 or all(passes):
         return np.flatnonzero(np.logical_not(passes))
     first, stop, parent = (arrays.bodies[name].tolist() for name in ("first", "stop", "parent"))
-    for k in range(len(axes) - 1, -1, -1):
+    for k in range(last, -1, -1):
         if passes[k]:
             continue
         body = bisect_right(stop, k)
@@ -65,7 +71,7 @@ def without_lever(arrays: ChainArrays, reach: float, anywhere: Callable[[], Kine
 
 def _offset_of_next(arrays: ChainArrays, k: int, body: int) -> float:
     """How far the next body is from the axis of a joint of one, if it hangs on it, no joint between; 0 if not."""
-    if k + 1 < arrays.bodies["stop"][body] or arrays.bodies["parent"][body + 1] != body + 1:
+    if arrays.bodies["stop"][body] != k + 1 or arrays.bodies["parent"][body + 1] != body + 1:
         return 0.0
     place: list[float] = arrays.bodies["translation"][body + 1].tolist()
     return max(abs(x) for i, x in enumerate(place) if i != arrays.hinges["axis"][k])
@@ -80,11 +86,10 @@ def _lever(e: list[float], a: list[float], b: list[float]) -> float:
 def on_elastic_gears(arrays: ChainArrays) -> Indices:
     """Joints with a rotor whose turning a spring about the same axis at the same point can take back."""
     bodies, hinges = arrays.bodies, arrays.hinges
-    inner, outer = hinges[:-1], hinges[1:]
-    rotors = inner["armature"] > 0
-    if not any(rotors.tolist()):
+    if not np.count_nonzero(hinges["armature"]):
         return np.empty(0, np.intp)
-    sprung = (inner["stiffness"] == 0) & (outer["stiffness"] > 0) & rotors
+    inner, outer = hinges[:-1], hinges[1:]
+    sprung = (inner["stiffness"] == 0) & (outer["stiffness"] > 0) & (inner["armature"] > 0)
     found = np.flatnonzero(sprung & (inner["axis"] == outer["axis"]) & (inner["axis"] < SLIDES))
     if not len(found):
         return found

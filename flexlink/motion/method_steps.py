@@ -50,9 +50,12 @@ class MethodSteps:
         Of the steps, as `adaptive.advance` takes them.
     dearest
         Evaluations that a step with a tolerance may take; 0 of a fixed one.
+    types
+        Of all that steps work on, as code for them is kept by; empty: they are looked at.
     """
 
     settings: tuple[float, ...]
+    types: bytes
 
     def __init__(self, record: Record, by_drive: bool, halved: bool) -> None:
         run, n = record.run, record.chain.n
@@ -73,8 +76,7 @@ class MethodSteps:
         self._take(record.kept("choice", about, self._choice), start)
         self.aim(start, start)
         if run.controlled:
-            arguments = self.work, self.state, self.settings, run.duration, self.tau
-            types = self._types(record.kept)
+            arguments, types = (self.work, self.state, self.settings, run.duration, self.tau), self.types
             find = functools.partial(direct, adaptive.first_step, *arguments, types=types)
             record.kept("first step", (types, self.method), find)(*arguments)
             self.work.stepper[STEPPER.deflection] = min(self.work.stepper[STEPPER.deflection], record.chain.size)
@@ -232,7 +234,7 @@ class MethodSteps:
     def _compile(self) -> None:
         kept = self.record.kept if self.given is self.record.inputs else Kept()  # whose code is for the record's types
         start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self._arguments(0)
-        types = self._types(kept)
+        self.types = types = self._types(kept)
         self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
         self._take_steps = kept(
             ("steps", self.name), (types, self.method), lambda: direct(adaptive.advance, *steps, types=types)

@@ -114,7 +114,7 @@ class SingleRun:
         try:
             self.advance(stop, progress or (lambda _: None), warn=warn)
             if compared and not (monitor.failure or steps.failure or stop.asked):
-                monitor.warnings += verify(monitor, steps.steps.method, stop)
+                monitor.warnings += verify(monitor, monitor.steps.method, stop)
         except LawFailure as failure:
             raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
         except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-
 import numpy as np
 
-from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.run_settings import RunSettings
 from flexlink.describe.schemes.methods import Method, method
-from flexlink.dynamics.vibration.stability import bounding_eigenvalues, eigenvalue_bounds, stable_step, stable_step_of
+from flexlink.dynamics.vibration.stability import bounding_eigenvalues, rate_bound, stable_step, stable_step_of
 from flexlink.dynamics.vibration.stability_function import stable_half_disc
 from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.stop_times import SHORTEST
@@ -25,10 +23,9 @@ def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) 
     """
     chain, (q, qd, *_) = record.chain, state
     acting = acting_at(record.inputs, chain, t, q, qd)
-    with contextlib.suppress(FlexlinkError):  # which `stable_step` raises
-        if not _matters(name, record.run, eigenvalue_bounds([(chain, q, qd)], [acting])[0]):
-            return np.inf
-    return stable_step(chain, q, qd, method=name, **acting)
+    if _matters(name, record.run, rate_bound(chain, q, qd, **acting)):
+        return stable_step(chain, q, qd, method=name, **acting)
+    return np.inf
 
 
 def longest_step_of(name: str, record: Record, ω: float, δ: float) -> float:

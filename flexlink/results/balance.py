@@ -93,5 +93,7 @@ WATCHED = Memo(64)
 
 
 def _watched(chain: Chain) -> tuple[Indices, Indices, Indices]:
-    free = chain.active[chain.hinges["prescribed"][chain.active] == 0]
-    return chain.bending, np.flatnonzero(np.isfinite(chain.hinges["lower"])), free
+    free, prescribed = chain.active, chain.hinges["prescribed"]
+    if np.count_nonzero(prescribed):
+        free = free[prescribed[free] == 0]
+    return chain.bending, np.isfinite(chain.hinges["lower"]).nonzero()[0], free

@@ -8,6 +8,7 @@ friction counts with its slope at rest, c/w, the largest that it has: sooner or 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -23,7 +24,7 @@ from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.forces import force_slopes
 from flexlink.dynamics.rounding import scales
-from flexlink.dynamics.singularity import regular_mass
+from flexlink.dynamics.singularity import factored_mass, regular_mass
 from flexlink.dynamics.springs import about, damping_along, damping_matrix
 from flexlink.dynamics.tangent import LoadedState, gyroscopic_matrix, load_matrices, load_torque, stiffness_matrix
 from flexlink.dynamics.terms import inverse_dynamics
@@ -165,6 +166,20 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
         return [np.inf] * count
     found: list[float] = np.where((pivots > least).all(axis=1) & np.isfinite(bounds), bounds, np.inf).tolist()
     return found
+
+
+def rate_bound(chain: Chain, q: Array, qd: Array, *, tip_wrench: Array, frame: Frame, gains: Gains) -> float:
+    """What none of the |λ| of `eigenvalues` exceeds [1/s], by the norms of M⁻¹ C and M⁻¹ K: coarse, and cheap.
+
+    inf of more than 100 joints; errors as there.
+    """
+    if chain.n > DENSE:
+        return np.inf
+    state = LoadedState(q, qd, tip_wrench, turns_with_tip(frame), np.flatnonzero(chain.hinges["prescribed"] == 0))
+    _, L = factored_mass(chain, q, state.free)
+    C, K = _damping_and_stiffness(chain, state, gains)
+    c, k = (math.sqrt(np.square(scipy.linalg.lapack.dpotrs(L, A, lower=1)[0]).sum()) for A in (C, K))
+    return (c + math.sqrt(c * c + 4 * k)) / 2
 
 
 def _about(
