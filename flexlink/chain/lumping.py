@@ -184,7 +184,13 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
         couplings=np.array(builder.couplings, dtype=COUPLING),
         tips=tips,
     )
-    return Frame(chain.bodies, chain.hinges, chain.couplings, builder, tuple(springs), chain)
+    frame = Frame(chain.bodies, chain.hinges, chain.couplings, builder, tuple(springs), chain)
+    chain.standing_as(LAYOUTS(Frame, chain.layout_key, lambda: frame).chain)
+    return frame
+
+
+LAYOUTS = Memo(64)
+"""A frame of every layout: arms that differ in numbers only share what is found of it, wherever they come from."""
 
 
 def _beam_of(arm: Arm, link: Link) -> SectionBeam | TableBeam | None:
