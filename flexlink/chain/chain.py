@@ -121,13 +121,9 @@ class Chain(Layout):
 
     def with_numbers(self, **fields: Any) -> Chain:
         """The chain with other fields, whose hinges stand as here; what has been found of that is not sought again."""
-        return dataclasses.replace(self, **fields).standing_as(self)
-
-    def standing_as(self, other: Chain) -> Chain:
-        """This chain, whose hinges stand as those of another one: what has been found of that is not sought again."""
-        known = vars(other)
-        vars(self).update((name, known[name]) for name in OF_LAYOUT if name in known)
-        return self
+        other, known = dataclasses.replace(self, **fields), vars(self)
+        vars(other).update((name, known[name]) for name in OF_LAYOUT if name in known)
+        return other
 
     @functools.cached_property
     def arrays(self) -> ChainArrays:

@@ -19,7 +19,7 @@ from flexlink.common.wording import truncated
 from flexlink.describe.links import link_number
 from flexlink.describe.own_units import OF_JOINT, in_words
 from flexlink.kernels.geometry.kinematics import forward_kinematics
-from flexlink.kernels.layout import BODY, SLIDES, ChainArrays
+from flexlink.kernels.layout import SLIDES, ChainArrays
 
 Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
 """Joints of a chain: see `Layout.joint_indices`."""
@@ -168,16 +168,6 @@ class Layout:
             self.couplings["inner"], self.couplings["outer"],
         )  # fmt: skip
         return self.is_planar, *(part.tobytes() for part in whole)
-
-    @property
-    def layout_key(self) -> tuple[object, ...]:
-        """What layouts that differ have different."""
-        numbers = BODY.fields["translation"][1] if BODY.fields else 0  # what stands before is whole, or a rotation
-        bodies = self.bodies.view(np.uint8).reshape(len(self.bodies), -1)[:, :numbers]
-        whole = self.hinges["axis"], self.hinges["prescribed"], self.hinges["armature"] != 0
-        joined = self.couplings["inner"], self.couplings["outer"]
-        names = self.coordinates, self.link_names, tuple(self.tips.items())
-        return bodies.tobytes(), *(part.tobytes() for part in (*whole, *joined)), *names
 
     def same_layout(self, other: Layout) -> bool:
         """Whether two chains differ in numbers only, so that they can be evaluated side by side."""

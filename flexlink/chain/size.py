@@ -50,7 +50,7 @@ def without_lever(arrays: ChainArrays, reach: float, anywhere: Callable[[], Kine
         and last >= 0
         and _offset_of_next(arrays, last, len(arrays.bodies) - 2) > 2 * NEARLY * reach > 0
     ):
-        return np.empty(0, np.intp)  # of an arm without branches the last one tells of all
+        return np.empty(0, np.intp)  # of bodies in a row the last joint tells of all
     passes = (arrays.hinges["axis"] >= SLIDES).tolist()
     if reach == 0 or all(passes):
         return np.flatnonzero(np.logical_not(passes))

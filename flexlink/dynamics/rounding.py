@@ -41,7 +41,7 @@ from numpy.typing import ArrayLike
 from flexlink.chain.arguments import vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.spans import spans_of, sums_inward, sums_outward
-from flexlink.common.memo import Memo
+from flexlink.common.memo import keep_last
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.terms import mass_matrix
@@ -209,15 +209,12 @@ def largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
     Unlike the torque itself it cannot cancel, and it holds for all postures at once. Of joints that slide weight [N].
     Found once for all who ask for it on their way to an equilibrium; read-only.
     """
-    load: Array = LARGEST.calling(_largest_loads, chain, qd, wrench)
-    return load
+    return _largest_loads(chain, qd.tobytes(), wrench.tobytes())
 
 
-LARGEST = Memo(16)
-"""`largest_loads` of chains."""
-
-
-def _largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
+@keep_last(16)
+def _largest_loads(chain: Chain, rates: bytes, acting: bytes) -> Array:
+    qd, wrench = np.frombuffer(rates), np.frombuffer(acting)
     bodies, hinges = chain.bodies, chain.bodies["stop"] - chain.bodies["first"]
     Ω, V = np.abs(qd[~chain.slides]).sum(), np.abs(qd[chain.slides]).sum()
     spans = spans_of(chain.bodies)

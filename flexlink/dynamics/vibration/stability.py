@@ -8,7 +8,6 @@ friction counts with its slope at rest, c/w, the largest that it has: sooner or 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -23,7 +22,7 @@ from flexlink.describe.actions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.forces import force_slopes
-from flexlink.dynamics.rounding import EPS, scales
+from flexlink.dynamics.rounding import scales
 from flexlink.dynamics.singularity import regular_mass
 from flexlink.dynamics.springs import about, damping_along, damping_matrix
 from flexlink.dynamics.tangent import LoadedState, gyroscopic_matrix, load_matrices, load_torque, stiffness_matrix
@@ -166,27 +165,6 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
         return [np.inf] * count
     found: list[float] = np.where((pivots > least).all(axis=1) & np.isfinite(bounds), bounds, np.inf).tolist()
     return found
-
-
-def rate_bound(chain: Chain, q: Array, qd: Array, *, tip_wrench: Array, frame: Frame, gains: Gains) -> float:
-    """What none of the |λ| of `eigenvalues` exceeds [1/s], by the norms of M⁻¹ C and M⁻¹ K: coarse, and cheap.
-
-    inf where none is known: of more than 100 joints, of prescribed ones, of a mass that may be singular.
-    """
-    n = chain.n
-    if n > DENSE or np.count_nonzero(chain.hinges["prescribed"]):
-        return np.inf
-    K, C, M = load_matrices(chain, q, qd, tip_wrench, turns_with_tip(frame))
-    L, stopped = scipy.linalg.lapack.dpotrf(M, lower=1)
-    if stopped or not (L.diagonal() ** 2 > n * EPS * M.diagonal()).all():
-        return np.inf
-    kp, kd = gains.matrices()
-    K, C = K + about(chain, q).matrix("stiffness") + kp, C + damping_matrix(chain) + kd
-    if chain.forces:
-        of_angle, of_rate = force_slopes(chain, q, qd)
-        K, C = K + of_angle, C + of_rate
-    c, k = (math.sqrt(np.square(scipy.linalg.lapack.dpotrs(L, A, lower=1)[0]).sum()) for A in (C, K))
-    return (c + math.sqrt(c * c + 4 * k)) / 2
 
 
 def _about(
