@@ -76,7 +76,7 @@ class Springs(NamedTuple):
 
 def add_beam(
     builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam, nodes: Array, weights: Array
-) -> Springs:
+) -> list[Springs]:
     """Segments and hinges of a beam, along the x of the running frame; returns the springs that are still to be."""
     rule, first = lumping_rule(link.lumping), len(builder.hinges)
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
@@ -96,24 +96,26 @@ def add_beam(
         if body is not None:
             builder.add(body)
         builder.advance(number, part, end)
+    if not places:
+        return []
     rows = np.arange(first, len(builder.hinges))
     among = np.array([axis * len(nodes) + hinge for axis, hinge in places], dtype=np.intp)
-    if rule.cells is None or not rows.size:
+    if rule.cells is None:
         none = slice(len(builder.couplings), len(builder.couplings)), np.empty((0, 3), np.intp)
         if isinstance(beam, TableBeam):
-            k = spring_constants(beam, rule, nodes, weights).reshape(-1)[among] if rows.size else np.empty(0)
-            return Springs(link, np.empty((4, 0)), np.empty(0), rows, among, None, *none, (k, np.empty(0)))
-        return Springs(link, beam.sections(nodes), weights * beam.length, rows, among, None, *none)
+            k = spring_constants(beam, rule, nodes, weights).reshape(-1)[among]
+            return [Springs(link, np.empty((4, 0)), np.empty(0), rows, among, None, *none, (k, np.empty(0)))]
+        return [Springs(link, beam.sections(nodes), weights * beam.length, rows, among, None, *none)]
     coupled, pairs = _couple(builder, rule.cells, places)
     if isinstance(beam, TableBeam):
         K, (axis, cell, pair) = cell_constants(beam, rule.cells, len(nodes)), pairs.T
         i, j = np.array(rule.cells.cell.pairs).T
         given = K.diagonal(axis1=2, axis2=3).reshape(-1)[among], K[axis, cell, i[pair], j[pair]]
-        return Springs(link, np.empty((4, 0)), np.empty(0), rows, among, rule.cells, coupled, pairs, given)
+        return [Springs(link, np.empty((4, 0)), np.empty(0), rows, among, rule.cells, coupled, pairs, given)]
     cell, count = rule.cells.cell, len(nodes) // rule.cells.hinges
     sections = beam.sections(rule.cells.gauss_points(len(nodes)))
     lengths = beam.length / count / np.tile(cell.weights, count)
-    return Springs(link, sections, lengths, rows, among, rule.cells, coupled, pairs)
+    return [Springs(link, sections, lengths, rows, among, rule.cells, coupled, pairs)]
 
 
 def _springs_of(rule: LumpingRule, hinge: int) -> int:

@@ -93,6 +93,11 @@ def symmetric(inertias: Array) -> Array:
     return inertias
 
 
+def _is_one(R: Array) -> bool:
+    """Whether a rotation is the identity, to the bit."""
+    return R is HERE.R or R.tobytes() == HERE.R.tobytes()
+
+
 class Builder:
     """Walks along the arm: `running` places the running frame in the frame of the current body."""
 
@@ -124,8 +129,10 @@ class Builder:
         R, p = self.running
         if self.running is HERE:  # as at every segment of a straight beam: nothing to multiply
             self.running = Pose(R if rotation is None else rotation, translation)
-        else:
-            self.running = Pose(R if rotation is None else product(R, rotation), p + product(R, translation))
+            return
+        self.running = Pose(R, p + (translation if _is_one(R) else product(R, translation)))
+        if rotation is not None:
+            self.turn(rotation)
 
     def advance(self, link: int, part: tuple[float, float], end: Array) -> None:
         """Go along a piece of a link, to its end."""
@@ -134,7 +141,9 @@ class Builder:
 
     def turn(self, rotation: Array) -> None:
         """Turn the running frame: v_before = rotation @ v."""
-        self.running = Pose(product(self.running.R, rotation), self.running.p)
+        R, p = self.running
+        if not (_is_one(rotation) and _is_one(R)):
+            self.running = Pose(product(R, rotation), p)
 
     def start_body(self) -> None:
         """A new body begins in the running frame, with no hinges yet."""

@@ -20,13 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import vector
 from flexlink.chain.coordinates import Coordinate
 from flexlink.chain.layout import OF_LAYOUT, Layout
-from flexlink.chain.size import on_elastic_gears, size_without_reach, turning_radii, without_lever
+from flexlink.chain.size import at_any_posture, on_elastic_gears, size_without_reach, turning_radii, without_lever
 from flexlink.chain.spans import spans_of, sums_outward
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array, Indices
 from flexlink.common.wording import short_list
-from flexlink.kernels.geometry.kinematics import forward_kinematics
+from flexlink.kernels.geometry.kinematics import KinematicsWork, forward_kinematics
 from flexlink.kernels.layout import COUPLING, FORCES, ChainArrays, Rare
 
 
@@ -221,7 +221,10 @@ class Chain(Layout):
     def reach(self) -> float:
         """How far from the origin of frame 0 any of the masses can get [m], at most."""
         if self.is_serial_revolute:
-            return _reach(self.bodies["translation"].tobytes(), self.bodies["center"].tobytes())
+            away, centres = (
+                np.sqrt((part * part).sum(axis=1)) for part in (self.bodies["translation"], self.bodies["center"])
+            )
+            return float(away.sum() + centres.max())
         away = sums_outward(spans_of(self.bodies), self.lengths)
         return float((away + np.linalg.norm(self.bodies["center"], axis=1)).max())
 
@@ -241,7 +244,8 @@ class Chain(Layout):
     @functools.cached_property
     def has_levers(self) -> bool:
         """Whether turning any joint moves a place, as of most arms; where it moves none angles times `size` count."""
-        return not len(self._without_lever) or len(self._without_lever) < self.n - int(self.slides.sum())
+        without = len(self._without_lever)
+        return not without or without < self.n - int(self.slides.sum())
 
     @functools.cached_property
     def turning_radii(self) -> Array:
@@ -252,11 +256,16 @@ class Chain(Layout):
         if not self.has_levers:
             return np.where(self.slides, 0.0, self.size)
         free, motors = self._without_lever, on_elastic_gears(self.arrays)
-        return turning_radii(self.arrays, free, motors, self.size) if len(free) or len(motors) else np.empty(0)
+        some = len(free) or len(motors)
+        return turning_radii(self.arrays, free, motors, self.size, self._anywhere) if some else np.empty(0)
 
     @functools.cached_property
     def _without_lever(self) -> Indices:
-        return without_lever(self.arrays, self.reach)
+        return without_lever(self.arrays, self.reach, lambda: self._anywhere)
+
+    @functools.cached_property
+    def _anywhere(self) -> KinematicsWork:
+        return at_any_posture(self.arrays, self.size)
 
     @property
     def lengths(self) -> Array:
@@ -279,10 +288,3 @@ def add_products(product: Array, couplings: NDArray[np.void], value: Array, φ: 
     inner, outer = couplings["inner"], couplings["outer"]
     np.add.at(product.T, inner, (value * φ[..., outer]).T)
     np.add.at(product.T, outer, (value * φ[..., inner]).T)
-
-
-@functools.lru_cache(maxsize=64)
-def _reach(translations: bytes, centers: bytes) -> float:
-    """`Chain.reach`; chains that differ in stiffness alone share it."""
-    away, centres = (np.linalg.norm(np.frombuffer(part).reshape(-1, 3), axis=1) for part in (translations, centers))
-    return float(away.sum() + centres.max())

@@ -70,12 +70,12 @@ class Layout:
     @functools.cached_property
     def is_serial(self) -> bool:
         """Whether every body hangs on the one before it."""
-        return not self.bodies["begins"].any()
+        return not np.count_nonzero(self.bodies["begins"])
 
     @functools.cached_property
     def is_serial_revolute(self) -> bool:
         """Whether every body hangs on the one before it and no joint slides."""
-        return self.is_serial and not self.slides.any()
+        return self.is_serial and not np.count_nonzero(self.slides)
 
     @functools.cached_property
     def has_free_base(self) -> bool:
@@ -94,7 +94,7 @@ class Layout:
     @functools.cached_property
     def has_rotation_springs(self) -> bool:
         """Whether springs hold rotation vectors of hinges about three axes, not their angles (`BODY`)."""
-        return bool(self.bodies["springs"].any())
+        return bool(np.count_nonzero(self.bodies["springs"]))
 
     @property
     def springs_join_hinges(self) -> bool:
@@ -139,7 +139,15 @@ class Layout:
         Gravity, tip wrench and offsets may point anywhere: what is out of the plane meets constraint torques. Trees and
         arms with prismatic joints count as spatial.
         """
-        return self.is_serial_revolute and self.all_axes_parallel_to(self.axes[0])
+        if not self.is_serial_revolute:
+            return False
+        axes, first = self.hinges["axis"].tolist(), self.bodies["first"].tolist()
+        turned = [i for i, turns in enumerate(self.bodies["turned"].tolist()) if turns and 0 < first[i] < self.n]
+        if not turned:  # columns of one matrix
+            return bool(axes.count(axes[0]) == len(axes))
+        if any(abs(self.bodies["rotation"][i, axes[first[i] - 1], axes[first[i]]]) < 0.99 for i in turned):
+            return False
+        return self.all_axes_parallel_to(self.axes[0])
 
     @functools.cached_property
     def _sequential(self) -> dict[Coordinate, int]:

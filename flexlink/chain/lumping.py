@@ -153,7 +153,7 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
     arm, builder, initial = scene.arm, Builder(), scene.initial
     moved = {arm.number(motion.link) for motion in scene.motion}
     springs, ends, tips = [], {}, {}
-    placed = hinges_of(arm)
+    placed, ends_of_arm = hinges_of(arm), arm.tips
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `lump` refuses such numbers, by name
         _add_base(builder, scene)
         ends[0] = builder.place
@@ -166,7 +166,7 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
             ends[number] = builder.place
             if number == len(arm.links):
                 _add_lags(builder, arm)
-            if number in arm.tips:
+            if number in ends_of_arm:
                 builder.start_body()  # of a tip, which has no hinges
                 tips[link.name] = len(builder.bodies) - 2
     builder.go_to(ends[len(arm.links)])
@@ -199,11 +199,10 @@ def _beam_of(arm: Arm, link: Link) -> SectionBeam | TableBeam | None:
 
 def _check_finite(name: str, array: NDArray[np.void]) -> None:
     finite = np.isfinite(array.view(np.float64))  # whole numbers seen so are, too; only limits need not be
-    fields, limits = array.dtype.names or (), {"lower", "upper"}
-    numbers = [k for k, field in enumerate(fields) if field not in limits]  # columns: a field of a hinge is one number
-    if finite.all() or (array.dtype == HINGE and finite.reshape(len(array), -1)[:, numbers].all()):
+    limits = [field for field in array.dtype.names or () if field in {"lower", "upper"}]
+    if np.count_nonzero(finite) == finite.size - sum(np.count_nonzero(~np.isfinite(array[name])) for name in limits):
         return
-    for field in fields:
+    for field in array.dtype.names or ():
         if field not in limits and not np.isfinite(array[field]).all():
             raise SceneError(f"{name}: {field} of a segment overflows float64")
 
@@ -286,7 +285,7 @@ def _add_line(
     if beam is None:
         builder.advance(number, (0.0, 1.0), np.array([length, 0, 0]))
     else:
-        springs = [add_beam(builder, link, number, beam, nodes, weights)]
+        springs = add_beam(builder, link, number, beam, nodes, weights)
     builder.turn(frame.T)
     builder.add_payload(link.end)
     if link.dh is not None and link.dh.convention == "standard":

@@ -69,10 +69,11 @@ class SectionBeam:
         I_xx = ρl (I_y + I_z), I_yy = ρl I_y + m l²/12, I_zz = ρl I_z + m l²/12.
         """
         u = (GAUSS_NODES + 1) / 2
-        x, length = edges[:-1, None] + np.diff(edges)[:, None] * u, np.diff(edges)[:, None] * self.length
+        part = (edges[1:] - edges[:-1])[:, None]
+        x, length = edges[:-1, None] + part * u, part * self.length
         areas, i_y, i_z, _ = self.density * length * GAUSS_WEIGHTS / 2 * self.sections(x)
         mass = areas.sum(axis=1)
         center = (areas * u * length).sum(axis=1) / mass
         bending = (areas * (u * length - center[:, None]) ** 2).sum(axis=1)
         y, z = i_y.sum(axis=1), i_z.sum(axis=1)
-        return mass, center, np.column_stack([y + z, y + bending, z + bending])
+        return mass, center, np.array([y + z, y + bending, z + bending]).T

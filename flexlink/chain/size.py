@@ -16,6 +16,8 @@ what is beyond soon after, by its share of the momentum. It counts by ρ J_r / (
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,38 +38,69 @@ def size_without_reach(bodies: NDArray[np.void], hinges: NDArray[np.void]) -> fl
     return math.sqrt(largest / mass) if mass > 0 and largest > 0 else 1.0
 
 
-def without_lever(arrays: ChainArrays, reach: float) -> Indices:
+def without_lever(arrays: ChainArrays, reach: float, anywhere: Callable[[], KinematicsWork]) -> Indices:
     """Joints that turn and move no place, a hinge point or a tip, at any posture.
 
-    A joint on which one with a lever hangs has a lever: the place moves on a circle, which lies on no axis.
+    A joint on which one with a lever hangs has a lever: the place moves on a circle, which lies on no axis. So those
+    farthest out tell of most arms, and `anywhere`, `at_any_posture`, need not be asked.
     """
-    bodies, passes = arrays.bodies, arrays.hinges["axis"] >= SLIDES
-    if reach == 0:
-        return np.flatnonzero(~passes)
-    placed = _at_any_posture(arrays, reach)
-    for k in range(len(passes) - 1, -1, -1):
-        if not passes[k]:
-            body, beyond = _beyond(bodies, k)
-            levers = np.cross(placed.axes[k], placed.points[beyond] - placed.points[body])
-            if np.abs(levers).max() > NEARLY * reach:
-                _mark_path(bodies, body, k, passes)
-    return np.flatnonzero(~passes)
+    last = len(arrays.hinges) - 1
+    if (
+        arrays.rare is None
+        and last >= 0
+        and _offset_of_next(arrays, last, len(arrays.bodies) - 2) > 2 * NEARLY * reach > 0
+    ):
+        return np.empty(0, np.intp)  # of bodies in a row the last joint tells of all
+    passes = (arrays.hinges["axis"] >= SLIDES).tolist()
+    if reach == 0 or all(passes):
+        return np.flatnonzero(np.logical_not(passes))
+    first, stop, parent = (arrays.bodies[name].tolist() for name in ("first", "stop", "parent"))
+    for k in range(last, -1, -1):
+        if passes[k]:
+            continue
+        body = bisect_right(stop, k)
+        if not _offset_of_next(arrays, k, body) > 2 * NEARLY * reach:
+            e, points = anywhere().axes[k].tolist(), anywhere().points.tolist()
+            if max(_lever(e, points[body], points[each]) for each in _beyond(parent, body)) <= NEARLY * reach:
+                continue
+        passes[first[body] : k + 1] = [True] * (k + 1 - first[body])
+        while (body := parent[body] - 1) >= 0:
+            passes[first[body] : stop[body]] = [True] * (stop[body] - first[body])
+    return np.flatnonzero(np.logical_not(passes))
+
+
+def _offset_of_next(arrays: ChainArrays, k: int, body: int) -> float:
+    """How far the next body is from the axis of a joint of one, if it hangs on it, no joint between; 0 if not."""
+    if arrays.bodies["stop"][body] != k + 1 or arrays.bodies["parent"][body + 1] != body + 1:
+        return 0.0
+    place: list[float] = arrays.bodies["translation"][body + 1].tolist()
+    return max(abs(x) for i, x in enumerate(place) if i != arrays.hinges["axis"][k])
+
+
+def _lever(e: list[float], a: list[float], b: list[float]) -> float:
+    """Largest component of e × (b − a)."""
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    return max(abs(e[1] * z - e[2] * y), abs(e[2] * x - e[0] * z), abs(e[0] * y - e[1] * x))
 
 
 def on_elastic_gears(arrays: ChainArrays) -> Indices:
     """Joints with a rotor whose turning a spring about the same axis at the same point can take back."""
     bodies, hinges = arrays.bodies, arrays.hinges
+    if not np.count_nonzero(hinges["armature"]):
+        return np.empty(0, np.intp)
     inner, outer = hinges[:-1], hinges[1:]
     sprung = (inner["stiffness"] == 0) & (outer["stiffness"] > 0) & (inner["armature"] > 0)
     found = np.flatnonzero(sprung & (inner["axis"] == outer["axis"]) & (inner["axis"] < SLIDES))
+    if not len(found):
+        return found
     apart = bodies["translation"].any(axis=1) | (bodies["turned"] != 0) | (bodies["begins"] != 0)
-    here, there = _bodies_of(bodies)[[found, found + 1]]
+    here, there = np.searchsorted(bodies["stop"], [found, found + 1], side="right")
     return np.asarray(found[(here == there) | ~apart[there]])
 
 
-def turning_radii(arrays: ChainArrays, free: Indices, motors: Indices, size: float) -> Array:
-    """ρ of joints without a lever and of motors on elastic gears [m], 0 of all others, (n,)."""
-    placed, radii = _at_any_posture(arrays, size), np.zeros(len(arrays.hinges))
+def turning_radii(arrays: ChainArrays, free: Indices, motors: Indices, size: float, placed: KinematicsWork) -> Array:
+    """ρ of joints without a lever and of motors on elastic gears [m], 0 of all others, (n,); placed at any posture."""
+    radii = np.zeros(len(arrays.hinges))
     for k in motors:
         J, m = _inertia_beyond(arrays, placed, k)
         rotor = float(arrays.hinges["armature"][k])
@@ -80,37 +113,29 @@ def turning_radii(arrays: ChainArrays, free: Indices, motors: Indices, size: flo
 
 def _inertia_beyond(arrays: ChainArrays, placed: KinematicsWork, k: int) -> tuple[float, float]:
     """Inertia about the axis of joint `k` [kg m²] and mass [kg] of all that moves with it."""
-    bodies, (body, beyond) = arrays.bodies, _beyond(arrays.bodies, k)
+    bodies = arrays.bodies
+    body = int(np.searchsorted(bodies["stop"], k, side="right"))
+    beyond = np.array(_beyond(bodies["parent"].tolist(), body))
     mass, R, e = bodies["mass"][beyond], placed.rotations[beyond], placed.axes[k]
     centers = placed.points[beyond] + np.einsum("bij,bj->bi", R, bodies["center"][beyond]) - placed.points[body]
     own = np.einsum("bij,j->bi", R.transpose(0, 2, 1), e)
-    J = np.einsum("bi,bij,bj->", own, bodies["inertia"][beyond], own) + mass @ (np.cross(e, centers) ** 2).sum(axis=1)
+    x, y, z = centers.T
+    across = np.array([e[1] * z - e[2] * y, e[2] * x - e[0] * z, e[0] * y - e[1] * x]).T
+    J = np.einsum("bi,bij,bj->", own, bodies["inertia"][beyond], own) + mass @ (across**2).sum(axis=1)
     return float(J), float(mass.sum())
 
 
-def _at_any_posture(arrays: ChainArrays, length: float) -> KinematicsWork:
+def at_any_posture(arrays: ChainArrays, length: float) -> KinematicsWork:
     """Where all is at angles of which none is zero or a right angle."""
     q: Array = np.where(arrays.hinges["axis"] < SLIDES, 0.7, 0.7 * length) * (1 + np.arange(len(arrays.hinges))) ** 0.5
     placed: KinematicsWork = forward_kinematics(arrays, q)
     return placed
 
 
-def _bodies_of(bodies: NDArray[np.void]) -> Indices:
-    """The body of every joint (n,)."""
-    return np.repeat(np.arange(len(bodies)), bodies["stop"] - bodies["first"])
-
-
-def _beyond(bodies: NDArray[np.void], k: int) -> tuple[int, NDArray[np.bool_]]:
-    """The body of joint `k`, and whether each body moves with it."""
-    body = int(_bodies_of(bodies)[k])
-    moves = np.arange(len(bodies)) == body
-    for i in range(body + 1, len(bodies)):
-        moves[i] = bodies["parent"][i] > body and moves[bodies["parent"][i] - 1]
-    return body, moves
-
-
-def _mark_path(bodies: NDArray[np.void], body: int, k: int, marked: NDArray[np.bool_]) -> None:
-    """Mark joint `k` of a body and all that it hangs on."""
-    marked[bodies["first"][body] : k + 1] = True
-    while (body := int(bodies["parent"][body]) - 1) >= 0:
-        marked[bodies["first"][body] : bodies["stop"][body]] = True
+def _beyond(parent: list[int], body: int) -> list[int]:
+    """The bodies that move with one, itself first, by what each hangs on, counted from 1."""
+    moves = {body}
+    for i in range(body + 1, len(parent)):
+        if parent[i] - 1 in moves:
+            moves.add(i)
+    return sorted(moves)

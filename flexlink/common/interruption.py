@@ -16,7 +16,7 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-SIGNALS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}  # and Python's answers
+SIGNALS = {int(signal.SIGINT): signal.default_int_handler, int(signal.SIGTERM): signal.SIG_DFL}  # Python's answers
 LAST = 3  # the signal of one kind that no longer waits
 
 
@@ -40,10 +40,10 @@ class Stop:
 
     def _note(self, number: int, _: FrameType | None) -> None:
         self.signal = self.signal or number
-        self._counts[signal.Signals(number)] += 1
-        if self._counts[signal.Signals(number)] == LAST - 1:
+        self._counts[number] += 1
+        if self._counts[number] == LAST - 1:
             _say("saving the results; one more signal quits without them")
-        if self._counts[signal.Signals(number)] >= LAST:
+        if self._counts[number] >= LAST:
             raise StoppedError(number, f"{word(number)} at once")
 
 
@@ -110,7 +110,7 @@ def word(number: int) -> str:
     return "terminated" if number == signal.SIGTERM else "interrupted"
 
 
-def _is_ours(number: signal.Signals) -> bool:
+def _is_ours(number: int) -> bool:
     """Whether a signal has the answer that Python starts with, or the one of `quit_at_once`."""
     return _signal.getsignal(number) in (SIGNALS[number], _quit)
 

@@ -26,6 +26,15 @@ class Memo:
         self._size, self._lock = size, Lock()
         self._results = OrderedDict[tuple[int, Hashable], tuple[object, Any]]()
 
+    def kept(self, of: object, key: Hashable) -> Any:
+        """The result kept for `of` and `key`; None: there is none."""
+        place = id(of), key
+        with self._lock:
+            if place not in self._results:
+                return None
+            self._results.move_to_end(place)
+            return self._results[place][1]
+
     def __call__(self, of: object, key: Hashable, find: Callable[[], T]) -> T:
         """The result kept for `of` and `key`, or what `find` returns, which is then kept."""
         place = id(of), key

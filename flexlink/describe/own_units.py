@@ -6,6 +6,7 @@ the other one has 0 there. Together they are one list in the joints' own units, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -47,6 +48,15 @@ def together(slides: Slides, deg: Row | None, m: Row | None) -> Row:
 def in_si(slides: Sequence[bool] | NDArray[np.bool_], own: ArrayLike) -> Array:
     """Numbers in the joints' own units in rad, or m; those of a joint along the last axis."""
     return np.where(slides, own, np.radians(own)) if any(slides) else np.radians(own)
+
+
+def row_in_si(slides: Slides, own: Row) -> list[float]:
+    """The same of one row, as a list: of few numbers a tenth of the time.
+
+    >>> row_in_si((False, True), (180.0, 2.0))
+    [3.141592653589793, 2.0]
+    """
+    return [number if s else math.radians(number) for s, number in zip(slides, own, strict=True)]
 
 
 def in_own(slides: Sequence[bool] | NDArray[np.bool_], si: ArrayLike) -> Array:

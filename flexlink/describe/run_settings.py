@@ -29,7 +29,7 @@ Accuracy = Literal["tip", "deflection"]
 """What a relative tolerance is a part of."""
 
 
-class RunSettings(Spec, frozen=True):
+class RunSettings(Spec, frozen=True, dict=True):  # with a dict, for cached properties
     """How to integrate: method, steps, duration, time between stored samples [s], solver of forward dynamics.
 
     Steps are fixed, of length `step`, or follow from the error that is allowed at the end of the run: `tolerance` [m]
@@ -109,7 +109,7 @@ class RunSettings(Spec, frozen=True):
         """Whether a tolerance is given."""
         return self.tolerance is not None or self.relative_tolerance is not None
 
-    @property
+    @functools.cached_property
     def controlled(self) -> bool:
         """Whether steps follow from a tolerance."""
         return self.has_tolerance or self.method == AUTO
@@ -153,24 +153,24 @@ class RunSettings(Spec, frozen=True):
         # length of the fixed steps of a run that names a method alone [s]
         return 1e-4 if self.step is None else self.step
 
-    @property
+    @functools.cached_property
     def spacing(self) -> float:
         """Time between two stored samples [s]."""
         if self.sample is not None:
             return self.sample
         return default_sample(self.duration, None if self.controlled else self.fixed_step)
 
-    @property
+    @functools.cached_property
     def steps_per_sample(self) -> int:
         """Number of fixed steps between two stored samples."""
         return round(self.spacing / self.fixed_step)
 
-    @property
+    @functools.cached_property
     def between(self) -> float:
         """Time between two stored samples [s]: of fixed steps what their number takes."""
         return self.spacing if self.controlled else self.steps_per_sample * self.fixed_step
 
-    @property
+    @functools.cached_property
     def samples(self) -> int:
         """Number of stored samples, the initial one included."""
         return round(self.duration / self.spacing) + 1

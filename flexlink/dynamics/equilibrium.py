@@ -17,7 +17,7 @@ from flexlink.describe.actions import Frame
 from flexlink.dynamics import rounding
 from flexlink.dynamics.load_path import Equations, LostError, follow
 from flexlink.dynamics.result import SavedResult
-from flexlink.dynamics.tangent import LoadedState, falls, load_torque, unlocked
+from flexlink.dynamics.tangent import LoadedState, load_torque, unlocked
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.wrench import turns_with_tip
 
@@ -122,8 +122,24 @@ def solve_static(
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     free = unlocked(chain, locked)
     equations = Equations(chain, LoadedState(start, rates, wrench, follower, free), drive)
+    posture, path = at_rest(equations, tolerance)
+    holding = load_torque(chain, posture, rates, wrench, follower) + elastic_torque(chain, posture)
+    holding[free] = drive[free]
+    return Equilibrium(
+        posture,
+        holding,
+        float(np.abs(equations.value(np.concatenate([[1.0], posture]))).max()),
+        not equations.falls(posture),
+        np.array(path),
+        chain.slides,
+    )
+
+
+def at_rest(equations: Equations, tolerance: float = 1e-9) -> tuple[Array, list[Array]]:
+    """The posture of an equilibrium, and the path to it; errors as in `solve_static`, where the default stands, too."""
+    chain, (_, rates, wrench, _, free) = equations.chain, equations.acting
     try:
-        path = follow(equations, tolerance, lambda posture: not falls(chain, posture, rates, wrench, free, follower))
+        path = follow(equations, tolerance)
     except LostError as lost:
         loose = np.intersect1d(chain.active, free)
         hint = "; hold free joints with locked=chain.active, if they are meant to stay" if len(loose) else ""
@@ -134,17 +150,7 @@ def solve_static(
             q=lost.q,
             load=lost.part,
         ) from None
-    posture = _as_known(chain, path[-1][1:], free, rates, wrench)
-    holding = load_torque(chain, posture, rates, wrench, follower) + elastic_torque(chain, posture)
-    holding[free] = drive[free]
-    return Equilibrium(
-        posture,
-        holding,
-        float(np.abs(equations.value(np.concatenate([[1.0], posture]))).max()),
-        not falls(chain, posture, rates, wrench, free, follower),
-        np.array(path),
-        chain.slides,
-    )
+    return _as_known(chain, path[-1][1:], free, rates, wrench), path
 
 
 def _as_known(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wrench: Array) -> Array:

@@ -13,8 +13,6 @@ step of Newton's method takes O(n): ∂F/∂q is eliminated along the chain (`ke
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from flexlink.chain.chain import Chain
@@ -22,7 +20,7 @@ from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import spring_torque
-from flexlink.dynamics.tangent import LoadedState, load_torque
+from flexlink.dynamics.tangent import LoadedState, falls, load_torque
 
 FIRST_ARC, LARGEST_ARC, SMALLEST_ARC = 0.5, 1.0, 1e-6  # rad over all joints; of those that slide, of the arm's length
 CORRECTIONS, WANTED = 12, 6  # Newton steps after which a corrector has failed; below which the arc may grow
@@ -56,6 +54,11 @@ class Equations:
         self.sizes = rounding.largest_load_stiffness(chain, rates, wrench)
         self.scales = np.concatenate([[1.0], rounding.scales(chain)])  # of x, as the arc is measured
         self.held = np.where(self.sprung, spring_torque(chain, start), self.load(start))
+
+    def falls(self, q: Array) -> bool:
+        """Whether a coordinate can fall at a posture, under the full load."""
+        _, rates, wrench, follower, free = self.acting
+        return falls(self.chain, q, rates, wrench, free, follower, self.motion)
 
     def load(self, q: Array) -> Array:
         """L(q)."""
@@ -133,7 +136,7 @@ def _shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
     return np.asarray(found if consistent else np.full(len(b), np.nan))
 
 
-def follow(equations: Equations, tolerance: float, stable: Callable[[Array], bool]) -> list[Array]:
+def follow(equations: Equations, tolerance: float) -> list[Array]:
     """Points x = (s, q) from s = 0 to s = 1.
 
     By shorter arcs where the path is lost, or ends unstable: it may have crossed to a buckled arm that stands straight.
@@ -147,7 +150,7 @@ def follow(equations: Equations, tolerance: float, stable: Callable[[Array], boo
         except LostError as error:
             lost.append(error)
             continue
-        if stable(path[-1][1:]):
+        if not equations.falls(path[-1][1:]):
             break
     if not path:
         raise max(lost, key=lambda error: error.part)

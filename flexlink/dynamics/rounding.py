@@ -41,6 +41,7 @@ from numpy.typing import ArrayLike
 from flexlink.chain.arguments import vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.spans import spans_of, sums_inward, sums_outward
+from flexlink.common.memo import keep_last
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.terms import mass_matrix
@@ -206,7 +207,14 @@ def largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
     """What the load torque of each hinge is made of, shape (n,) [N m]: lever times weight with the arm stretched out.
 
     Unlike the torque itself it cannot cancel, and it holds for all postures at once. Of joints that slide weight [N].
+    Found once for all who ask for it on their way to an equilibrium; read-only.
     """
+    return _largest_loads(chain, qd.tobytes(), wrench.tobytes())
+
+
+@keep_last(16)
+def _largest_loads(chain: Chain, rates: bytes, acting: bytes) -> Array:
+    qd, wrench = np.frombuffer(rates), np.frombuffer(acting)
     bodies, hinges = chain.bodies, chain.bodies["stop"] - chain.bodies["first"]
     Ω, V = np.abs(qd[~chain.slides]).sum(), np.abs(qd[chain.slides]).sum()
     spans = spans_of(chain.bodies)
@@ -217,8 +225,11 @@ def largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
     beyond_force, beyond_moment = (sums_inward(spans, part) for part in (force, moment))
     tip_force, tip_moment = (np.linalg.norm(part) for part in np.split(wrench, 2))
     load = beyond_moment - at * beyond_force + np.maximum(at[chain.loaded] - at, 0.0) * tip_force + tip_moment
-    load = np.repeat(np.maximum(load, 0.0), hinges)
-    return np.where(chain.slides, np.repeat(beyond_force + tip_force, hinges), load) if chain.slides.any() else load
+    load = np.asarray(np.repeat(np.maximum(load, 0.0), hinges))
+    if chain.slides.any():
+        load = np.where(chain.slides, np.repeat(beyond_force + tip_force, hinges), load)
+    load.flags.writeable = False
+    return load
 
 
 def scales(chain: Chain) -> Array:

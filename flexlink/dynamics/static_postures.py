@@ -8,8 +8,10 @@ from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
-from flexlink.dynamics.equilibrium import known_decimals, solve_static
-from flexlink.dynamics.tangent import unlocked
+from flexlink.dynamics.equilibrium import at_rest, known_decimals
+from flexlink.dynamics.load_path import Equations
+from flexlink.dynamics.tangent import LoadedState, unlocked
+from flexlink.dynamics.wrench import turns_with_tip
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria
 
 DENSE = 100
@@ -26,7 +28,10 @@ def static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array
 
 
 def _static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array:
-    return solve_static(chain, q, tip_wrench=wrench, frame=frame, locked=chain.active.tolist()).q
+    free = unlocked(chain, chain.active.tolist())
+    state = LoadedState(q.copy(), np.zeros(chain.n), wrench, turns_with_tip(frame), free)
+    posture, _ = at_rest(Equations(chain, state, np.zeros(chain.n)))
+    return posture
 
 
 def static_postures(chain: Chain, angles: Array) -> Array:
@@ -49,18 +54,19 @@ def static_postures(chain: Chain, angles: Array) -> Array:
             rest = angles[found:], q.copy(), postures[found:]
             found += follow_equilibria(chain.arrays, held, free, *rest)
             q = postures[found - 1].copy()
-    for i, decimals in known_decimals(chain, free, np.zeros(chain.n), np.zeros(6)):
+    if known := known_decimals(chain, free, np.zeros(chain.n), np.zeros(6)):
+        i, decimals = (list(part) for part in zip(*known, strict=True))
         postures[:, i] = chain.rest[i] + _rounded(postures[:, i] - chain.rest[i], decimals)
     return postures
 
 
-def _rounded(x: Array, decimals: int) -> Array:
-    """`round` of every number (m,), half to even, by an exact product with the power of ten (Dekker 1971)."""
+def _rounded(x: Array, decimals: list[int]) -> Array:
+    """`round` of every number (m, k), half to even, by an exact product with the power of ten (Dekker 1971)."""
     exact = 22  # decimals whose power of ten is a float64
-    scale, split = 10.0 ** max(decimals, 0), 2.0**27 + 1.0
+    scale, split = np.array([10.0 ** max(each, 0) for each in decimals]), 2.0**27 + 1.0
     y = x * scale
-    if not 0 <= decimals <= exact or np.abs(y).max(initial=0.0) >= 2.0**52:
-        return np.array([round(each, decimals) for each in x.tolist()])
+    if not all(0 <= each <= exact for each in decimals) or np.abs(y).max(initial=0.0) >= 2.0**52:
+        return np.array([[*map(round, row, decimals)] for row in x.tolist()])
     (a, b), (c, d) = ((high, z - high) for z in (x, scale) for high in (split * z - (split * z - z),))
     left = ((a * c - y) + a * d + b * c) + b * d  # of the product beyond its rounding y
     whole = np.rint(y)

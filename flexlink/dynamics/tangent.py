@@ -79,8 +79,9 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
     ArgumentError
         `locked` holds something that is no joint, or leaves nothing to move.
     """
-    held = chain.joint_indices("locked", locked)
-    free = np.setdiff1d(np.flatnonzero(chain.hinges["prescribed"] == 0), np.concatenate([held, chain.internal]))
+    moves = chain.hinges["prescribed"] == 0
+    moves[chain.joint_indices("locked", locked)] = moves[chain.internal] = False
+    free = np.flatnonzero(moves)
     if not len(free):
         raise ArgumentError(f"locked = {truncated(locked)}: nothing is left to move; prescribed joints do not, either")
     return free
@@ -129,14 +130,28 @@ def tangent(
     return Stiffness(K, S, conservative, len(free) * entry)
 
 
-def falls(chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.intp], follower: bool = False) -> bool:
-    """`tangent(…).falls` in O(n): of loads with a potential by the signs of pivots, of others by Arnoldi's method."""
+def falls(
+    chain: Chain,
+    q: Array,
+    qd: Array,
+    wrench: Array,
+    free: NDArray[np.intp],
+    follower: bool = False,
+    motion: SmallMotion | None = None,
+) -> bool:
+    """`tangent(…).falls` in O(n): of loads with a potential by the signs of pivots, of others by Arnoldi's method.
+
+    `motion`: of this chain under these loads, which may be taken to the posture.
+    """
     potential = has_potential(chain, wrench, follower) and not qd.any()
     if not potential and len(free) <= DENSE:
         return tangent(chain, q, qd, wrench, free, follower).falls
-    locked = np.ones(chain.n, dtype=bool)
-    locked[free] = False
-    motion = SmallMotion(chain, q, qd, wrench, follower, locked)
+    if motion is None:
+        locked = np.ones(chain.n, dtype=bool)
+        locked[free] = False
+        motion = SmallMotion(chain, q, qd, wrench, follower, locked)
+    else:
+        motion.place(q)
     square = chain.stiffness + rounding.largest_load_stiffness(chain, qd, wrench)
     square[square == 0] = 1.0
     if potential:

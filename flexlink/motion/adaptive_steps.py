@@ -41,7 +41,7 @@ class AdaptiveSteps(MethodSteps):
 
     def __iter__(self) -> Iterator[Reached]:
         yield 1, 0.0 if self.ends else 1.0
-        self.budget.begin(self._spent(), float(self.record.t[-1]))
+        self.budget.begin(self._spent(), float(self.record.t[-1]), self.dearest)
         pace, start = ChunkSize(self.record.chain.n), self.time
         for k, end in enumerate(self.ends, 1):
             self.aim(start, end)

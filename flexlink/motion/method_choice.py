@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from flexlink.common.types import Array
 from flexlink.dynamics.springs import damping_slope
 from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequency
-from flexlink.motion.inputs.drives import gains_of
+from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.results.record import Record
 
 STIFF = 500.0
@@ -52,6 +50,6 @@ def tumbles(record: Record) -> bool:
 
 def fastest_motion(record: Record, q: Array) -> tuple[float, float]:
     """The fastest frequency [rad/s] and decay [1/s] of a chain under its drive at a posture."""
-    chain, zero = record.chain, np.zeros(record.chain.n)
-    kp, kd = gains_of(chain, record.inputs.drive, 0.0, zero, zero).diagonals()
+    chain = record.chain
+    kp, kd = gains_at_zero(record.inputs.drive, chain).diagonals()
     return fastest_frequency(chain, q, chain.stiffness + kp), fastest_decay(chain, q, damping_slope(chain) + kd)

@@ -13,7 +13,6 @@ from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import AUTO
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.extremes import slowest_frequency
-from flexlink.dynamics.vibration.stability import bounding_eigenvalues, stable_step_of
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping import adaptive
 from flexlink.kernels.stepping.adaptive import OUTCOME
@@ -24,7 +23,7 @@ from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.method_choice import cheapest, fastest_motion
-from flexlink.motion.step_settings import longest_step, settings
+from flexlink.motion.step_settings import longest_step, longest_step_of, settings
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import StopTimes
 from flexlink.results.record import Record
@@ -51,9 +50,12 @@ class MethodSteps:
         Of the steps, as `adaptive.advance` takes them.
     dearest
         Evaluations that a step with a tolerance may take; 0 of a fixed one.
+    types
+        Of all that steps work on, as code for them is kept by; empty: they are looked at.
     """
 
     settings: tuple[float, ...]
+    types: bytes
 
     def __init__(self, record: Record, by_drive: bool, halved: bool) -> None:
         run, n = record.run, record.chain.n
@@ -74,8 +76,7 @@ class MethodSteps:
         self._take(record.kept("choice", about, self._choice), start)
         self.aim(start, start)
         if run.controlled:
-            arguments = self.work, self.state, self.settings, run.duration, self.tau
-            types = self._types(record.kept)
+            arguments, types = (self.work, self.state, self.settings, run.duration, self.tau), self.types
             find = functools.partial(direct, adaptive.first_step, *arguments, types=types)
             record.kept("first step", (types, self.method), find)(*arguments)
             self.work.stepper[STEPPER.deflection] = min(self.work.stepper[STEPPER.deflection], record.chain.size)
@@ -126,7 +127,7 @@ class MethodSteps:
 
     def _choose_branches(self) -> None:
         """Where motors saturate, steps with a tolerance follow one branch of their torques each."""
-        if self.run.controlled and may_saturate(self.inputs):
+        if self.run.controlled and self.inputs is not self.given:  # which have no limits of their own elsewhere
             choose_branches(self.time, self.inputs, self.state, self.work)
 
     def aim(self, start: float, end: float) -> None:
@@ -211,7 +212,7 @@ class MethodSteps:
         record = self.record
         longest = np.inf
         if self.method.explicit and now > record.t[0]:
-            longest = stable_step_of(bounding_eigenvalues(*fastest_motion(record, self.state[0])), self.name)
+            longest = longest_step_of(self.name, record, *fastest_motion(record, self.state[0]))
         elif self.method.explicit:
             longest = longest_step(self.name, record, now, self.state)
         stops = StopTimes(self.method, record, self.by_drive, self.halved)
@@ -233,7 +234,7 @@ class MethodSteps:
     def _compile(self) -> None:
         kept = self.record.kept if self.given is self.record.inputs else Kept()  # whose code is for the record's types
         start, steps = (0.0, self.inputs, self.state, self.tau, self.forward), self._arguments(0)
-        types = self._types(kept)
+        self.types = types = self._types(kept)
         self._begin = kept("begin", None, lambda: direct(adaptive.begin, *start, types=kept.types))
         self._take_steps = kept(
             ("steps", self.name), (types, self.method), lambda: direct(adaptive.advance, *steps, types=types)

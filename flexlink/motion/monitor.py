@@ -50,7 +50,7 @@ class Monitor:
             chain, record.inputs.potential_force, insisted=run.unstable == "allow",
             bend=Thresholds.far_bent, near=Thresholds.at_limit, kept=record.kept,
         )  # fmt: skip
-        self.negative_rotors = chain.hinges["armature"].min(initial=0.0) < 0
+        self.negative_rotors = record.kept("negative rotors", None, lambda: bool((chain.hinges["armature"] < 0).any()))
         self.n_valid, self.failure = 0, ""
         self.warnings = list(warnings)
         self.confirmed = False
@@ -212,6 +212,11 @@ class Monitor:
         """Energy imbalance that the tolerance explains of samples by a method."""
         if not self.run.controlled:
             return balance.NOTHING
+        about = self.record.q[0].tobytes()
+        allowance: Allowance = self.record.kept(("allowance", name), about, lambda: self._explained_of(name))
+        return allowance
+
+    def _explained_of(self, name: str) -> Allowance:
         explicit = name != AUTO and method(name).explicit  # before the first step it may not be picked yet
         return allowed_imbalance(
             self.run, self.record.chain, self.record.least_tolerance, explicit, compared=not explicit

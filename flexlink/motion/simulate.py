@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_callable, require_type
 from flexlink.common.interruption import deferred
-from flexlink.common.memo import Kept, Memo, keep_last
+from flexlink.common.memo import Kept, Memo
 from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import Accuracy, ForwardSolver, Unstable
 from flexlink.describe.scene import Scene
@@ -122,7 +122,7 @@ def simulate(
         "max_evaluations": max_evaluations,
     }  # fmt: skip
     changes: dict[str, object] = {f"run.{name}": value for name, value in settings.items() if value is not None}
-    scene, starts = require_type("scene", scene, Scene), any(part is not None for part in (q0, qd0, t0))
+    scene, starts = require_type("scene", scene, Scene), not (q0 is None and qd0 is None and t0 is None)
     problem = Problem(started_from(scene, q0, qd0, t0, **changes)) if starts else problem_with(scene, changes)
     return problem.simulate(progress=progress, control=control, rate=rate)
 
@@ -237,14 +237,16 @@ def problem_with(scene: Scene, settings: dict[str, object]) -> Problem:
     def prepared() -> Problem:
         return Problem(scene.varied(settings) if settings else scene)
 
-    known = all(isinstance(value, str | int | float) for value in settings.values())
-    may_change = names_files(scene) or is_user_file(settings.get("run.method"))
-    if may_change or not known:
+    if not all(isinstance(value, str | int | float) for value in settings.values()):
         return prepared()
-    return PROBLEMS(scene, tuple((name, type(value), value) for name, value in settings.items()), prepared)
+    key = tuple((name, type(value), value) for name, value in settings.items())
+    kept: Problem | None = PROBLEMS.kept(scene, key)
+    if kept is not None:
+        return kept
+    may_change = names_files(scene) or is_user_file(settings.get("run.method"))
+    return prepared() if may_change else PROBLEMS(scene, key, prepared)
 
 
-@keep_last(64)
 def names_files(scene: Scene) -> bool:
     """Whether a scene names a method, a lumping rule or a shaper by a user's own file."""
     reference = scene.drive.reference
@@ -259,13 +261,13 @@ def started_from(
 
     From arrays of finite numbers, which need no reading, in a tenth of the time.
     """
+    if q0 is None and qd0 is None and t0 is None and not changes:
+        return scene
     start: dict[str, object] = {} if t0 is None else {"initial.time": t0}
     if q0 is not None:
         start |= {"initial.passive": None, "initial.q": q0}
     if qd0 is not None:
         start |= {"initial.rate_deg": None, "initial.rate_m": None, "initial.qd": qd0}
-    if not (changes or start):
-        return scene
     known = _is_read(q0) and _is_read(qd0) and (t0 is None or (isinstance(t0, float) and 0.0 <= t0 < math.inf))
     if changes or not known:
         return scene.varied(changes | start)

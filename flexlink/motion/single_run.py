@@ -114,7 +114,7 @@ class SingleRun:
         try:
             self.advance(stop, progress or (lambda _: None), warn=warn)
             if compared and not (monitor.failure or steps.failure or stop.asked):
-                monitor.warnings += verify(monitor, steps.steps.method, stop)
+                monitor.warnings += verify(monitor, monitor.steps.method, stop)
         except LawFailure as failure:
             raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
         except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
@@ -191,8 +191,10 @@ def _recorded(problem: InitialValueProblem, rows: int | None, kept: Kept | None)
     """The samples of a run of a problem, so many rows or all, of which the first is the start."""
     run, chain = problem.run, problem.chain
     try:
-        times = multiples(problem.start, run.between, run.samples if rows is None else rows)
-        q, qd = np.empty((2, len(times), chain.n))
+        number = run.samples if rows is None else rows
+        kept = Kept() if kept is None else kept
+        times = kept("times", (problem.start, number), lambda: multiples(problem.start, run.between, number)).copy()
+        q, qd = np.empty((2, number, chain.n))
         record = Record(problem, times, q, qd, kept)
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(

@@ -7,8 +7,10 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.run_settings import RunSettings
-from flexlink.describe.schemes.methods import Method
-from flexlink.dynamics.vibration.stability import stable_step
+from flexlink.describe.schemes.methods import Method, method
+from flexlink.dynamics.vibration.rate_bound import rate_bound
+from flexlink.dynamics.vibration.stability import bounding_eigenvalues, stable_step, stable_step_of
+from flexlink.dynamics.vibration.stability_function import stable_half_disc
 from flexlink.motion.inputs.actuation import acting_at
 from flexlink.motion.stop_times import SHORTEST
 from flexlink.motion.tolerable import Thresholds
@@ -16,12 +18,29 @@ from flexlink.results.record import Record
 
 
 def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) -> float:
-    """Of an explicit method its largest stable step about a state t, q, q̇ [s], beyond which its error only grows."""
+    """Of an explicit method its largest stable step about a state t, q, q̇ [s], beyond which its error only grows.
+
+    inf where that is surely longer than the time between samples, at which such steps end.
+    """
     chain, (q, qd, *_) = record.chain, state
-    return stable_step(chain, q, qd, method=name, **acting_at(record.inputs, chain, t, q, qd))
+    acting = acting_at(record.inputs, chain, t, q, qd)
+    if _matters(name, record.run, rate_bound(chain, q, qd, **acting)):
+        return stable_step(chain, q, qd, method=name, **acting)
+    return np.inf
 
 
-def settings(run: RunSettings, method: Method, record: Record, largest: float) -> tuple[float, ...]:
+def longest_step_of(name: str, record: Record, ω: float, δ: float) -> float:
+    """The same where the fastest motions swing at ω [rad/s] and decay at δ [1/s]."""
+    λ = bounding_eigenvalues(ω, δ)
+    return stable_step_of(λ, name) if _matters(name, record.run, float(np.abs(λ).max())) else np.inf
+
+
+def _matters(name: str, run: RunSettings, rate: float) -> bool:
+    """Whether a step between two samples may not be stable for eigenvalues up to a rate [1/s]."""
+    return not 1.01 * run.spacing * rate < stable_half_disc(method(name))
+
+
+def settings(run: RunSettings, rule: Method, record: Record, largest: float) -> tuple[float, ...]:
     """Settings of `advance`: error limits, order of the error estimate, shortest and longest step."""
     long_stages = 5  # implicit methods of so many stages take few, long steps
     exact = 1e-13  # residual of a fixed step over the arm's size; a larger one makes the energy drift
@@ -46,13 +65,13 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
                 f"run.tolerance = {absolute:.3g} m: below the rounding error of an arm of {size:.3g} m at "
                 f"angles up to {np.abs(record.q[0]).max():.2g} rad; allowed are {least:.2g} m and more"
             )
-    order = float(method.order if method.explicit else method.stages + 1)
-    long = method.stages >= long_stages
+    order = float(rule.order if rule.explicit else rule.stages + 1)
+    long = rule.stages >= long_stages
     # Error that one step may have, as a part of the tolerance, of which a run has `Thresholds.long` times as much for
     # all its steps. It is the error of a formula of lower order: that of the step itself is a few hundredths of it, or
     # less. Measured on 16 scenes with 7 tolerances: the errors at the end have a median of 0.14 of the tolerance, or
     # less, and are at most 6 times it where motion is sensitive. An explicit method's steps, small for stability's
     # sake, have the errors they tell, all in one direction.
-    one = 0.02 if method.explicit else 0.1 if long else 0.25
+    one = 0.02 if rule.explicit else 0.1 if long else 0.25
     errors = one * absolute, of_a_deflection * one * part, run.duration / Thresholds.long, np.inf, of_the_iteration
     return *errors, order, run.duration, SHORTEST * run.duration, largest

@@ -24,7 +24,7 @@ from flexlink.kernels.stepping.error_norm import Springs
 from flexlink.kernels.stepping.implicit_layout import VECTOR, ImplicitMethod, ImplicitWork, Turning
 from flexlink.kernels.stepping.saturation import Saturation
 from flexlink.kernels.stepping.step_state import STEPPER
-from flexlink.motion.inputs.drives import gains_of
+from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.results.record import Record
 
 FEW_PASSES = 12
@@ -41,7 +41,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers[STEPPER.max_iterations] = FEW_PASSES if record.run.controlled else of_fixed_step
     numbers[STEPPER.far] = FAR if chain.has_free_base else 0.0
     gains = drive_gains(chain, record.inputs)
-    kp, kd, kick = gains
+    kp, kd, kick = (gain.copy() for gain in gains)
     brakes, forces = (None, None) if arrays.rare is None else (np.zeros(n), forces_of(arrays))
     springs = Springs(kp, kd, brakes, kick, np.zeros((n, width)), *np.zeros((2, n)))
     saturation = Saturation(*(gain.copy() for gain in gains[:2]), *np.zeros((5, n)))
@@ -77,15 +77,12 @@ def posture_of(chain: Chain) -> PlanePosture | SpacePosture:
 
 
 def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
-    """Gains (n,) of the drive, for Newton's matrix, and T k_d of a sampled one.
-
-    At one state whatever the run's, which so goes on to the bit.
-    """
-    drive, zero = inputs.drive, np.zeros(chain.n)
-    kick = zero
+    """Gains (n,) of the drive, for Newton's matrix, and T k_d of a sampled one; all share them."""
+    drive = inputs.drive
+    gains, kick = gains_at_zero(drive, chain), np.zeros(chain.n)
     if drive.rate:
-        kick = gains_of(chain, drive._replace(rate=0.0), 0.0, zero, zero).diagonals()[1] / drive.rate
-    return *gains_of(chain, drive, 0.0, zero, zero).diagonals(), kick
+        kick = gains_at_zero(drive, chain, True).diagonals()[1] / drive.rate
+    return *gains.diagonals(), kick
 
 
 def carried(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:

@@ -68,12 +68,12 @@ class StopTimes:
             asked = np.round(asked / self.run.fixed_step) * self.run.fixed_step
         if not fixed and not samples and not len(asked):
             return np.array([end])
-        times = self._times(np.array(samples))
+        times = self._times(np.arange(samples.start, samples.stop))
         if fixed or len(asked):
             times = np.unique(np.concatenate([fixed, times, asked]))
         shortest = SHORTEST * self.run.duration + 2 * np.spacing(end)
         times = times[(times > start + shortest) & (times < end - shortest)]
-        return np.append(times, end)
+        return np.concatenate([times, [end]])
 
     def _samples(self, start: float, end: float) -> range:
         """Numbers of the samples between two times."""

@@ -8,6 +8,7 @@ run, so that the imbalance E − E(0) − W is what the discretisation, or an un
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -51,10 +52,9 @@ class Balance:
         near: float = np.inf,
         kept: Kept | None = None,
     ) -> None:
-        self.chain, self.kept = chain, Kept() if kept is None else kept
-        limited = np.isfinite(chain.hinges["lower"]).tobytes()
-        joints = WATCHED(chain.coordinates, (limited, chain.hinges["prescribed"].tobytes()), lambda: _watched(chain))
-        self.bounds = Bounds(force, chain.weight * chain.size, SHARE, insisted, bend, near, *joints)
+        self.chain, self.kept, given = chain, Kept() if kept is None else kept, (insisted, bend, near)
+        find = functools.partial(_bounds, chain, force, *given)
+        self.bounds: Bounds = self.kept("bounds", (given, force.tobytes()), find)
         self.seen = np.zeros(SEEN.size)
         self.seen[SEEN.garbage] = -1.0
 
@@ -82,10 +82,18 @@ class Balance:
         return code
 
 
+def _bounds(chain: Chain, force: Array, insisted: bool, bend: float, near: float) -> Bounds:
+    limited = np.isfinite(chain.hinges["lower"]).tobytes()
+    joints = WATCHED(chain.coordinates, (limited, chain.hinges["prescribed"].tobytes()), lambda: _watched(chain))
+    return Bounds(force, chain.weight * chain.size, SHARE, insisted, bend, near, *joints)
+
+
 WATCHED = Memo(64)
 """Of chains of one layout: joints that bend, those with limits, and driven ones whose motion is not prescribed."""
 
 
 def _watched(chain: Chain) -> tuple[Indices, Indices, Indices]:
-    free = chain.active[chain.hinges["prescribed"][chain.active] == 0]
-    return chain.bending, np.flatnonzero(np.isfinite(chain.hinges["lower"])), free
+    free, prescribed = chain.active, chain.hinges["prescribed"]
+    if np.count_nonzero(prescribed):
+        free = free[prescribed[free] == 0]
+    return chain.bending, np.isfinite(chain.hinges["lower"]).nonzero()[0], free

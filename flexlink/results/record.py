@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -145,11 +145,11 @@ class Record:
     ) -> Trajectory:
         """The samples before `stop`, read-only; this record must not go on."""
         work = self.work(slice(stop)) if balanced else None
-        wrench = np.concatenate([self._wrenches(part) for part in self.parts(0, stop)])
+        wrench = joined([self._wrenches(part) for part in self.parts(0, stop)])
         q, qd, chain, motion = self.q, self.qd, self.chain, None
         if self.base is not None:
             parts = [momentum_of_states(chain, q[part], qd[part]) for part in self.parts(0, stop)]
-            momentum = Momentum(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+            momentum = Momentum(*map(joined, zip(*parts, strict=True)))
             q, qd, attitude, spin = self.base.from_the_start(q[:stop], qd[:stop])
             chain, motion = self.base.original, BaseMotion(attitude, spin, momentum)
         for array in (q, qd, self.tau, self.tip, self.energy):
@@ -168,6 +168,11 @@ def noted(problem: InitialValueProblem, rows: int) -> Array:
     if problem.explicit:
         so_far[:, SO_FAR.steps] = problem.run.steps_per_sample * np.arange(rows)
     return so_far
+
+
+def joined(parts: Sequence[Array]) -> Array:
+    """The rows of parts, one after another."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _kept(array: Array, stop: int) -> Array:

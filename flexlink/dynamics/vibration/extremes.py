@@ -65,7 +65,7 @@ def fastest_decay(chain: Chain, q: Array, damping: Array | None = None) -> float
 
 
 def _found(chain: Chain, name: str, q: Array, weights: Array) -> float:
-    return FOUND.calling(_largest_eigenvalue, chain, name, q, weights)
+    return FOUND.calling(_largest_eigenvalue, chain, name, q, weights) if weights.any() else 0.0
 
 
 def _largest_eigenvalue(chain: Chain, name: str, q: Array, weights: Array) -> float:
@@ -73,8 +73,6 @@ def _largest_eigenvalue(chain: Chain, name: str, q: Array, weights: Array) -> fl
 
     W is of "stiffness" or "damping": `weights` on its diagonal, and the chain's couplings.
     """
-    if not weights.any():
-        return 0.0
     posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
     weights, coupled = np.ascontiguousarray(weights), np.ascontiguousarray(chain.couplings[name])
     found = largest_eigenvalue(chain.arrays, q, weights, coupled, PASSES, CLOSE, posture)

@@ -29,7 +29,7 @@ from flexlink.dynamics.tangent import LoadedState, gyroscopic_matrix, load_matri
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.eigenproblem import first_order_matrix
 from flexlink.dynamics.vibration.extremes import inertia_alone
-from flexlink.dynamics.vibration.stability_function import stable_reach
+from flexlink.dynamics.vibration.stability_function import stable_half_disc, stable_reach
 from flexlink.dynamics.wrench import turns_with_tip
 from flexlink.kernels.bodies.mass import mass_upper
 from flexlink.kernels.tools.finite import is_finite
@@ -316,12 +316,19 @@ def bounding_eigenvalues(ω: float, δ: float) -> Complex:
 
 
 def stable_step_of(λ: Complex, method: str) -> float:
-    """The `stable_step` [s] of eigenvalues λ [1/s]; inf if nothing holds or brakes any joint."""
-    moving = λ[λ != 0]
+    """The `stable_step` [s] of eigenvalues λ [1/s]; inf if nothing holds or brakes any joint.
+
+    Of few of them it is sought how far the method reaches in their direction: not of those whose step is no shorter
+    wherever they point, within the half disc that is stable.
+    """
+    moving, rule, least = λ[λ != 0], methods.method(method), np.inf
     rates = np.abs(moving)
     if not moving.real.any():  # all swing, and none is damped
-        return float((stable_reach(methods.method(method), np.array([1j])) / rates).min(initial=np.inf))
+        return float((stable_reach(rule, np.array([1j])) / rates).min(initial=np.inf))
     directions = np.where(moving.real > 0, 1j, moving.real / rates + 1j * np.abs(moving.imag) / rates)  # R(z̄) = R(z)̄
-    different, which = np.unique(directions, return_inverse=True)
-    reach = stable_reach(methods.method(method), different)
-    return float((reach[which] / rates).min(initial=np.inf))
+    within = stable_half_disc(rule)
+    for k in np.argsort(-rates).tolist():
+        if within / rates[k] >= least:
+            break
+        least = min(least, float(stable_reach(rule, directions[k : k + 1])[0] / rates[k]))
+    return least

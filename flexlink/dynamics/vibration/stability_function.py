@@ -69,32 +69,26 @@ def stable_reach(method: Method, directions: Complex) -> Array:
     if is_stable_everywhere(method):
         return np.full(directions.shape, np.inf)
     if method.explicit:
-        return _reach_of_polynomial(method, tuple(directions.tolist()))
+        return np.array([_reach_of_polynomial(method, d, int(stable_half_disc(method))) for d in directions.tolist()])
     P, Q = (float64(p) for p in stability_polynomials(method))
     return np.array([_first_zero(SQUARE * _square(Q, d) - _square(P, d)) for d in directions])
 
 
 @functools.lru_cache(maxsize=64)
-def _reach_of_polynomial(method: Method, all_directions: tuple[complex, ...]) -> Array:
+def _reach_of_polynomial(method: Method, direction: complex, stable: int) -> float:
     """`stable_reach` of an explicit method, piece by piece: E_d has degree 2 s, so that 2 s + 1 values tell all of it.
 
     In powers of x the terms of E_d cancel, more with every stage; values of R by the stages themselves do not. There is
-    an end: |R| ≤ 1 on [0, x] with R'(0) = 1 and degree s leaves x ≤ 2 s², in any direction (Markov's inequality).
+    an end: |R| ≤ 1 on [0, x] with R'(0) = 1 and degree s leaves x ≤ 2 s², in any direction (Markov's inequality). Up to
+    x = `stable` nothing is looked for.
     """
-    directions = np.array(all_directions, dtype=complex)
-    end, degree = 2 * method.stages**2, 2 * method.stages
-    reach, beyond = np.full(directions.shape, float(end)), np.full(directions.shape, True)
-    nodes, to_series = _series_of(degree)
-    for start in range(end + 1):
-        those = np.flatnonzero(beyond)
-        R = _by_stages(method, np.outer(directions[those], start + (1 + nodes) / 2))
-        for k, series in zip(those, (SQUARE - np.abs(R) ** 2) @ to_series.T, strict=True):
-            zeros = _zeros_of_series(series)
-            if zeros.size:
-                reach[k], beyond[k] = start + (1 + zeros.min()) / 2, False
-        if not beyond.any():
-            break
-    return reach
+    nodes, to_series = _series_of(2 * method.stages)
+    for start in range(stable, 2 * method.stages**2 + 1):
+        E = SQUARE - np.abs(_by_stages(method, direction * (start + (1 + nodes) / 2))) ** 2
+        zeros = _zeros_of_series((np.array([E, E]) @ to_series.T)[0])  # of one row alone BLAS has other last digits
+        if zeros.size:
+            return float(start + (1 + zeros.min()) / 2)
+    return 2.0 * method.stages**2
 
 
 @functools.lru_cache(maxsize=64)
@@ -107,15 +101,18 @@ def stable_half_disc(method: Method) -> float:
     """
     if is_stable_everywhere(method):
         return np.inf
-    stable, beyond = 0.0, float(stable_reach(method, np.array([1j]))[0]) if method.explicit else 0.0
+    if not method.explicit:
+        return 0.0
+    stable, beyond, close = 0.0, _reach_of_polynomial(method, 1j, 0), 1e-8
     if _is_stable_on_the_arc(method, beyond):
         return beyond
-    while beyond - stable > 1e-8 * beyond:
-        middle = (stable + beyond) / 2
+    middle = (1 - close) * beyond  # of many methods the axis ends it, up to rounding
+    while beyond - stable > close * beyond:
         if _is_stable_on_the_arc(method, middle):
             stable = middle
         else:
             beyond = middle
+        middle = (stable + beyond) / 2
     return stable
 
 
@@ -126,13 +123,14 @@ def _is_stable_on_the_arc(method: Method, r: float) -> bool:
     return bool((E > 0).all()) and not _zeros_of_series(to_series @ E).size
 
 
+@functools.cache
 def _series_of(degree: int) -> tuple[NDArray[Any], Array]:
     """Nodes in [−1, 1], and the matrix that makes a polynomial's values there its Chebyshev series."""
     nodes = np.polynomial.chebyshev.chebpts1(degree + 1)
     return nodes, np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, degree)), dtype=np.float64)
 
 
-def _by_stages(method: Method, z: Complex) -> Complex:
+def _by_stages(method: Method, z: NDArray[Any]) -> Complex:
     """R(z) = 1 + z Σ b_i Y_i of an explicit method, from its stages Y_i = 1 + z Σ a_ij Y_j."""
     A, b, _ = method.arrays
     stages: list[Complex] = []

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.common.memo import Memo
+from flexlink.common.memo import Memo, keep_last
 from flexlink.common.types import Array, Indices
 from flexlink.describe.rigidified import rigidified
 from flexlink.describe.scene import Scene
@@ -129,6 +129,16 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
     whole = np.zeros((2, n, n))
     whole[:, :, joints] = slopes
     return Gains(*whole)
+
+
+@keep_last(64)
+def gains_at_zero(drive: Drive, chain: Chain, asked: bool = False) -> Gains:
+    """Those at one state whatever the run's, which so goes on to the bit; of a sampled law as if `asked` all the time.
+
+    Read-only by agreement.
+    """
+    zero = np.zeros(chain.n)
+    return gains_of(chain, drive._replace(rate=0.0) if asked else drive, 0.0, zero, zero)
 
 
 def _table(scene: Scene, chain: Chain) -> Drive:

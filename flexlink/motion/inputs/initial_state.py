@@ -11,6 +11,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
+from flexlink.describe.own_units import row_in_si
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.static_postures import static_posture
 from flexlink.kernels.inputs.drive_torque import follow
@@ -73,13 +74,17 @@ def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Arra
 
 def stated(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     """q0 and q̇0 (n,) [rad, rad/s, m, m/s] by what is said of joints and of a free base, springs slack."""
-    q, qd, base = spread(chain, scene.joint_positions), spread(chain, scene.joint_rates), scene.initial.base
+    initial, slides = scene.initial, scene.arm.slides
+    q, qd = spread(chain, row_in_si(slides, initial.own("joint", slides))), np.zeros(chain.n)
+    if initial.rate_deg or initial.rate_m:
+        qd = spread(chain, row_in_si(slides, initial.own("rate", slides)))
+    base = initial.base
     if chain.has_free_base:
         q[:3], qd[:3], qd[3:6] = base.xyz, base.velocity, base.rates
     return q, qd
 
 
-def spread(chain: Chain, per_link: Sequence[float] | Array) -> Array:
+def spread(chain: Chain, per_link: Sequence[float]) -> Array:
     """Put one number per link on that link's active joint, 0 on passive hinges; shape (n,)."""
     out = np.zeros(chain.n)
     for k in chain.active.tolist():

@@ -62,7 +62,9 @@ def judge_step(problem: InitialValueProblem) -> tuple[str, ...]:
     UnstableStepError
         The step is beyond it, and `run.unstable` does not allow it.
     """
-    return () if _within_bounds([problem])[0] else _judge_by_eigenvalues(problem)
+    if problem.run.duration == 0 or not problem.explicit or _within_bounds([problem])[0]:
+        return ()
+    return _judge_by_eigenvalues(problem)
 
 
 def _judge_by_eigenvalues(problem: InitialValueProblem) -> tuple[str, ...]:

@@ -1,0 +1,44 @@
+"""A bound of the eigenvalues of small motion about a state, for those who need not know them if they are small.
+
+    λ² φ + λ M⁻¹C φ + M⁻¹K φ = 0,    so that    |λ|² ≤ c |λ| + k        c = ‖M⁻¹C‖, k = ‖M⁻¹K‖
+
+in any norm of matrices that goes with one of vectors: Frobenius's.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy
+
+from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
+from flexlink.describe.actions import Frame
+from flexlink.dynamics.forces import force_slopes
+from flexlink.dynamics.rounding import EPS
+from flexlink.dynamics.springs import about, damping_matrix
+from flexlink.dynamics.tangent import load_matrices
+from flexlink.dynamics.vibration.stability import DENSE, Gains
+from flexlink.dynamics.wrench import turns_with_tip
+
+
+def rate_bound(chain: Chain, q: Array, qd: Array, *, tip_wrench: Array, frame: Frame, gains: Gains) -> float:
+    """What none of the |λ| of `eigenvalues` exceeds [1/s]; arguments as there.
+
+    inf where none is known: of more than 100 joints, of prescribed ones, of a mass that may be singular.
+    """
+    n = chain.n
+    if n > DENSE or np.count_nonzero(chain.hinges["prescribed"]):
+        return np.inf
+    K, C, M = load_matrices(chain, q, qd, tip_wrench, turns_with_tip(frame))
+    L, stopped = scipy.linalg.lapack.dpotrf(M, lower=1)
+    if stopped or not (L.diagonal() ** 2 > n * EPS * M.diagonal()).all():
+        return np.inf
+    kp, kd = gains.matrices()
+    K, C = K + about(chain, q).matrix("stiffness") + kp, C + damping_matrix(chain) + kd
+    if chain.forces:
+        of_angle, of_rate = force_slopes(chain, q, qd)
+        K, C = K + of_angle, C + of_rate
+    c, k = (math.sqrt(np.square(scipy.linalg.lapack.dpotrs(L, A, lower=1)[0]).sum()) for A in (C, K))
+    return (c + math.sqrt(c * c + 4 * k)) / 2
