@@ -10,12 +10,12 @@ import subprocess
 import sys
 import tracemalloc
 from collections import Counter, deque
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
-from multiprocessing import get_context
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import deadly
 import msgspec
 import numpy as np
 import pytest
@@ -39,7 +39,6 @@ from flexlink.sweeps.table import SweepRows
 from flexlink.sweeps.worker import Row
 
 WANTED = {"x": SweepOutput(of="tip x [m]"), "bend": SweepOutput(of="deflection [m]", take="max")}
-DEADLY = 5  # number of the member that ends its process
 
 
 @pytest.fixture(scope="module")
@@ -252,13 +251,13 @@ def test_samples_fill_the_cube_and_come_again_by_their_seed(method: str) -> None
     assert np.abs(counts - 10).max() <= 15  # binomial(100, 1/10): 5 deviations
 
 
-@pytest.mark.parametrize("method", ["random", "sobol", "halton"])
+@pytest.mark.parametrize("method", ["latin", "random", "sobol", "halton"])
 def test_a_members_point_is_that_of_the_whole_sequence(method: str) -> None:
     count, rng = 4096, np.random.default_rng(3)
     if method == "random":
         whole = rng.random((count, 3))
     else:
-        engine = {"sobol": qmc.Sobol, "halton": qmc.Halton}[method](3, rng=rng)
+        engine = {"latin": qmc.LatinHypercube, "sobol": qmc.Sobol, "halton": qmc.Halton}[method](3, rng=rng)
         whole = engine.random(count)
     for k in (4095, 0, 1024, 1023, 2, 3000, 1, 2047):
         assert sample_points.point(method, 3, count, 3, k) == whole[k].tolist()
@@ -582,36 +581,18 @@ def own_environment() -> dict[str, str]:
 # Workers.
 
 
-def make_deadly() -> None:
-    """A process in which one member ends it, another raises what no member may raise."""
-    real = worker._row
-
-    def row(plan: Plan, number: int, outcome: object) -> worker.Row:
-        if number == DEADLY:
-            os._exit(13)
-        if number == DEADLY + 2:
-            raise ZeroDivisionError("a mistake of the program")
-        return real(plan, number, outcome)
-
-    worker._row = row  # type: ignore[assignment]
-
-
-def deadly_pool() -> Executor:
-    return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=make_deadly)
-
-
 @pytest.mark.slow
 def test_a_member_that_ends_its_process_is_a_row_and_takes_no_other_along(paper: fl.Scene) -> None:
     sweep = masses(paper, *np.linspace(0, 1, 21).tolist())
-    rows, whole = fl.sweep(sweep, executor=deadly_pool), fl.sweep(sweep)
+    rows, whole = fl.sweep(sweep, executor=deadly.pool), fl.sweep(sweep)
     assert rows.failed == {
-        DEADLY: f"the process that ran it ended {MAX_WORKER_DEATHS} times",
-        DEADLY + 2: "ZeroDivisionError: a mistake of the program",
+        deadly.MEMBER: f"the process that ran it ended {MAX_WORKER_DEATHS} times",
+        deadly.MEMBER + 2: "ZeroDivisionError: a mistake of the program",
     }
     good = [k for k in range(21) if k not in rows.failed]
     assert [rows.rows[k] for k in good] == [whole.rows[k] for k in good]
     with (
-        deadly_pool() as given,
+        deadly.pool() as given,
         pytest.raises(fl.errors.EngineError, match="the executor is broken; all rows are kept"),
     ):
         fl.sweep(sweep, executor=given)
