@@ -9,6 +9,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.files import read_regular
 from flexlink.common.types import T
@@ -75,6 +77,9 @@ def beside(folder: Path, document: T) -> T:
     These are all values of `file`, and those of `method`, `lumping` and `kind` that are own files. A key may be a path
     such as "run.method", a value a list of several. However deep a file is nested, no recursion is.
     """
+    text = _as_json(document)
+    if text and b'.toml"' not in text and b'file"' not in text:
+        return document
     left: list[tuple[str, Any]] = [("", document)]
     while left:
         above, node = left.pop()
@@ -87,6 +92,20 @@ def beside(folder: Path, document: T) -> T:
             else:
                 left.append((name, value))
     return document
+
+
+def is_finite(document: object) -> bool:
+    """Whether no number of a parsed file is infinite or nan, for sure."""
+    text = _as_json(document)
+    return bool(text) and b"null" not in text
+
+
+def _as_json(document: object) -> bytes:
+    """A parsed file in JSON, where numbers that are not finite are null: all of it in a few µs; empty: it has none."""
+    try:
+        return msgspec.json.encode(document)
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        return b""
 
 
 def _from(folder: Path, key: str, value: str) -> str:

@@ -67,6 +67,8 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
 
 def _check_root(link: Link) -> None:
     """Refuse springs at the root that turn about the axis of the free joint itself, at the same place."""
+    if not link.root_springs:
+        return
     axis, lever = link.joint.direction, link.beam.start
     sprung = np.array([name in link.root_springs for name in ROOT_AXES])
     if axis[~sprung].any() or np.cross(axis, lever).any() or _stands_alone(link):

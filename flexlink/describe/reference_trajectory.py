@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -130,8 +131,9 @@ class ReferenceTrajectory:
         )
         at_knots = np.concatenate([self.coefficients[:, 0], c.sum(axis=1)])  # what a piece begins and ends with
         low, high = at_knots.min(axis=0), at_knots.max(axis=0)
-        farthest = np.abs(c[:, 1:]).sum(axis=1)
-        beyond = (c[:, 0] - farthest < low) | (c[:, 0] + farthest > high)
+        hull = np.einsum("ij,kjd->kid", _to_bernstein(c.shape[1] - 1), c)  # around all values of a piece
+        rounded = 2.0**-48 * np.abs(c).sum(axis=1)
+        beyond = (hull.min(axis=1) < low - rounded) | (hull.max(axis=1) > high + rounded)
         for piece, d in zip(*np.nonzero(beyond), strict=True):
             angle = np.polynomial.Polynomial(c[piece, :, d])
             inside = angle(np.clip(angle.deriv().roots().real, 0.0, 1.0))
@@ -155,6 +157,16 @@ class ReferenceTrajectory:
         """Coefficients of the pieces that hold times t, and x there, shapes (len(t), degree + 1, d), (len(t), 1)."""
         piece = np.maximum(np.searchsorted(self.knots, t, side="right") - 1, 0)
         return self.coefficients[piece], np.maximum(t - self.knots[piece], 0.0)[:, None]
+
+
+@functools.cache
+def _to_bernstein(degree: int) -> Array:
+    """The matrix that makes coefficients of powers on [0, 1] those of Bernstein's polynomials, shape (degree + 1,) * 2.
+
+    A polynomial lies between the least and the largest of these (Farouki 2012, The Bernstein polynomial basis).
+    """
+    row = range(degree + 1)
+    return np.array([[math.comb(i, j) / math.comb(degree, j) for j in row] for i in row])
 
 
 def still(angles: ArrayLike) -> ReferenceTrajectory:

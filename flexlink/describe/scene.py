@@ -27,14 +27,7 @@ from flexlink.describe.run_settings import RunSettings, implied, of_run_alone
 from flexlink.describe.scene_checks import check_named, check_parts
 from flexlink.describe.scene_keys import OF_ARM, read_keys
 from flexlink.describe.sensor import Sensor
-from flexlink.describe.spec import (
-    Positive,
-    Spec,
-    Vector3,
-    build_validated,
-    fields_of,
-    measured_in,
-)
+from flexlink.describe.spec import Positive, Spec, Vector3, build_validated, fields_of, measured_in
 from flexlink.describe.vary import apply_changes, as_document, parts_by_key, to_document, top_level_keys, values_at
 from flexlink.describe.writing import toml_of, without_defaults
 
@@ -323,8 +316,16 @@ def _course(
     return reference.course(start, free, slides)
 
 
-def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyType({}), arm: Arm | None = None) -> Scene:
+def scene_from(
+    raw: Mapping[str, Any],
+    kept: Mapping[str, Any] = MappingProxyType({}),
+    arm: Arm | None = None,
+    *,
+    finite: bool = False,
+) -> Scene:
     """The scene of a parsed file, and of parts of another scene, or its whole arm, which have been checked.
+
+    `finite` as of `decode`.
 
     Raises
     ------
@@ -332,7 +333,7 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
         The message names the key path, the value and what is allowed.
     """
     required = [field.encode_name for field in _fields() if field.required and field.encode_name not in kept]
-    arm, own = read_keys(raw, FIELDS, required, kept, arm)
+    arm, own = read_keys(raw, FIELDS, required, kept, arm, finite=finite)
     return build_validated(Scene, arm=arm, **{key: value for key, value in own.items() if key in FIELDS})
 
 

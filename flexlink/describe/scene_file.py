@@ -44,7 +44,7 @@ def load_scene(path: str | Path) -> Scene:
     path = documents.require_path("path", path)
     raw = documents.beside(path.parent, documents.read_toml(path))
     with documents.errors_of(path):
-        scene = scene_from(raw)
+        scene = scene_from(raw, finite=documents.is_finite(raw))
         check_named(scene.arm, scene.run)
         return scene
 

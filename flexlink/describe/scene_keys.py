@@ -20,6 +20,8 @@ def read_keys(
     required: Sequence[str],
     kept: Mapping[str, Any],
     arm: Arm | None = None,
+    *,
+    finite: bool = False,
 ) -> tuple[Arm, dict[str, Any]]:
     """The arm and, by key, all else of a parsed file; of parts that are `kept`, or a whole arm, as they are.
 
@@ -33,6 +35,8 @@ def read_keys(
         Keys that must be there.
     kept, arm
         What has been checked.
+    finite
+        As of `decode`.
 
     Raises
     ------
@@ -41,7 +45,7 @@ def read_keys(
     """
     try:
         check_keys(raw, kinds, required)
-        values = {**kept, **{key: decode(value, kinds[key], key) for key, value in raw.items()}}
+        values = {**kept, **{key: decode(value, kinds[key], key, finite=finite) for key, value in raw.items()}}
         return arm or _arm_of(values), {key: value for key, value in values.items() if key not in OF_ARM}
     except SceneError:
         raise_together(_mistakes(raw, kinds, kept, required))

@@ -124,7 +124,7 @@ def _scalar(value: np.generic) -> object:
     return float(value) if isinstance(value, np.floating) else value.item()
 
 
-def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
+def decode(raw: object, kind: type[T] | Any, path: str = "", *, finite: bool = False) -> T:
     """Convert parsed TOML into a `Spec`, naming the key path, the value and what is allowed.
 
     Parameters
@@ -135,6 +135,8 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
         The type to build.
     path
         Key path of `raw` in its file, for messages.
+    finite
+        All its numbers are known to be, and it is of a file.
 
     Raises
     ------
@@ -142,11 +144,13 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
         Unknown key, wrong type, value out of range or not finite.
     """
     try:
-        _check_finite(raw, kind, path)
+        if not finite:
+            _check_finite(raw, kind, path)
     except RecursionError:
         raise SceneError(f"{path}: {TOO_DEEP}") from None
     if get_origin(kind) is dict and isinstance(raw, dict):  # a table of named things: keep the name in the path
-        return {key: decode(item, get_args(kind)[1], f"{path}.{key}") for key, item in raw.items()}  # type: ignore[return-value]
+        below = get_args(kind)[1]
+        return {key: decode(item, below, f"{path}.{key}", finite=True) for key, item in raw.items()}  # type: ignore[return-value]
     try:
         return build_validated(msgspec.convert, raw, kind)  # type: ignore[no-any-return]
     except msgspec.ValidationError as error:
