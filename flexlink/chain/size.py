@@ -20,6 +20,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.common.products import cross
 from flexlink.common.types import Array, Indices
 from flexlink.kernels.geometry.kinematics import KinematicsWork, forward_kinematics
 from flexlink.kernels.layout import SLIDES, ChainArrays
@@ -48,7 +49,7 @@ def without_lever(arrays: ChainArrays, reach: float) -> Indices:
     for k in range(len(passes) - 1, -1, -1):
         if not passes[k]:
             body, beyond = _beyond(bodies, k)
-            levers = np.cross(placed.axes[k], placed.points[beyond] - placed.points[body])
+            levers = cross(placed.axes[k], placed.points[beyond] - placed.points[body])
             if np.abs(levers).max() > NEARLY * reach:
                 _mark_path(bodies, body, k, passes)
     return np.flatnonzero(~passes)
@@ -84,7 +85,7 @@ def _inertia_beyond(arrays: ChainArrays, placed: KinematicsWork, k: int) -> tupl
     mass, R, e = bodies["mass"][beyond], placed.rotations[beyond], placed.axes[k]
     centers = placed.points[beyond] + np.einsum("bij,bj->bi", R, bodies["center"][beyond]) - placed.points[body]
     own = np.einsum("bij,j->bi", R.transpose(0, 2, 1), e)
-    J = np.einsum("bi,bij,bj->", own, bodies["inertia"][beyond], own) + mass @ (np.cross(e, centers) ** 2).sum(axis=1)
+    J = np.einsum("bi,bij,bj->", own, bodies["inertia"][beyond], own) + mass @ (cross(e, centers) ** 2).sum(axis=1)
     return float(J), float(mass.sum())
 
 
