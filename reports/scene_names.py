@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from flexlink.pages.tables import Table
@@ -16,15 +16,15 @@ FOLDERS = (STUDY_SCENES, MODELS, MODELS / "robots")
 
 def scene_names(results: Results) -> Table | None:
     """A line a scene of the study; None without any whose words are known."""
-    known = dict(_words(results))
-    names = dict.fromkeys(row.scene for row in results.rows if row.scene in known)
-    lines = tuple((name, known[name]) for name in sorted(names))
+    names = {row.scene for row in results.rows}
+    known = dict(_words(results, names))
+    lines = tuple((name, known[name]) for name in sorted(names & known.keys()))
     return Table("scenes", "Names of the scenes", ("scene", "what it is"), lines) if lines else None
 
 
-def _words(results: Results) -> Iterator[tuple[str, str]]:
+def _words(results: Results, names: Collection[str]) -> Iterator[tuple[str, str]]:
     for path in (path for folder in FOLDERS for path in sorted(folder.glob("*.toml"))):
-        if about := _about(path):
+        if path.stem in names and (about := _about(path)):
             yield path.stem, about
     for _, series in works(results):
         yield series.scene, series.title.removeprefix(f"{series.scene}: ")

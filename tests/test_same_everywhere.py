@@ -14,7 +14,7 @@ from machines.run import FILE, Machine, environment, missing
 from numpy.testing import assert_allclose, assert_array_equal
 
 import flexlink as fl
-from flexlink.common.products import dot, product
+from flexlink.common.products import cross, dot, product
 from flexlink.dynamics import rounding
 from flexlink.formats.principal import principal_axes
 
@@ -62,6 +62,15 @@ def test_products_are_products(rng: np.random.Generator) -> None:
     assert_allclose(product(A, B), A @ B, rtol=0, atol=20 * EPS)
     assert_allclose(product(A, B.T, v), A @ B.T @ v, rtol=0, atol=50 * EPS)
     assert dot(v, v) == pytest.approx(v @ v, rel=4 * EPS)
+
+
+@pytest.mark.parametrize("shapes", [((3,), (3,)), ((5, 3), (3,)), ((4, 1, 3), (5, 3)), ((900, 3), (900, 3))])
+def test_cross_products_are_numpys_to_the_bit(shapes: tuple[tuple[int, ...], ...], rng: np.random.Generator) -> None:
+    a, b = (rng.normal(size=shape) for shape in shapes)
+    for factor in (a, a + 1j):
+        found, wanted = cross(factor, b), np.cross(factor, b)
+        assert_array_equal(found, wanted)
+        assert (found.dtype, found.flags.c_contiguous) == (wanted.dtype, True)
 
 
 @pytest.mark.parametrize("moments", [(1.0, 2.0, 2.5), (1.0, 1.0, 1.5), (0.0, 1.0, 1.0), (1e-12, 1.0, 1.0), (2, 2, 2)])

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexlink.common.products import product
+from flexlink.common.products import cross, product
 from flexlink.common.types import Array
 from flexlink.describe.directions import unit
 
@@ -50,7 +50,7 @@ def turn_to(towards: tuple[float, float, float]) -> tuple[int, Array]:
     """
     direction = unit("axis", towards)
     axis = int(np.argmax(direction))
-    c, v = direction[axis], np.cross(np.eye(3)[axis], direction)
+    c, v = direction[axis], cross(np.eye(3)[axis], direction)
     V = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
     return axis, read_only(np.eye(3) + V + product(V, V) / (1 + c))
 

@@ -22,6 +22,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.common.products import cross
 from flexlink.common.types import Array, Indices
 from flexlink.kernels.geometry.kinematics import KinematicsWork, forward_kinematics
 from flexlink.kernels.layout import SLIDES, ChainArrays
@@ -119,9 +120,7 @@ def _inertia_beyond(arrays: ChainArrays, placed: KinematicsWork, k: int) -> tupl
     mass, R, e = bodies["mass"][beyond], placed.rotations[beyond], placed.axes[k]
     centers = placed.points[beyond] + np.einsum("bij,bj->bi", R, bodies["center"][beyond]) - placed.points[body]
     own = np.einsum("bij,j->bi", R.transpose(0, 2, 1), e)
-    x, y, z = centers.T
-    across = np.array([e[1] * z - e[2] * y, e[2] * x - e[0] * z, e[0] * y - e[1] * x]).T
-    J = np.einsum("bi,bij,bj->", own, bodies["inertia"][beyond], own) + mass @ (across**2).sum(axis=1)
+    J = np.einsum("bi,bij,bj->", own, bodies["inertia"][beyond], own) + mass @ (cross(e, centers) ** 2).sum(axis=1)
     return float(J), float(mass.sum())
 
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.common.products import cross
 from flexlink.common.types import Array, Indices
 from flexlink.engines.read_back import ReadBack
 
@@ -137,10 +138,10 @@ def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> t
     far, right = (float(np.linalg.norm(_offset(read, k))) for read in (theirs, ours))
     before = theirs.parents[k]
     along = theirs.axes[before] if before >= 0 else np.zeros(3)
-    v = np.cross(ours.axes[k], along)
+    v = cross(ours.axes[k], along)
     for factor in units if right > RIGID_TOLERANCE * reach(ours) else ():
         point = theirs.points[k] - (1 - 1 / factor) * offset
-        missed = np.cross(ours.axes[k], point - ours.points[k])
+        missed = cross(ours.axes[k], point - ours.points[k])
         slide = -float(missed @ v) / float(v @ v) if v @ v > RIGID_TOLERANCE else 0.0
         if 0.5 < far / factor / right < 2 and float(np.linalg.norm(missed + slide * v)) <= tolerance * right:
             return factor, point + slide * along
@@ -152,8 +153,8 @@ def deviations(ours: ReadBack, theirs: ReadBack) -> tuple[Array, Array]:
 
     A joint that slides has a direction only.
     """
-    sin = np.linalg.norm(np.cross(ours.axes, theirs.axes), axis=1)
-    off = np.linalg.norm(np.cross(ours.axes, theirs.points - ours.points), axis=1)
+    sin = np.linalg.norm(cross(ours.axes, theirs.axes), axis=1)
+    off = np.linalg.norm(cross(ours.axes, theirs.points - ours.points), axis=1)
     return sin, np.where(ours.slides | theirs.slides, 0.0, off)
 
 
@@ -208,7 +209,7 @@ def _rigid_motion(
 
 def _smallest_turn(one: Array, other: Array) -> Array:
     """R = 1 + [v]× + [v]×²/(1 + c), v = one × other, c = one · other, of unit vectors that are not opposite."""
-    v = np.cross(one, other)
+    v = cross(one, other)
     V = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
     return np.asarray(np.eye(3) + V + V @ V / (1 + max(float(one @ other), -0.5)))
 

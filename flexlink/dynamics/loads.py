@@ -20,6 +20,7 @@ from flexlink.chain.arguments import beyond_float64, require_type, vector
 from flexlink.chain.branches import of_parents
 from flexlink.chain.chain import Chain
 from flexlink.chain.spans import spans_of, sums_inward
+from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.describe.actions import Frame
 from flexlink.dynamics.batches import each, is_batch
@@ -108,9 +109,9 @@ def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> Intern
     R, p, axes, _, ω, a, α, _ = body_motion(chain, q, qd, qdd)
     with np.errstate(over="ignore", invalid="ignore"):
         c = _each_by(R, bodies["center"])
-        F = bodies["mass"][:, None] * (a + np.cross(α, c) + np.cross(ω, np.cross(ω, c)) - chain.gravity)
+        F = bodies["mass"][:, None] * (a + cross(α, c) + cross(ω, cross(ω, c)) - chain.gravity)
         inertia = R @ bodies["inertia"] @ R.transpose(0, 2, 1)
-        N = _each_by(inertia, α) + np.cross(ω, _each_by(inertia, ω)) + np.cross(c, F)
+        N = _each_by(inertia, α) + cross(ω, _each_by(inertia, ω)) + cross(c, F)
         tip = chain.loaded
         F[tip], N[tip] = -wrench[:3], -wrench[3:]  # the tip frame has no inertia
         if len(chain.drag):
@@ -118,7 +119,7 @@ def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> Intern
             F, N = F - drag[:, 0], N - drag[:, 1]
         spans, parents = spans_of(chain.bodies), bodies["parent"]
         f = sums_inward(spans, F)
-        moments = np.cross(p - of_parents(chain, p, np.zeros(3)), f)
+        moments = cross(p - of_parents(chain, p, np.zeros(3)), f)
         hang = parents > 0
         np.add.at(N, parents[hang] - 1, moments[hang])
         n = sums_inward(spans, N)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from flexlink.chain.arguments import require_type, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import is_batch, rows
 from flexlink.kernels.bodies.momentum import momenta
@@ -28,7 +29,7 @@ class Momentum(NamedTuple):
     @property
     def spin(self) -> Array:
         """Angular momentum about the centre of mass [N m s]."""
-        return np.asarray(self.angular - np.cross(self.center, self.linear))
+        return np.asarray(self.angular - cross(self.center, self.linear))
 
 
 def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:

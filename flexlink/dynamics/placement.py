@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, require_type, vector
 from flexlink.chain.chain import Chain
+from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import each, is_batch, rows
 from flexlink.dynamics.result import Result
@@ -157,7 +158,7 @@ def jacobian(
     placed = forward_kinematics(chain.arrays, vector("q", q, chain.n, many=True))
     axes = np.where(hinges_before(chain, number)[:, None], placed.axes, 0.0)
     place = placed.points[number] + placed.rotations[number] @ offset
-    linear = np.cross(axes, place - placed.points[hinge_bodies(chain)])
+    linear = cross(axes, place - placed.points[hinge_bodies(chain)])
     if chain.slides.any():
         linear[chain.slides], axes[chain.slides] = axes[chain.slides], 0.0
     return Jacobian(np.ascontiguousarray(linear.T), np.ascontiguousarray(axes.T))

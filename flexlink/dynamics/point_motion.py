@@ -20,6 +20,7 @@ from flexlink.chain.branches import of_parents
 from flexlink.chain.chain import Chain
 from flexlink.chain.spans import Branch, spans_of, sums_outward
 from flexlink.common.errors import ArgumentError
+from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.dynamics.batches import about_state, is_batch, rows
 from flexlink.dynamics.placement import body_number, hinge_bodies
@@ -66,14 +67,14 @@ def _moving(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array
         turned, faster = axes * qd[..., None], axes * qdd[..., None]
         slid, slid_faster = (_slid(chain, part) for part in (turned, faster))
         before, ω = _after_hinges(chain, spans, turned)
-        before_α, α = _after_hinges(chain, spans, faster + np.cross(before, turned))
+        before_α, α = _after_hinges(chain, spans, faster + cross(before, turned))
         ω_before, α_before = of_parents(chain, ω, rest), of_parents(chain, α, rest)
         r = p - of_parents(chain, p, rest)
-        v = np.cross(ω_before, r)
-        a = np.cross(α_before, r) + np.cross(ω_before, np.cross(ω_before, r))
+        v = cross(ω_before, r)
+        a = cross(α_before, r) + cross(ω_before, cross(ω_before, r))
         if chain.slides.any():
             v += slid
-            a += slid_faster + 2 * np.cross(ω_before, slid)
+            a += slid_faster + 2 * cross(ω_before, slid)
         v, a = sums_outward(spans, v), sums_outward(spans, a)
     return BodyMotion(R, p, axes, v, ω, a, α, (before, before_α))
 
@@ -191,8 +192,8 @@ def _of_point(chain: Chain, moving: BodyMotion, i: int, offset: Array) -> tuple[
     R, ω, α = moving.rotations[i], moving.angular_velocity[i], moving.angular_acceleration[i]
     c = R[..., 0] * offset[0] + R[..., 1] * offset[1] + R[..., 2] * offset[2]
     with np.errstate(over="ignore", invalid="ignore"):
-        velocity = moving.velocity[i] + np.cross(ω, c)
-        acceleration = moving.acceleration[i] + np.cross(α, c) + np.cross(ω, np.cross(ω, c))
+        velocity = moving.velocity[i] + cross(ω, c)
+        acceleration = moving.acceleration[i] + cross(α, c) + cross(ω, cross(ω, c))
         seen, spin = (_in_axes_of(R, part) for part in (acceleration - chain.gravity, ω))
         return moving.points[i] + c, velocity, acceleration, seen, spin
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import hinge_bodies, hinges_before
 from flexlink.dynamics.point_motion import body_motion
@@ -31,21 +32,21 @@ def point_slopes(
     moving, beyond = body_motion(chain, q, qd, qdd), hinge_bodies(chain)
     R, ω_P, α_P = moving.rotations[body], moving.angular_velocity[body], moving.angular_acceleration[body]
     c = R @ point
-    v = moving.velocity[body] + np.cross(ω_P, c)
-    a = moving.acceleration[body] + np.cross(α_P, c) + np.cross(ω_P, np.cross(ω_P, c))
+    v = moving.velocity[body] + cross(ω_P, c)
+    a = moving.acceleration[body] + cross(α_P, c) + cross(ω_P, cross(ω_P, c))
     ω, α = moving.before
     e = np.where(hinges_before(chain, body)[:, None], moving.axes, 0.0)
     r = moving.points[body] + c - moving.points[beyond]
-    u = v - moving.velocity[beyond] - np.cross(ω, r)
-    w = a - moving.acceleration[beyond] - np.cross(α, r) - np.cross(ω, np.cross(ω, r) + 2 * u)
-    shift, turn = np.cross(e, r), e.copy()
+    u = v - moving.velocity[beyond] - cross(ω, r)
+    w = a - moving.acceleration[beyond] - cross(α, r) - cross(ω, cross(ω, r) + 2 * u)
+    shift, turn = cross(e, r), e.copy()
     slides = chain.slides
     shift[slides], turn[slides] = e[slides], 0.0
-    swung = np.cross(turn, u)
-    by_angle = np.cross(α, shift) + np.cross(ω, np.cross(ω, shift) + 2 * swung) + np.cross(turn, w)
-    seen_by_angle = by_angle - np.cross(turn, a - chain.gravity)  # the body turns, too
-    spun = -np.cross(turn, np.broadcast_to(ω, turn.shape))
-    accelerometer = _in(R, seen_by_angle), _in(R, 2 * (np.cross(ω, shift) + swung)), _in(R, shift)
+    swung = cross(turn, u)
+    by_angle = cross(α, shift) + cross(ω, cross(ω, shift) + 2 * swung) + cross(turn, w)
+    seen_by_angle = by_angle - cross(turn, a - chain.gravity)  # the body turns, too
+    spun = -cross(turn, np.broadcast_to(ω, turn.shape))
+    accelerometer = _in(R, seen_by_angle), _in(R, 2 * (cross(ω, shift) + swung)), _in(R, shift)
     return {
         "position": (np.ascontiguousarray(shift.T),),
         "gyroscope": (_in(R, spun), _in(R, turn)),

@@ -185,8 +185,13 @@ def _spins(chain: Chain, turned: Array) -> Array:
 
 def _sizes(chain: Chain, q: ArrayLike) -> tuple[float, float, float, Array]:
     """M* [kg m²], T_G* [N m], the lever of a force on the tip [m], and the hinge axes (n, 3), at a posture."""
+    return _sizes_at(chain, vector("q", q, chain.n).tobytes())
+
+
+@keep_last(64)  # every term that is compared at a state, of every engine, asks for the same
+def _sizes_at(chain: Chain, q: bytes) -> tuple[float, float, float, Array]:
     bodies, mass = chain.bodies, chain.bodies["mass"]
-    rotations, points, axes = forward_kinematics(chain.arrays, vector("q", q, chain.n))
+    rotations, points, axes = forward_kinematics(chain.arrays, np.frombuffer(q).copy())
     centers = points + np.einsum("bij,bj->bi", rotations, bodies["center"])
     away = np.linalg.norm(points, axis=1)
     r = np.linalg.norm(centers - points[:, None], axis=2)  # hinge k, body i

@@ -24,6 +24,7 @@ from flexlink.chain.compliance import curvatures
 from flexlink.chain.lumping import lump
 from flexlink.chain.table_beam import TableBeam
 from flexlink.common.errors import ArgumentError
+from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.link import AXES
@@ -110,7 +111,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
             else:
                 curvature[..., axis - 1] = cells.cell.curvatures(θ, h)
         if chain.bodies["springs"][chain.body(hinges[0])] == SPRINGS.cell:
-            curvature -= np.repeat(np.cross(held[..., ::2, :], held[..., 1::2, :]) / (6 * h), 2, axis=-2)
+            curvature -= np.repeat(cross(held[..., ::2, :], held[..., 1::2, :]) / (6 * h), 2, axis=-2)
         strain = z * curvature[..., 1] - y * curvature[..., 2]
     if not (is_finite(curvature.reshape(-1)) and is_finite(strain.reshape(-1))):
         raise beyond_float64("a strain", q=angles, fibre=[y, z])

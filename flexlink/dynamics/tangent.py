@@ -11,6 +11,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.layout import Joints
 from flexlink.chain.spans import spans_of
 from flexlink.common.errors import ArgumentError
+from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.common.wording import truncated
 from flexlink.dynamics import rounding
@@ -219,6 +220,6 @@ def displacements(chain: Chain, q: Array, φ: NDArray[np.inexact]) -> NDArray[np
         turned[:, begin:end] = ahead[:, stop[begin:end] - first[begin]]
         before = np.concatenate([turn[:, None], turned[:, begin : end - 1]], axis=1)
         levers = np.diff(points[begin:end], axis=0, prepend=place[None])
-        shifts = np.cross(before, levers) + slid[:, begin:end]
+        shifts = cross(before, levers) + slid[:, begin:end]
         moved[:, begin:end] = np.cumsum(np.concatenate([move[:, None], shifts], axis=1), axis=1)[:, 1:]
     return moved

@@ -31,6 +31,8 @@ RC: dict[str, Any] = {
     "xtick.color": INK,
     "ytick.color": INK,
     "figure.facecolor": PAPER,
+    "figure.autolayout": False,  # a figure says itself how it is laid out
+    "figure.constrained_layout.use": False,
     "axes.facecolor": PAPER,
     "savefig.facecolor": PAPER,
     "legend.facecolor": PAPER,

@@ -16,8 +16,8 @@ from mpmath import mp, mpf
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from validation.oracles.planar_chain import DIGITS, joint_torques
-from validation.oracles.spatial_chain import SpatialChain, Vector, add, cross, exactly, times
+from validation.oracles.planar_chain import DIGITS
+from validation.oracles.spatial_chain import SpatialChain, Vector, add, exactly
 
 Wrench = Callable[[Any], Vector]
 """Force and moment on the tip, axes of frame 0, at a time."""
@@ -55,21 +55,7 @@ def motion(chain: Chain, amplitudes: tuple[float, float], rates: tuple[float, fl
 def torque(oracle: SpatialChain, t: Any, moved: Motion, wrench: Wrench) -> Vector:
     """T_EX [N m] at a time."""
     q, qd, qdd = moved.at(t)
-    hinges, bodies, _ = oracle.place(q, qd)
-    found = add(add(joint_torques(oracle.joints, q, qd), _coupled(oracle, q, qd)), oracle.drag(q, qd))
-    for k, joint in enumerate(oracle.joints):
-        found[k] += joint["armature"] * qdd[k]
-    for body in bodies:
-        a, α = body.acceleration, body.angular
-        moves = {k: hinges.moves(k, body.center) for k in body.hinges}
-        turns = {k: hinges.turns(k) for k in body.hinges}
-        for k in body.hinges:
-            a, α = add(a, [qdd[k] * x for x in moves[k]]), add(α, [qdd[k] * x for x in turns[k]])
-        force = [body.mass * (x - g) for x, g in zip(a, oracle.g, strict=True)]
-        moment = add(times(body.inertia, α), cross(body.rate, times(body.inertia, body.rate)))
-        for k in body.hinges:
-            found[k] += mp.fdot(moves[k], force) + mp.fdot(turns[k], moment)
-    return [x - load for x, load in zip(found, oracle.load(q, wrench(t)), strict=True)]
+    return add(oracle.torque(q, qd, qdd, wrench(t)), _coupled(oracle, q, qd))
 
 
 def _coupled(oracle: SpatialChain, q: Sequence[Any], qd: Sequence[Any]) -> Vector:

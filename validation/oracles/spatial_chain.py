@@ -70,6 +70,27 @@ class Hinges(NamedTuple):
         return [mpf(0)] * 3 if self.slide[k] else self.axes[k]
 
 
+class Row(NamedTuple):
+    """What is kept of a body, exactly."""
+
+    parent: int
+    hinges: range
+    translation: Vector
+    rotation: Matrix
+    mass: Any
+    center: Vector
+    inertia: Matrix
+    has_inertia: bool
+
+
+def _row(body: Any) -> Row:
+    rotation, inertia = ([exactly(line) for line in body[name]] for name in ("rotation", "inertia"))
+    return Row(
+        int(body["parent"]), range(int(body["first"]), int(body["stop"])), exactly(body["translation"]), rotation,
+        mpf(float(body["mass"])), exactly(body["center"]), inertia, bool(body["mass"] or body["inertia"].any()),
+    )  # fmt: skip
+
+
 class SpatialChain:
     """A chain or tree of any layout, without tip wrench.
 
@@ -80,6 +101,7 @@ class SpatialChain:
         self.n, self.chain = chain.n, chain
         self.g = [mpf(float(x)) for x in chain.gravity]
         self.joints = joints_of(chain)
+        self.rows = [_row(body) for body in chain.bodies]
 
     def equations(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[Any, Vector]:
         """M(q) [kg m²], an mpmath matrix (n, n), and T_GC(q, q̇) [N m]."""
@@ -105,6 +127,9 @@ class SpatialChain:
     def load(self, q: Sequence[Any], wrench: Sequence[Any]) -> Vector:
         """Jᵀ w of a wrench on the tip, axes of frame 0 [N m]."""
         hinges, _, frames = self.place(q, [mpf(0)] * self.n)
+        return self._load(hinges, frames, wrench)
+
+    def _load(self, hinges: Hinges, frames: Sequence[Frame], wrench: Sequence[Any]) -> Vector:
         tip = frames[1 + self.chain.loaded]
         force, moment, load = list(wrench[:3]), list(wrench[3:]), [mpf(0)] * self.n
         for k in tip.hinges:
@@ -114,6 +139,9 @@ class SpatialChain:
     def drag(self, q: Sequence[Any], qd: Sequence[Any]) -> Vector:
         """T_DRAG = −Σ Jᵀ f of all points at which links meet drag [N m]."""
         hinges, _, frames = self.place(q, qd)
+        return self._drag(hinges, frames, qd)
+
+    def _drag(self, hinges: Hinges, frames: Sequence[Frame], qd: Sequence[Any]) -> Vector:
         found = [mpf(0)] * self.n
         for row in self.chain.drag:
             frame = frames[1 + int(row["body"])]
@@ -128,20 +156,35 @@ class SpatialChain:
                     found[k] += d * speed * s * mp.fdot(moves[k], axis)
         return found
 
+    def torque(self, q: Vector, qd: Vector, qdd: Vector, wrench: Vector) -> Vector:
+        """M q̈ + T_GC − Jᵀ w + T_FL + T_FR + T_DRAG [N m], body by body, without M."""
+        hinges, bodies, frames = self.place(q, qd)
+        found = add(joint_torques(self.joints, q, qd), self._drag(hinges, frames, qd))
+        for k, joint in enumerate(self.joints):
+            found[k] += joint["armature"] * qdd[k]
+        for body in bodies:
+            a, α = body.acceleration, body.angular
+            moves = {k: hinges.moves(k, body.center) for k in body.hinges}
+            turns = {k: hinges.turns(k) for k in body.hinges}
+            for k in body.hinges:
+                a, α = add(a, [qdd[k] * x for x in moves[k]]), add(α, [qdd[k] * x for x in turns[k]])
+            force = [body.mass * (x - g) for x, g in zip(a, self.g, strict=True)]
+            moment = add(times(body.inertia, α), cross(body.rate, times(body.inertia, body.rate)))
+            for k in body.hinges:
+                found[k] += mp.fdot(moves[k], force) + mp.fdot(turns[k], moment)
+        return sub(found, self._load(hinges, frames, wrench))
+
     def slopes(self, q: Vector, qd: Vector, qdd: Vector, wrench: Vector) -> tuple[Any, Any]:
-        """∂T/∂q and ∂T/∂q̇ of T = M q̈ + T_GC − Jᵀ w + T_FL + T_FR, (n, n): central differences, error STEP²."""
-
-        def torque(q: Vector, qd: Vector) -> Any:
-            M, bias = self.equations(q, qd)
-            rest = zip(bias, joint_torques(self.joints, q, qd), self.load(q, wrench), strict=True)
-            return M * mp.matrix(qdd) + mp.matrix([b + joint - w for b, joint, w in rest])
-
+        """∂T/∂q and ∂T/∂q̇ of `torque`, (n, n): central differences, error STEP²."""
         by_angle, by_rate = mp.zeros(self.n, self.n), mp.zeros(self.n, self.n)
         for j in range(self.n):
             h = [STEP * (k == j) for k in range(self.n)]
-            by_angle[:, j] = (torque(add(q, h), qd) - torque(sub(q, h), qd)) / (2 * STEP)
-            by_rate[:, j] = (torque(q, add(qd, h)) - torque(q, sub(qd, h))) / (2 * STEP)
+            by_angle[:, j] = self._slope([self.torque(step(q, h), qd, qdd, wrench) for step in (add, sub)])
+            by_rate[:, j] = self._slope([self.torque(q, step(qd, h), qdd, wrench) for step in (add, sub)])
         return by_angle, by_rate
+
+    def _slope(self, torques: Sequence[Vector]) -> Any:
+        return mp.matrix([x / (2 * STEP) for x in sub(*torques)])
 
     def forward_slopes(self, q: Vector, qd: Vector, tau: Vector, wrench: Vector) -> tuple[Vector, list[Any]]:
         """q̈, then ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX = M⁻¹, (n, n)."""
@@ -164,12 +207,12 @@ class SpatialChain:
         rest = [zero] * 3
         frames = [Frame([[one, zero, zero], [zero, one, zero], [zero, zero, one]], rest, rest, rest, rest, ())]
         hinges, bodies = Hinges([], [], []), []
-        for row in self.chain.bodies:
-            R, p, ω, α, a, before = frames[int(row["parent"])]
-            r = times(R, exactly(row["translation"]))
+        for row in self.rows:
+            R, p, ω, α, a, before = frames[row.parent]
+            r = times(R, row.translation)
             p, a = add(p, r), add(a, add(cross(α, r), cross(ω, cross(ω, r))))
-            R = product(R, [exactly(line) for line in row["rotation"]])
-            for k in range(int(row["first"]), int(row["stop"])):
+            R = product(R, row.rotation)
+            for k in row.hinges:
                 slides, axis = divmod(int(self.chain.hinges["axis"][k]), 3)
                 e = [R[line][axis] for line in range(3)]
                 hinges.axes.append(e)
@@ -185,12 +228,11 @@ class SpatialChain:
                 ω = add(ω, [qd[k] * x for x in e])
                 R = product(R, turn(axis, q[k]))
             frames.append(Frame(R, p, ω, α, a, before))
-            c = times(R, exactly(row["center"]))
-            if row["mass"] or row["inertia"].any():
-                turned = product(R, [exactly(line) for line in row["inertia"]])
-                inertia = product(turned, [list(column) for column in zip(*R, strict=True)])
+            if row.has_inertia:
+                c = times(R, row.center)
+                inertia = product(product(R, row.inertia), [list(column) for column in zip(*R, strict=True)])
                 acceleration = add(a, add(cross(α, c), cross(ω, cross(ω, c))))
-                bodies.append(Body(mpf(float(row["mass"])), inertia, add(p, c), ω, acceleration, α, before))
+                bodies.append(Body(row.mass, inertia, add(p, c), ω, acceleration, α, before))
         return hinges, bodies, frames
 
 

@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.describe.arm import Arm
 from flexlink.dynamics.loads import InternalLoads
@@ -74,7 +75,7 @@ def _bending(outline: Outline, placed: tuple[Array, Array], loads: InternalLoads
 
     def at(cut: int, body: int, place: Array) -> Array:
         point = p[:, body] + R[:, body] @ place
-        return np.asarray(moment[:, cut] + np.cross(p[:, cut + 1] - point, force[:, cut]))
+        return np.asarray(moment[:, cut] + cross(p[:, cut + 1] - point, force[:, cut]))
 
     def of(cuts: tuple[int, ...], body: int, place: Array) -> Array:
         return np.asarray(sum((at(cut, body, place) for cut in cuts), np.zeros((len(p), 3))))
