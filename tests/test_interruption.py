@@ -241,7 +241,7 @@ sys.exit(main())
 
 @pytest.mark.slow
 @BOTH
-@pytest.mark.parametrize("module", ["numba", "scipy.linalg", "flexlink.cli", "never"])
+@pytest.mark.parametrize("module", ["numba", "msgspec", "flexlink.cli", "never"])
 def test_a_signal_while_importing_or_compiling_ends_the_command_in_one_line(
     number: int, module: str, tmp_path: Path, monkeypatch
 ) -> None:
