@@ -3,8 +3,8 @@
     python -m tests.random_jumps 1000        # seeds 0 … 999, with a table at the end; exit code 1 if one is wrong
 
 Arms of one to three links with rotors up to 300 kg m², which a torque, a wrench or the target of a drive hits from rest
-or on their way; tolerances of 1e-2 to 1e-6 m. The judge is DOP853 with a thousandth of the tolerance, whose steps end
-at the samples, so that nothing is interpolated; where its stable steps are too many, Radau9.
+or on their way; tolerances of 1e-2 to 1e-6 m. The judge is DOP853 with a thousandth of the tolerance, which samples
+inside its steps keep, too; where its stable steps are too many, Radau9.
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ def test_a_choice_by_trial_is_made_alike_every_time(whipping: fl.Scene) -> None:
 class Rejecting:
     """A run whose steps are all rejected, near a posture in which a coordinate moves no inertia."""
 
-    name, end, evaluations_before, time, row, tries, evaluations, fastest = (
+    name, end, evaluations_besides, time, row, tries, evaluations, fastest = (
         "Radau5",
         1.0,
         0,

@@ -31,7 +31,7 @@ def driven(times: tuple[float, ...], torques: tuple[float, ...], **run: object) 
 
 def test_a_fixed_step_is_cut_at_a_corner_and_the_next_ends_on_the_grid_again() -> None:
     scene = driven((0.0, 0.0125, 1.0), (0.0, 1.0, 0.0), method="Radau5", step=0.01)
-    assert stop_times(scene).between(0.0, 0.1) == pytest.approx([0.0125, 0.02, 0.1], abs=1e-15)
+    assert stop_times(scene).between(0.0, 0.1)[0] == pytest.approx([0.0125, 0.02, 0.1], abs=1e-15)
 
 
 def test_a_bump_of_ten_times_the_tolerance_is_not_stepped_over() -> None:
@@ -59,7 +59,7 @@ def test_a_sampled_law_is_asked_at_the_last_instant_before_the_end_too() -> None
     )
     law = drive_arrays(scene, fl.lump(scene))
     assert instants(law, 0.0, 0.34) == pytest.approx([0.0, 0.1, 0.2, 0.3])
-    assert stop_times(scene).between(0.0, 0.34) == pytest.approx([0.1, 0.2, 0.3, 0.34])
+    assert stop_times(scene).between(0.0, 0.34)[0] == pytest.approx([0.1, 0.2, 0.3, 0.34])
 
 
 def test_steps_end_where_pieces_of_the_feed_forward_do_too() -> None:
@@ -69,3 +69,36 @@ def test_steps_end_where_pieces_of_the_feed_forward_do_too() -> None:
     law = drive_arrays(scene, fl.lump(scene))
     assert len(law.feedforward.knots) > len(law.reference.knots)
     assert {*law.feedforward.knots, *law.reference.knots} <= {*breakpoints(law, 1e-3)}
+
+
+def test_a_long_step_of_dop853_passes_samples_and_nothing_else() -> None:
+    """Not the third sample, at which the law is asked; 15 evaluations are fewer than 12 for each of two samples."""
+    drive = fl.Drive(kind="pd", kp=(1.0,), kd=(0.1,), target_deg=(0.0,), rate=8 / 3)
+    run = fl.RunSettings(sample=0.125, duration=0.75, method="DOP853", tolerance=1e-3)
+    times, passed_by = stop_times(ARM.varied({"drive": drive, "run": run})).between(0.0, 0.75)
+    assert times == pytest.approx([0.125, 0.25, 0.375, 0.5, 0.625, 0.75])
+    assert passed_by.tolist() == pytest.approx([0.15625, 0.15625, np.inf, 0.15625, 0.15625, np.inf])
+
+
+@pytest.mark.parametrize("passes", [True, False])
+def test_a_run_that_judges_another_one_stops_between_samples_where_that_one_stops_at_them(passes: bool) -> None:
+    """Halves of the same times are passed by steps that pass these, and only by them."""
+    run = fl.RunSettings(sample=0.1, duration=0.4, method="DOP853", tolerance=1e-3)
+    problem = problem_of(ARM.varied({"run": run}))
+    record = Record(problem, run.times, np.zeros((5, 3)), np.zeros((5, 3)))
+    times, passed_by = StopTimes(method("DOP853"), record, by_drive=True, halved=True, passes=passes).between(0.0, 0.2)
+    assert times == pytest.approx([0.05, 0.1, 0.15, 0.2])
+    assert passed_by.tolist() == pytest.approx([0.125, 0.125, 0.125, np.inf] if passes else [np.inf] * 4)
+
+
+def test_bodies_that_tumble_stop_at_samples() -> None:
+    """Their motion multiplies what longer steps would be off by; those that dampers hold pass samples."""
+    stub = fl.Link(name="stub", on="base", length=1.0, end=fl.RigidBody(mass=1e-3))
+    body = fl.Scene(
+        name="body", arm=fl.Arm(links=(stub,), base=fl.Base(kind="free", mass=10.0, inertia=(1.0, 2.0, 3.0))),
+        initial=fl.InitialState(joint_deg=(0.0,)),
+        run=fl.RunSettings(sample=0.1, duration=0.4, method="DOP853", tolerance=1e-3),
+    )  # fmt: skip
+    held = body.varied({"base.mass": 10.0, "link.stub.joint": fl.Joint(viscous=1e4, armature=1e-3)})
+    passed = [stop_times(scene).between(0.0, 0.4)[1].tolist() for scene in (body, held)]
+    assert passed == [[np.inf] * 4, pytest.approx([0.125, 0.125, 0.125, np.inf])]

@@ -35,7 +35,9 @@ def _why(signals: Signals, x: Array, k: int) -> str:
 def _moves(signals: Signals, x: Array, k: int) -> str:
     """What the number moves in the first run in which it counts."""
     count = 2  # columns that are named
-    rounded = 1e-9  # range, a part of 1 and of its largest number, of a column that stands still
+    # range, a part of 1 and of its largest number, of a column that stands still: inside a long explicit step rounding
+    # of its stages makes 1e-11 rad/s, and a part `moves` of the range counts
+    rounded = 1e-6
     moves = 1e-3  # part of the range of columns of one unit
     by = 0.05  # change in the coordinate
     runs = [n for n, one in enumerate(signals.sources)

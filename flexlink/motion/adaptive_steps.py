@@ -26,9 +26,14 @@ NEAR = 1e-9
 
 
 class AdaptiveSteps(MethodSteps):
-    """Stepper of a run, which may have its longest steps `halved`; `failure` says why it ended early."""
+    """Stepper of a run; `failure` says why it ended early.
 
-    def __init__(self, record: Record, control: Control | None = None, halved: bool = False) -> None:
+    It may have its longest steps `halved`, and its steps may not be such that one `passes` a sample.
+    """
+
+    def __init__(
+        self, record: Record, control: Control | None = None, *, halved: bool = False, passes: bool = True
+    ) -> None:
         run = record.run
         self.control, self.ends = control, ends(record, control)
         self.failure: Failure | None = None
@@ -37,7 +42,7 @@ class AdaptiveSteps(MethodSteps):
         self.slow = 0, ""  # row of the next sample when it was found, and what is to be told while the run goes on
         # tries of steps before methods are first compared; the next time is after twice as many, and so on
         self.compare_at = NEVER if run.method == AUTO and tumbles(record) else 100
-        super().__init__(record, control is None, halved)
+        super().__init__(record, control is None, halved, passes)
 
     def __iter__(self) -> Iterator[Reached]:
         yield 1, 0.0 if self.ends else 1.0
@@ -110,7 +115,7 @@ class AdaptiveSteps(MethodSteps):
                 self.turn()
             elif not self.step_in_parts():
                 break
-            if self.count[COUNT.knot] == len(self.knots):
+            if self.count[COUNT.knot] == len(self.knots[0]):
                 how = OUTCOME.ended
             elif is_far(self.record, self.state[0]):  # as after a step that was taken whole
                 how = OUTCOME.turned

@@ -25,7 +25,7 @@ from flexlink.motion.inputs.drives import remembered
 from flexlink.motion.method_choice import cheapest, fastest_motion
 from flexlink.motion.step_settings import longest_step, longest_step_of, settings
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
-from flexlink.motion.stop_times import StopTimes
+from flexlink.motion.stop_times import StopTimes, only
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 
@@ -57,9 +57,10 @@ class MethodSteps:
     settings: tuple[float, ...]
     types: bytes
 
-    def __init__(self, record: Record, by_drive: bool, halved: bool) -> None:
+    def __init__(self, record: Record, by_drive: bool, halved: bool, passes: bool) -> None:
         run, n = record.run, record.chain.n
-        self.record, self.run, self.by_drive, self.halved = record, run, by_drive, halved
+        self.record, self.run = record, run
+        self.by_drive, self.halved, self.passes = by_drive, halved, passes
         self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
         about = record.q[0].tobytes(), record.qd[0].tobytes()
         posture = record.q[0] if run.controlled else np.zeros(n)
@@ -155,8 +156,8 @@ class MethodSteps:
         """
         (*fixed, _, _), knots, now, count = self.settings, self.knots, self.work.stepper, self.count
         step, k, start = self.run.fixed_step, int(count[COUNT.knot]), float(now[STEPPER.time])
-        at_knot = start + adaptive.NEARLY * step >= knots[k]
-        end = float(knots[k]) if at_knot else start + step
+        at_knot = start + adaptive.NEARLY * step >= knots[0][k]
+        end = float(knots[0][k]) if at_knot else start + step
         try:
             # in half a step Newton's iteration converges 4 times as fast
             solved = any(self._solved_in((end - start) / parts, end, fixed) for parts in (2, 4, 8, 16, 32, 64))
@@ -167,13 +168,13 @@ class MethodSteps:
         self._restart(step)
         if at_knot:
             count[COUNT.knot] += 1
-        if count[COUNT.knot] < len(knots):
+        if count[COUNT.knot] < len(knots[0]):
             self._begin(end, self.inputs, self.state, self.tau, self.forward)
         return True
 
     def _solved_in(self, part: float, end: float, fixed: list[float]) -> bool:
         """Whether steps of a length [s] get to a time."""
-        self.settings, self.knots, self.count[COUNT.knot] = (*fixed, part, part), np.array([end]), 0
+        self.settings, self.knots, self.count[COUNT.knot] = (*fixed, part, part), only(end), 0
         self._restart(part)
         while (how := self.take(NEVER)) == OUTCOME.turned:
             self.turn()
@@ -186,7 +187,7 @@ class MethodSteps:
 
     def go_on_with(self, name: str, end: float) -> None:
         """Go on with another method, from where it is to a time [s]."""
-        before, time, self.evaluations_before = self.work.stepper.copy(), self.time, self.evaluations
+        before, time, self.evaluations_besides = self.work.stepper.copy(), self.time, self.evaluations
         self.count[COUNT.iterations] = 0
         self._take((name, f"{self.why}; {self.name} until t = {time:.3g} s"), time)
         self._put_gains()  # of the inputs that act now: a simulator's are not always the record's
@@ -200,11 +201,13 @@ class MethodSteps:
         first = self.row if self.methods else 0
         self.methods = *(other for other in self.methods if other[0] < first), (first, *choice)
         self.method = method(self.name)
-        self.dearest = self.method.stages * (1 if self.method.explicit else FEW_PASSES) if self.run.controlled else 0
+        stages = self.method.stages
+        dearest = stages + self.method.more_stages if self.method.explicit else FEW_PASSES * stages
+        self.dearest = dearest if self.run.controlled else 0
         self.work = self._scratch()
         key = choice, now, *(part.tobytes() for part in self.state[:2]), float(record.t[0])
         self.stop_times, self.settings = record.kept(("stops", self.name), key, lambda: self._stops(now))
-        self.end, self.knots = now, np.array([now])
+        self.end, self.knots = now, only(now)
         self._compile()
 
     def _stops(self, now: float) -> tuple[StopTimes, tuple[float, ...]]:
@@ -215,7 +218,7 @@ class MethodSteps:
             longest = longest_step_of(self.name, record, *fastest_motion(record, self.state[0]))
         elif self.method.explicit:
             longest = longest_step(self.name, record, now, self.state)
-        stops = StopTimes(self.method, record, self.by_drive, self.halved)
+        stops = StopTimes(self.method, record, self.by_drive, halved=self.halved, passes=self.passes)
         return stops, settings(self.run, self.method, record, longest / 2 if self.halved else longest)
 
     def _scratch(self) -> EmbeddedWork | ImplicitWork:
@@ -259,22 +262,22 @@ class MethodSteps:
         """Counts of the steps up to the one that passed a sample."""
         *_, (_, name, why) = (found for found in self.methods if found[0] <= row)
         note = self.record.so_far[row].astype(int).tolist()
-        evaluations = note[SO_FAR.before] + note[SO_FAR.iterations] * method(name).stages
+        evaluations = note[SO_FAR.besides] + note[SO_FAR.iterations] * method(name).stages
         return Steps(name, note[SO_FAR.steps], evaluations, note[SO_FAR.rejected], note[SO_FAR.failed], why)
 
     @property
     def evaluations(self) -> int:
         """Evaluations so far."""
-        return self.evaluations_before + int(self.count[COUNT.iterations]) * self.method.stages
+        return self.evaluations_besides + int(self.count[COUNT.iterations]) * self.method.stages
 
     @property
-    def evaluations_before(self) -> int:
-        """Those by other methods, and in trials."""
-        return int(self.count[COUNT.before])
+    def evaluations_besides(self) -> int:
+        """Those by other methods, in trials, and of dense output."""
+        return int(self.count[COUNT.besides])
 
-    @evaluations_before.setter
-    def evaluations_before(self, number: int) -> None:
-        self.count[COUNT.before] = number
+    @evaluations_besides.setter
+    def evaluations_besides(self, number: int) -> None:
+        self.count[COUNT.besides] = number
 
     @property
     def time(self) -> float:

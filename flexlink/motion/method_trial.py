@@ -36,7 +36,7 @@ def go_on_with_the_cheapest(steps: MethodSteps) -> int:
         if cost < clearly * least:
             least, best = cost, steps.saved(row)
     steps.restore(best)
-    steps.evaluations_before += all_evaluations - steps.evaluations
+    steps.evaluations_besides += all_evaluations - steps.evaluations
     if steps.name != first:
         steps.aim(until, end)
     return how

@@ -59,6 +59,8 @@ class SingleRun:
         Those of the check of its step, if they are known.
     halved
         Whether its longest steps are, as those of a run that judges another one.
+    passes
+        Whether long steps of an explicit method may pass samples.
 
     Raises
     ------
@@ -78,6 +80,7 @@ class SingleRun:
         kept: Kept | None = None,
         warnings: tuple[str, ...] | None = None,
         halved: bool = False,
+        passes: bool = True,
     ) -> None:
         check_method(problem.run)
         control = control_of(problem, law, rate)
@@ -95,7 +98,9 @@ class SingleRun:
                 raise ControlError(f"{problem.chain.name}: {failure}", self.monitor.trajectory()) from failure.__cause__
         self.monitor.compile()
         self.steps: Stepper = (
-            FixedSteps(record, control) if problem.explicit else AdaptiveSteps(record, control, halved)
+            FixedSteps(record, control)
+            if problem.explicit
+            else AdaptiveSteps(record, control, halved=halved, passes=passes)
         )
 
     def finish(
@@ -166,7 +171,8 @@ def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[str]:
         limited = replace(second.run, max_evaluations=most) if second.run.controlled else second.run
         try:
             again = replace(problem.scene, run=limited)  # whose steps may not be such that one begins at its start
-            other = SingleRun(problem_of(again, problem.original), halved=limited.controlled)
+            halved, passes = limited.controlled, problem.run.controlled
+            other = SingleRun(problem_of(again, problem.original), halved=halved, passes=passes)
             other.advance(stop, lambda _: None)
         except FlexlinkError:
             continue

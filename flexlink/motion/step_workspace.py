@@ -46,13 +46,15 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     springs = Springs(kp, kd, brakes, kick, np.zeros((n, width)), *np.zeros((2, n)))
     saturation = Saturation(*(gain.copy() for gain in gains[:2]), *np.zeros((5, n)))
     if method.explicit:
-        coefficients = EmbeddedMethod(*method.arrays, method.error)
-        K, L = np.zeros((2, s + 1, n))
+        coefficients = EmbeddedMethod(*method.arrays, method.error, *(method.dense or (None, None, None)))
+        K, L = np.zeros((2, s + 1 + method.more_stages, n))
         Q, tau = np.zeros((2, n))
         e = np.zeros((2, n))
+        powers = 0 if method.dense is None else method.dense[2].shape[2]
         return EmbeddedWork(
-            coefficients, arrays, record.scratch, posture, numbers, new, K, L, Q, tau, e, springs, saturation, forces
-        )
+            coefficients, arrays, record.scratch, posture, numbers, new, K, L, np.zeros(len(K)),
+            np.zeros((2, powers, n)), np.zeros(powers), Q, tau, e, springs, saturation, forces,
+        )  # fmt: skip
     r, p = len(method.modes.real), len(method.modes.complex)
     turning, with_error = turning_of(chain, s, r, p), record.run.controlled and method.controlled
     numbers[STEPPER.wait] = 0.0 if with_error else np.inf

@@ -105,6 +105,29 @@ def embedded(method: Method, row: int) -> Coefficients:
         return A, [x - y for x, y in zip([*b, mpf(0)], e, strict=True)]
 
 
+def inside(method: Method, x: Fraction) -> Coefficients:
+    """The method that dense output makes of a step with an explicit one: its step ends at a part x of that step.
+
+    By the nested polynomials of Hairer's codes, evaluated for each stage.
+    """
+    with mp.workdps(DIGITS):
+        rows, b = coefficients(method)
+        d = [[as_mpf(Fraction(weight)) for weight in row] for row in method.dense_rows]
+        beyond = [[as_mpf(Fraction(weight)) for weight in row] for row in method.dense_stages]
+        s, stages, part = len(b), len(d[0]), as_mpf(x)
+        A = [[*stage, *[mpf(0)] * (stages - len(stage))] for stage in (*rows, b, *beyond)]
+
+        def weight(i: int) -> Any:
+            change, first, last = b[i] if i < s else mpf(0), mpf(i == 0), mpf(i == s)
+            nested = mpf(0)
+            for m in range(len(d) - 1, -1, -1):
+                nested = d[m][i] + (part if m % 2 == 0 else 1 - part) * nested
+            nested = 2 * change - first - last + (1 - part) * nested
+            return change + (1 - part) * (first - change + part * nested)
+
+        return [[a / part for a in stage] for stage in A], [weight(i) for i in range(stages)]
+
+
 def as_mpf(x: Fraction) -> Any:
     """In the working precision."""
     return mpf(x.numerator) / x.denominator

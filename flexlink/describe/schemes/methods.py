@@ -16,7 +16,7 @@ from flexlink.common.polynomials import dot, float64
 from flexlink.common.types import Array, Complex
 from flexlink.common.wording import truncated
 from flexlink.describe import data_files
-from flexlink.describe.schemes import collocation
+from flexlink.describe.schemes import collocation, dense_output
 from flexlink.describe.spec import Spec
 
 CLOSE = Fraction(1, 10**15)
@@ -45,13 +45,17 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
     Coefficients are decimal strings or fractions such as "1/6". A is a strictly lower triangle (rows of 0, 1, 2, …
     numbers: explicit) or square (implicit). `error` of an explicit method: rows of weights of the stages, and of q̈ at
     the end of the step if there is one more, whose sums estimate the error of the step. Of two rows the first counts
-    and the second one scales it, as in DOP853.
+    and the second one scales it, as in DOP853. `dense` of an explicit method: rows d of weights by which samples inside
+    a step are found, of the stages, of q̈ at the end of the step, and of the stages that `dense_stages` adds. Between y
+    and y + Δ, with slopes f and f₁, a part x of a step h on, sums over the stages are
+
+        y + x (Δ + (1 − x) (h f − Δ + x (2 Δ − h f − h f₁ + (1 − x) h (Σ d_1i K_i + x (Σ d_2i K_i + (1 − x) (…))))))
 
     Raises
     ------
     SceneError
         A coefficient is not a number, or the coefficients do not make a method: shapes, Σ_j a_ij = c_i, Σ b_j = 1,
-        Σ_j e_j = 0; a family without such a method; an A without eigenvectors, or singular iterations.
+        Σ_j e_j = 0, Σ_i d_i = 0; a family without such a method; an A without eigenvectors, or singular iterations.
     """
 
     about: str
@@ -72,6 +76,10 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
     """Coefficients of the tableau: rows of 0, 1, 2, … numbers (explicit), or a square (implicit)."""
     error_rows: tuple[tuple[str, ...], ...] = msgspec.field(default=(), name="error")
     """Of an explicit method: one or two rows of weights whose sums estimate the error of a step."""
+    dense_rows: tuple[tuple[str, ...], ...] = msgspec.field(default=(), name="dense")
+    """Of an explicit method: rows of weights by which samples inside a step are found; without, steps end there."""
+    dense_stages: tuple[tuple[str, ...], ...] = ()
+    """Rows of A of stages beyond, for `dense` alone, after those of the step and the slope at its end."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -80,6 +88,7 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
         else:
             self._check_family(self.family)
         self._check_error()
+        self._check_dense()
         if not self.explicit:
             self.modes  # noqa: B018  there are some
 
@@ -122,6 +131,29 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
         for row, given in zip(weights, self.error_rows, strict=True):
             row[: len(given)] = float64([Fraction(x) for x in given])
         return weights
+
+    @property
+    def more_stages(self) -> int:
+        """Evaluations that samples inside a step of an explicit method take beside those of the step."""
+        return len(self.dense_stages)
+
+    @functools.cached_property
+    def dense(self) -> tuple[Array, Array, Array] | None:
+        """A (e, s + 1 + e) and c (e,) of the e stages beyond, and coefficients of β_i / x and α_i / x²; None: none.
+
+        Rates at a part x of a step are q̇ + h Σ β_i(x) q̈_i, with stages i = 1 … s + 1 + e (`embedded` of the kernels);
+        the coefficients (2, s + 1 + e, powers) have the lowest power first.
+        """
+        if not self.dense_rows:
+            return None
+        A = np.zeros((self.more_stages, self.stages + 1 + self.more_stages))
+        for row, given in zip(A, self.dense_stages, strict=True):
+            row[: len(given)] = float64([Fraction(x) for x in given])
+        c = float64([sum(map(Fraction, row), Fraction(0)) for row in self.dense_stages])
+        own, b, _ = self.exact
+        rows = [[Fraction(x) for x in row] for row in self.dense_rows]
+        ends = [dot(b, column) for column in zip(*own, strict=True)]
+        return A, c, dense_output.polynomials(b, ends, rows)
 
     @functools.cached_property
     def modes(self) -> Modes:
@@ -222,6 +254,28 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
                 _check_number(f"error[{i}]", x)
             if abs(sum(map(Fraction, row), Fraction(0))) > CLOSE:
                 raise SceneError(f"error[{i}] = {truncated(row)}: must sum to 0")
+
+    def _check_dense(self) -> None:
+        if self.dense_rows and not self.explicit:
+            raise SceneError("dense: only explicit methods take such weights, others have their own; leave dense out")
+        if self.dense_stages and not self.dense_rows:
+            raise SceneError("dense_stages: has no effect without dense; give dense, too")
+        before = self.stages + 1  # the slope at the end of the step is one
+        for i, row in enumerate(self.dense_stages):
+            if len(row) != before + i:
+                raise SceneError(f"dense_stages[{i}] has {len(row)} numbers: expected {before + i}, one a stage before")
+            for x in row:
+                _check_number(f"dense_stages[{i}]", x)
+        for i, row in enumerate(self.dense_rows):
+            if len(row) != before + self.more_stages:
+                raise SceneError(
+                    f"dense[{i}] has {len(row)} weights: expected {before + self.more_stages}, one per stage, one for "
+                    "q̈ at the end of the step, and one per row of dense_stages"
+                )
+            for x in row:
+                _check_number(f"dense[{i}]", x)
+            if abs(sum(map(Fraction, row), Fraction(0))) > CLOSE:
+                raise SceneError(f"dense[{i}] = {truncated(row)}: must sum to 0")
 
 
 def method(name: str) -> Method:

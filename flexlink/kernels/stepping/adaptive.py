@@ -4,8 +4,8 @@
 
 and no more than what the last two errors predict (Gustafsson; Hairer & Wanner, Solving Ordinary Differential Equations
 II, IV.8). A step ends where an input has a knot, of which no polynomial knows, or where a motor saturates
-(`saturation`), and is not soon longer than one that failed. Samples between the ends of an implicit step are its dense
-output; steps of an explicit method end at samples.
+(`saturation`), and is not soon longer than one that failed. Samples between the ends of a step are its dense output; an
+explicit method ends a step at a sample, where that is cheaper, or where it has no dense output.
 
 With a tolerance of infinity all steps are as long as the largest, and nothing but the state is remembered past a knot:
 who starts from the state there goes on with the same numbers.
@@ -17,7 +17,7 @@ from flexlink.kernels.forward.mass_plus import displacement, place_bodies
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
 from flexlink.kernels.stepping.by_stage import count_step, tried_again
-from flexlink.kernels.stepping.dense_output import between
+from flexlink.kernels.stepping.dense_output import inside, prepare_inside
 from flexlink.kernels.stepping.embedded import EmbeddedWork, embedded_step
 from flexlink.kernels.stepping.error_norm import deflection_norm
 from flexlink.kernels.stepping.implicit import implicit_step
@@ -55,14 +55,17 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
     `settings`: error that a long step may have [m], and that as a part of the largest deflection; the length from which
     a step is long [s], a shorter one may have its part of that length of it, so that the errors of many steps add up to
     the same; what the iteration may leave [m], and that as a part of the error; p; how long the run is; smallest and
-    largest step [s]. `knots`: times where a step ends, of which the last is the end. `samples`: times (rows,), q and q̇
-    (rows, n), W (rows,), and what is noted of the steps so far (rows, SO_FAR.size).
+    largest step [s]. `knots`: times where a step ends, of which the last is the end, and how long a step must be to
+    pass each [s], inf if none may. `samples`: times (rows,), q and q̇ (rows, n), W (rows,), and what is noted of the
+    steps so far (rows, SO_FAR.size).
     """
     absolute, part, long, exact, left, p, duration, smallest, largest = settings
     stepper, switches = work.stepper, absolute < math.inf and saturates(inputs.drive)
     least = 1e-3  # part of the error of a long step that any step may have: the shortest are few, after a jump
     for _ in range(most):
-        t, end = stepper[STEPPER.time], knots[count[COUNT.knot]]
+        t = stepper[STEPPER.time]
+        knot = next_knot(t, stepper[STEPPER.step], knots, count)
+        end = knots[0][knot]
         switch = t < stepper[STEPPER.switch] < end  # a step ends there as at a knot
         end = stepper[STEPPER.switch] if switch else end
         ends = t + NEARLY * stepper[STEPPER.step] >= end
@@ -81,8 +84,14 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
         if left_branch < 1.0 and ends_at_switch(left_branch, t, h, smallest, duration, allowed, inputs, state, work):
             count[COUNT.rejected] += 1
             continue
+        off = off_inside(
+            t, h, absolute + part * stepper[STEPPER.deflection], inputs, state, knots, count, samples, work
+        )
+        if not off < 1.0:
+            refuse(h, off, p, stepper, count)
+            continue
         sample(t, h, inputs, state, work, count, samples, tau)
-        wanted = following(h, error / tolerance, p, iterations, stepper)
+        wanted = following(h, max(error / tolerance, off), p, iterations, stepper)
         if h < stepper[STEPPER.step]:
             wanted = max(wanted, stepper[STEPPER.step])
         stepper[STEPPER.step] = min(largest, wanted)
@@ -92,20 +101,40 @@ def advance(work, forward, inputs, settings, count, state, tau, knots, samples, 
         if switches:
             choose_branches(stepper[STEPPER.time], inputs, state, work)
         if left_branch < NEVER:
-            begin(stepper[STEPPER.time], inputs, state, tau, forward)
+            begin_anew(stepper[STEPPER.time], inputs, state, tau, forward, stepper)
         ends = ends and not switch
         stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], spring_displacement(state[0], tau, work))
-        if ends:
-            count[COUNT.knot] += 1
+        if not ends:
+            pass_knots(t + (1.0 + AT_THE_END) * h, knots, count)
+        else:
+            count[COUNT.knot] = knot + 1
             if absolute == math.inf:
                 forget(stepper)
-            if count[COUNT.knot] == len(knots):
+            if count[COUNT.knot] == len(knots[0]):
                 sample_at_step(inputs.drive, end, end, state[0], state[1], tau)
                 return OUTCOME.ended
-            begin(end, inputs, state, tau, forward)
+            begin_anew(end, inputs, state, tau, forward, stepper)
         if stepper[STEPPER.far] > 0.0 and base_angle(state[0]) > stepper[STEPPER.far]:
             return OUTCOME.turned
     return OUTCOME.goes_on
+
+
+@inlined
+def next_knot(t, h, knots, count):
+    """Number of the knot at which a step of length h ends, if it gets so far; it passes those before."""
+    times, passed_by = knots
+    k = count[COUNT.knot]
+    while passed_by[k] < h and times[k] < t + NEARLY * h:
+        k += 1
+    return k
+
+
+@inlined
+def pass_knots(t, knots, count):
+    """Knots up to a time lie behind, but for those that no step passes."""
+    times, passed_by = knots
+    while times[count[COUNT.knot]] <= t and passed_by[count[COUNT.knot]] < math.inf:
+        count[COUNT.knot] += 1
 
 
 @entry
@@ -121,7 +150,9 @@ def first_step(work, state, settings, duration, bent):
     stepper[STEPPER.deflection] = spring_displacement(q, bent, work)
     for k in range(len(q)):  # of an arm with slack springs: what q̇ and q̈ bend in 1 / ω₁
         bent[k] = qd[k] + τ * qdd[k]
-    stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], deflection_norm(τ, bent, work))
+    stepper[STEPPER.deflection] = max(
+        stepper[STEPPER.deflection], deflection_norm(τ, bent, work.springs, work.posture, work.chain)
+    )
     moves = displacement(qdd, work.posture)
     stepper[STEPPER.step] = min(largest, 0.01 * duration)
     if moves > 0.0:
@@ -210,6 +241,32 @@ def following(h, error, p, iterations, stepper):
     return wanted
 
 
+@inlined
+def off_inside(t, h, long_error, inputs, state, knots, count, samples, work):
+    """How far samples inside a step may be off, as a part of what they may be; 0 if it passes none.
+
+    Twenty times the error of a long step: this one is not carried on.
+    """
+    off, times = 0.0, 20.0
+    if passes(t + (1.0 - AT_THE_END) * h, knots[0], count[COUNT.knot], samples[0], count[COUNT.row]):
+        off, evaluations = prepare_inside(t, h, inputs, state, work)
+        count[COUNT.besides] += evaluations
+    return off / (times * long_error)
+
+
+@inlined
+def begin_anew(t, inputs, state, tau, forward, stepper):
+    """Go on from a time as from a start."""
+    begin(t, inputs, state, tau, forward)
+    stepper[STEPPER.begun] += 1.0
+
+
+@inlined
+def passes(t, knots, knot, times, row):
+    """Whether a step that ends beyond a time passes a sample, or a knot that is one even if nobody asks for it."""
+    return knots[knot] < t or (row < len(times) and times[row] < t)
+
+
 @recursion
 def sample(t, h, inputs, state, work, count, samples, spare):
     """Fill in the samples up to the end of the step, t + h."""
@@ -234,7 +291,7 @@ def note(stepper, count, so_far):
 def place(x, h, state, work, angles, rates):
     """Write q and q̇ at a part x of the step that was just taken from `state`; returns W there."""
     if x < 1.0 - AT_THE_END:
-        return between(x, h, state, angles, rates, work)
+        return inside(x, h, state, angles, rates, work)
     for k in range(len(angles)):
         angles[k], rates[k] = work.new[0, k], work.new[1, k]
     return work.stepper[STEPPER.work]

@@ -1,15 +1,55 @@
 """q and q̇ at a part x of the step that was just taken: the polynomial of the stages, or of both ends.
 
-A step of an explicit method ends at its samples. Where else it has to be looked at, q is the quintic polynomial with q,
-q̇ and q̈ of both ends, and q̇ its slope.
+Samples inside a step are its dense output (`implicit`, `embedded`), for which an explicit method evaluates a few stages
+more. Where one of its steps is looked at often, whether a motor saturates, q is the quintic polynomial with q, q̇ and q̈
+of both ends, and q̇ its slope.
 """
 
 import math
 
-from flexlink.kernels.stepping.embedded import EmbeddedWork
-from flexlink.kernels.stepping.implicit import between_stages
-from flexlink.kernels.stepping.implicit_layout import ImplicitWork
-from flexlink.kernels.tools.compiler import by_type, recursion
+from flexlink.kernels.forward.mass_plus import displacement
+from flexlink.kernels.stepping.embedded import EmbeddedWork, more_stages
+from flexlink.kernels.stepping.implicit_layout import STAGE, ImplicitWork
+from flexlink.kernels.tools.compiler import by_type, inlined, recursion, subroutine
+
+
+@recursion
+def of_implicit(x, h, state, angles, rates, work):
+    """Write q and q̇ at a part x of the step that was just taken from `state`; returns W there."""
+    q, qd, done = state[0], state[1], state[3]
+    dense, qdd, W = work.method.dense, work.stages[STAGE.qdd], done[0]
+    s, n = qdd.shape
+    for k in range(n):
+        angles[k], rates[k] = q[k] + x * h * qd[k], qd[k]
+    for i in range(s):
+        β = α = 0.0
+        for m in range(s - 1, -1, -1):
+            β = β * x + dense[0, i, m]
+            α = α * x + dense[1, i, m]
+        weight2, weight = h * h * x * x * α, h * x * β
+        W += weight * work.power[i]
+        for k in range(n):
+            angles[k] += weight2 * qdd[i, k]
+            rates[k] += weight * qdd[i, k]
+    return W
+
+
+@recursion
+def of_explicit(x, h, state, angles, rates, work):
+    """The same, by the polynomials that `prepare_explicit` found; of a method without dense output there are none."""
+    q, qd, done = state[0], state[1], state[3]
+    once, twice, W = work.inside[0], work.inside[1], 0.0
+    for k in range(len(q)):
+        angles[k] = rates[k] = 0.0
+    for m in range(len(once) - 1, -1, -1):
+        W = W * x + work.power_inside[m]
+        for k in range(len(q)):
+            angles[k] = angles[k] * x + twice[m, k]
+            rates[k] = rates[k] * x + once[m, k]
+    for k in range(len(q)):
+        angles[k] = q[k] + x * (h * qd[k] + x * angles[k])
+        rates[k] = qd[k] + x * rates[k]
+    return done[0] + x * W
 
 
 @recursion
@@ -28,6 +68,66 @@ def between_ends(x, h, state, angles, rates, work):
     return math.nan
 
 
-@by_type({ImplicitWork: between_stages, EmbeddedWork: between_ends})
+@by_type({ImplicitWork: of_implicit, EmbeddedWork: between_ends})
 def between(x, h, state, angles, rates, work):
-    """Write q and q̇ at a part x of the step that was just taken from `state`; returns W there."""
+    """Write q and q̇ at a part x of the step that was just taken from `state`, at no cost; returns W there."""
+
+
+@inlined
+def is_prepared(t, h, inputs, state, work):
+    """An implicit step is, and as good inside as its error says."""
+    return 0.0, 0
+
+
+@subroutine
+def prepare_explicit(t, h, inputs, state, work):
+    """Find the polynomials inside, with a few stages more; returns by how much they may be off [m], and how many more.
+
+    Half a step on, the angles by the rates of the stages, which are of one order less, are to be those by their q̈.
+    """
+    off, evaluations, x = 0.0, 0, 0.5
+    if work.method.dense is not None:
+        evaluations = more_stages(t, h, inputs, state, work)
+        add_up_stages(h, work)
+        of_explicit(x, h, state, work.Q, work.e[1], work)
+        e = work.e[0]
+        for k in range(len(e)):
+            e[k] = state[0][k] - work.Q[k]
+        for i in range(len(work.L)):
+            β = 0.0
+            for m in range(work.method.dense.shape[2] - 1, -1, -1):
+                β = (β + work.method.dense[0, i, m]) * x
+            for k in range(len(e)):
+                e[k] += h * β * work.L[i, k]
+        for k in range(len(e)):
+            if work.chain.hinges[k].prescribed:
+                e[k] = 0.0
+        off = displacement(e, work.posture)
+    return off, evaluations
+
+
+@inlined
+def add_up_stages(h, work):
+    """Coefficients of the powers of x: h Σ β_i K_i / x of rates, h² Σ α_i K_i / x² of angles, h Σ β_i P_i / x of W."""
+    dense, once, twice = work.method.dense, work.inside[0], work.inside[1]
+    for m in range(len(once)):
+        work.power_inside[m] = 0.0
+        for k in range(once.shape[1]):
+            once[m, k] = twice[m, k] = 0.0
+        for i in range(len(work.K)):
+            β, α = h * dense[0, i, m], h * h * dense[1, i, m]
+            if β != 0.0 or α != 0.0:
+                work.power_inside[m] += β * work.power[i]
+                for k in range(once.shape[1]):
+                    once[m, k] += β * work.K[i, k]
+                    twice[m, k] += α * work.K[i, k]
+
+
+@by_type({ImplicitWork: is_prepared, EmbeddedWork: prepare_explicit})
+def prepare_inside(t, h, inputs, state, work):
+    """Prepare `inside`; returns by how much it may displace a body [m], and how many evaluations that took."""
+
+
+@by_type({ImplicitWork: of_implicit, EmbeddedWork: of_explicit})
+def inside(x, h, state, angles, rates, work):
+    """Write q and q̇ of a sample at a part x of the step, after `prepare_inside`; returns W there."""

@@ -15,6 +15,7 @@ import math
 from flexlink.kernels.forward.mass_plus import solve
 from flexlink.kernels.stepping.implicit_layout import BUTCHER, STAGE, VECTOR
 from flexlink.kernels.stepping.newton import add_change, changes, inertia_beyond
+from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion, subroutine
 from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.solve import solve_lu
@@ -60,6 +61,7 @@ def factor_turning(h, work):
     for m in range(s * d):
         for j in range(s * d):
             turning.G[m, j] = 0.0
+    work.stepper[STEPPER.answers] += d
     for b in range(d):
         for k in range(len(r)):
             r[k] = z[k] = 0.0
@@ -173,6 +175,7 @@ def find_rates(wider, size, work):
                 rows[ROW.step, m] -= turning.G[m, j] * rows[ROW.f, j]
                 J[m, j] = turning.G[m, j] * rows[ROW.slope, j]
             J[m, m] += 1.0
+        work.stepper[STEPPER.multiplications] += size * size * (2.0 + size / 3.0)
         solve_lu(J[:size, :size], rows[ROW.step, :size], turning.probe[:, :size])
         for m in range(size):
             rows[ROW.v, m] += rows[ROW.step, m]

@@ -6,6 +6,13 @@ q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i              K_s
 Rows d of weights, one or two, give e_q = h Σ d_i L_i and e_v = h Σ d_i K_i, i = 1 … s + 1, weighed as in `error_norm`;
 of two errors ε and ε₃, of which the second is of lower order, what counts is ε² / √(ε² + ε₃² / 100) (Hairer, Nørsett &
 Wanner, Solving Ordinary Differential Equations I, II.10).
+
+Dense output at t + x h, of the stages and a few more of the step, i = 1 … s + 1 + e (the same, II.6):
+
+    q̇(x) = q̇ + h Σ β_i(x) K_i     q(x) = q + x h q̇ + h² Σ α_i(x) K_i     W(x) = W + h Σ β_i(x) P_i
+
+β_i are the method's, of an order less than the step's; α_i = ∫ β_i, with a cubic polynomial more that is 0 at x = 0 and
+leads to the end of the step at x = 1, so that q is as good inside as there.
 """
 
 import math
@@ -28,6 +35,9 @@ class EmbeddedMethod(NamedTuple):
     b: Any
     c: Any
     d: Any  # (1 or 2, s + 1)
+    beyond: Any  # (e, s + 1 + e) rows of A of the stages for dense output alone; without it None, as the next two
+    beyond_c: Any  # (e,)
+    dense: Any  # (2, s + 1 + e, powers) of x: coefficients of β_i / x and of α_i / x²
 
 
 class EmbeddedWork(NamedTuple):
@@ -39,8 +49,11 @@ class EmbeddedWork(NamedTuple):
     posture: Any
     stepper: Any  # a `STEPPER`
     new: Any  # (3, n) q, q̇, q̈ at the end of the step
-    K: Any  # (s + 1, n), and so L
+    K: Any  # (s + 1 + e, n), and so L
     L: Any
+    power: Any  # (s + 1 + e,)
+    inside: Any  # (2, powers, n) dense output of a step: coefficients of the powers of x of rates and angles
+    power_inside: Any  # (powers,) and of W
     Q: Any  # (n,)
     tau: Any
     e: Any  # (2, n)
@@ -56,14 +69,17 @@ def embedded_step(t, h, inputs, state, allowed, work):
     Nothing follows from what is `allowed`.
     """
     q, qd, qdd, done = state
-    A, b, c, d = work.method
-    K, L, s = work.K, work.L, len(c)
+    A, b, c, d = work.method.A, work.method.b, work.method.c, work.method.d
+    K, L, power, s = work.K, work.L, work.power, len(c)
     for k in range(len(q)):
         L[0, k], K[0, k] = qd[k], qdd[k]
-    work.stepper[STEPPER.work] = done[0] + h * b[0] * done[1]
+    power[0] = done[1]
+    work.stepper[STEPPER.work] = done[0] + h * b[0] * power[0]
     for i in range(1, s):
-        work.stepper[STEPPER.work] += h * b[i] * evaluate(t, c[i], h, inputs, q, qd, A[i], i, work.Q, work)
-    work.stepper[STEPPER.power] = evaluate(t, 1.0, h, inputs, q, qd, b, s, work.new[0], work)
+        power[i] = evaluate(t, c[i], h, inputs, q, qd, A[i], i, work.Q, work)
+        work.stepper[STEPPER.work] += h * b[i] * power[i]
+    power[s] = evaluate(t, 1.0, h, inputs, q, qd, b, s, work.new[0], work)
+    work.stepper[STEPPER.power] = power[s]
     for k in range(len(q)):
         work.new[1, k], work.new[2, k] = L[s, k], K[s, k]
     place_bodies(work.new[0], work.posture)
@@ -89,6 +105,16 @@ def evaluate(start, part, h, inputs, q, qd, weights, i, angles, work):
     return forward_under(inputs, t, start + 0.5 * h, angles, L[i], tau, K[i], work.forward)
 
 
+@recursion
+def more_stages(t, h, inputs, state, work):
+    """Evaluate the stages beyond those of the step that was just taken from `state`; returns how many."""
+    A, c, s = work.method.beyond, work.method.beyond_c, len(work.method.c)
+    for i in range(len(c)):
+        m = s + 1 + i
+        work.power[m] = evaluate(t, c[i], h, inputs, state[0], state[1], A[i], m, work.Q, work)
+    return len(c)
+
+
 @inlined
 def error_by(row, h, work):
     """The error [m] by one row of d."""
@@ -100,4 +126,4 @@ def error_by(row, h, work):
     for k in range(len(e_q)):
         if work.chain.hinges[k].prescribed:
             e_q[k] = e_v[k] = 0.0
-    return step_error_norm(h, e_q, e_v, work)
+    return step_error_norm(h, e_q, e_v, work.springs, work.posture, work.chain, work.stepper)

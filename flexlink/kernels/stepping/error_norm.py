@@ -39,85 +39,90 @@ class Springs(NamedTuple):
 
 
 @subroutine
-def step_error_norm(h, e_q, e_v, work):
-    """Error [m] of a step of length h with errors of its angles and rates (n,); `work`: scratch of the method."""
-    springs, longest = work.springs, max(h, work.stepper[STEPPER.inverse_ω1])
-    at_once = displacement(e_q, work.posture)
+def step_error_norm(h, e_q, e_v, springs, posture, chain, stepper):
+    """Error [m] of a step of length h with errors of its angles and rates (n,).
+
+    Beside them parts of the scratch of a method: calls pass what they take by value, and all of it is a thousand words.
+    """
+    longest = max(h, stepper[STEPPER.inverse_ω1])
+    at_once = displacement(e_q, posture)
     for k in range(len(e_v)):
         springs.δ[k] = longest * e_v[k]
-    free = displacement(springs.δ, work.posture) / longest
+    free = displacement(springs.δ, posture) / longest
     if longest * free <= at_once:
         return at_once
     if not free < math.inf:
         return math.nan
     τ, largest = longest, max(at_once, h * free)
     while τ * free > largest and τ > h:
-        largest = max(largest, displacement_norm(τ, e_v, work))
+        stepper[STEPPER.weighed] += 1.0
+        largest = max(largest, displacement_norm(τ, e_v, springs, posture, chain))
         τ *= CLOSER
     for k in range(len(e_v)):
         if springs.impulse[k] != 0.0:
-            return max(largest, impulse_norm(longest, e_v, work))
+            stepper[STEPPER.weighed] += 1.0
+            return max(largest, impulse_norm(longest, e_v, springs, posture, chain))
     return largest
 
 
 @recursion
-def displacement_norm(τ, e_v, work):
+def displacement_norm(τ, e_v, springs, posture, chain):
     """Largest displacement [m] in a time τ."""
-    displace(τ, e_v, work)
-    return displacement(work.springs.δ, work.posture)
+    displace(τ, e_v, springs, posture, chain)
+    return displacement(springs.δ, posture)
 
 
 @recursion
-def deflection_norm(τ, e_v, work):
+def deflection_norm(τ, e_v, springs, posture, chain):
     """Largest displacement [m] in a time τ by the springs' angles alone."""
-    displace(τ, e_v, work)
+    displace(τ, e_v, springs, posture, chain)
     for k in range(len(e_v)):
-        if work.chain.hinges[k].stiffness == 0.0:
-            work.springs.δ[k] = 0.0
-    return displacement(work.springs.δ, work.posture)
+        if chain.hinges[k].stiffness == 0.0:
+            springs.δ[k] = 0.0
+    return displacement(springs.δ, posture)
 
 
 @subroutine
-def displace(τ, e_v, work):
+def displace(τ, e_v, springs, posture, chain):
     """δ of rates. Of dry friction nothing holds: its slope at rest would hide any rate."""
-    factors, r, δ = work.springs.factors, work.springs.r, work.springs.δ
+    factors, r, δ = springs.factors, springs.r, springs.δ
     for k in range(len(e_v)):
-        held = implicit_rotor(τ, k, work)
-        factors[k, FACTORS.A], r[k] = work.chain.hinges[k].armature + held, -τ * held * e_v[k]
-    if work.posture.first is not None and len(work.posture.first) > 0:
-        put_couplings(τ, τ * τ, work.posture.beside, factors)
-        add_products(-τ * τ, -τ * τ * τ, work.chain.rare, e_v, r)
-    factor(factors, work.posture)
-    solve(factors, r, δ, work.posture)
+        held = implicit_rotor(τ, k, springs, chain)
+        factors[k, FACTORS.A], r[k] = chain.hinges[k].armature + held, -τ * held * e_v[k]
+    if posture.first is not None and len(posture.first) > 0:
+        put_couplings(τ, τ * τ, posture.beside, factors)
+        add_products(-τ * τ, -τ * τ * τ, chain.rare, e_v, r)
+    factor(factors, posture)
+    solve(factors, r, δ, posture)
     for k in range(len(e_v)):
         δ[k] += τ * e_v[k]
 
 
 @recursion
-def impulse_norm(τ, e_v, work):
+def impulse_norm(τ, e_v, springs, posture, chain):
     """Largest displacement [m] in a time τ by what a sampled law makes of errors of the rates."""
     for k in range(len(e_v)):
-        work.springs.r[k] = τ * work.springs.impulse[k] * e_v[k]
-    return thrown(τ, work)
+        springs.r[k] = τ * springs.impulse[k] * e_v[k]
+    return thrown(τ, springs, posture, chain)
 
 
 @recursion
-def thrown(τ, work):
+def thrown(τ, springs, posture, chain):
     """Largest displacement [m] in a time τ by impulses [N m s] times τ, `r`."""
-    factors, r, δ = work.springs.factors, work.springs.r, work.springs.δ
+    factors, r, δ = springs.factors, springs.r, springs.δ
     for k in range(len(r)):
-        factors[k, FACTORS.A] = work.chain.hinges[k].armature + implicit_rotor(τ, k, work)
-    if work.posture.first is not None and len(work.posture.first) > 0:
-        put_couplings(τ, τ * τ, work.posture.beside, factors)
-    factor(factors, work.posture)
-    solve(factors, r, δ, work.posture)
-    return displacement(δ, work.posture)
+        factors[k, FACTORS.A] = chain.hinges[k].armature + implicit_rotor(τ, k, springs, chain)
+    if posture.first is not None and len(posture.first) > 0:
+        put_couplings(τ, τ * τ, posture.beside, factors)
+    factor(factors, posture)
+    solve(factors, r, δ, posture)
+    return displacement(δ, posture)
 
 
 @inlined
-def implicit_rotor(τ, k, work):
+def implicit_rotor(τ, k, springs, chain):
     """τ D + τ² K of a joint, its own and its drive's."""
-    hinge, springs = work.chain.hinges[k], work.springs
+    hinge = chain.hinges[k]
     d = hinge.damping + springs.kd[k]
     if springs.brakes is not None:
         d += springs.brakes[k]

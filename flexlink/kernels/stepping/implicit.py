@@ -122,8 +122,10 @@ def prepare_systems(h, rates, by_stage, work):
     if work.stepper[STEPPER.turning] > 0.0:
         for k in work.turning.dry:
             rates[k] = math.inf
+    work.stepper[STEPPER.prepared] += 1.0
     factor_all(h, rates, work)
     if by_stage:
+        work.stepper[STEPPER.stage_matrices] += work.stages.shape[1]
         factor_stages(h, work)
 
 
@@ -134,6 +136,7 @@ def improve_stages(h, qd, by_stage, work):
     if work.turning.count[0] > 0:
         leave_out_friction(work)
     if by_stage:
+        work.stepper[STEPPER.stage_solutions] += work.stages.shape[1]
         divide_stages(work)
     improve(h, by_stage, work)
     if work.turning.count[0] > 0 and not put_in_friction(h, qd, work):
@@ -293,27 +296,6 @@ def add_up_work(h, done, work):
         work.stepper[STEPPER.work] += h * work.method.weights[WEIGHT.b, i] * work.power[i]
 
 
-@recursion
-def between_stages(x, h, state, angles, rates, work):
-    """Write q and q̇ at a part x of the step that was just taken from `state`; returns W there."""
-    q, qd, done = state[0], state[1], state[3]
-    dense, qdd, W = work.method.dense, work.stages[STAGE.qdd], done[0]
-    s, n = qdd.shape
-    for k in range(n):
-        angles[k], rates[k] = q[k] + x * h * qd[k], qd[k]
-    for i in range(s):
-        β = α = 0.0
-        for m in range(s - 1, -1, -1):
-            β = β * x + dense[0, i, m]
-            α = α * x + dense[1, i, m]
-        weight2, weight = h * h * x * x * α, h * x * β
-        W += weight * work.power[i]
-        for k in range(n):
-            angles[k] += weight2 * qdd[i, k]
-            rates[k] += weight * qdd[i, k]
-    return W
-
-
 @subroutine
 def estimate(h, qd, qdd, tolerance, work):
     """Error of the step [m], 0 of a fixed one.
@@ -361,5 +343,5 @@ def damped_error(h, hγ, e_q, e_v, work):
         else:
             e_v[k] += y[k]
             e_q[k] += hγ * e_v[k]
-    error = step_error_norm(h, e_q, e_v, work)
+    error = step_error_norm(h, e_q, e_v, work.springs, work.posture, work.chain, work.stepper)
     return work.stepper[STEPPER.turning] * error if work.turning.count[0] > 0 else error

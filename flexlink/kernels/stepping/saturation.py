@@ -138,7 +138,8 @@ def thrown_by(x, t, h, longest, inputs, state, work):
     while τ > h or τ == longest:
         for k in range(len(now.impulse)):
             springs.r[k] = τ * now.impulse[k]
-        largest = max(largest, thrown(τ, work))
+        work.stepper[STEPPER.weighed] += 1.0
+        largest = max(largest, thrown(τ, springs, work.posture, work.chain))
         τ *= CLOSER
     put_slopes(inputs.drive, work)
     return largest

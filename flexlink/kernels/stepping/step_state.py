@@ -21,13 +21,17 @@ STEPPER = numbered(
     "angle_travelled",  # by all free joints, forth and back [rad]
     "switch",  # when a motor reaches its largest torque, or leaves it, in the step to come [s]; 0: not known to
     "far",  # by which a free base may turn until its steps go on in other coordinates [rad]; 0: it is fixed
+    # what steps did beside evaluations, by which their cost is told: began anew; prepared their linear systems;
+    # matrices of single stages, and solutions with these; times that it was told how far an error of rates gets in a
+    # time τ; answers to the friction of a joint that turns round, and multiplications in the small system of those
+    "begun prepared stage_matrices stage_solutions weighed answers multiplications",
 )
 COUNT = numbered(
     "steps rejected failed",  # taken; refused for their error, and for their iteration
-    "iterations before",  # by this method; evaluations by other ones before
+    "iterations besides",  # by this method; evaluations besides: by other ones before, of dense output
     "knot row",  # numbers of the next knot and sample
 )
-SO_FAR = numbered("deflection", "steps rejected failed iterations before")
+SO_FAR = numbered("deflection", "steps rejected failed iterations besides")
 """What is noted with each sample: the largest deflection [m], and counts, up to the step that passes it."""
 REFUSAL = numbered("none error iteration")
 """Why a step was refused: not at all; for its error; for an iteration that did not end."""

@@ -1,0 +1,65 @@
+"""Dense output of explicit Runge-Kutta methods: polynomials of the part x of a step, whose stages they weigh.
+
+Published are rows d of weights of the stages, of the slope at the end of the step, number s + 1, and of e stages more.
+A part x of a step h from y to y + h Σ b_i K_i on, with H the cubic polynomial that has values and slopes of both ends,
+
+    y(x) = H(x) + h x² (1 − x)² Σ w_i(x) K_i        w_i(x) = d_1i + x (d_2i + (1 − x) (d_3i + x (d_4i + …)))
+
+so for DOP853 with four rows, and for DOPRI5 with one (Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations
+I, II.6, and their codes). Here it is y(x) = y + h Σ β_i(x) K_i for rates y, and angles are their integral, α_i = ∫ β_i,
+with a cubic polynomial more that leads to the angles at the end of the step, which are of a higher order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+from flexlink.common.polynomials import Polynomial, add, evaluate, float64, integral, multiply
+from flexlink.common.types import Array
+
+
+def polynomials(b: Sequence[Fraction], ends: Sequence[Fraction], rows: Sequence[Sequence[Fraction]]) -> Array:
+    """Coefficients of β_i / x and of α_i / x² (2, s + 1 + e, powers), lowest first.
+
+    Of a step that ends at q + h q̇ + h² Σ ends_i K_i, q̇ + h Σ b_i K_i; `rows` of d.
+    """
+    s, stages = len(b), len(rows[0])
+    powers = max(4, len(rows) + 3)
+    once, twice = list[Polynomial](), list[Polynomial]()
+    for i in range(stages):
+        β = _weight(b[i] if i < s else Fraction(0), i == 0, i == s, [row[i] for row in rows])
+        α = integral(β)
+        left = (ends[i] if i < s else Fraction(0)) - evaluate(α, Fraction(1))
+        α = _sum(α, _polynomial(0, 0, 3 * left, -2 * left))
+        once.append(_long(β[1:], powers))
+        twice.append(_long(α[2:], powers))
+    return float64([once, twice])  # type: ignore[arg-type]
+
+
+def _weight(b: Fraction, first: bool, last: bool, d: Sequence[Fraction]) -> Polynomial:
+    """β_i of a stage with a weight b, the first one, the slope at the end, or another."""
+    x, rest = _polynomial(0, 1), _polynomial(1, -1)
+    bump = multiply(x, rest)
+    β = [b * p for p in _polynomial(0, 0, 3, -2)]
+    if first:
+        β = _sum(β, multiply(bump, rest))
+    if last:
+        β = _sum(β, [-p for p in multiply(x, bump)])
+    w: Polynomial = [Fraction(0)]
+    for m in range(len(d) - 1, -1, -1):
+        w = _sum([d[m]], multiply(x if m % 2 == 0 else rest, w))
+    return _sum(β, multiply(multiply(bump, bump), w))
+
+
+def _polynomial(*coefficients: int | Fraction) -> Polynomial:
+    return [Fraction(x) for x in coefficients]
+
+
+def _sum(p: Polynomial, q: Polynomial) -> Polynomial:
+    """p + q, whichever is the longer."""
+    return add(p, q) if len(p) >= len(q) else add(q, p)
+
+
+def _long(p: Polynomial, powers: int) -> Polynomial:
+    return [*p, *[Fraction(0)] * (powers - len(p))]
