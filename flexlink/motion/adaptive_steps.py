@@ -36,7 +36,8 @@ class AdaptiveSteps(MethodSteps):
         self.budget = Budget(run.max_evaluations, run.duration)
         self.slow = 0, ""  # row of the next sample when it was found, and what is to be told while the run goes on
         # tries of steps before methods are first compared; the next time is after twice as many, and so on
-        self.compare_at = NEVER if run.method == AUTO and tumbles(record) else 100
+        free = run.method == AUTO and record.kept("tumbles", record.q[0].tobytes(), lambda: tumbles(record))
+        self.compare_at = NEVER if free else 100
         super().__init__(record, control is None, halved)
 
     def __iter__(self) -> Iterator[Reached]:

@@ -69,7 +69,9 @@ class StopTimes:
         if not fixed and not samples and not len(asked):
             return np.array([end])
         times = self._times(np.arange(samples.start, samples.stop))
-        if fixed or len(asked):
+        if not (fixed or samples) and self.run.controlled:  # instants alone, which are in order
+            times = asked
+        elif fixed or len(asked):
             times = np.unique(np.concatenate([fixed, times, asked]))
         shortest = SHORTEST * self.run.duration + 2 * np.spacing(end)
         times = times[(times > start + shortest) & (times < end - shortest)]
