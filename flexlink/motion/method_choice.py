@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flexlink.common.types import Array
 from flexlink.dynamics.springs import damping_slope
-from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequency
+from flexlink.dynamics.vibration.extremes import fastest_of
 from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.results.record import Record
 
@@ -52,4 +52,4 @@ def fastest_motion(record: Record, q: Array) -> tuple[float, float]:
     """The fastest frequency [rad/s] and decay [1/s] of a chain under its drive at a posture."""
     chain = record.chain
     kp, kd = gains_at_zero(record.inputs.drive, chain).diagonals()
-    return fastest_frequency(chain, q, chain.stiffness + kp), fastest_decay(chain, q, damping_slope(chain) + kd)
+    return fastest_of(chain, q, chain.stiffness + kp, damping_slope(chain) + kd)

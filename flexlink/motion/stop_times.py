@@ -69,8 +69,8 @@ class StopTimes:
         if not fixed and not samples and not len(asked):
             return np.array([end])
         times = self._times(np.arange(samples.start, samples.stop))
-        if not (fixed or samples) and self.run.controlled:  # instants alone, which are in order
-            times = asked
+        if self.run.controlled and not samples and not (fixed and len(asked)):  # of one kind, and in order
+            times = np.array(fixed) if fixed else asked
         elif fixed or len(asked):
             times = np.unique(np.concatenate([fixed, times, asked]))
         shortest = SHORTEST * self.run.duration + 2 * np.spacing(end)
