@@ -32,6 +32,7 @@ def test_a_result_is_found_once_for_its_object_and_key() -> None:
     for key in ("a", "a", "b", "a"):
         assert memo(one, key, lambda key=key: calls.append(key) or len(calls)) == {"a": 1, "b": 2}[key]
     assert calls == ["a", "b"]
+    assert [memo.kept(one, key) for key in "abc"] == [1, 2, None]
 
 
 def test_a_key_of_contents_holds_all_that_is_given() -> None:

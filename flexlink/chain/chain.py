@@ -221,12 +221,9 @@ class Chain(Layout):
     def reach(self) -> float:
         """How far from the origin of frame 0 any of the masses can get [m], at most."""
         if self.is_serial_revolute:
-            away, centres = (
-                np.sqrt((part * part).sum(axis=1)) for part in (self.bodies["translation"], self.bodies["center"])
-            )
-            return float(away.sum() + centres.max())
+            return float(_lengths(self.bodies["translation"]).sum() + _lengths(self.bodies["center"]).max())
         away = sums_outward(spans_of(self.bodies), self.lengths)
-        return float((away + np.linalg.norm(self.bodies["center"], axis=1)).max())
+        return float((away + _lengths(self.bodies["center"])).max())
 
     @functools.cached_property
     def size(self) -> float:
@@ -270,10 +267,11 @@ class Chain(Layout):
     @property
     def lengths(self) -> Array:
         """From what each body hangs on to its hinges, (bodies,) [m]; those that slide as far out as limits say."""
-        lengths: Array = np.linalg.norm(self.bodies["translation"], axis=1)
-        if self.slides.any():
-            limits = np.abs([self.hinges["lower"], self.hinges["upper"]]).max(axis=0)
-            slid = np.append(0.0, np.cumsum(np.where(self.slides & np.isfinite(limits), limits, 0.0)))
+        lengths: Array = _lengths(self.bodies["translation"])
+        if np.count_nonzero(self.slides):
+            limits = np.maximum(np.abs(self.hinges["lower"]), np.abs(self.hinges["upper"]))
+            slid = np.zeros(self.n + 1)
+            np.cumsum(np.where(self.slides & np.isfinite(limits), limits, 0.0), out=slid[1:])
             lengths += slid[self.bodies["stop"]] - slid[self.bodies["first"]]
         return lengths
 
@@ -281,6 +279,11 @@ class Chain(Layout):
     def weight(self) -> float:
         """Σ m g of all bodies [N]."""
         return self.mass * math.sqrt(self.gravity @ self.gravity)
+
+
+def _lengths(vectors: Array) -> Array:
+    """Of vectors (b, 3), shape (b,)."""
+    return np.asarray(np.sqrt((vectors * vectors).sum(axis=1)))
 
 
 def add_products(product: Array, couplings: NDArray[np.void], value: Array, φ: Array) -> None:

@@ -68,14 +68,13 @@ def quaternions_of(angles: Array) -> Array:
 
 def product_of(p: Array, q: Array) -> Array:
     """Quaternion of the turn p after which, in the turned axes, q comes, of length 1 to rounding; shapes (…, 4)."""
-    a, b = np.moveaxis(p, -1, 0), np.moveaxis(q, -1, 0)
-    both = np.stack([
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    ], axis=-1)  # fmt: skip
-    return np.asarray(both / np.linalg.norm(both, axis=-1, keepdims=True))
+    a, b = ([each[..., k] for k in range(4)] for each in (p, q))
+    both = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    both[..., 0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
+    both[..., 1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
+    both[..., 2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
+    both[..., 3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
+    return np.asarray(both / np.sqrt((both * both).sum(axis=-1, keepdims=True)))
 
 
 def rates_matrices(angles: Array) -> Array:
@@ -83,10 +82,12 @@ def rates_matrices(angles: Array) -> Array:
 
     Its determinant is the cosine of the angle about Y.
     """
-    (_, cy, cz), (_, sy, sz) = np.moveaxis(np.cos(angles), -1, 0), np.moveaxis(np.sin(angles), -1, 0)
-    o, one = np.zeros_like(cy), np.ones_like(cy)
-    rows = [[cy * cz, sz, o], [-cy * sz, cz, o], [sy, o, one]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    cosines, sines, S = np.cos(angles), np.sin(angles), np.zeros((*angles.shape, 3))
+    cy, cz, sy, sz = cosines[..., 1], cosines[..., 2], sines[..., 1], sines[..., 2]
+    S[..., 0, 0], S[..., 0, 1] = cy * cz, sz
+    S[..., 1, 0], S[..., 1, 1] = -cy * sz, cz
+    S[..., 2, 0], S[..., 2, 2] = sy, 1.0
+    return S
 
 
 def rates_matrices_changing(angles: Array, rates: Array) -> Array:

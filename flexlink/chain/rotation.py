@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -82,7 +83,8 @@ def rpy_from_matrix(R: Array) -> tuple[float, float, float]:
 
 def quaternion_from_matrix(R: Array) -> tuple[float, float, float, float]:
     """Unit quaternion (w, x, y, z), w ≥ 0; from the largest of the four, so no cancellation (Shepperd 1978)."""
-    w, x, y, z = 1 + np.trace(R), *(1 + 2 * R[k, k] - np.trace(R) for k in range(3))
+    trace = np.trace(R)
+    w, x, y, z = 1 + trace, *(1 + 2 * R[k, k] - trace for k in range(3))
     candidates = {
         w: (w, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]),
         x: (R[2, 1] - R[1, 2], x, R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]),
@@ -97,11 +99,21 @@ def quaternion_from_matrix(R: Array) -> tuple[float, float, float, float]:
 
 def matrix_from_quaternion(q: Sequence[float]) -> Array:
     """R of a unit quaternion (w, x, y, z)."""
-    w, x, y, z = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return np.array(_rows_of(*q))
+
+
+def matrices_from_quaternions(quaternions: Array) -> Array:
+    """The same of many, (b, 4), shape (b, 3, 3)."""
+    R = np.empty((len(quaternions), 3, 3))
+    for i, row in enumerate(_rows_of(*quaternions.T)):
+        for j, entry in enumerate(row):
+            R[:, i, j] = entry
+    return R
+
+
+def _rows_of(w: Any, x: Any, y: Any, z: Any) -> list[list[Any]]:
+    return [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]

@@ -23,11 +23,14 @@ Points = tuple[NDArray[np.intp], Array, Array]
 
 def points_between(edges: Array, knots: Array, rule: tuple[Array, Array] = GAUSS) -> Points:
     """Points of a rule on every piece between edges and the knots inside."""
+    if not len(knots) and len(edges) == 2 and edges[0] < edges[1]:  # one piece
+        half = (edges[1] - edges[0]) / 2
+        return np.zeros(len(rule[0]), np.intp), edges[0] + half * (1 + rule[0]), half * rule[1]
     inside = knots[(knots > edges[0]) & (knots < edges[-1])]
     cuts = np.unique(np.concatenate([edges, inside]))
-    half = np.diff(cuts) / 2
+    halves = np.diff(cuts) / 2
     owner = np.clip(np.searchsorted(edges, cuts[:-1], side="right") - 1, 0, len(edges) - 2)
-    x, weight = cuts[:-1, None] + half[:, None] * (1 + rule[0]), half[:, None] * rule[1]
+    x, weight = cuts[:-1, None] + halves[:, None] * (1 + rule[0]), halves[:, None] * rule[1]
     return np.repeat(owner, len(rule[0])), x.ravel(), weight.ravel()
 
 

@@ -8,6 +8,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.wording import truncated
 from flexlink.describe.link import Link
 from flexlink.describe.scene import Scene
+from flexlink.describe.spec import build_validated
 
 
 def rigidified(scene: Scene) -> Scene:
@@ -40,6 +41,10 @@ def rigidified(scene: Scene) -> Scene:
     """
     if not isinstance(scene, Scene):
         raise ArgumentError(f"scene = {truncated(scene)}: expected a Scene, got {type(scene).__name__}")
+    return build_validated(_rigidified, scene)
+
+
+def _rigidified(scene: Scene) -> Scene:
     links, given = scene.arm.links, scene.initial
     free = [place for place, link in zip(scene.joint_positions.tolist(), links, strict=True) if not link.joint.locked]
     # coordinates of a free base, the first of a chain

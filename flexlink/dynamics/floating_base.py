@@ -19,7 +19,7 @@ from flexlink.chain.free_base import (
     quaternions_of,
     rates_matrices,
 )
-from flexlink.chain.rotation import matrix_from_quaternion, quaternion_from_matrix
+from flexlink.chain.rotation import matrices_from_quaternions, matrix_from_quaternion, quaternion_from_matrix
 from flexlink.common.types import Array
 from flexlink.kernels.forward.articulated_rows import BODY_ROW
 
@@ -87,12 +87,15 @@ class FloatingBase:
 
     def parts(self, first: int, stop: int, *scratch: Any) -> Iterator[slice]:
         """Samples first … stop − 1 by the attitude that they are told from, which is there meanwhile."""
-        try:
-            for part, attitude in self._parts(first, stop):
+        for part, attitude in self._parts(first, stop):
+            if attitude is self.attitude:  # which is there
+                yield part
+                continue
+            try:
                 self.take(attitude, *scratch)
                 yield part
-        finally:
-            self.take(self.attitude, *scratch)
+            finally:
+                self.take(self.attitude, *scratch)
 
     def _parts(self, first: int, stop: int) -> Iterator[tuple[slice, Array]]:
         ends = [row for row, _ in self.references[1:]] + [stop]
@@ -118,7 +121,7 @@ class FloatingBase:
     def angles(self, attitudes: Array) -> Array:
         """Angles that turn the base from the attitude at the start to others, (rows, 4), shape (rows, 3) [rad]."""
         back = self.start * np.array([1.0, -1.0, -1.0, -1.0])
-        return angles_of(np.array([matrix_from_quaternion(each) for each in product_of(back, attitudes).tolist()]))
+        return angles_of(matrices_from_quaternions(product_of(back, attitudes)))
 
     def told_from_start(self, q: Array, qd: Array) -> tuple[Array, Array]:
         """The present state (n,) as coordinates of `original`."""

@@ -21,6 +21,7 @@ from flexlink.dynamics import rounding
 from flexlink.dynamics.small_motion import K_ALONE, SmallMotion
 from flexlink.dynamics.springs import spring_torque
 from flexlink.dynamics.tangent import LoadedState, falls, load_torque
+from flexlink.kernels.tools.finite import is_finite
 
 FIRST_ARC, LARGEST_ARC, SMALLEST_ARC = 0.5, 1.0, 1e-6  # rad over all joints; of those that slide, of the arm's length
 CORRECTIONS, WANTED = 12, 6  # Newton steps after which a corrector has failed; below which the arc may grow
@@ -98,7 +99,7 @@ class Equations:
         A joint that nothing holds and nothing pushes stays where it is; where one is pushed there is no solution,
         unless it is `held` by a weak spring.
         """
-        if not (np.isfinite(by_s).all() and np.isfinite(left).all()):
+        if not (is_finite(by_s) and is_finite(left)):
             return np.full(len(row), np.nan)  # which the corrector gives up on
         spared = self.motion.spared
         x, of_spared = self.motion.solve(np.array([by_s, left]))
@@ -208,7 +209,7 @@ def _direction(equations: Equations, point: Array, before: Array) -> Array:
 def _correct(equations: Equations, target: Array, row: Array, tolerance: float) -> tuple[Array | None, int]:
     """Newton back to the path in the plane row · (x − target) = 0; None if it does not converge."""
     x, k, scales = target.copy(), 0, equations.scales
-    while k < CORRECTIONS and np.isfinite(x).all() and np.linalg.norm((x - target) / scales) <= 100 * LARGEST_ARC:
+    while k < CORRECTIONS and is_finite(x) and np.linalg.norm((x - target) / scales) <= 100 * LARGEST_ARC:
         value, by_s = equations.with_slope(x)
         change = equations.solve(by_s, row, value, float(row @ (x - target)))
         x, k = x - change, k + 1

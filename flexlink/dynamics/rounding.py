@@ -228,7 +228,7 @@ def _largest_loads(chain: Chain, rates: bytes, acting: bytes) -> Array:
     force = bodies["mass"] * (np.linalg.norm(chain.gravity) + Ω**2 * far + 2 * Ω * V)
     moment = force * far + Ω**2 * np.linalg.norm(bodies["inertia"], axis=(1, 2))
     beyond_force, beyond_moment = (sums_inward(spans, part) for part in (force, moment))
-    tip_force, tip_moment = (np.linalg.norm(part) for part in np.split(wrench, 2))
+    tip_force, tip_moment = (np.linalg.norm(part) for part in (wrench[:3], wrench[3:]))
     load = beyond_moment - at * beyond_force + np.maximum(at[chain.loaded] - at, 0.0) * tip_force + tip_moment
     load = np.asarray(np.repeat(np.maximum(load, 0.0), hinges))
     if chain.slides.any():

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.common.memo import keep_last
 from flexlink.data.documents import read_toml
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import NonNegative, Spec, decode
@@ -47,6 +48,11 @@ def bodies_of(chain: Chain) -> Bodies:
 
 def evaluation_cost(chain: Chain, *, explicit: bool) -> float:
     """CPU time of one evaluation [s] of a chain."""
+    return _listed(chain, explicit)
+
+
+@keep_last(64)
+def _listed(chain: Chain, explicit: bool) -> float:
     bodies, planar = bodies_of(chain), chain.is_planar
     rate = rates()["explicit" if explicit else "implicit"]["plane" if planar else "space"]
     of_bodies = float(np.dot(rate.body, bodies[: len(rate.body)]))

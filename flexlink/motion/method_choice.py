@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flexlink.common.types import Array
 from flexlink.dynamics.springs import damping_slope
-from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequency
+from flexlink.dynamics.vibration.extremes import fastest_of
 from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.results.record import Record
 
@@ -44,6 +44,11 @@ def tumbles(record: Record) -> bool:
     """
     if record.base is None:
         return False
+    freely: bool = record.kept("tumbles", record.q[0].tobytes(), lambda: _nothing_holds(record))
+    return freely
+
+
+def _nothing_holds(record: Record) -> bool:
     frequency, decay = fastest_motion(record, record.q[0])
     return frequency == 0.0 and decay * record.run.duration <= STIFF
 
@@ -52,4 +57,4 @@ def fastest_motion(record: Record, q: Array) -> tuple[float, float]:
     """The fastest frequency [rad/s] and decay [1/s] of a chain under its drive at a posture."""
     chain = record.chain
     kp, kd = gains_at_zero(record.inputs.drive, chain).diagonals()
-    return fastest_frequency(chain, q, chain.stiffness + kp), fastest_decay(chain, q, damping_slope(chain) + kd)
+    return fastest_of(chain, q, chain.stiffness + kp, damping_slope(chain) + kd)

@@ -75,7 +75,9 @@ class MethodSteps:
         # fixed steps begin on the grid of all steps, to the bit
         start = float(record.t[0]) if run.controlled else run.fixed_step * record.origin
         self._take(record.kept("choice", about, self._choice), start)
+        self._begun: tuple[float, Inputs] | None = None
         self.aim(start, start)
+        self._begun = start, self.inputs
         if run.controlled:
             arguments, types = (self.work, self.state, self.settings, run.duration, self.tau), self.types
             find = functools.partial(direct, adaptive.first_step, *arguments, types=types)
@@ -136,7 +138,9 @@ class MethodSteps:
         self.end, self.knots = end, self.stop_times.between(start, end)
         self.count[COUNT.knot], self.work.stepper[STEPPER.time] = 0, start
         self._choose_branches()
-        self._begin(start, self.inputs, self.state, self.tau, self.forward)
+        begun, self._begun = self._begun, None
+        if begun is None or start != begun[0] or self.inputs is not begun[1]:  # else as it stands at the run's start
+            self._begin(start, self.inputs, self.state, self.tau, self.forward)
 
     def take(self, most: int) -> int:
         """Try up to so many steps; an OUTCOME."""

@@ -12,12 +12,13 @@ from flexlink.common.types import Array, Indices
 from flexlink.describe.schemes.methods import Method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.floating_base import FAR
+from flexlink.dynamics.vibration.extremes import scratch
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.forces.elements import forces_of
 from flexlink.kernels.forward.mass_plus_cells import columns
-from flexlink.kernels.forward.mass_plus_plane import PlanePosture, plane_posture, plane_postures
-from flexlink.kernels.forward.mass_plus_space import SpacePosture, space_posture, space_postures
+from flexlink.kernels.forward.mass_plus_plane import PlanePosture, plane_postures
+from flexlink.kernels.forward.mass_plus_space import SpacePosture, space_postures
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.stepping.error_norm import Springs
@@ -74,8 +75,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
 
 def posture_of(chain: Chain) -> PlanePosture | SpacePosture:
     """Scratch of the chain's postures, and what turning counts by where it moves no place."""
-    posture: PlanePosture | SpacePosture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
-    return posture._replace(radius=chain.turning_radii)
+    return scratch(chain)._replace(radius=chain.turning_radii)
 
 
 def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:

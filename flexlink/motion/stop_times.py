@@ -95,8 +95,10 @@ class StopTimes:
         if not fixed and not samples and not len(asked):
             return only(end)
         times, must = self._times(np.arange(samples.start, samples.stop)), np.concatenate([fixed, asked])
-        if len(must):
+        if len(times) and len(must):
             times = np.unique(np.concatenate([must, times]))
+        elif len(must):  # of one kind they are in order
+            times = np.unique(must) if fixed and len(asked) else must
         shortest = SHORTEST * self.run.duration + 2 * np.spacing(end)
         times = times[(times > start + shortest) & (times < end - shortest)]
         passed_by = np.full(len(times) + 1, self.passed_by)

@@ -152,7 +152,7 @@ class Record:
             momentum = Momentum(*map(joined, zip(*parts, strict=True)))
             q, qd, attitude, spin = self.base.from_the_start(q[:stop], qd[:stop])
             chain, motion = self.base.original, BaseMotion(attitude, spin, momentum)
-        for array in (q, qd, self.tau, self.tip, self.energy):
+        for array in (q, qd, self.tau, self.tip, self.energy, wrench, *([] if work is None else [work])):
             array.setflags(write=False)
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, q, qd, self.tau, self.tip))
         energy, scene = Energy(*self.energy[:, :stop]), self.problem.scene

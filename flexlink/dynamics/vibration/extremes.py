@@ -11,8 +11,8 @@ from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.dynamics.terms import inverse_dynamics
-from flexlink.kernels.forward.mass_plus_plane import plane_posture
-from flexlink.kernels.forward.mass_plus_space import space_posture
+from flexlink.kernels.forward.mass_plus_plane import PlanePosture, plane_posture
+from flexlink.kernels.forward.mass_plus_space import SpacePosture, space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue, smallest_square
 
 FOUND = Memo(256)
@@ -64,16 +64,37 @@ def fastest_decay(chain: Chain, q: Array, damping: Array | None = None) -> float
     return _found(chain, "damping", q, chain.damping if damping is None else damping)
 
 
+def fastest_of(chain: Chain, q: Array, stiffness: Array, damping: Array) -> tuple[float, float]:
+    """`fastest_frequency` [rad/s] and `fastest_decay` [1/s] of these diagonals, found together."""
+    return FOUND.calling(_fastest, chain, q, stiffness, damping)
+
+
+def _fastest(chain: Chain, q: Array, stiffness: Array, damping: Array) -> tuple[float, float]:
+    named = {"stiffness": stiffness, "damping": damping}
+    some = {name: weights for name, weights in named.items() if np.count_nonzero(weights)}
+    posture = scratch(chain) if some else None
+    found = {name: _largest_eigenvalue(chain, name, q, weights, posture) for name, weights in some.items()}
+    return float(np.sqrt(found.get("stiffness", 0.0))), found.get("damping", 0.0)
+
+
 def _found(chain: Chain, name: str, q: Array, weights: Array) -> float:
     return FOUND.calling(_largest_eigenvalue, chain, name, q, weights) if weights.any() else 0.0
 
 
-def _largest_eigenvalue(chain: Chain, name: str, q: Array, weights: Array) -> float:
+def scratch(chain: Chain) -> PlanePosture | SpacePosture:
+    """Scratch of a chain's postures."""
+    posture: PlanePosture | SpacePosture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    return posture
+
+
+def _largest_eigenvalue(
+    chain: Chain, name: str, q: Array, weights: Array, posture: PlanePosture | SpacePosture | None = None
+) -> float:
     """Largest λ of W φ = λ M φ: the power iteration φ ← M⁻¹ W φ, at rest where motion is prescribed.
 
     W is of "stiffness" or "damping": `weights` on its diagonal, and the chain's couplings.
     """
-    posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    posture = posture or scratch(chain)
     weights, coupled = np.ascontiguousarray(weights), np.ascontiguousarray(chain.couplings[name])
     found = largest_eigenvalue(chain.arrays, q, weights, coupled, PASSES, CLOSE, posture)
     return float(found) if np.isfinite(found) else np.inf

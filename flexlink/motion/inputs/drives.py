@@ -122,9 +122,10 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
         # angle [rad], or rate, of the central differences of a law; of a linear one they are exact but for rounding
         drive_slopes(unlimited, t, np.array([q, qd]), 1e-5, np.zeros((2, n)), slopes)
     own = slopes[:, joints]
-    if not np.any(own - own * np.eye(len(joints))):
+    on_diagonal = np.einsum("kii->ki", own)
+    if np.count_nonzero(own) == np.count_nonzero(on_diagonal):
         diagonal = np.zeros((2, n))
-        diagonal[:, joints] = np.diagonal(own, axis1=1, axis2=2)
+        diagonal[:, joints] = on_diagonal
         return Gains(*diagonal)
     whole = np.zeros((2, n, n))
     whole[:, :, joints] = slopes
@@ -219,4 +220,4 @@ def _static_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> 
 def of_joints(chain: Chain, per_link: tuple[float, ...] | None) -> Array:
     """Numbers of the driven joints, from one number per link, shape (d,)."""
     numbers = per_link or (0.0,) * len(chain.link_names)
-    return np.array([numbers[chain.coordinates[k].link - 1] for k in chain.active], dtype=np.float64)
+    return np.array([numbers[chain.coordinates[k].link - 1] for k in chain.active.tolist()], dtype=np.float64)
