@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import inspect
 import tomllib
 from collections import defaultdict
@@ -46,6 +47,7 @@ def _hanging(text: str) -> str:
     return "\n".join(f"   {line}" if line else "" for line in text.splitlines())
 
 
+@functools.cache
 def error_texts() -> dict[str, list[str]]:
     """Texts of every `raise` of a public error, by its class."""
     found: defaultdict[str, set[str]] = defaultdict(set)
