@@ -80,8 +80,9 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
     ArgumentError
         `locked` holds something that is no joint, or leaves nothing to move.
     """
-    held = chain.joint_indices("locked", locked)
-    free = np.setdiff1d(np.flatnonzero(chain.hinges["prescribed"] == 0), np.concatenate([held, chain.internal]))
+    moves = chain.hinges["prescribed"] == 0
+    moves[chain.joint_indices("locked", locked)] = moves[chain.internal] = False
+    free = np.flatnonzero(moves)
     if not len(free):
         raise ArgumentError(f"locked = {truncated(locked)}: nothing is left to move; prescribed joints do not, either")
     return free

@@ -66,7 +66,8 @@ class PinocchioEngine:
         exported = to_urdf(chain, shapes=False)
         self._parse(exported, xml_joint_names(chain), loaded_tip(chain).name)
         self._excess = excess_of(chain, lambda: read_urdf(exported))
-        self.prescribed = np.flatnonzero(chain.hinges["prescribed"])
+        prescribed = chain.hinges["prescribed"] != 0
+        self.prescribed, self._free = np.flatnonzero(prescribed), np.flatnonzero(~prescribed)
 
     @classmethod
     def from_file(cls, file: ForeignFile) -> Self:
@@ -205,13 +206,13 @@ class PinocchioEngine:
         """q̈, for prescribed joints as in `prescribed`."""
         total = tau + self._wrench_torque(q, wrench, follows=follows) - self.elastic_torque(q)
         total -= self.friction_torque(qd)
-        p = self.prescribed
+        p, f = self.prescribed, self._free
         if len(p) == 0:
             theirs = self.coordinates
             state = theirs.position(q), theirs.rates(q, qd)
             a = pin.aba(self.model, self.data, *state, theirs.torques(q, total))
             return theirs.own_accelerations(q, qd, a)
-        f, M = np.setdiff1d(np.arange(self.n), p), self.mass_matrix(q)
+        M = self.mass_matrix(q)
         qdd, rhs = prescribed.copy(), total - self.bias_torque(q, qd) - M[:, p] @ prescribed[p]
         qdd[f] = np.linalg.solve(M[np.ix_(f, f)], rhs[f])
         return qdd
