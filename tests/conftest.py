@@ -58,9 +58,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Modules and tests stay until the end: the collector need not look through them again and again."""
+    """Modules and tests stay until the end: the collector need not look through them, nor through the rest so often."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(20_000, 20, 100)
 
 
 class _TooSlow(BaseException):

@@ -88,7 +88,7 @@ class PinocchioEngine:
             engine._parse(ET.tostring(robot, encoding="unicode"), base=file.base)
         except (ValueError, RuntimeError) as error:
             raise ArgumentError(f"Pinocchio cannot load the file: {error}") from error
-        engine.prescribed = np.zeros(0, dtype=np.intp)
+        engine.prescribed, engine._free = np.zeros(0, dtype=np.intp), np.arange(engine.n)
         return engine
 
     def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", base: Array | None = None) -> None:
@@ -204,15 +204,16 @@ class PinocchioEngine:
         self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
     ) -> Array:
         """q̈, for prescribed joints as in `prescribed`."""
-        total = tau + self._wrench_torque(q, wrench, follows=follows) - self.elastic_torque(q)
+        pushed = tau if wrench is None else tau + self._wrench_torque(q, wrench, follows=follows)
+        total = pushed - self.elastic_torque(q)
         total -= self.friction_torque(qd)
-        p, f = self.prescribed, self._free
+        p = self.prescribed
         if len(p) == 0:
             theirs = self.coordinates
             state = theirs.position(q), theirs.rates(q, qd)
             a = pin.aba(self.model, self.data, *state, theirs.torques(q, total))
             return theirs.own_accelerations(q, qd, a)
-        M = self.mass_matrix(q)
+        f, M = self._free, self.mass_matrix(q)
         qdd, rhs = prescribed.copy(), total - self.bias_torque(q, qd) - M[:, p] @ prescribed[p]
         qdd[f] = np.linalg.solve(M[np.ix_(f, f)], rhs[f])
         return qdd
