@@ -111,14 +111,15 @@ def law_of(scene: fl.Scene, chain: fl.Chain) -> Callable[[float, float, Array, A
     kp, kd = np.array(drive.kp), np.array(drive.kd)
     reference = reference_arrays(scene, chain)
     rigid = fl.lump(rigidified(scene))
+    exponents = np.arange(reference.coefficients.shape[1])
+    of_rate = exponents[1:, None] * reference.coefficients[:, 1:]
+    of_acceleration = exponents[1:-1, None] * of_rate[:, 1:]
 
     def wanted(t: float, middle: float) -> tuple[Array, Array, Array]:
         piece = max(0, int(np.searchsorted(reference.knots, middle, side="right")) - 1)
-        x, c = t - reference.knots[piece], reference.coefficients[piece]
-        powers = np.arange(len(c))[:, None]
-        value = (c * x**powers).sum(axis=0)
-        rate = (powers[1:] * c[1:] * x ** powers[:-1]).sum(axis=0)
-        return value, rate, (powers[2:] * powers[1:-1] * c[2:] * x ** powers[:-2]).sum(axis=0)
+        powers = (t - reference.knots[piece]) ** exponents
+        value = powers @ reference.coefficients[piece]
+        return value, powers[:-1] @ of_rate[piece], powers[:-2] @ of_acceleration[piece]
 
     def law(t: float, middle: float, q: Array, qd: Array) -> Array:
         r, rate, acceleration = wanted(t, middle)

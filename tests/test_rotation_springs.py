@@ -349,7 +349,9 @@ def rod() -> Callable[[float], np.ndarray]:
     def along(_: float, y: np.ndarray, part: float) -> np.ndarray:
         R, m = y[3:12].reshape(3, 3), y[12:]
         κ = R.T @ m / [GJ, *EI]
-        return np.concatenate([R[:, 0], np.cross(R, κ).ravel(), np.cross(part * FORCE, R[:, 0])])
+        turn = np.array([[0, -κ[2], κ[1]], [κ[2], 0, -κ[0]], [-κ[1], κ[0], 0]])
+        x, (u, v, w) = R[:, 0], part * FORCE
+        return np.concatenate([x, (R @ turn).ravel(), [v * x[2] - w * x[1], w * x[0] - u * x[2], u * x[1] - v * x[0]]])
 
     def solution(m: np.ndarray, part: float) -> Any:
         start, within = np.concatenate([np.zeros(3), np.eye(3).ravel(), m]), {"rtol": 1e-12, "atol": 1e-13}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -185,6 +186,12 @@ def load_case(path: Path) -> Case:
     DataFileError
         The message names the file, the key path, the value and what is allowed.
     """
+    return _read(path, path.read_bytes() if path.is_file() else b"")
+
+
+@functools.lru_cache(maxsize=512)
+def _read(path: Path, content: bytes) -> Case:
+    """The case of a file with that content: a study asks for all of them again and again."""
     try:
         raw = documents.read_toml(path)
         for key in ("name", "whole"):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import ast
+import functools
 import inspect
 import tomllib
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import flexlink
@@ -49,24 +50,31 @@ def _hanging(text: str) -> str:
 def error_texts() -> dict[str, list[str]]:
     """Texts of every `raise` of a public error, by its class."""
     found: defaultdict[str, set[str]] = defaultdict(set)
-    for path in LIBRARY.rglob("*.py"):
-        for name, text in _raised(ast.parse(path.read_text(encoding="utf-8"))):
-            found[name].add(text)
+    for name, text in _source()[0]:
+        found[name].add(text)
     return {name: sorted(texts, key=str.casefold) for name, texts in found.items()}
 
 
 def literals() -> Iterator[str]:
     """Every text in the library's source."""
-    for path in LIBRARY.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                yield node.value
+    yield from _source()[1]
     for path in LIBRARY.rglob("*.toml"):
         yield path.read_text(encoding="utf-8")
 
 
-def _raised(tree: ast.AST) -> Iterator[tuple[str, str]]:
-    for node in ast.walk(tree):
+@functools.cache
+def _source() -> tuple[list[tuple[str, str]], list[str]]:
+    """What every `raise` says, and every text."""
+    raised, texts = list[tuple[str, str]](), list[str]()
+    for path in LIBRARY.rglob("*.py"):
+        nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+        raised += _raised(nodes)
+        texts += [node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+    return raised, texts
+
+
+def _raised(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, str]]:
+    for node in nodes:
         call = node.exc if isinstance(node, ast.Raise) else None
         if (
             isinstance(call, ast.Call)

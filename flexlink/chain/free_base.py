@@ -6,6 +6,8 @@ with. Rates at angles of zero are the angular velocity in axes of the base.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from flexlink.chain.rotation import matrix_from_quaternion, matrix_from_rpy_deg, quaternion_from_matrix
@@ -41,13 +43,12 @@ def reference_rotation(base: BaseState) -> Array:
 
 def rotations_of(angles: Array) -> Array:
     """R = Rx Ry Rz of three angles [rad], shape (…, 3), as (…, 3, 3)."""
-    (cx, cy, cz), (sx, sy, sz) = np.moveaxis(np.cos(angles), -1, 0), np.moveaxis(np.sin(angles), -1, 0)
-    rows = [
+    (cx, cy, cz), (sx, sy, sz) = _parts(np.cos(angles)), _parts(np.sin(angles))
+    return _matrices(
         [cy * cz, -cy * sz, sy],
         [cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy],
         [sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    )
 
 
 def angles_of(R: Array) -> Array:
@@ -82,22 +83,27 @@ def rates_matrices(angles: Array) -> Array:
 
     Its determinant is the cosine of the angle about Y.
     """
-    cosines, sines, S = np.cos(angles), np.sin(angles), np.zeros((*angles.shape, 3))
-    cy, cz, sy, sz = cosines[..., 1], cosines[..., 2], sines[..., 1], sines[..., 2]
-    S[..., 0, 0], S[..., 0, 1] = cy * cz, sz
-    S[..., 1, 0], S[..., 1, 1] = -cy * sz, cz
-    S[..., 2, 0], S[..., 2, 2] = sy, 1.0
-    return S
+    (_, cy, cz), (_, sy, sz) = _parts(np.cos(angles)), _parts(np.sin(angles))
+    return _matrices([cy * cz, sz, 0.0], [-cy * sz, cz, 0.0], [sy, 0.0, 1.0])
 
 
 def rates_matrices_changing(angles: Array, rates: Array) -> Array:
     """Ṡ, so that ω̇ = S φ̈ + Ṡ φ̇, shape (…, 3, 3)."""
-    (_, cy, cz), (_, sy, sz) = np.moveaxis(np.cos(angles), -1, 0), np.moveaxis(np.sin(angles), -1, 0)
-    _, y, z = np.moveaxis(np.asarray(rates), -1, 0)
-    o = np.zeros_like(cy)
-    rows = [
-        [-y * sy * cz - z * cy * sz, z * cz, o],
-        [y * sy * sz - z * cy * cz, -z * sz, o],
-        [y * cy, o, o],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    (_, cy, cz), (_, sy, sz), (_, y, z) = _parts(np.cos(angles)), _parts(np.sin(angles)), _parts(np.asarray(rates))
+    return _matrices(
+        [-y * sy * cz - z * cy * sz, z * cz, 0.0], [y * sy * sz - z * cy * cz, -z * sz, 0.0], [y * cy, 0.0, 0.0]
+    )
+
+
+def _parts(vectors: Array) -> tuple[Array, Array, Array]:
+    return vectors[..., 0], vectors[..., 1], vectors[..., 2]
+
+
+def _matrices(*rows: list[Any]) -> Array:
+    """Matrices of their elements, numbers or arrays as the first one is; `np.stack` takes ten times as long."""
+    first = np.asarray(rows[0][0])
+    found = np.empty((*first.shape, 3, 3), first.dtype)
+    for i, row in enumerate(rows):
+        for j, element in enumerate(row):
+            found[..., i, j] = element
+    return found

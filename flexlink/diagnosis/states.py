@@ -106,13 +106,13 @@ def _uniform(chain: Chain, random: np.random.Generator) -> Iterator[Array]:
 
 def _regular(chain: Chain, draws: Iterator[Array]) -> Array:
     """The first posture, with halved deflections if necessary, at which M is positive definite."""
-    free, passive = np.arange(chain.n), np.setdiff1d(np.arange(chain.n), chain.active)
+    free = np.arange(chain.n)
     for q in draws:
         for _ in range(8):
             try:
                 regular_mass(chain, q, free)
             except SingularMassError as error:
-                reason = error
+                reason, passive = error, np.setdiff1d(free, chain.active)
                 q[passive] = (q[passive] + chain.rest[passive]) / 2
             else:
                 return q

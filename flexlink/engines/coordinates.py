@@ -14,7 +14,7 @@ import numpy as np
 
 from flexlink.chain.free_base import JOINTS, NAMES, rates_matrices, rates_matrices_changing, rotations_of
 from flexlink.chain.rotation import quaternion_from_matrix
-from flexlink.common.products import product
+from flexlink.common.products import cross, product
 from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
 
@@ -77,7 +77,7 @@ class Coordinates:
             return None
         found, R, S = np.zeros(len(q)), self._rotation(q), rates_matrices(q[3:JOINTS])
         turn = product(rates_matrices_changing(q[3:JOINTS], qd[3:JOINTS]), qd[3:JOINTS])
-        move = -np.cross(S @ qd[3:JOINTS], R.T @ qd[:3])
+        move = -cross(S @ qd[3:JOINTS], R.T @ qd[:3])
         found[:JOINTS] = self._sorted(
             move if self._layout.velocity_in_base else np.zeros(3), turn if self._layout.spin_in_base else R @ turn
         )

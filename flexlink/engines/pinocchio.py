@@ -66,7 +66,8 @@ class PinocchioEngine:
         exported = to_urdf(chain, shapes=False)
         self._parse(exported, xml_joint_names(chain), loaded_tip(chain).name)
         self._excess = excess_of(chain, lambda: read_urdf(exported))
-        self.prescribed = np.flatnonzero(chain.hinges["prescribed"])
+        prescribed = chain.hinges["prescribed"] != 0
+        self.prescribed, self._free = np.flatnonzero(prescribed), np.flatnonzero(~prescribed)
 
     @classmethod
     def from_file(cls, file: ForeignFile) -> Self:
@@ -87,7 +88,7 @@ class PinocchioEngine:
             engine._parse(ET.tostring(robot, encoding="unicode"), base=file.base)
         except (ValueError, RuntimeError) as error:
             raise ArgumentError(f"Pinocchio cannot load the file: {error}") from error
-        engine.prescribed = np.zeros(0, dtype=np.intp)
+        engine.prescribed, engine._free = np.zeros(0, dtype=np.intp), np.arange(engine.n)
         return engine
 
     def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", base: Array | None = None) -> None:
@@ -203,7 +204,8 @@ class PinocchioEngine:
         self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
     ) -> Array:
         """q̈, for prescribed joints as in `prescribed`."""
-        total = tau + self._wrench_torque(q, wrench, follows=follows) - self.elastic_torque(q)
+        pushed = tau if wrench is None else tau + self._wrench_torque(q, wrench, follows=follows)
+        total = pushed - self.elastic_torque(q)
         total -= self.friction_torque(qd)
         p = self.prescribed
         if len(p) == 0:
@@ -211,7 +213,7 @@ class PinocchioEngine:
             state = theirs.position(q), theirs.rates(q, qd)
             a = pin.aba(self.model, self.data, *state, theirs.torques(q, total))
             return theirs.own_accelerations(q, qd, a)
-        f, M = np.setdiff1d(np.arange(self.n), p), self.mass_matrix(q)
+        f, M = self._free, self.mass_matrix(q)
         qdd, rhs = prescribed.copy(), total - self.bias_torque(q, qd) - M[:, p] @ prescribed[p]
         qdd[f] = np.linalg.solve(M[np.ix_(f, f)], rhs[f])
         return qdd

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from flexlink.chain.builder import record_branches
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.common.products import cross
 from flexlink.common.types import Array
 from flexlink.dynamics.placement import frames
 from flexlink.engines.couplings import COUPLED_FIELDS, of_matrices, to_matrices
@@ -278,6 +279,6 @@ def to_chain(read: ReadBack, like: Chain) -> Chain:
 
 def _frame(axis: Array) -> Array:
     """A rotation whose Z is the axis."""
-    x = np.cross(np.eye(3)[np.argmin(np.abs(axis))], axis)
+    x = cross(np.eye(3)[np.argmin(np.abs(axis))], axis)
     x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(axis, x), axis], axis=1)
+    return np.stack([x, cross(axis, x), axis], axis=1)

@@ -74,23 +74,27 @@ def _step_function(problem: InitialValueProblem, accelerations: Accelerations) -
     A, b, c = method(problem.run.method).arrays
     drive, drag, motion = drive_function(problem), drag_function(problem), problem.inputs.motion
     F, no_torque, prescribed = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)
-    follows = wrench is not None and wrench.follows
+    follows, led = wrench is not None and wrench.follows, bool(len(motion.joints))
+    stages, whole = [(float(c[i]), h * A[i, :i], F[:i], F[i, :n], F[i, n:]) for i in range(len(c))], h * b
 
     def step(number: int, y: Array) -> Array:
         for function in (drive, wrench):
             if function is not None:
                 function.begin(number, h, y[:n], y[n:])
-        for i in range(len(c)):
-            t, x = (number + c[i]) * h, y + h * A[i, :i] @ F[:i]
-            follow(motion, t, x[:n], x[n:], prescribed)
-            torque = no_torque if drive is None else drive(t, x[:n], x[n:])
+        for at, weights, before, rates, changes in stages:
+            t, x = (number + at) * h, y + weights @ before
+            q, qd = x[:n], x[n:]
+            if led:
+                follow(motion, t, q, qd, prescribed)
+            torque = no_torque if drive is None else drive(t, q, qd)
             if drag is not None:
-                torque = torque - drag(x[:n], x[n:])
-            F[i, :n] = x[n:]
+                torque = torque - drag(q, qd)
+            rates[:] = qd
             force = None if wrench is None else wrench(t)
-            F[i, n:] = accelerations(x[:n], x[n:], torque, force, follows=follows, prescribed=prescribed)
-        y = y + h * b @ F
-        follow(motion, (number + 1) * h, y[:n], y[n:], prescribed)
+            changes[:] = accelerations(q, qd, torque, force, follows=follows, prescribed=prescribed)
+        y = y + whole @ F
+        if led:
+            follow(motion, (number + 1) * h, y[:n], y[n:], prescribed)
         return y
 
     return step

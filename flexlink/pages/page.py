@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,8 +17,12 @@ from flexlink.pages.verdict import Fact, Verdict
 DATA = Path(__file__).parent / "data"
 
 
+@functools.cache
 def template(path: Path, **filters: object) -> jinja2.Template:
-    """The template of a file; one of HTML may extend `page.html` and take macros from `elements.html`."""
+    """The template of a file; one of HTML may extend `page.html` and take macros from `elements.html`.
+
+    It is kept: to read it takes longer than to fill it.
+    """
     is_html = path.suffix == ".html"
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([path.parent, DATA]),

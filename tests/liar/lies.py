@@ -154,8 +154,9 @@ def replaced(function: Function, by: Callable[[Callable[..., Any]], Callable[...
     honest = getattr(holder, name)
     liar = by(honest)
     public = {"flexlink", *(f"flexlink.{each}" for each in ("details", "fits", "measures", "small_motion", "strength"))}
-    for each in public:
-        importlib.import_module(each)
+    for each in map(importlib.import_module, public):
+        for lazily in each.__all__:  # or it would be looked up while it lies, and kept
+            getattr(each, lazily)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(holder, name, liar)
         for other in [m for key, m in sys.modules.items() if key in public or key.startswith(CALLERS)]:

@@ -6,7 +6,9 @@ Every term of the equation of motion, the inputs and every integrator are in it 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from mpmath import mpf
@@ -24,6 +26,7 @@ from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import manufactured
 from validation.oracles.manufactured import Motion, Wrench
+from validation.oracles.spatial_chain import Vector
 from validation.store import Series, table
 
 SAMPLES = 5
@@ -88,7 +91,13 @@ def _wrench(scene: Scene) -> Wrench:
     assert given.times is not None and given.forces is not None and given.moments is not None
     start, end = ([*map(mpf, (*given.forces[row], *given.moments[row]))] for row in (0, -1))
     first, last = mpf(given.times[0]), mpf(given.times[-1])
-    return lambda t: [a + (b - a) * (t - first) / (last - first) for a, b in zip(start, end, strict=True)]
+    return functools.partial(_between, (first, start), (last, end))
+
+
+def _between(start: tuple[Any, Vector], end: tuple[Any, Vector], t: Any) -> Vector:
+    """Numbers at a time between two."""
+    part = (t - start[0]) / (end[0] - start[0])
+    return [a + (b - a) * part for a, b in zip(start[1], end[1], strict=True)]
 
 
 def _values(spline: PiecewisePolynomial, at: Array) -> Array:
