@@ -277,3 +277,11 @@ def test_rows_that_make_no_dense_output_are_refused_in_one_line(fields: dict[str
     with pytest.raises(SceneError) as refused:
         from_file(ONE_STAGE | fields)
     assert wanted in str(refused.value)
+
+
+def test_steps_that_pass_samples_stay_where_they_are_stable() -> None:
+    """A beam at rest in its equilibrium: steps beyond the stable one would swell rounding up to the tolerance."""
+    clamped = flexible("a", segments=3, joint=fl.Joint(locked=True))
+    beam = make_scene(clamped, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(passive="static"))
+    run = fl.simulate(beam.varied({**FINE, "run.tolerance": 1e-2, "run.duration": 0.05, "run.sample": 5e-4}))
+    assert np.abs(run.qd).max() < 1e-9

@@ -217,12 +217,12 @@ class MethodSteps:
     def _stops(self, now: float) -> tuple[StopTimes, tuple[float, ...]]:
         """Where and how the steps of the method stop, taken from a time on."""
         record = self.record
+        stops = StopTimes(self.method, record, self.by_drive, halved=self.halved, passes=self.passes)
         longest = np.inf
         if self.method.explicit and now > record.t[0]:
-            longest = longest_step_of(self.name, record, *fastest_motion(record, self.state[0]))
+            longest = longest_step_of(self.name, stops.span, *fastest_motion(record, self.state[0]))
         elif self.method.explicit:
-            longest = longest_step(self.name, record, now, self.state)
-        stops = StopTimes(self.method, record, self.by_drive, halved=self.halved, passes=self.passes)
+            longest = longest_step(self.name, record, stops.span, now, self.state)
         return stops, settings(self.run, self.method, record, longest / 2 if self.halved else longest)
 
     def _scratch(self) -> EmbeddedWork | ImplicitWork:

@@ -17,27 +17,27 @@ from flexlink.motion.tolerable import Thresholds
 from flexlink.results.record import Record
 
 
-def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) -> float:
+def longest_step(name: str, record: Record, span: float, t: float, state: tuple[Array, ...]) -> float:
     """Of an explicit method its largest stable step about a state t, q, q̇ [s], beyond which its error only grows.
 
-    inf where that is surely longer than the time between samples, at which such steps end.
+    inf where that is surely longer than `span`, the time between two at which steps end.
     """
     chain, (q, qd, *_) = record.chain, state
     acting = acting_at(record.inputs, chain, t, q, qd)
-    if _matters(name, record.run, rate_bound(chain, q, qd, **acting)):
+    if _matters(name, span, rate_bound(chain, q, qd, **acting)):
         return stable_step(chain, q, qd, method=name, **acting)
     return np.inf
 
 
-def longest_step_of(name: str, record: Record, ω: float, δ: float) -> float:
+def longest_step_of(name: str, span: float, ω: float, δ: float) -> float:
     """The same where the fastest motions swing at ω [rad/s] and decay at δ [1/s]."""
     λ = bounding_eigenvalues(ω, δ)
-    return stable_step_of(λ, name) if _matters(name, record.run, float(np.abs(λ).max())) else np.inf
+    return stable_step_of(λ, name) if _matters(name, span, float(np.abs(λ).max())) else np.inf
 
 
-def _matters(name: str, run: RunSettings, rate: float) -> bool:
-    """Whether a step between two samples may not be stable for eigenvalues up to a rate [1/s]."""
-    return not 1.01 * run.spacing * rate < stable_half_disc(method(name))
+def _matters(name: str, span: float, rate: float) -> bool:
+    """Whether a step as long as `span` [s] may not be stable for eigenvalues up to a rate [1/s]."""
+    return not 1.01 * span * rate < stable_half_disc(method(name))
 
 
 def settings(run: RunSettings, rule: Method, record: Record, largest: float) -> tuple[float, ...]:

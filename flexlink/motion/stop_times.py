@@ -70,6 +70,11 @@ class StopTimes:
         self.fixed: list[float] = sorted(set(fixed.tolist()))
         self._kept = Kept()
 
+    @property
+    def span(self) -> float:
+        """The longest time between two stops that every step must end at [s], but for rounding."""
+        return self.run.spacing if self.passed_by == np.inf else self.run.duration
+
     def between(self, start: float, end: float) -> Stops:
         """Those after `start` and before `end`, and `end`; not to be written to."""
         if start == end:
