@@ -318,11 +318,36 @@ def test_parts_that_are_no_list_of_the_settings_are_one_line(study, capsys):
     assert "parts = 'method': not a list of the settings" in capsys.readouterr().err
 
 
+def test_the_full_study_measures_times_alone_the_short_one_those_that_a_limit_judges(study, monkeypatch):
+    given = []
+
+    def nothing(cases, keys, report, alone):
+        given.append(alone)
+        return iter(())
+
+    monkeypatch.setattr(runner, "_in_order_of_completion", nothing)
+    study()
+    study("--full")
+    assert given == [runner.TIMED - runner.BESIDE, runner.TIMED]
+    assert {"integrators", "speed_start"} <= runner.BESIDE <= runner.TIMED
+
+
+def test_no_limit_judges_a_time_that_is_measured_beside_other_cases():
+    """But those of whole commands, of which it is a multiple."""
+    limited = {
+        case.kind
+        for case in load_cases()
+        for each in case.quantity.values()
+        if each.tolerance and each.unit in {"s", "ms", "µs"}
+    }
+    assert runner.BESIDE & limited == {"speed_start"}
+
+
 def test_what_measures_time_runs_last_and_alone(monkeypatch):
     monkeypatch.setattr(runner, "measure", lambda case, key: iter([]))
     monkeypatch.setattr(runner, "WORTH_A_POOL", 1000)
     cases = load_cases()
-    ran = runner._in_order_of_completion(cases, {case.name: "" for case in cases}, lambda name, row: None)
+    ran = runner._in_order_of_completion(cases, {case.name: "" for case in cases}, lambda name, row: None, runner.TIMED)
     timed = [case.kind in runner.TIMED for case, _ in ran]
     assert timed == sorted(timed)
     assert {"integrators", "speed", "speed_calls"} <= {case.kind for case in cases if case.kind in runner.TIMED}

@@ -155,7 +155,7 @@ def _run(
             console.print(f"[red]FAILED[/red] {escape(_describe(row))}", highlight=False)
 
     try:
-        failed = run_cases(cases, store, options.force, report, again_if_busy=not options.full)
+        failed = run_cases(cases, store, options.force, report, full=options.full)
     finally:
         bar.clear()
     console.print(f"{len(cases) - len(failed)} of {len(cases)} cases stored", highlight=False)

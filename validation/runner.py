@@ -12,6 +12,7 @@ import subprocess
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Set as AbstractSet
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from typing import Any
 
@@ -21,7 +22,7 @@ from flexlink.common.versions import processor, system, versions
 from flexlink.describe.spec import decode
 from validation import row_counts
 from validation.case import ALL, CLAIM, Case, Measured, load_cases
-from validation.kinds import KINDS, LONG, SETTINGS, TIMED, Kind, measurements
+from validation.kinds import BESIDE, KINDS, LONG, SETTINGS, TIMED, Kind, measurements
 from validation.sources import ROOT, digests, sources
 from validation.speed.machine import LoadMonitor
 from validation.store import Environment, Finished, Planned, Row, Series, Store
@@ -46,7 +47,7 @@ Report = Callable[[str, Row | None], None]
 
 
 def run_cases(
-    cases: Sequence[Case], store: Store, force: bool, report: Report, again_if_busy: bool = True
+    cases: Sequence[Case], store: Store, force: bool, report: Report, full: bool = False
 ) -> dict[str, FlexlinkError]:
     """Run every case that is not stored yet: side by side, and then, one at a time, those that measure time.
 
@@ -58,8 +59,9 @@ def run_cases(
         Also what is stored.
     report
         Told of every case that starts, and of every row.
-    again_if_busy
-        Also what is stored, has a limit of time, and was measured on a busy machine.
+    full
+        All that measures time runs alone; what is stored stays, even if the machine was busy. Else it is measured again
+        where a limit judges it, and what none judges runs beside other cases.
 
     Returns
     -------
@@ -74,7 +76,7 @@ def run_cases(
     """
     shared, known = _hash_of_sources(), load_cases(*ALL)
     keys = {case.name: _key(case, shared) for case in known}
-    wanted = [case for case in cases if force or not _is_done(case, keys[case.name], store, again_if_busy)]
+    wanted = [case for case in cases if force or not _is_done(case, keys[case.name], store, not full)]
     named = {case.name for case in cases} | set(store.finished())
     planned = [case for case in known if not case.by_name or case.name in named]
     store.note_plan({case.name: Planned(keys[case.name], case.kind, case.title, case.about) for case in planned})
@@ -82,9 +84,10 @@ def run_cases(
         store.note_environment(environment())
         store.reopen({case.name for case in wanted})
     failed: dict[str, FlexlinkError] = {}
-    for case, results in _in_order_of_completion(wanted, keys, report):
+    alone = TIMED if full else TIMED - BESIDE
+    for case, results in _in_order_of_completion(wanted, keys, report, alone):
         store.forget(case.name)
-        watch = LoadMonitor() if case.kind in TIMED else None
+        watch = LoadMonitor() if case.kind in alone else None
         try:
             _keep(case, results, store, report)
         except OutputError:  # so would be the next one
@@ -118,14 +121,14 @@ def _is_done(case: Case, key: str, store: Store, again_if_busy: bool) -> bool:
 
 
 def _in_order_of_completion(
-    cases: Sequence[Case], keys: dict[str, str], report: Report
+    cases: Sequence[Case], keys: dict[str, str], report: Report, kinds_alone: AbstractSet[str]
 ) -> Iterator[tuple[Case, Iterable[Row | Series]]]:
-    """Each case with its results; those of a timed one, or of a single one, come one by one as they are measured.
+    """Each case with its results; those of one alone, or of a single one, come one by one as they are measured.
 
     What is timed is rehearsed while the others run, so that no core idles while its kernels are compiled.
     """
-    alone = [case for case in cases if case.kind in TIMED]
-    shared = [case for case in cases if case.kind not in TIMED]
+    alone = [case for case in cases if case.kind in kinds_alone]
+    shared = [case for case in cases if case.kind not in kinds_alone]
     if len(shared) < WORTH_A_POOL:
         alone, shared = shared + alone, []
     if shared:

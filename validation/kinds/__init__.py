@@ -3,7 +3,8 @@
 A kind is found by being here, under the name of its file. A case's table `settings` are the parameters of `run` after
 `case`; a kind whose helpers need them together has them in a class `Settings`, which its `run(case, settings)` takes.
 One that measures time says `TIMED = True`: nothing else runs meanwhile, and the study notes what the machine did
-besides. If its kernels take long to compile, it has `rehearsal(settings)`, the settings of a short run that compiles
+besides; where no limit judges these times, or is far from processor times, `BESIDE = True`: alone in the full study
+only. If its kernels take long to compile, it has `rehearsal(settings)`, the settings of a short run that compiles
 them all: the study makes it while other cases run. One whose cases take long says `LONG = True`: they start first, so
 that no core idles while the last one runs.
 """
@@ -58,4 +59,5 @@ KINDS: dict[str, Kind] = {
 }
 SETTINGS = {name: _settings(kind) for name, kind in KINDS.items()}
 TIMED = {name for name, kind in KINDS.items() if getattr(kind, "TIMED", False)}
+BESIDE = {name for name, kind in KINDS.items() if getattr(kind, "BESIDE", False)}
 LONG = {name for name, kind in KINDS.items() if getattr(kind, "LONG", False)}

@@ -19,6 +19,8 @@ from validation.physics.variant import Rule
 from validation.store import Series, table
 
 TIMED = True
+BESIDE = True
+LONG = True
 
 ENGINES = (("flexlink", "native", "error_at"), ("MuJoCo", "mujoco", "mujoco_error_at"))
 HEADS = ("program", "rule", "hinges a link", "error", "accepted", "CPU time [s]")

@@ -20,6 +20,7 @@ from validation.speed.races import race
 from validation.store import Series, table
 
 TIMED = True
+BESIDE = True
 
 
 LABELS = (

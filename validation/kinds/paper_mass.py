@@ -22,6 +22,7 @@ from validation.speed.races import Race, Races
 from validation.store import Series
 
 TIMED = True
+BESIDE = True
 
 Settings = Races
 rehearsal = races.rehearsal

@@ -17,6 +17,7 @@ from validation.speed.families import States, timed_states
 from validation.speed.races import Jobs, Races
 
 TIMED = True
+BESIDE = True
 
 Settings = Races
 rehearsal = races.rehearsal

@@ -22,6 +22,7 @@ from validation.speed.races import processor_time
 from validation.trade.error_parts import Fine, Setup, Type
 
 TIMED = True
+BESIDE = True
 
 
 class Arm(Spec, frozen=True):

@@ -9,7 +9,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 
 from validation.case import Case, Measured
@@ -28,10 +27,12 @@ print((long - short) * (1 if sys.platform == 'darwin' else 1024))
 
 
 TIMED = True
+BESIDE = True
+LONG = True
 
 
 def run(case: Case, repeats: int, steps: tuple[int, int]) -> Iterator[Measured]:
-    """Seconds of the command, cold and warm, and of the import; bytes by which a longer run's peak is higher.
+    """CPU time of the command, cold and warm, and of the import; bytes by which a longer run's peak is higher.
 
     `steps` are those of a short and a long run with the same 101 samples.
     """
@@ -56,7 +57,9 @@ def run(case: Case, repeats: int, steps: tuple[int, int]) -> Iterator[Measured]:
 
 
 def _timed(command: list[str], environment: dict[str, str]) -> tuple[float, str]:
-    """Seconds from the start of a process to its end, and its output."""
-    start = time.perf_counter()
+    """CPU time of a process, from its start to its end, and its output."""
+    start = os.times()
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
-    return time.perf_counter() - start, done.stderr + done.stdout
+    end = os.times()
+    seconds = end.children_user - start.children_user + end.children_system - start.children_system
+    return seconds, done.stderr + done.stdout

@@ -52,10 +52,8 @@ def race(works: Mapping[Name, Work], turns: int, turn: float) -> dict[Name, floa
 
 
 def clock(work: Work, calls: int) -> float:
-    """Seconds of so many calls."""
-    start = time.perf_counter()
-    work(calls)
-    return time.perf_counter() - start
+    """CPU time of so many calls [s]."""
+    return processor_time(lambda: work(calls))
 
 
 def processor_time(work: Callable[[], object]) -> float:
@@ -69,7 +67,7 @@ def _calls_in(work: Work, turn: float) -> int:
     work(1)
     calls = 1
     while (seconds := clock(work, calls)) < turn:
-        calls = max(2 * calls, math.ceil(calls * min(turn / seconds, 100.0)))
+        calls = max(2 * calls, math.ceil(calls * turn / max(seconds, turn / 100.0)))
     return calls
 
 
