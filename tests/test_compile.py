@@ -38,11 +38,14 @@ def test_every_public_function_of_numbers_is_rehearsed() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["plane", "cells"])
+@pytest.mark.parametrize("name", rehearsal.KINDS)
 def test_a_rehearsal_runs_to_its_end(name: str, capsys) -> None:
+    """What is refused compiles nothing: of each arm no more than it is not made for."""
     rehearsal.main([name])
     told = capsys.readouterr().err.splitlines()
     assert len(told) == len([*rehearsal.calls(rehearsal.scene_of(name))])
+    refused = {line.split(": ")[1] for line in told if "refused" in line}
+    assert refused == {"cells": {"modes in motion"}, "free": {"modes in motion", "sampled law"}}.get(name, set())
 
 
 @pytest.mark.parametrize("arguments", [["--cpu", "x86-64"], ["--cpu", "z80", "--out", "nowhere"]])

@@ -24,6 +24,7 @@ from flexlink.kernels.stepping.runge_kutta import integrate, stage
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.motion.chunk_size import ChunkSize
 from flexlink.motion.floating_steps import advance
+from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import effort_of, held_torques
 from flexlink.motion.sensing import sample_at
 from flexlink.results.record import Record
@@ -70,7 +71,7 @@ class Control:
             self.apart = whole(f"rate = {rate!r}: 1 / rate", between, "run.step", run.fixed_step, ArgumentError)
             last = (run.samples - 1) * run.steps_per_sample
             self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.fixed_step)
-        self.drive = held_torques(chain, self.times, np.zeros((len(self.times), self.joints)))
+        self.drive = drive_for(chain, held_torques(chain, self.times, np.zeros((len(self.times), self.joints))))
         self._problem, self._sensing = problem, Readings(problem.scene) if asks_for_sensors(law) else None
 
     def torque(self, t: float, q: Array, qd: Array, sensors: dict[str, dict[str, float]] | None = None) -> Array:

@@ -15,6 +15,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.whole_steps import parts, whole
 from flexlink.dynamics.sensors.readings import Readings
 from flexlink.kernels.inputs.record import Inputs
+from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import effort_of, held_torques, remembered
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.sampled_control import held_torques_advice
@@ -100,7 +101,8 @@ class Simulator:
         self._monitor, self._steps = single.monitor, single.steps
         self._run, self._record = self._monitor.run, self._monitor.record
         inputs = self._record.inputs
-        self._driven, self._pushed = inputs, inputs._replace(drive=self._held)
+        self._driven = inputs
+        self._pushed = inputs._replace(drive=drive_for(self._record.chain, self._held))
         self._time, self._calls = float(self._record.t[0]), 0
         if not self._run.controlled:
             self._time = self._record.origin * self._run.fixed_step

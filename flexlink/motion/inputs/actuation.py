@@ -30,8 +30,12 @@ def inputs_with(drive: Drive, scene: Scene, chain: Chain) -> Inputs:
     wrench = scene.tip_wrench if loads is None else np.full(6, np.nan)  # until a stage writes it
     if chain.arrays.rare is not None:
         loads = loads or no_loads(chain)
-        drive = drive._replace(model=drive.model or no_model())
-    return Inputs(drive, motion_arrays(scene, chain), wrench, loads)
+    return Inputs(drive_for(chain, drive), motion_arrays(scene, chain), wrench, loads)
+
+
+def drive_for(chain: Chain, drive: Drive) -> Drive:
+    """The drive in the types of the loops for a chain: full ones have a rigid model, of no bodies if need be."""
+    return drive if chain.arrays.rare is None else drive._replace(model=drive.model or no_model())
 
 
 def of_kind(scene: Scene, chain: Chain) -> Chain:
