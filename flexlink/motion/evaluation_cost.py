@@ -68,6 +68,13 @@ def rates() -> Rates:
     return decode(read_toml(Path(__file__).parent / "data" / "evaluation_costs.toml"), Rates)
 
 
+@functools.cache
+def listed(place: str, has: str, kind: str) -> Array:
+    """The rates of `OPERATIONS` [µs], each with its `parts`, (9, 9); not to be written to."""
+    found = rates()[place][has][kind]
+    return np.array([found[name].parts if name in found else np.zeros(9) for name in OPERATIONS])
+
+
 def bodies_of(chain: Chain) -> Bodies:
     """How many bodies of a chain have 0, 1, 2, 3 hinges, the tip frame not counted."""
     hinges = (chain.bodies["stop"] - chain.bodies["first"])[:-1]
@@ -91,14 +98,15 @@ def operation_costs(chain: Chain, *, explicit: bool, drive: Drive | None = None)
     A law that is sampled is asked where steps begin anew, another one at every stage; a motor with a largest torque is
     looked at after each step.
     """
-    kind = rates()["plane" if chain.is_planar else "space"]["plain" if chain.arrays.rare is None else "full"]
-    listed, parts = kind["explicit" if explicit else "implicit"], parts_of(chain, drive)
-    costs = np.array([listed.get(name, Rate()).parts for name in OPERATIONS])
-    asked = np.ones(costs.shape)
-    if drive is not None:
-        limited = bool(np.min(drive.effort, initial=np.inf) < np.inf) and not drive.rate
-        asked[:, 7:] = np.array([not drive.rate, limited, drive.rate > 0, *[0] * 6])[:, None]
-    return np.asarray(1e-6 * (costs * asked) @ parts)
+    has = "plain" if chain.arrays.rare is None else "full"
+    costs = listed("plane" if chain.is_planar else "space", has, "explicit" if explicit else "implicit")
+    parts = parts_of(chain, drive)
+    always, driven = costs[:, :7] @ parts[:7], costs[:, 7:] @ parts[7:]
+    if drive is None or not parts[7]:
+        return np.asarray(1e-6 * always)
+    limited = min(drive.effort.tolist(), default=np.inf) < np.inf and not drive.rate
+    asked = np.array([not drive.rate, limited, drive.rate > 0, *[0] * 6])
+    return np.asarray(1e-6 * (always + asked * driven))
 
 
 def evaluation_cost(chain: Chain, *, explicit: bool) -> float:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+import operator
+
 from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.springs import damping_slope
@@ -46,12 +49,19 @@ def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
     return {name: price_of_a_step(record, name) * max(fewest, tries[name] / run.duration) for name in METHODS}
 
 
+def prices(record: Record, *, explicit: bool) -> Array:
+    """CPU time of each of `OPERATIONS` on a record's chain [s]."""
+    find = functools.partial(operation_costs, record.chain, explicit=explicit, drive=record.inputs.drive)
+    found: Array = record.kept(("prices", explicit), None, find)
+    return found
+
+
 def price_of_a_step(record: Record, name: str) -> float:
     """CPU time of one try of a step [s]: of an implicit method in two passes, its errors weighed at three times."""
-    rule, drive = method(name), record.inputs.drive
-    costs = operation_costs(record.chain, explicit=rule.explicit, drive=drive)
+    rule = method(name)
     passes, systems, weighed = (1, 0, 6) if rule.explicit else (2, rule.stages, 3)
-    return float(costs @ [passes * rule.stages, 1, 0, systems, weighed, 0, 0, 0, 0])
+    often = [passes * rule.stages, 1, 0, systems, weighed, 0, 0, 0, 0]
+    return sum(map(operator.mul, prices(record, explicit=rule.explicit).tolist(), often))
 
 
 def tumbles(record: Record) -> bool:

@@ -22,8 +22,7 @@ from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.saturation import choose_branches
 from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
 from flexlink.kernels.tools.machine_code import direct
-from flexlink.motion.evaluation_cost import operation_costs
-from flexlink.motion.method_choice import cheapest, fastest_motion, guessed_costs
+from flexlink.motion.method_choice import cheapest, fastest_motion, guessed_costs, prices
 from flexlink.motion.step_settings import longest_step, longest_step_of, settings
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import StopTimes, only
@@ -220,11 +219,9 @@ class MethodSteps:
         dearest = stages + self.method.more_stages if self.method.explicit else FEW_PASSES * stages
         self.dearest = dearest if self.run.controlled else 0
         self.work, self._at_first = self._scratch(), (self.evaluations, self.tries)
-        drive, explicit = record.inputs.drive, self.method.explicit
         start, rule, about = float(record.t[0]), self.method, (part.tobytes() for part in self.state[:2])
-        prices = lambda: operation_costs(record.chain, explicit=explicit, drive=drive)  # noqa: E731
         stops = lambda: StopTimes(rule, record, self.by_drive, halved=self.halved, passes=self.passes)  # noqa: E731
-        self.prices = record.kept(("prices", explicit), None, prices)
+        self.prices = prices(record, explicit=rule.explicit)
         self.stop_times = record.kept(("stops", self.name), (rule, start, record.q[0].tobytes()), stops)
         self.settings = record.kept(("settings", self.name), (choice, now, *about), lambda: self._settings(now))
         self.end, self.knots = now, only(now)
