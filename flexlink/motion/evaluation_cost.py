@@ -10,6 +10,7 @@ one pass of Newton's iteration of an implicit one. Costs are those of the machin
 from __future__ import annotations
 
 import functools
+import operator
 import time
 from pathlib import Path
 
@@ -52,10 +53,10 @@ class Rate(Spec, frozen=True):
     """Of a driven joint whose law asks a rigid model."""
 
     @property
-    def parts(self) -> Array:
+    def parts(self) -> list[float]:
         """As `parts_of` a chain."""
         bodies = [*self.body, *[0.0] * (4 - len(self.body))]
-        return np.array([self.start, *bodies, self.coupling, self.dry, self.driven, self.model])
+        return [self.start, *bodies, self.coupling, self.dry, self.driven, self.model]
 
 
 Rates = dict[str, dict[str, dict[str, dict[str, Rate]]]]
@@ -69,10 +70,10 @@ def rates() -> Rates:
 
 
 @functools.cache
-def listed(place: str, has: str, kind: str) -> Array:
-    """The rates of `OPERATIONS` [µs], each with its `parts`, (9, 9); not to be written to."""
+def listed(place: str, has: str, kind: str) -> list[list[float]]:
+    """The rates of `OPERATIONS` [µs], each with its `parts`; not to be written to."""
     found = rates()[place][has][kind]
-    return np.array([found[name].parts if name in found else np.zeros(9) for name in OPERATIONS])
+    return [found[name].parts if name in found else [0.0] * 9 for name in OPERATIONS]
 
 
 def bodies_of(chain: Chain) -> Bodies:
@@ -92,7 +93,7 @@ def parts_of(chain: Chain, drive: Drive | None) -> Array:
     return np.array([1.0, *bodies_of(chain), len(chain.couplings), dry, driven, model])
 
 
-def operation_costs(chain: Chain, *, explicit: bool, drive: Drive | None = None) -> Array:
+def operation_costs(chain: Chain, *, explicit: bool, drive: Drive | None = None) -> list[float]:
     """CPU time of each of `OPERATIONS` [s] on a chain under a drive, if there is one.
 
     A law that is sampled is asked where steps begin anew, another one at every stage; a motor with a largest torque is
@@ -101,12 +102,12 @@ def operation_costs(chain: Chain, *, explicit: bool, drive: Drive | None = None)
     has = "plain" if chain.arrays.rare is None else "full"
     costs = listed("plane" if chain.is_planar else "space", has, "explicit" if explicit else "implicit")
     parts = parts_of(chain, drive)
-    always, driven = costs[:, :7] @ parts[:7], costs[:, 7:] @ parts[7:]
-    if drive is None or not parts[7]:
-        return np.asarray(1e-6 * always)
-    limited = min(drive.effort.tolist(), default=np.inf) < np.inf and not drive.rate
-    asked = np.array([not drive.rate, limited, drive.rate > 0, *[0] * 6])
-    return np.asarray(1e-6 * (always + asked * driven))
+    asked = [True] * 9
+    if drive is not None:
+        limited = min(drive.effort.tolist(), default=np.inf) < np.inf and not drive.rate
+        asked = [not drive.rate, limited, drive.rate > 0, *[False] * 6]
+    all_parts = [*parts[:7].tolist(), 0.0, 0.0], parts.tolist()
+    return [1e-6 * sum(map(operator.mul, row, all_parts[a])) for row, a in zip(costs, asked, strict=True)]
 
 
 def evaluation_cost(chain: Chain, *, explicit: bool) -> float:
@@ -128,8 +129,7 @@ def _evaluation_cost(chain: Chain, stages: int, *, explicit: bool) -> float:
     method each of two.
     """
     weighed, passes = (6, 1) if explicit else (3, 2)
-    costs: list[float] = operation_costs(chain, explicit=explicit).tolist()
-    evaluation, step, _, preparation, weighing, *_ = costs
+    evaluation, step, _, preparation, weighing, *_ = operation_costs(chain, explicit=explicit)
     if stages == 0:
         return evaluation
     return evaluation + (step + stages * preparation + weighed * weighing) / (passes * stages)
@@ -145,7 +145,7 @@ def step_cost(chain: Chain, name: str) -> float:
 def machine_factor(problem: InitialValueProblem) -> float:
     """How many times the listed cost an evaluation takes on this machine, measured in about 5 ms."""
     drive = problem.inputs.drive
-    return evaluation_time(problem) / float(operation_costs(problem.chain, explicit=True, drive=drive)[0])
+    return evaluation_time(problem) / operation_costs(problem.chain, explicit=True, drive=drive)[0]
 
 
 def evaluation_time(problem: InitialValueProblem) -> float:

@@ -49,10 +49,10 @@ def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
     return {name: price_of_a_step(record, name) * max(fewest, tries[name] / run.duration) for name in METHODS}
 
 
-def prices(record: Record, *, explicit: bool) -> Array:
+def prices(record: Record, *, explicit: bool) -> list[float]:
     """CPU time of each of `OPERATIONS` on a record's chain [s]."""
     find = functools.partial(operation_costs, record.chain, explicit=explicit, drive=record.inputs.drive)
-    found: Array = record.kept(("prices", explicit), None, find)
+    found: list[float] = record.kept(("prices", explicit), None, find)
     return found
 
 
@@ -61,7 +61,7 @@ def price_of_a_step(record: Record, name: str) -> float:
     rule = method(name)
     passes, systems, weighed = (1, 0, 6) if rule.explicit else (2, rule.stages, 3)
     often = [passes * rule.stages, 1, 0, systems, weighed, 0, 0, 0, 0]
-    return sum(map(operator.mul, prices(record, explicit=rule.explicit).tolist(), often))
+    return sum(map(operator.mul, prices(record, explicit=rule.explicit), often))
 
 
 def tumbles(record: Record) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import operator
 from typing import Any
 
 import numpy as np
@@ -296,19 +297,19 @@ class MethodSteps:
         self.count[COUNT.besides] = number
 
     @property
-    def work_done(self) -> Array:
+    def work_done(self) -> list[float]:
         """How often this method did each of `OPERATIONS` since it took over."""
         s, now, (evaluations, tries) = self.method.stages, self.work.stepper.tolist(), self._at_first
-        return np.array([
+        return [
             self.evaluations - evaluations, self.tries - tries, now[STEPPER.begun], s * now[STEPPER.prepared],
             now[STEPPER.weighed], now[STEPPER.stage_matrices], now[STEPPER.stage_solutions], s * now[STEPPER.answers],
             now[STEPPER.multiplications],
-        ])  # fmt: skip
+        ]  # fmt: skip
 
     @property
     def cost(self) -> float:
         """CPU time of that [s]."""
-        return float(self.prices @ self.work_done)
+        return sum(map(operator.mul, self.prices, self.work_done))
 
     @property
     def time(self) -> float:
