@@ -39,18 +39,18 @@ class AdaptiveSteps(MethodSteps):
         self.failure: Failure | None = None
         self.budget = Budget(run.max_evaluations, run.duration)
         self.slow = 0, ""  # row of the next sample when it was found, and what is to be told while the run goes on
-        self.spent = 0.0  # CPU time of steps by methods before the present one [s]
+        self.spent = 0.0  # CPU time of steps by methods before the present one [s], which began at `taken` [s]
         super().__init__(record, control is None, halved, passes)
         self.begin_choosing()
 
     def begin_choosing(self) -> None:
         """What is known of methods before the first step, for `consider`."""
-        # tries of steps at which it is considered whether another method goes on
-        self.consider_at = NEVER if self.run.method != AUTO or tumbles(self.record) else few(self)
         self.judged: tuple[float, float] | None = None  # time, and the method's cost, where its present steps began
         self.rates: dict[str, float] = {}  # CPU time that a second of motion cost by each method; inf: it got stuck
         self.tried: dict[str, float] = {}  # what the run had cost when a method was last taken, or left [s]
         self.tried_for: tuple[str, str] | None = None  # the method, and why, in whose place one is tried
+        # tries of steps at which it is considered whether another method goes on
+        self.consider_at = NEVER if self.run.method != AUTO or tumbles(self.record) else few(self)
         if self.consider_at < NEVER:
             self.guesses = self.guessed()
 
@@ -116,7 +116,7 @@ class AdaptiveSteps(MethodSteps):
         return (self.time - float(self.record.t[0])) / self.run.duration
 
     def _take(self, choice: tuple[str, str], now: float) -> None:
-        self.spent += self.cost if self.methods else 0.0
+        self.spent, self.taken = self.spent + (self.cost if self.methods else 0.0), now
         super()._take(choice, now)
         self.budget.safe = 0.0  # a step may be dearer now
 

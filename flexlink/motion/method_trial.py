@@ -22,74 +22,94 @@ if TYPE_CHECKING:
 
 
 FEW = 8
-"""Tries of steps: the first ones of a method, which begins anew, and those by which it is judged."""
+"""Tries of steps: the first ones of a method, which begins anew, and those by which it is judged, at least."""
 
 SWITCH = 1e-4
 """CPU time of a change of methods, and back, beside their steps [s]."""
 
-PATIENCE = 0.15
-"""Part of what another method promises to cost in the rest of the run that a run must have cost before it is tried."""
+TRIAL = 0.03
+"""Part of what a run has cost that a trial may cost, or 8 steps and 8."""
+
+PATIENCE = 0.3
+"""Part of what another method promises to cost in the rest of a run that the run must have cost before it goes on."""
 
 
 def consider(steps: AdaptiveSteps) -> None:
     """Judge the steps since the last time, and go on with another method if the rest is likely to cost less by it."""
     time, cost, since = steps.time, steps.cost, steps.judged
-    steps.judged = time, cost
     if since is None or time <= since[0]:  # it has just begun, or did not get on
-        steps.consider_at = steps.tries + (FEW if steps.tried else few(steps))
+        steps.judged, steps.consider_at = (time, cost), steps.tries + few(steps)
         return
-    rate, tried_for, steps.tried_for = (cost - since[1]) / (time - since[0]), steps.tried_for, None
+    rate, overall = (cost - since[1]) / (time - since[0]), cost / (time - steps.taken)
+    steps.judged, steps.consider_at = (time, cost), 2 * steps.tries
     steps.rates = updated(steps, rate)
-    steps.consider_at = 2 * steps.tries
-    spent, rest = steps.spent + cost, steps.rest
-    if rate * rest < SWITCH:
+    if steps.tried_for and not is_cheaper(steps, steps.name, rate, steps.rates[steps.tried_for[0]]):
+        name, why = steps.tried_for
+        go_on_with(steps, name, why)
+    else:
+        steps.tried_for = None
+        look_around(steps, min(rate, overall))
+
+
+def look_around(steps: AdaptiveSteps, rate: float) -> None:
+    """Go on with the method that promises most, or try one, where the present one costs so much in a second [s/s]."""
+    if rate * steps.rest < SWITCH:
         return
     promises = {name: promised(steps, name) for name in METHODS if name != steps.name}
     name = min(promises, key=lambda other: promises[other])
-    known = name in steps.rates
-    if not is_cheaper(steps, name, promises[name], rate, spent):
-        known = False
-        name = next((other for other in promises if is_worth_a_trial(steps, other, rate, spent)), "")
+    if is_cheaper(steps, name, promises[name], rate):
+        trial = name not in steps.rates
+    else:
+        name, trial = next((other for other in promises if is_worth_a_trial(steps, other, rate)), ""), True
     if name:
-        back = tried_for if tried_for and tried_for[0] == name else None
-        steps.tried_for = None if known else (steps.name, steps.why)
-        steps.tried = {**steps.tried, steps.name: spent, name: spent}
-        steps.go_on_with(name, back[1] if back else "")
-        steps.judged, steps.consider_at = None, steps.tries + FEW
+        tried_for = (steps.name, steps.why) if trial else None
+        go_on_with(steps, name)
+        steps.tried_for = tried_for
+
+
+def go_on_with(steps: AdaptiveSteps, name: str, why: str = "") -> None:
+    """Go on with another method, and note when it was the present one's turn."""
+    spent = steps.spent + steps.cost
+    steps.tried = {**steps.tried, steps.name: spent, name: spent}
+    steps.go_on_with(name, why)
+    steps.judged, steps.tried_for, steps.consider_at = None, None, steps.tries + few(steps)
 
 
 def few(steps: AdaptiveSteps) -> int:
-    """Tries of steps that cost as much as a change of methods."""
-    return max(FEW, math.ceil(SWITCH / price_of_a_step(steps.record, steps.name)))
+    """Tries of steps up to the next time: of a run's first ones as many as cost as much as a change of methods.
+
+    Later as many as cost a part of what the run has cost, so that what a method inherits from another one counts less.
+    """
+    time = TRIAL / 2 * steps.spent if steps.tried else SWITCH
+    return max(FEW, math.ceil(time / price_of_a_step(steps.record, steps.name)))
 
 
-def is_cheaper(steps: AdaptiveSteps, name: str, promise: float, rate: float, spent: float) -> bool:
-    """Whether a method promises to do the rest for clearly less."""
-    gain, rest = (rate - promise) * steps.rest, steps.rest
-    if name in steps.rates:
-        return promise < 0.9 * rate and gain > SWITCH
-    return promise < 0.75 * rate and gain > 4.0 * trial(steps, name) and spent > PATIENCE * promise * rest
+def is_cheaper(steps: AdaptiveSteps, name: str, promise: float, rate: float) -> bool:
+    """Whether a method that promises to cost so much in a second does the rest of the run for clearly less [s/s]."""
+    known, rest = name in steps.rates, steps.rest
+    clearly, price = (0.9, SWITCH) if known else (0.75, 4.0 * trial(steps, name))
+    gains = promise < clearly * rate and (rate - promise) * rest > price
+    return gains and steps.spent + steps.cost > PATIENCE * promise * rest
 
 
-def is_worth_a_trial(steps: AdaptiveSteps, name: str, rate: float, spent: float) -> bool:
+def is_worth_a_trial(steps: AdaptiveSteps, name: str, rate: float) -> bool:
     """Whether a run has cost so much since a method was last tried that it may be again, if it may cost less at all."""
     if steps.rates.get(name, 0.0) == math.inf:
         return False
     last, price = steps.tried.get(name, 0.0), trial(steps, name)
     least = steps.guesses[name] / (1.0 if name == "DOP853" else 3.0)
-    return spent - last > max(last, 10.0 * price) and (rate - least) * steps.rest > 4.0 * price
+    return steps.spent + steps.cost - last > max(last, 10.0 * price) and (rate - least) * steps.rest > 4.0 * price
 
 
 def trial(steps: AdaptiveSteps, name: str) -> float:
-    """What it costs to try a method [s]."""
+    """What it costs at least to try a method [s]."""
     return SWITCH + 2 * FEW * price_of_a_step(steps.record, name)
 
 
 def updated(steps: AdaptiveSteps, rate: float) -> dict[str, float]:
     """What methods cost in a second of motion [s/s], those of others as much less as the present one costs less."""
     before = steps.rates.get(steps.name, math.inf)
-    easier = min(1.0, rate / before)
-    easier = easier if before < math.inf else 1.0
+    easier = min(1.0, rate / before) if before < math.inf else 1.0
     return {**{name: easier * cost for name, cost in steps.rates.items()}, steps.name: rate}
 
 
