@@ -132,7 +132,8 @@ def sampled(dice: Dice, _seed: int) -> fl.Scene:
     return fl.Scene(
         name="sampled",
         arm=fl.Arm(
-            links=links, materials={"stuff": fl.Material(young=dice.decades(9.7, 11.3), density=2700.0, loss_time=1e-4)},
+            links=links,
+            materials={"stuff": fl.Material(young=dice.decades(9.7, 11.3), density=2700.0, loss_time=1e-4)},
             sections={"bar": fl.Section(shape="rectangle", height=dice.linear(0.01, 0.03), width=0.03)},
             tip=fl.RigidBody(mass=dice.one_of(0.0, 1.0)),
         ),
@@ -187,7 +188,12 @@ def cells(seed: int) -> list[Cell]:
 
 def timed(seed: int, kind: str, scene: fl.Scene, tolerance: float) -> Cell | None:
     """Times of a scene's runs with one tolerance, by turns."""
-    run = {"run.tolerance": None, "run.relative_tolerance": tolerance, "run.step": None, "run.max_evaluations": AFFORDABLE}
+    run = {
+        "run.tolerance": None,
+        "run.relative_tolerance": tolerance,
+        "run.step": None,
+        "run.max_evaluations": AFFORDABLE,
+    }
     problems: dict[str, fl.Problem] = {}
     taken: dict[str, list[float]] = {}
     ended = ""
@@ -229,11 +235,12 @@ def main() -> int:
             times = " ".join(f"{1e3 * cell.seconds[name]:9.3f}" for name in METHODS)
             print(f"{seed:4} {cell.kind:9} {cell.tolerance:7.0e} {times} {cell.ratio:6.2f} {cell.method}", flush=True)
     ratios = np.array([cell.ratio for cell in found])
-    cheapest = collections.Counter(min(METHODS[1:], key=lambda name: cell.seconds[name]) for cell in found)  # noqa: B023
+    cheapest = collections.Counter(min(METHODS[1:], key=lambda name: cell.seconds[name]) for cell in found)
     print(f"{len(found)} cells; cheapest: {dict(cheapest)}")
     for part in (1.1, NEAR, FAR, 2.5):
         print(f"within {part} of the cheapest: {(ratios <= part).mean():.1%}")
-    print(f"median {np.median(ratios):.3f}, mean of logarithms {np.exp(np.log(ratios).mean()):.3f}, worst {ratios.max():.2f}")
+    mean = np.exp(np.log(ratios).mean())
+    print(f"median {np.median(ratios):.3f}, mean of logarithms {mean:.3f}, worst {ratios.max():.2f}")
     return int((ratios <= NEAR).mean() < NEARLY_ALL or ratios.max() > FAR)
 
 

@@ -14,9 +14,8 @@ from flexlink.motion.budget import FEWEST, Budget, Spent, warn
 from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.floating_steps import is_far
 from flexlink.motion.hindrance import hanging, loop_is_unstable, stuck
-from flexlink.motion.method_choice import tumbles
-from flexlink.motion.method_steps import NEVER, MethodSteps
-from flexlink.motion.method_trial import consider, few
+from flexlink.motion.method_steps import MethodSteps
+from flexlink.motion.method_trial import begin, consider
 from flexlink.motion.sampled_control import Control
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure
@@ -39,27 +38,8 @@ class AdaptiveSteps(MethodSteps):
         self.failure: Failure | None = None
         self.budget = Budget(run.max_evaluations, run.duration)
         self.slow = 0, ""  # row of the next sample when it was found, and what is to be told while the run goes on
-        self.spent = 0.0  # CPU time of steps by methods before the present one [s], which began at `taken` [s]
         super().__init__(record, control is None, halved, passes)
-        self.begin_choosing()
-
-    def begin_choosing(self) -> None:
-        """What is known of methods before the first step, for `consider`."""
-        self.judged: tuple[float, float] | None = None  # time, and the method's cost, where its present steps began
-        self.rates: dict[str, float] = {}  # CPU time that a second of motion cost by each method; inf: it got stuck
-        self.tried: dict[str, float] = {}  # what the run had cost when a method was last taken, or left [s]
-        self.tried_for: tuple[str, str] | None = None  # the method, and why, in whose place one is tried
-        # tries of steps at which it is considered whether another method goes on
-        self.consider_at = NEVER if self.run.method != AUTO or tumbles(self.record) else few(self)
-        if self.consider_at < NEVER:
-            self.guesses = self.guessed()
-
-    @property
-    def rest(self) -> float:
-        """Time that a run has to go [s]; of one from outside that goes on and on, as long as it went."""
-        start = float(self.record.t[0])
-        left = start + self.run.duration - self.time
-        return left if left > 0.0 else self.time - start
+        begin(self)
 
     def __iter__(self) -> Iterator[Reached]:
         yield 1, 0.0 if self.ends else 1.0
@@ -116,7 +96,6 @@ class AdaptiveSteps(MethodSteps):
         return (self.time - float(self.record.t[0])) / self.run.duration
 
     def _take(self, choice: tuple[str, str], now: float) -> None:
-        self.spent, self.taken = self.spent + (self.cost if self.methods else 0.0), now
         super()._take(choice, now)
         self.budget.safe = 0.0  # a step may be dearer now
 

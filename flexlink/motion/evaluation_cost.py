@@ -65,7 +65,7 @@ Rates = dict[str, dict[str, dict[str, dict[str, Rate]]]]
 
 @functools.cache
 def rates() -> Rates:
-    """The measured rates of chains in a `plane` and in `space`, `plain` and `full`, by `explicit` and `implicit` methods."""
+    """Those of chains in a `plane` or in `space`, `plain` or `full`, by `explicit` or `implicit` methods, measured."""
     return decode(read_toml(Path(__file__).parent / "data" / "evaluation_costs.toml"), Rates)
 
 
@@ -83,7 +83,7 @@ def bodies_of(chain: Chain) -> Bodies:
 
 
 def parts_of(chain: Chain, drive: Drive | None) -> Array:
-    """What an operation on a chain costs by, (9,): one start, bodies by their hinges, couplings, joints by what they have.
+    """By what an operation on a chain costs, (9,): one start, bodies by their hinges, couplings, joints by their kind.
 
     A table of torques, such as those that are held from outside, costs next to nothing.
     """

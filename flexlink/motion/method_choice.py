@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import operator
 
 from flexlink.common.types import Array
@@ -12,9 +13,6 @@ from flexlink.dynamics.vibration.extremes import fastest_of
 from flexlink.motion.evaluation_cost import operation_costs
 from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.results.record import Record
-
-METHODS = ("Radau5", "Radau9", "DOP853")
-"""That `auto` chooses from."""
 
 STIFF = 600.0
 """Product of the fastest frequency, or decay, and the duration from which a run does not begin with Radau9: vibration
@@ -53,13 +51,14 @@ def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
     run, part = record.run, tolerance / record.chain.size
     fastest, strict = max(fastest_motion(record, record.q[0])), 1e-2 / part
     tries = {"Radau5": 12.0 * strict**0.2}
-    tries["Radau9"] = 11.0 * strict**0.11 if fastest * run.duration <= STIFF else 1.3 * part ** (1 / 12) * tries["Radau5"]
+    short = fastest * run.duration <= STIFF
+    tries["Radau9"] = 11.0 * strict**0.11 if short else 1.3 * part ** (1 / 12) * tries["Radau5"]
     # |h ω| up to which steps of DOP853 may be stable: it ends there, or before
     tries["DOP853"] = fastest * run.duration / 6.0 + 8.0 * strict**0.125
     if record.chain.hinges["coulomb"].any():
         tries["Radau9"] = max(tries["Radau9"], tries["Radau5"])
     fewest = record.inputs.drive.rate  # at the instants of a sampled law
-    return {name: price_of_a_step(record, name) * max(fewest, tries[name] / run.duration) for name in METHODS}
+    return {name: price_of_a_step(record, name) * max(fewest, tries[name] / run.duration) for name in tries}
 
 
 def prices(record: Record, *, explicit: bool) -> list[float]:
@@ -74,7 +73,7 @@ def price_of_a_step(record: Record, name: str) -> float:
     rule = method(name)
     passes, systems, weighed = (1, 0, 6) if rule.explicit else (2, rule.stages, 3)
     often = [passes * rule.stages, 1, 0, systems, weighed, 0, 0, 0, 0]
-    return sum(map(operator.mul, prices(record, explicit=rule.explicit), often))
+    return math.fsum(map(operator.mul, prices(record, explicit=rule.explicit), often))
 
 
 def tumbles(record: Record) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import operator
 from typing import Any
 
@@ -23,7 +24,7 @@ from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.saturation import choose_branches
 from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
 from flexlink.kernels.tools.machine_code import direct
-from flexlink.motion.method_choice import cheapest, fastest_motion, guessed_costs, prices
+from flexlink.motion.method_choice import cheapest, fastest_motion, prices
 from flexlink.motion.step_settings import longest_step, longest_step_of, settings
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import StopTimes, only
@@ -55,10 +56,27 @@ class MethodSteps:
         Of all that steps work on, as code for them is kept by; empty: they are looked at.
     prices
         CPU time of each of the method's `OPERATIONS` [s].
+    spent, taken
+        CPU time of steps by methods before this one [s], and time from which it takes them [s].
+    consider_at
+        Tries of steps at which it is considered whether another method goes on.
+    judged
+        Time, and the method's cost, where the steps begin that it is judged by.
+    guesses, rates
+        CPU time that a second of motion may cost by each method, and that it did [s/s]; inf: it got stuck.
+    tried, tried_for
+        What the run had cost when a method was last taken, or left [s]; the method, and why, in whose place one is
+        tried.
     """
 
     settings: tuple[float, ...]
     types: bytes
+    consider_at: int
+    judged: tuple[float, float] | None
+    guesses: dict[str, float]
+    rates: dict[str, float]
+    tried: dict[str, float]
+    tried_for: tuple[str, str] | None
 
     def __init__(self, record: Record, by_drive: bool, halved: bool, passes: bool) -> None:
         run, n = record.run, record.chain.n
@@ -74,6 +92,7 @@ class MethodSteps:
         record.begin()
         self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
         self.methods: tuple[tuple[int, str, str], ...] = ()
+        self.spent, self.taken = 0.0, float(record.t[0])
         self.count[COUNT.row] = 1
         self.samples, self.forward = (record.t, record.q, record.qd, record.works, record.so_far), record.scratch
         # fixed steps begin on the grid of all steps, to the bit
@@ -95,13 +114,6 @@ class MethodSteps:
         if self.run.method != AUTO:
             return self.run.method, ""
         return cheapest(self.record, self.run.tolerance_within(self.record.chain.size), self.slowest)
-
-    def guessed(self) -> dict[str, float]:
-        """What each method may cost in a second of motion [s/s]."""
-        record = self.record
-        about, part = (record.q[0].tobytes(), record.qd[0].tobytes()), self.run.tolerance_within(record.chain.size)
-        found: dict[str, float] = record.kept("guesses", about, lambda: guessed_costs(record, part))
-        return found
 
     def act(self, inputs: Inputs) -> None:
         """Go on under these inputs; if they are other ones, it compiles."""
@@ -214,6 +226,7 @@ class MethodSteps:
         """Prepare steps by a method, chosen for a reason, from a time on; compiles, while no signal is deferred."""
         record, (self.name, self.why) = self.record, choice
         first = self.row if self.methods else 0
+        self.spent, self.taken = self.spent + (self.cost if self.methods else 0.0), now
         self.methods = *(other for other in self.methods if other[0] < first), (first, *choice)
         self.method = method(self.name)
         stages = self.method.stages
@@ -224,7 +237,8 @@ class MethodSteps:
         stops = lambda: StopTimes(rule, record, self.by_drive, halved=self.halved, passes=self.passes)  # noqa: E731
         self.prices = prices(record, explicit=rule.explicit)
         self.stop_times = record.kept(("stops", self.name), (rule, start, record.q[0].tobytes()), stops)
-        self.settings = record.kept(("settings", self.name), (choice, now, *about), lambda: self._settings(now))
+        place = "settings", self.name, now == start  # at the start, and where it goes on for another
+        self.settings = record.kept(place, (now, *about), lambda: self._settings(now))
         self.end, self.knots = now, only(now)
         self._compile()
 
@@ -309,7 +323,7 @@ class MethodSteps:
     @property
     def cost(self) -> float:
         """CPU time of that [s]."""
-        return sum(map(operator.mul, self.prices, self.work_done))
+        return math.fsum(map(operator.mul, self.prices, self.work_done))
 
     @property
     def time(self) -> float:

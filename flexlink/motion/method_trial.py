@@ -13,28 +13,26 @@ machine, so that runs repeat to the bit.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
-from flexlink.motion.method_choice import METHODS, price_of_a_step
-
-if TYPE_CHECKING:
-    from flexlink.motion.adaptive_steps import AdaptiveSteps
-
-
-FEW = 8
-"""Tries of steps: the first ones of a method, which begins anew, and those by which it is judged, at least."""
-
-SWITCH = 1e-4
-"""CPU time of a change of methods, and back, beside their steps [s]."""
-
-TRIAL = 0.03
-"""Part of what a run has cost that a trial may cost, or 8 steps and 8."""
-
-PATIENCE = 0.3
-"""Part of what another method promises to cost in the rest of a run that the run must have cost before it goes on."""
+from flexlink.describe.run_settings import AUTO
+from flexlink.motion.method_choice import guessed_costs, price_of_a_step, tumbles
+from flexlink.motion.method_steps import NEVER, MethodSteps
+from flexlink.motion.tolerable import Thresholds
 
 
-def consider(steps: AdaptiveSteps) -> None:
+def begin(steps: MethodSteps) -> None:
+    """What is known of methods before the first step."""
+    steps.judged, steps.rates, steps.tried, steps.tried_for, steps.guesses = None, {}, {}, None, {}
+    record, run = steps.record, steps.run
+    if run.method != AUTO or tumbles(record):
+        steps.consider_at = NEVER
+        return
+    about, tolerance = (record.q[0].tobytes(), record.qd[0].tobytes()), run.tolerance_within(record.chain.size)
+    steps.guesses = record.kept("guesses", about, lambda: guessed_costs(record, tolerance))
+    steps.consider_at = few(steps)
+
+
+def consider(steps: MethodSteps) -> None:
     """Judge the steps since the last time, and go on with another method if the rest is likely to cost less by it."""
     time, cost, since = steps.time, steps.cost, steps.judged
     if since is None or time <= since[0]:  # it has just begun, or did not get on
@@ -43,19 +41,18 @@ def consider(steps: AdaptiveSteps) -> None:
     rate, overall = (cost - since[1]) / (time - since[0]), cost / (time - steps.taken)
     steps.judged, steps.consider_at = (time, cost), 2 * steps.tries
     steps.rates = updated(steps, rate)
-    if steps.tried_for and not is_cheaper(steps, steps.name, rate, steps.rates[steps.tried_for[0]]):
-        name, why = steps.tried_for
-        go_on_with(steps, name, why)
+    if steps.tried_for and not stays(steps, rate, steps.rates[steps.tried_for[0]]):
+        go_on_with(steps, *steps.tried_for)
     else:
         steps.tried_for = None
         look_around(steps, min(rate, overall))
 
 
-def look_around(steps: AdaptiveSteps, rate: float) -> None:
+def look_around(steps: MethodSteps, rate: float) -> None:
     """Go on with the method that promises most, or try one, where the present one costs so much in a second [s/s]."""
-    if rate * steps.rest < SWITCH:
+    if rate * rest_of(steps) < Thresholds.switch:
         return
-    promises = {name: promised(steps, name) for name in METHODS if name != steps.name}
+    promises = {name: promised(steps, name) for name in steps.guesses if name != steps.name}
     name = min(promises, key=lambda other: promises[other])
     if is_cheaper(steps, name, promises[name], rate):
         trial = name not in steps.rates
@@ -67,7 +64,7 @@ def look_around(steps: AdaptiveSteps, rate: float) -> None:
         steps.tried_for = tried_for
 
 
-def go_on_with(steps: AdaptiveSteps, name: str, why: str = "") -> None:
+def go_on_with(steps: MethodSteps, name: str, why: str = "") -> None:
     """Go on with another method, and note when it was the present one's turn."""
     spent = steps.spent + steps.cost
     steps.tried = {**steps.tried, steps.name: spent, name: spent}
@@ -75,45 +72,60 @@ def go_on_with(steps: AdaptiveSteps, name: str, why: str = "") -> None:
     steps.judged, steps.tried_for, steps.consider_at = None, None, steps.tries + few(steps)
 
 
-def few(steps: AdaptiveSteps) -> int:
+def rest_of(steps: MethodSteps) -> float:
+    """Time that a run has to go [s]; of one from outside that goes on and on, as long as it went."""
+    start = float(steps.record.t[0])
+    left = start + steps.run.duration - steps.time
+    return left if left > 0.0 else steps.time - start
+
+
+def stays(steps: MethodSteps, rate: float, before: float) -> bool:
+    """Whether a method that is tried goes on, which costs so much in a second where the one before did [s/s]."""
+    half = 0.5
+    return rate < half * before or is_cheaper(steps, steps.name, rate, before, patience=1 / 3)
+
+
+def few(steps: MethodSteps) -> int:
     """Tries of steps up to the next time: of a run's first ones as many as cost as much as a change of methods.
 
     Later as many as cost a part of what the run has cost, so that what a method inherits from another one counts less.
     """
-    time = TRIAL / 2 * steps.spent if steps.tried else SWITCH
-    return max(FEW, math.ceil(time / price_of_a_step(steps.record, steps.name)))
+    time = Thresholds.trial / 2 * steps.spent if steps.tried else Thresholds.switch
+    return max(Thresholds.few, math.ceil(time / price_of_a_step(steps.record, steps.name)))
 
 
-def is_cheaper(steps: AdaptiveSteps, name: str, promise: float, rate: float) -> bool:
+def is_cheaper(steps: MethodSteps, name: str, promise: float, rate: float, patience: float = 1.0) -> bool:
     """Whether a method that promises to cost so much in a second does the rest of the run for clearly less [s/s]."""
-    known, rest = name in steps.rates, steps.rest
-    clearly, price = (0.9, SWITCH) if known else (0.75, 4.0 * trial(steps, name))
+    known, rest = name in steps.rates, rest_of(steps)
+    clearly, price = (0.9, Thresholds.switch) if known else (0.75, 4.0 * trial(steps, name))
     gains = promise < clearly * rate and (rate - promise) * rest > price
-    return gains and steps.spent + steps.cost > PATIENCE * promise * rest
+    return gains and steps.spent + steps.cost > patience * Thresholds.patience[name] * promise * rest
 
 
-def is_worth_a_trial(steps: AdaptiveSteps, name: str, rate: float) -> bool:
+def is_worth_a_trial(steps: MethodSteps, name: str, rate: float) -> bool:
     """Whether a run has cost so much since a method was last tried that it may be again, if it may cost less at all."""
     if steps.rates.get(name, 0.0) == math.inf:
         return False
-    last, price = steps.tried.get(name, 0.0), trial(steps, name)
+    last, price, since = steps.tried.get(name, 0.0), trial(steps, name), steps.spent + steps.cost
+    # stability bounds what DOP853 costs from below; guesses of implicit methods are hardly ever three times too much
     least = steps.guesses[name] / (1.0 if name == "DOP853" else 3.0)
-    return steps.spent + steps.cost - last > max(last, 10.0 * price) and (rate - least) * steps.rest > 4.0 * price
+    often, gain = max(last, 10.0 * price), (rate - least) * rest_of(steps)  # trials cost a tenth of the run at most
+    return since - last > often and gain > 4.0 * price
 
 
-def trial(steps: AdaptiveSteps, name: str) -> float:
+def trial(steps: MethodSteps, name: str) -> float:
     """What it costs at least to try a method [s]."""
-    return SWITCH + 2 * FEW * price_of_a_step(steps.record, name)
+    return Thresholds.switch + 2 * Thresholds.few * price_of_a_step(steps.record, name)
 
 
-def updated(steps: AdaptiveSteps, rate: float) -> dict[str, float]:
+def updated(steps: MethodSteps, rate: float) -> dict[str, float]:
     """What methods cost in a second of motion [s/s], those of others as much less as the present one costs less."""
     before = steps.rates.get(steps.name, math.inf)
     easier = min(1.0, rate / before) if before < math.inf else 1.0
     return {**{name: easier * cost for name, cost in steps.rates.items()}, steps.name: rate}
 
 
-def promised(steps: AdaptiveSteps, name: str) -> float:
+def promised(steps: MethodSteps, name: str) -> float:
     """What a method may cost in a second of motion [s/s]."""
     guess = steps.guesses[name]
     if name in steps.rates:

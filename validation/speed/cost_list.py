@@ -16,7 +16,7 @@ import datetime
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,12 +51,8 @@ def scenes(seeds: range) -> Iterator[fl.Scene]:
     """Random arms, with drives of every kind: half of them in a plane, others in space, and trees."""
     for seed in seeds:
         dice = Dice(FIRST_SEED + seed)
-        make: Callable[[], fl.Scene] = (
-            lambda: planar(dice), lambda: random_arm(FIRST_SEED + seed), lambda: random_tree(FIRST_SEED + seed),
-            lambda: planar(dice),
-        )[seed % 4]  # fmt: skip
         try:
-            scene = make()
+            scene = planar(dice) if seed % 2 == 0 else (random_arm, random_tree)[seed // 2 % 2](FIRST_SEED + seed)
             yield scene.varied({"drive": drive_of(dice, scene), "run": fl.RunSettings(duration=0.3, sample=0.03)})
         except fl.FlexlinkError:
             continue
@@ -69,7 +65,8 @@ def planar(dice: Dice) -> fl.Scene:
         flex = dice.one_of("rigid", "z", "z")
         links.append(fl.Link(
             name=f"link{k}", length=dice.linear(0.3, 1.0), flex=flex, material="stuff", section="bar",
-            segments=1 if flex == "rigid" else dice.one_of(3, 5, 9, 17), lumping=dice.one_of("gauss", "paper", "lobatto2"),
+            segments=1 if flex == "rigid" else dice.one_of(3, 5, 9, 17),
+            lumping=dice.one_of("gauss", "paper", "lobatto2"),
             joint=fl.Joint(viscous=dice.one_of(0.0, 0.5), coulomb=dice.one_of(0.0, 0.0, 0.5), armature=0.05,
                            quadratic=dice.one_of(0.0, 0.0, 0.1)),
         ))  # fmt: skip
@@ -140,7 +137,7 @@ def of_an_evaluation(scene: fl.Scene) -> Timed | None:
     try:
         problem = problem_of(scene)
         chain, drive = problem.chain, problem.inputs.drive
-        work_done = np.array([1.0, *[0.0] * (len(OPERATIONS) - 1)])
+        work_done = [1.0, *[0.0] * (len(OPERATIONS) - 1)]
         kind = (
             "plane" if chain.is_planar else "space", "plain" if chain.arrays.rare is None else "full", "explicit",
         )  # fmt: skip
@@ -162,12 +159,12 @@ def clocked(function: Callable[..., Any], times: list[float]) -> Callable[..., A
     return call
 
 
-def design(work_done: Array, parts: Array, drive: Any) -> Array:
+def design(work_done: Sequence[float], parts: Array, drive: Any) -> Array:
     """How often each part of each operation was done, in a row; as `operation_costs` takes them."""
     asked = np.ones((len(OPERATIONS), len(PARTS)))
     limited = bool(np.min(drive.effort, initial=np.inf) < np.inf) and not drive.rate
     asked[:, 7:] = np.array([not drive.rate, limited, drive.rate > 0, *[0] * 6])[:, None]
-    return np.asarray((work_done[:, None] * asked * parts).ravel())
+    return np.asarray((np.array(work_done)[:, None] * asked * parts).ravel())
 
 
 def fitted(runs: list[Timed]) -> tuple[Array, Array]:
@@ -214,15 +211,16 @@ def main() -> None:
 
 
 HEAD = """\
-# CPU time of the operations of steps [µs]: a start, and so much for every body, by its number of hinges (0 … 3), coupling
-# of hinges, joint with dry friction, driven joint, and driven joint whose law asks a rigid model. Measured on {date} by
+# CPU time of the operations of steps [µs]: a start, and so much for every body, by its number of hinges (0 … 3),
+# coupling of hinges, joint with dry friction, driven joint, and driven joint whose law asks a rigid model. Measured on
+# {date} by
 #
 #     python -m validation.speed.cost_list {seeds}
 #
 # Runs of random arms with three tolerances by Radau5, Radau9 and DOP853, the shortest of five turns on a shared core of
-# 3 GHz; non-negative least squares of relative errors. Another machine scales all costs alike, so that what is compared,
-# and which method is cheapest, stays; `flexlink info` measures seconds where it runs. What is not listed could not be
-# told from the rest."""
+# 3 GHz; non-negative least squares of relative errors. Another machine scales all costs alike, so that what is
+# compared, and which method is cheapest, stays; `flexlink info` measures seconds where it runs. What is not listed
+# could not be told from the rest."""
 
 
 if __name__ == "__main__":
