@@ -41,7 +41,7 @@ def test_the_factor_of_a_machine_is_measured_over_listed(monkeypatch) -> None:
 
 
 def test_a_sampled_law_is_asked_where_steps_begin_anew_and_another_at_every_stage() -> None:
-    law = {"kind": "pd", "kp": (1.0,), "kd": (1.0,), "target_deg": (0.0,), "gravity": "rigid"}
+    law = {"kind": "computed_torque", "kp": (1.0,), "kd": (1.0,), "target_deg": (0.0,)}
     stage, sampled = (problem_of(make_scene(flexible("a", "z", 3), drive=fl.Drive(**law, **more)))
                       for more in ({}, {"rate": 100.0}))  # fmt: skip
     alone = operation_costs(stage.chain, explicit=True)
