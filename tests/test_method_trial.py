@@ -151,7 +151,7 @@ def test_steps_that_have_just_begun_or_did_not_get_on_are_not_judged(considered:
     for judged in (None, (1.0, 0.0)):
         steps = considered("Radau5", 1e3, judged=judged)
         assert (steps.name, steps.rates, steps.judged) == ("Radau5", {}, (1.0, 1e3))
-    assert steps.consider_at == 64 + round(Thresholds.switch / STEP)
+    assert steps.consider_at == 64 + round(2 * Thresholds.switch / STEP)
     tried = considered("Radau5", 1.0, judged=None, tried={"Radau5": 1.0}, spent=1.0)
     assert tried.consider_at == 64 + round(Thresholds.trial / 2 / STEP)
 

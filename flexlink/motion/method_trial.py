@@ -22,7 +22,7 @@ from flexlink.motion.tolerable import Thresholds
 
 def begin(steps: MethodSteps) -> None:
     """What is known of methods before the first step."""
-    steps.judged, steps.rates, steps.tried, steps.tried_for, steps.guesses = None, {}, {}, None, {}
+    steps.judged, steps.rates, steps.tried, steps.tried_for, steps.guesses = (steps.time, 0.0), {}, {}, None, {}
     record, run = steps.record, steps.run
     if run.method != AUTO or tumbles(record):
         steps.consider_at = NEVER
@@ -86,11 +86,11 @@ def stays(steps: MethodSteps, rate: float, before: float) -> bool:
 
 
 def few(steps: MethodSteps) -> int:
-    """Tries of steps up to the next time: of a run's first ones as many as cost as much as a change of methods.
+    """Tries of steps up to the next time: of a run's first ones as many as cost twice as much as a change of methods.
 
     Later as many as cost a part of what the run has cost, so that what a method inherits from another one counts less.
     """
-    time = Thresholds.trial / 2 * steps.spent if steps.tried else Thresholds.switch
+    time = Thresholds.trial / 2 * steps.spent if steps.tried else 2 * Thresholds.switch
     return max(Thresholds.few, math.ceil(time / price_of_a_step(steps.record, steps.name)))
 
 
