@@ -72,3 +72,7 @@ def test_gains_of_a_drive_and_dry_friction_make_an_arm_stiff() -> None:
     assert chosen(duration, drive={**pd, "kp": [stiff]}) == "Radau5"
     assert chosen(duration, drive={**pd, "kd": [braked]}) == "Radau5"
     assert chosen(duration, coulomb=braked, coulomb_width=1.0) == "Radau5"
+
+
+def test_a_run_without_duration_takes_no_steps_and_any_method_does() -> None:
+    assert fl.simulate(SCENE, duration=0.0, method="auto", relative_tolerance=1e-4).t.tolist() == [0.0]

@@ -40,7 +40,7 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> tuple[str, str
 
 
 def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
-    """What each method costs in a second of motion, as far as can be told at the start [s/s].
+    """What each method costs in the whole run, as far as can be told at the start [s].
 
     An explicit method takes as many steps as the fastest mode or damper asks for, and some more: gains of a drive
     stiffen and brake, as springs and dampers do, and so does dry friction at rest, by its steepest slope. What an
@@ -57,8 +57,8 @@ def guessed_costs(record: Record, tolerance: float) -> dict[str, float]:
     tries["DOP853"] = fastest * run.duration / 6.0 + 8.0 * strict**0.125
     if record.chain.hinges["coulomb"].any():
         tries["Radau9"] = max(tries["Radau9"], tries["Radau5"])
-    fewest = record.inputs.drive.rate  # at the instants of a sampled law
-    return {name: price_of_a_step(record, name) * max(fewest, tries[name] / run.duration) for name in tries}
+    fewest = record.inputs.drive.rate * run.duration  # at the instants of a sampled law
+    return {name: price_of_a_step(record, name) * max(fewest, tries[name]) for name in tries}
 
 
 def prices(record: Record, *, explicit: bool) -> list[float]:

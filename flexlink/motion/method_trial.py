@@ -24,11 +24,12 @@ def begin(steps: MethodSteps) -> None:
     """What is known of methods before the first step."""
     steps.judged, steps.rates, steps.tried, steps.tried_for, steps.guesses = (steps.time, 0.0), {}, {}, None, {}
     record, run = steps.record, steps.run
-    if run.method != AUTO or tumbles(record):
+    if run.method != AUTO or run.duration == 0.0 or tumbles(record):
         steps.consider_at = NEVER
         return
     about, tolerance = (record.q[0].tobytes(), record.qd[0].tobytes()), run.tolerance_within(record.chain.size)
-    steps.guesses = record.kept("guesses", about, lambda: guessed_costs(record, tolerance))
+    costs = record.kept("guesses", about, lambda: guessed_costs(record, tolerance))
+    steps.guesses = {name: cost / run.duration for name, cost in costs.items()}
     steps.consider_at = few(steps)
 
 
