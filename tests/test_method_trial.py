@@ -118,9 +118,16 @@ def test_a_method_that_was_tried_and_is_not_clearly_cheaper_gives_back(considere
     for rate in (8.0, 4.0):
         stays = considered("DOP853", rate, **trial)
         assert (stays.name, stays.tried_for) == ("DOP853", None)
-    early = {**trial, "tried": {"Radau5": 9.0, "Radau9": 9.0}, "spent": 0.0, "run": SimpleNamespace(duration=31.0)}
+    early = {**trial, "tried": {"Radau5": 9.0, "Radau9": 9.0}, "spent": 0.0, "run": SimpleNamespace(duration=21.0)}
     assert considered("DOP853", 8.0, **early).name == "Radau5"  # the run has not cost a part of its rest
     assert considered("DOP853", 4.9, **early).name == "DOP853"  # but half
+
+
+def test_radau9_goes_on_only_when_the_vibration_of_a_start_is_over(considered: Any) -> None:
+    trial = {"tried_for": ("Radau5", ""), "rates": {"Radau5": 10.0}, "tried": {"Radau5": 1e3, "DOP853": 1e3}}
+    enough = Thresholds.patience["Radau9"] * 4.0 * 10.0
+    assert considered("Radau9", 4.0, spent=enough - 4.1, **trial).name == "Radau5"
+    assert considered("Radau9", 4.0, spent=enough - 3.9, **trial).name == "Radau9"
 
 
 def test_what_a_method_once_cost_is_outdated_after_as_long_again(considered: Any) -> None:

@@ -82,8 +82,9 @@ def rest_of(steps: MethodSteps) -> float:
 
 def stays(steps: MethodSteps, rate: float, before: float) -> bool:
     """Whether a method that is tried goes on, which costs so much in a second where the one before did [s/s]."""
-    half = 0.5
-    return rate < half * before or is_cheaper(steps, steps.name, rate, before, patience=1 / 3)
+    if steps.name == "Radau9":
+        return is_cheaper(steps, steps.name, rate, before)
+    return rate < 0.5 * before or is_cheaper(steps, steps.name, rate, before, patience=1 / 3)
 
 
 def few(steps: MethodSteps) -> int:
