@@ -17,8 +17,8 @@ from flexlink.advice.goal import Goal, TipErrorNorm, goal_of
 from flexlink.advice.model import Bend, all_axes, limited_axes, uniform, with_model
 from flexlink.advice.model_runner import ModelRunner, Stepping
 from flexlink.advice.rigid import oscillator_response
-from flexlink.advice.run_time import run_time
-from flexlink.advice.verdict import Advice
+from flexlink.advice.run_time import own_time, run_time
+from flexlink.advice.verdict import Advice, payback
 from flexlink.cli.main import main
 from flexlink.describe.spec import decode
 from flexlink.motion.evaluation_cost import bodies_of, run_cost
@@ -229,6 +229,26 @@ def test_the_time_of_a_run_is_that_of_all_of_it_and_a_long_one_is_made_twice(
         monkeypatch.setattr(f"flexlink.advice.run_time.{name}", value)
     assert run_time(cast("Callable[[], fl.Scene]", watch.scene), enough) == (3.0, 1.0)
     assert len(watch.made) == times
+
+
+def test_advice_says_after_how_many_runs_it_pays() -> None:
+    assert payback(0.1, 0.004, 0.002) == "; pays after 50 runs of the scene as it is, 4 ms each"
+    assert payback(0.1, 0.2, 0.002) == "; pays after 1 run of the scene as it is, 200 ms each"
+    assert payback(0.1, np.inf, 0.002) == "; pays after 1 run of the scene as it is"
+    assert payback(0.1, 0.001, 0.002) == "; a run of the scene as it is takes no longer"
+    assert payback(0.1, np.nan, 0.002) == ""
+
+
+def test_a_run_of_the_scene_as_it_is_is_timed_unless_it_fails_or_takes_longer_than_the_advice() -> None:
+    scene = arm(0.3, links=2)
+    fixed = {"run.method": "RK4", "run.step": 1e-4}
+    free = {"run.method": "auto", "run.step": None, "run.relative_tolerance": 1e-4}
+    for changes in (fixed, free):
+        assert 0.0 < own_time(scene.varied(changes), 1.0) < 1.0
+        assert own_time(scene.varied(changes), 1e-6) == np.inf
+    assert np.isnan(
+        own_time(arm(links=1).varied({"link.bar0.flex": "z", "link.bar0.segments": 9, **fixed, "run.step": 0.01}), 1.0)
+    )
 
 
 def test_what_is_advised_does_not_depend_on_the_times_that_are_measured(monkeypatch) -> None:

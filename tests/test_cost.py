@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
 import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
-from flexlink.motion.evaluation_cost import evaluation_time, machine_factor, run_cost, step_cost
+from flexlink.motion.evaluation_cost import (
+    evaluation_time,
+    machine_factor,
+    operation_costs,
+    parts_of,
+    run_cost,
+    step_cost,
+)
+from flexlink.motion.inputs.drives import held_torques
 from flexlink.motion.inputs.problem import problem_of
 
 
@@ -29,6 +38,23 @@ def test_the_factor_of_a_machine_is_measured_over_listed(monkeypatch) -> None:
     chain = fl.lump(scene)
     monkeypatch.setattr("flexlink.motion.evaluation_cost.evaluation_time", lambda *_: 3 * run_cost(chain, "RK2", 1))
     assert machine_factor(problem_of(scene)) == pytest.approx(3.0)
+
+
+def test_a_sampled_law_is_asked_where_steps_begin_anew_and_another_at_every_stage() -> None:
+    law = {"kind": "computed_torque", "kp": (1.0,), "kd": (1.0,), "target_deg": (0.0,)}
+    stage, sampled = (problem_of(make_scene(flexible("a", "z", 3), drive=fl.Drive(**law, **more)))
+                      for more in ({}, {"rate": 100.0}))  # fmt: skip
+    alone = operation_costs(stage.chain, explicit=True)
+    asked = operation_costs(stage.chain, explicit=True, drive=stage.inputs.drive)
+    held = operation_costs(stage.chain, explicit=True, drive=sampled.inputs.drive)
+    assert alone[0] == held[0] < asked[0]
+    assert alone[2] == asked[2] < held[2]
+
+
+def test_torques_that_are_held_from_outside_cost_next_to_nothing() -> None:
+    chain = chain_of("z", 3)
+    held = held_torques(chain, np.zeros(1), np.zeros((1, 1)), np.full(1, np.inf))
+    assert parts_of(chain, held).tolist() == parts_of(chain, None).tolist()
 
 
 @pytest.mark.slow

@@ -213,6 +213,7 @@ def test_a_loop_of_ones_own_gives_the_numbers_of_a_run_whose_steps_pass_samples(
         states.append(stepped.step(law(*stepped.state), duration=0.125))
     np.testing.assert_array_equal([state.q for state in states], run.q[::16])
     np.testing.assert_array_equal([state.qd for state in states], run.qd[::16])
+    assert stepped._steps.steps[1:3] == run.steps[1:3]
     assert run.steps.taken < len(run.t) / 3
 
 

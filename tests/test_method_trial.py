@@ -1,26 +1,22 @@
-"""auto: a stretch of the run by each method that may be cheaper, after which the cheapest goes on."""
+"""auto: the method goes on by which the rest of a run is likely to cost least, as its own steps tell."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink.kernels.stepping.adaptive import OUTCOME
 from flexlink.motion import method_trial
-from flexlink.motion.method_steps import MethodSteps
-
-SAMPLED = {
-    "kind": "pd",
-    "kp": [60.0, 60.0, 30.0],
-    "kd": [6.0, 6.0, 3.0],
-    "target_deg": [60.0, -30.0, 60.0],
-    "rate": 200.0,
-}
+from flexlink.motion.inputs.problem import problem_of
+from flexlink.motion.method_steps import NEVER, MethodSteps
+from flexlink.motion.method_trial import consider
+from flexlink.motion.single_run import SingleRun
+from flexlink.motion.tolerable import Thresholds
 
 
 @pytest.fixture
@@ -28,29 +24,6 @@ def whipping(models: Path) -> fl.Scene:
     """A soft arm with a heavy tip: it bends far and fast, more with time."""
     scene = fl.load_scene(models / "t3_spatial.toml").varied({"tip.mass": 20.0, "material.aluminium.young": 2e8})
     return scene.varied({"run.relative_tolerance": 1e-4, "run.duration": 0.5})
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("drive", [None, SAMPLED], ids=["constant", "sampled"])
-def test_methods_that_do_not_go_on_leave_no_trace_but_their_evaluations(
-    whipping: fl.Scene, monkeypatch: pytest.MonkeyPatch, drive: dict[str, Any] | None
-) -> None:
-    whole = method_trial._cost_up_to_the_end
-
-    def never_cheaper(steps: MethodSteps, _most: float) -> float:
-        assert math.isfinite(whole(steps, math.inf))
-        return math.inf
-
-    monkeypatch.setattr(method_trial, "_cost_up_to_the_end", never_cheaper)
-    monkeypatch.setattr(method_trial, "_least_cost", lambda *_: 0.0)
-    scene = whipping if drive is None else whipping.varied({"drive": drive})
-    auto, named = (fl.simulate(scene, method=method) for method in ("auto", "Radau5"))
-    for part in ("t", "q", "qd", "work"):
-        assert np.array_equal(getattr(auto, part), getattr(named, part))
-    assert auto.steps is not None
-    assert named.steps is not None
-    assert auto.steps[:2] == named.steps[:2]
-    assert auto.steps.evaluations > named.steps.evaluations
 
 
 @pytest.mark.slow
@@ -76,26 +49,142 @@ def test_a_choice_by_trial_is_made_alike_every_time(whipping: fl.Scene) -> None:
     assert np.array_equal(first.q, anew.q)
 
 
-class Rejecting:
-    """A run whose steps are all rejected, near a posture in which a coordinate moves no inertia."""
-
-    name, end, evaluations_besides, time, row, tries, evaluations, fastest = (
-        "Radau5",
-        1.0,
-        0,
-        0.5,
-        3,
-        100,
-        1000,
-        math.inf,
-    )
-
-    def saved(self, _row: int) -> None:
-        return None
-
-    def take(self, _most: int) -> int:
-        return int(OUTCOME.goes_on)
+STEP = 1e-5  # CPU time of a step by any method [s]
 
 
-def test_a_stretch_in_which_nothing_was_accepted_compares_nothing() -> None:
-    assert method_trial.go_on_with_the_cheapest(Rejecting()) == OUTCOME.goes_on  # type: ignore[arg-type]
+class Counted:
+    """Steps by a method since t = 0 that cost so much [s], of which the second half is judged, with 10 s to go."""
+
+    def __init__(self, name: str, cost: float, **known: Any) -> None:
+        self.name, self.why, self.cost, self.spent, self.taken = name, "", cost, 0.0, 0.0
+        self.time, self.judged, self.tries = 1.0, (0.5, cost / 2), 64
+        self.record, self.run = SimpleNamespace(t=[0.0]), SimpleNamespace(duration=11.0)
+        self.guesses = {"Radau5": 1.0, "Radau9": 10.0, "DOP853": 10.0}
+        self.rates: dict[str, float] = {}
+        self.tried: dict[str, float] = {}
+        self.tried_for: tuple[str, str] | None = None
+        self.consider_at = 0
+        vars(self).update(known)
+
+    def go_on_with(self, name: str, why: str) -> None:
+        self.name, self.why, self.spent, self.cost = name, why, self.spent + self.cost, 0.0
+
+
+@pytest.fixture
+def considered(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Steps that are `Counted`, considered."""
+    monkeypatch.setattr(method_trial, "price_of_a_step", lambda _record, _name: STEP)
+
+    def counted(name: str, cost: float, **known: Any) -> Counted:
+        steps = Counted(name, cost, **known)
+        consider(cast("MethodSteps", steps))
+        return steps
+
+    return counted
+
+
+def test_another_method_goes_on_when_a_run_has_cost_a_part_of_what_it_promises(considered: Any) -> None:
+    guesses = {"Radau5": 100.0, "Radau9": 1e3, "DOP853": 2.0}
+    enough = Thresholds.patience["DOP853"] * 2.0 * 10.0
+    patient = considered("Radau5", 0.99 * enough, guesses=guesses, tried={"DOP853": 0.5 * enough})
+    assert (patient.name, patient.tried_for) == ("Radau5", None)
+    steps = considered("Radau5", 1.01 * enough, guesses=guesses)
+    assert (steps.name, steps.tried_for) == ("DOP853", ("Radau5", ""))
+    assert steps.rates == {"Radau5": pytest.approx(1.01 * enough)}
+    assert steps.tried == {"Radau5": steps.spent, "DOP853": steps.spent}
+    assert steps.judged is None
+
+
+def test_what_is_hardly_cheaper_is_left_alone(considered: Any) -> None:
+    known = {"guesses": {"Radau5": 100.0, "Radau9": 1e3, "DOP853": 8.0}, "spent": 1e3, "tried": {"DOP853": 1e3}}
+    assert considered("Radau5", 10.0, **known).name == "Radau5"
+    assert considered("Radau5", 11.0, **known).name == "DOP853"
+
+
+def test_a_short_time_of_dear_steps_counts_for_no_more_than_the_run_as_a_whole(considered: Any) -> None:
+    """A jump may have been there, after which steps grow again."""
+    known = {"guesses": {"Radau5": 100.0, "Radau9": 1e3, "DOP853": 8.0}, "spent": 1e3, "tried": {"DOP853": 1e3}}
+    assert considered("Radau5", 10.0, judged=(0.9, 5.0), **known).name == "Radau5"
+    assert considered("Radau5", 50.0, judged=(0.9, 45.0), **known).name == "DOP853"
+
+
+def test_a_method_that_was_tried_and_is_not_clearly_cheaper_gives_back(considered: Any) -> None:
+    trial: dict[str, Any] = {
+        "tried_for": ("Radau5", "stiff"), "rates": {"Radau5": 10.0}, "spent": 1e3,
+        "tried": {"Radau5": 1e3, "Radau9": 1e3},
+    }  # fmt: skip
+    back = considered("DOP853", 9.5, **trial)
+    assert (back.name, back.why, back.tried_for) == ("Radau5", "stiff", None)
+    for rate in (8.0, 4.0):
+        stays = considered("DOP853", rate, **trial)
+        assert (stays.name, stays.tried_for) == ("DOP853", None)
+    early = {**trial, "tried": {"Radau5": 9.0, "Radau9": 9.0}, "spent": 0.0, "run": SimpleNamespace(duration=21.0)}
+    assert considered("DOP853", 8.0, **early).name == "Radau5"  # the run has not cost a part of its rest
+    assert considered("DOP853", 4.9, **early).name == "DOP853"  # but half
+
+
+def test_radau9_goes_on_only_when_the_vibration_of_a_start_is_over(considered: Any) -> None:
+    trial = {"tried_for": ("Radau5", ""), "rates": {"Radau5": 10.0}, "tried": {"Radau5": 1e3, "DOP853": 1e3}}
+    enough = Thresholds.patience["Radau9"] * 4.0 * 10.0
+    assert considered("Radau9", 4.0, spent=enough - 4.1, **trial).name == "Radau5"
+    assert considered("Radau9", 4.0, spent=enough - 3.9, **trial).name == "Radau9"
+
+
+def test_what_a_method_once_cost_is_outdated_after_as_long_again(considered: Any) -> None:
+    """Radau5 was left in fast motion; slower one costs DOP853, whose steps stability ends, as much as before."""
+    known = {"rates": {"Radau5": 100.0, "DOP853": 10.0}, "guesses": {"Radau5": 1.0, "Radau9": 1e3, "DOP853": 9.0}}
+    steps = considered("DOP853", 10.0, tried={"Radau5": 4.9}, **known)
+    assert (steps.name, steps.tried_for) == ("Radau5", ("DOP853", ""))
+    assert considered("DOP853", 10.0, tried={"Radau5": 5.1}, **known).name == "DOP853"
+    short = 9.0 * (Thresholds.switch + 2 * Thresholds.few * STEP)
+    assert considered("DOP853", short, run=SimpleNamespace(duration=1e4), **known).name == "DOP853"
+
+
+def test_a_method_that_cannot_be_cheaper_or_that_got_stuck_is_not_tried(considered: Any) -> None:
+    guesses = {"Radau5": 40.0, "Radau9": 40.0, "DOP853": 11.0}
+    assert considered("Radau5", 10.0, guesses=guesses).name == "Radau5"
+    rates = {"Radau5": math.inf, "Radau9": math.inf}
+    assert considered("DOP853", 10.0, rates=rates).name == "DOP853"
+
+
+def test_what_others_cost_falls_with_what_the_present_method_costs(considered: Any) -> None:
+    rates = {"Radau5": 40.0, "Radau9": 30.0}
+    guesses = {"Radau5": 10.0, "Radau9": 10.0, "DOP853": 1e3}
+    assert considered("Radau5", 20.0, rates=rates, guesses=guesses).rates == {"Radau5": 20.0, "Radau9": 15.0}
+    assert considered("Radau5", 60.0, rates=rates, guesses=guesses).rates["Radau9"] == 30.0
+
+
+def test_steps_that_have_just_begun_or_did_not_get_on_are_not_judged(considered: Any) -> None:
+    for judged in (None, (1.0, 0.0)):
+        steps = considered("Radau5", 1e3, judged=judged)
+        assert (steps.name, steps.rates, steps.judged) == ("Radau5", {}, (1.0, 1e3))
+    assert steps.consider_at == 64 + round(2 * Thresholds.switch / STEP)
+    tried = considered("Radau5", 1.0, judged=None, tried={"Radau5": 1.0}, spent=1.0)
+    assert tried.consider_at == 64 + round(Thresholds.trial / 2 / STEP)
+
+
+def test_nothing_is_gained_where_the_rest_costs_less_than_a_change(considered: Any) -> None:
+    cheap = {"Radau5": 100.0, "Radau9": 1e3, "DOP853": 0.0}
+    almost = SimpleNamespace(duration=1.0 + 0.9 * Thresholds.switch / 10.0)
+    assert considered("Radau5", 10.0, run=almost, guesses=cheap).name == "Radau5"
+
+
+def test_what_is_known_of_methods_goes_back_with_steps_that_failed(whipping: fl.Scene) -> None:
+    steps = SingleRun(problem_of(whipping.varied({"run.method": "auto"}))).steps
+    assert isinstance(steps, MethodSteps)
+    steps.aim(0.0, 0.5)
+    steps.take(20)
+    names = "name", "spent", "taken", "judged", "rates", "tried", "tried_for", "consider_at", "cost"
+    saved, before = steps.saved(), {name: getattr(steps, name) for name in names}
+    steps.judged, steps.rates, steps.tried_for = (0.0, 0.0), {**steps.rates, "DOP853": 1e-9}, ("Radau5", "")
+    method_trial.look_around(steps, 1e9)
+    assert steps.name != before["name"]
+    steps.take(20)
+    steps.restore(saved)
+    assert {name: getattr(steps, name) for name in names} == before
+
+
+def test_a_named_method_considers_nothing(whipping: fl.Scene) -> None:
+    steps = SingleRun(problem_of(whipping.varied({"run.method": "Radau5"}))).steps
+    assert isinstance(steps, MethodSteps)
+    assert steps.consider_at == NEVER

@@ -14,10 +14,10 @@ from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Model, all_axes, checked_scene, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import RefinementStudy
-from flexlink.advice.run_time import run_time
+from flexlink.advice.run_time import own_time, run_time
 from flexlink.advice.search import Search
 from flexlink.advice.thresholds import Thresholds
-from flexlink.advice.verdict import Advice, length, line, time
+from flexlink.advice.verdict import Advice, length, line, payback, time
 from flexlink.chain.arguments import positive, require_bool, require_type
 from flexlink.common.errors import AdviceError
 from flexlink.common.types import Array
@@ -236,10 +236,11 @@ class Advisor:
         own = f", including {length(limit.error)} uncertainty of the reference" if limit else ", at most"
         whole, again = run_time(lambda: self.runner.scene_of(model, outcome.stepping))
         took = thread_time() - self._started
+        pays = payback(took, own_time(self.scene, took), again)
         cost = f"CPU time {time(whole)}, set-up included, {time(again)} again"
         last = (
             line("error", f"{length(error)}{own}"),
-            line("cost", f"{cost}; advice took {self.runner.count} runs, {time(took)}"),
+            line("cost", f"{cost}; advice took {self.runner.count} runs, {time(took)}{pays}"),
         )
         falls = [line("drive", free_fall)] if is_free_fall(self.scene) else []
         return Advice(

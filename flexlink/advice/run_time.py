@@ -5,11 +5,19 @@ What is chosen, and why, follows from costs by a list, `evaluation_cost`, and ne
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Callable
 from time import thread_time
 
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.run_settings import AUTO
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.methods import method
+from flexlink.motion.evaluation_cost import run_cost
 from flexlink.motion.simulate import simulate
+from flexlink.results.stop_reasons import EvaluationLimitError
 
 
 def run_time(scene_of: Callable[[], Scene], enough: float = 0.05) -> tuple[float, float]:
@@ -28,3 +36,25 @@ def run_time(scene_of: Callable[[], Scene], enough: float = 0.05) -> tuple[float
             simulate(scene)
             times.append(thread_time() - started)
     return min(whole), min(again)
+
+
+def own_time(scene: Scene, most: float) -> float:
+    """CPU time of a prepared run of a scene as it is [s]; inf: more than `most` [s], by a list; nan: it fails."""
+    run, chain = scene.run, lump(scene)
+    name = "Radau5" if run.method == AUTO else run.method
+    evaluations = min(run.max_evaluations, max(1.0, most / run_cost(chain, name, 1.0)))
+    if not run.controlled and method(name).stages * run.duration / run.fixed_step > evaluations:
+        return math.inf
+    taken = math.nan
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # which are those of a run that nobody asked for
+            for _ in range(2):
+                started = thread_time()
+                simulate(scene, max_evaluations=evaluations)
+                taken = thread_time() - started
+    except EvaluationLimitError:
+        return math.inf
+    except FlexlinkError:
+        return math.nan
+    return taken

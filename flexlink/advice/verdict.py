@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 from flexlink.common.notebook import html_table
 from flexlink.describe.scene import Scene
@@ -67,6 +68,17 @@ class Advice:
 def line(word: str, text: str) -> str:
     """A line of advice."""
     return f"{word:<10} {text}"
+
+
+def payback(took: float, own: float, again: float) -> str:
+    """After how many runs advice pays that `took` so long, where each takes `again` in place of its `own` time [s]."""
+    if math.isnan(own):
+        return ""
+    if own <= again:
+        return "; a run of the scene as it is takes no longer"
+    runs = max(1, math.ceil(took / (own - again)))
+    each = f", {time(own)} each" if own < math.inf else ""
+    return f"; pays after {runs} run{'s' * (runs > 1)} of the scene as it is{each}"
 
 
 def time(seconds: float) -> str:

@@ -14,9 +14,8 @@ from flexlink.motion.budget import FEWEST, Budget, Spent, warn
 from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.floating_steps import is_far
 from flexlink.motion.hindrance import hanging, loop_is_unstable, stuck
-from flexlink.motion.method_choice import tumbles
-from flexlink.motion.method_steps import NEVER, MethodSteps
-from flexlink.motion.method_trial import go_on_with_the_cheapest
+from flexlink.motion.method_steps import MethodSteps
+from flexlink.motion.method_trial import begin, consider
 from flexlink.motion.sampled_control import Control
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure
@@ -37,12 +36,10 @@ class AdaptiveSteps(MethodSteps):
         run = record.run
         self.control, self.ends = control, ends(record, control)
         self.failure: Failure | None = None
-        self.taken_over = False  # whether a method goes on for one that failed
         self.budget = Budget(run.max_evaluations, run.duration)
         self.slow = 0, ""  # row of the next sample when it was found, and what is to be told while the run goes on
-        # tries of steps before methods are first compared; the next time is after twice as many, and so on
-        self.compare_at = NEVER if run.method == AUTO and tumbles(record) else 100
         super().__init__(record, control is None, halved, passes)
+        begin(self)
 
     def __iter__(self) -> Iterator[Reached]:
         yield 1, 0.0 if self.ends else 1.0
@@ -104,11 +101,11 @@ class AdaptiveSteps(MethodSteps):
 
     def _advance(self, most: int) -> int:
         """Take up to so many steps, to the end of the piece; goes on with another method where that is cheaper."""
-        due = most > 0 and self.run.method == AUTO and self.tries >= self.compare_at
-        if self.run.method == AUTO and not due:
-            most = min(most, self.compare_at - self.tries)
+        if most > 0 and self.tries >= self.consider_at:
+            consider(self)
+        most = min(most, self.consider_at - self.tries)
         last = 0 if self.run.controlled else int(self.count[COUNT.steps]) + most
-        how = self._compare() if due else self.take(most)
+        how = self.take(most)
         while how == OUTCOME.turned or (how == OUTCOME.stuck and not self.run.controlled):
             least = int(how == OUTCOME.turned)
             if how == OUTCOME.turned:
@@ -123,9 +120,12 @@ class AdaptiveSteps(MethodSteps):
                 how = self.take(max(least, last - int(self.count[COUNT.steps])))
         if how == OUTCOME.ended and is_far(self.record, self.state[0]):
             self.turn()
-        if how == OUTCOME.stuck and self.run.method == AUTO and not self.taken_over and np.isfinite(self.fastest):
-            self.go_on_with("Radau5" if self.method.explicit else "DOP853", self.end)
-            how, self.taken_over = int(OUTCOME.goes_on), True
+        if how == OUTCOME.stuck and self.run.method == AUTO and np.isfinite(self.fastest):
+            self.rates = {**self.rates, self.name: np.inf}
+            others = [name for name in ("Radau5", "DOP853") if self.rates.get(name, 0.0) < np.inf]
+            if others:
+                self.go_on_with(others[0])
+                how, self.judged, self.tried_for = int(OUTCOME.goes_on), None, None
         if how == OUTCOME.stuck:
             # of a fixed step the smallest part that is tried
             h = self.work.stepper[STEPPER.step] if self.run.controlled else self.run.fixed_step / 64
@@ -133,11 +133,6 @@ class AdaptiveSteps(MethodSteps):
             worst = int(self.work.stepper[STEPPER.worst_joint]) if unsolved else None
             self.failure = stuck(self.record, self.state[0], self.time, h, worst)
         return how
-
-    def _compare(self) -> int:
-        """Take some steps by each method that may be cheaper; an OUTCOME."""
-        self.compare_at = 2 * self.tries
-        return go_on_with_the_cheapest(self)
 
     def _affordable(self, most: int) -> int:
         """As many of so many steps as the budget allows; 0, and the run has failed: none."""

@@ -1,13 +1,16 @@
-"""CPU time of a run's steps: number of evaluations times the cost of one, by a list of what each body of a chain adds.
+"""CPU time of a run's steps: how often each of their operations was done, times its cost, by a list.
 
 Choices are made by it, so that they do not depend on how fast the machine is; set-up and samples are not in it.
-An evaluation is a stage of an explicit method, or a stage in one pass of Newton's iteration of an implicit one. Costs
-are those of the machine that the list was measured on; `machine_factor` scales them to this one.
+An operation costs a start, and so much for each body by its number of hinges, each coupling, joint with dry friction,
+driven joint and body of the rigid model that a law asks. An evaluation is a stage of an explicit method, or a stage in
+one pass of Newton's iteration of an implicit one. Costs are those of the machine that the list was measured on;
+`machine_factor` scales them to this one.
 """
 
 from __future__ import annotations
 
 import functools
+import operator
 import time
 from pathlib import Path
 
@@ -15,29 +18,62 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.common.memo import keep_last
+from flexlink.common.types import Array
 from flexlink.data.documents import read_toml
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import NonNegative, Spec, decode
 from flexlink.dynamics.initial_value_problem import InitialValueProblem
+from flexlink.kernels.inputs.laws import PD_GRAVITY, TABLE
+from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 
 Bodies = NDArray[np.intp]
 """Number of bodies with 0, 1, 2, 3 hinges, shape (4,)."""
 
+OPERATIONS = (
+    "evaluation", "step", "beginning", "preparation", "weighing", "stage_matrix", "stage_solution", "answer",
+    "multiplication",
+)  # fmt: skip
+"""What steps are made of: evaluations; tries of steps; new beginnings at a knot; of an implicit method preparations of
+the linear systems of a stage; times that the error of rates is weighed; matrices of single stages, solutions with them,
+answers of a stage to friction at a joint, and multiplications in the small system of those."""
+
 
 class Rate(Spec, frozen=True):
-    """Cost of one evaluation [µs]: `start`, `body` for each body with 0, 1, … hinges, `coupling` for each of those."""
+    """Cost of an operation [µs]: `start`, `body` for each body with 0, 1, … hinges, and for each of the others one."""
 
-    start: NonNegative
-    body: tuple[NonNegative, ...]
-    coupling: NonNegative
+    start: NonNegative = 0.0
+    body: tuple[NonNegative, ...] = ()
+    coupling: NonNegative = 0.0
+    dry: NonNegative = 0.0
+    """Of a joint with dry friction."""
+    driven: NonNegative = 0.0
+    """Of a driven joint."""
+    model: NonNegative = 0.0
+    """Of a driven joint whose law asks a rigid model."""
+
+    @property
+    def parts(self) -> list[float]:
+        """As `parts_of` a chain."""
+        bodies = [*self.body, *[0.0] * (4 - len(self.body))]
+        return [self.start, *bodies, self.coupling, self.dry, self.driven, self.model]
+
+
+Rates = dict[str, dict[str, dict[str, dict[str, Rate]]]]
+"""By where a chain moves, what it has, the kind of method, and the operation."""
 
 
 @functools.cache
-def rates() -> dict[str, dict[str, Rate]]:
-    """The measured rates of `explicit` and `implicit` methods, for chains in a `plane` and in `space`."""
-    return decode(read_toml(Path(__file__).parent / "data" / "evaluation_costs.toml"), dict[str, dict[str, Rate]])
+def rates() -> Rates:
+    """Those of chains in a `plane` or in `space`, `plain` or `full`, by `explicit` or `implicit` methods, measured."""
+    return decode(read_toml(Path(__file__).parent / "data" / "evaluation_costs.toml"), Rates)
+
+
+@functools.cache
+def listed(place: str, has: str, kind: str) -> list[list[float]]:
+    """The rates of `OPERATIONS` [µs], each with its `parts`; not to be written to."""
+    found = rates()[place][has][kind]
+    return [found[name].parts if name in found else [0.0] * 9 for name in OPERATIONS]
 
 
 def bodies_of(chain: Chain) -> Bodies:
@@ -46,37 +82,70 @@ def bodies_of(chain: Chain) -> Bodies:
     return np.bincount(np.minimum(hinges, 3), minlength=4)
 
 
+def parts_of(chain: Chain, drive: Drive | None) -> Array:
+    """By what an operation on a chain costs, (9,): one start, bodies by their hinges, couplings, joints by their kind.
+
+    A table of torques, such as those that are held from outside, costs next to nothing.
+    """
+    driven = 0 if drive is None or drive.law == TABLE else len(drive.joints)
+    model = driven if drive is not None and drive.law >= PD_GRAVITY else 0
+    dry = np.count_nonzero(chain.hinges["coulomb"])
+    return np.array([1.0, *bodies_of(chain), len(chain.couplings), dry, driven, model])
+
+
+def operation_costs(chain: Chain, *, explicit: bool, drive: Drive | None = None) -> list[float]:
+    """CPU time of each of `OPERATIONS` [s] on a chain under a drive, if there is one.
+
+    A law that is sampled is asked where steps begin anew, another one at every stage; a motor with a largest torque is
+    looked at after each step.
+    """
+    has = "plain" if chain.arrays.rare is None else "full"
+    costs = listed("plane" if chain.is_planar else "space", has, "explicit" if explicit else "implicit")
+    parts = parts_of(chain, drive)
+    asked = [True] * 9
+    if drive is not None:
+        limited = min(drive.effort.tolist(), default=np.inf) < np.inf and not drive.rate
+        asked = [not drive.rate, limited, drive.rate > 0, *[False] * 6]
+    all_parts = [*parts[:7].tolist(), 0.0, 0.0], parts.tolist()
+    return [1e-6 * sum(map(operator.mul, row, all_parts[a])) for row, a in zip(costs, asked, strict=True)]
+
+
 def evaluation_cost(chain: Chain, *, explicit: bool) -> float:
-    """CPU time of one evaluation [s] of a chain."""
-    return _listed(chain, explicit)
-
-
-@keep_last(64)
-def _listed(chain: Chain, explicit: bool) -> float:
-    bodies, planar = bodies_of(chain), chain.is_planar
-    rate = rates()["explicit" if explicit else "implicit"]["plane" if planar else "space"]
-    of_bodies = float(np.dot(rate.body, bodies[: len(rate.body)]))
-    return 1e-6 * (rate.start + of_bodies + rate.coupling * len(chain.couplings))
+    """CPU time of one evaluation [s] of a chain; of an implicit method with its share of what else a step does."""
+    return _evaluation_cost(chain, 0 if explicit else 3, explicit=explicit)
 
 
 def run_cost(chain: Chain, name: str, evaluations: float) -> float:
-    """CPU time [s] of so many evaluations by the method of this name."""
-    return evaluations * evaluation_cost(chain, explicit=method(name).explicit)
+    """CPU time [s] of so many evaluations by the method of this name, with what else its steps do."""
+    rule = method(name)
+    stages = rule.stages if rule.controlled or not rule.explicit else 0
+    return evaluations * _evaluation_cost(chain, stages, explicit=rule.explicit)
+
+
+def _evaluation_cost(chain: Chain, stages: int, *, explicit: bool) -> float:
+    """One evaluation, with its share of a step of so many stages; 0: none.
+
+    An implicit step takes two passes of Newton's iteration, and an error is weighed at three times, of an explicit
+    method each of two.
+    """
+    weighed, passes = (6, 1) if explicit else (3, 2)
+    evaluation, step, _, preparation, weighing, *_ = operation_costs(chain, explicit=explicit)
+    if stages == 0:
+        return evaluation
+    return evaluation + (step + stages * preparation + weighed * weighing) / (passes * stages)
 
 
 def step_cost(chain: Chain, name: str) -> float:
-    """CPU time of one step [s]; of an implicit method within about a factor of two."""
+    """CPU time of one step [s]; of an implicit method in two passes of Newton's iteration."""
     rule = method(name)
-    # Typical passes of Newton's iteration a step: a step costs 2.7 to 6.8 explicit evaluations a stage in a plane and
-    # 4.9 to 15 in space, measured on the trade's 16 scenes with 7 tolerances; most where dry friction changes its
-    # direction.
-    passes = 1.0 if rule.explicit else 2.0 if chain.is_planar else 5.0
+    passes = 1 if rule.explicit else 2
     return run_cost(chain, name, passes * rule.stages)
 
 
 def machine_factor(problem: InitialValueProblem) -> float:
     """How many times the listed cost an evaluation takes on this machine, measured in about 5 ms."""
-    return evaluation_time(problem) / run_cost(problem.chain, "RK4", 1)
+    drive = problem.inputs.drive
+    return evaluation_time(problem) / operation_costs(problem.chain, explicit=True, drive=drive)[0]
 
 
 def evaluation_time(problem: InitialValueProblem) -> float:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import functools
+import math
+import operator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.memo import Kept
+from flexlink.common.types import Array
 from flexlink.data.documents import is_user_file
 from flexlink.describe.run_settings import AUTO
 from flexlink.describe.schemes.methods import method
@@ -21,8 +24,7 @@ from flexlink.kernels.stepping.implicit_layout import ImplicitWork
 from flexlink.kernels.stepping.saturation import choose_branches
 from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
 from flexlink.kernels.tools.machine_code import direct
-from flexlink.motion.inputs.drives import remembered
-from flexlink.motion.method_choice import cheapest, fastest_motion
+from flexlink.motion.method_choice import cheapest, fastest_motion, prices
 from flexlink.motion.step_settings import longest_step, longest_step_of, settings
 from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
 from flexlink.motion.stop_times import StopTimes, only
@@ -52,16 +54,36 @@ class MethodSteps:
         Evaluations that a step with a tolerance may take; 0 of a fixed one.
     types
         Of all that steps work on, as code for them is kept by; empty: they are looked at.
+    prices
+        CPU time of each of the method's `OPERATIONS` [s].
+    spent, taken
+        CPU time of steps by methods before this one [s], and time from which it takes them [s].
+    consider_at
+        Tries of steps at which it is considered whether another method goes on.
+    judged
+        Time, and the method's cost, where the steps begin that it is judged by.
+    guesses, rates
+        CPU time that a second of motion may cost by each method, and that it did [s/s]; inf: it got stuck.
+    tried, tried_for
+        What the run had cost when a method was last taken, or left [s]; the method, and why, in whose place one is
+        tried.
     """
 
     settings: tuple[float, ...]
     types: bytes
+    consider_at: int
+    judged: tuple[float, float] | None
+    guesses: dict[str, float]
+    rates: dict[str, float]
+    tried: dict[str, float]
+    tried_for: tuple[str, str] | None
 
     def __init__(self, record: Record, by_drive: bool, halved: bool, passes: bool) -> None:
         run, n = record.run, record.chain.n
         self.record, self.run = record, run
         self.by_drive, self.halved, self.passes = by_drive, halved, passes
         self.given, self.inputs = record.inputs, with_own_limits(record.inputs)
+        self._gains: tuple[Inputs | None, tuple[Array, ...]] = (None, ())
         about = record.q[0].tobytes(), record.qd[0].tobytes()
         posture = record.q[0] if run.controlled else np.zeros(n)
         self.slowest = record.kept("slowest", about, lambda: slowest_frequency(record.chain, posture))
@@ -70,6 +92,7 @@ class MethodSteps:
         record.begin()
         self.state[0][:], self.state[1][:] = record.q[0], record.qd[0]
         self.methods: tuple[tuple[int, str, str], ...] = ()
+        self.spent, self.taken = 0.0, float(record.t[0])
         self.count[COUNT.row] = 1
         self.samples, self.forward = (record.t, record.q, record.qd, record.works, record.so_far), record.scratch
         # fixed steps begin on the grid of all steps, to the bit
@@ -99,30 +122,30 @@ class MethodSteps:
             self._put_gains()
             self._compile()
 
-    def saved(self, row: int | None = None) -> Any:
-        """All that steps change, for `restore`; from a row on, samples and what the drive holds, too."""
-        rows = None if row is None else slice(row, self.row)
+    def saved(self) -> Any:
+        """All that steps change, for `restore`."""
         base = self.record.base.saved() if self.record.base is not None else None
-        return vars(self).copy(), rows, [array.copy() for array in self._changing(rows)], base
+        return vars(self).copy(), [array.copy() for array in self._changing], base
 
     def restore(self, saved: Any) -> None:
         """Go back to where `saved` was."""
-        attributes, rows, arrays, base = saved
+        attributes, arrays, base = saved
         vars(self).update(attributes)
         if self.record.base is not None:
             self.record.base.restore(base, self.forward, self.work)
-        for array, before in zip(self._changing(rows), arrays, strict=True):
+        for array, before in zip(self._changing, arrays, strict=True):
             array[...] = before
         self._put_gains()
 
-    def _changing(self, rows: slice | None) -> tuple[NDArray[Any], ...]:
-        changing = self.memory, self.count, self.work.stepper, *stages_of(self.work)
-        if rows is None:
-            return changing
-        return *changing, *remembered(self.inputs.drive), *(array[rows] for array in self.samples)
+    @property
+    def _changing(self) -> tuple[NDArray[Any], ...]:
+        return self.memory, self.count, self.work.stepper, *stages_of(self.work)
 
     def _put_gains(self) -> None:
-        kp, kd, kick = drive_gains(self.record.chain, self.inputs)
+        chain, given = self.record.chain, self.given
+        if self._gains[0] is not given:
+            self._gains = given, drive_gains(chain, given)
+        kp, kd, kick = self._gains[1]
         self.work.springs.impulse[:] = kick
         for gains in (self.work.springs, self.work.saturation):
             gains.kp[:], gains.kd[:] = kp, kd
@@ -189,11 +212,11 @@ class MethodSteps:
         adaptive.forget(self.work.stepper)
         self.work.stepper[STEPPER.step] = step
 
-    def go_on_with(self, name: str, end: float) -> None:
-        """Go on with another method, from where it is to a time [s]."""
-        before, time, self.evaluations_besides = self.work.stepper.copy(), self.time, self.evaluations
+    def go_on_with(self, name: str, why: str = "") -> None:
+        """Go on with another method, from where it is to the end of the piece; why, if not as long as this one did."""
+        before, time, end, self.evaluations_besides = self.work.stepper.copy(), self.time, self.end, self.evaluations
         self.count[COUNT.iterations] = 0
-        self._take((name, f"{self.why}; {self.name} until t = {time:.3g} s"), time)
+        self._take((name, why or f"{self.why}; {self.name} until t = {time:.3g} s"), time)
         self._put_gains()  # of the inputs that act now: a simulator's are not always the record's
         self.aim(time, end)
         now, carried = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
@@ -203,27 +226,31 @@ class MethodSteps:
         """Prepare steps by a method, chosen for a reason, from a time on; compiles, while no signal is deferred."""
         record, (self.name, self.why) = self.record, choice
         first = self.row if self.methods else 0
+        self.spent, self.taken = self.spent + (self.cost if self.methods else 0.0), now
         self.methods = *(other for other in self.methods if other[0] < first), (first, *choice)
         self.method = method(self.name)
         stages = self.method.stages
         dearest = stages + self.method.more_stages if self.method.explicit else FEW_PASSES * stages
         self.dearest = dearest if self.run.controlled else 0
-        self.work = self._scratch()
-        key = choice, now, *(part.tobytes() for part in self.state[:2]), float(record.t[0])
-        self.stop_times, self.settings = record.kept(("stops", self.name), key, lambda: self._stops(now))
+        self.work, self._at_first = self._scratch(), (self.evaluations, self.tries)
+        start, rule, about = float(record.t[0]), self.method, (part.tobytes() for part in self.state[:2])
+        stops = lambda: StopTimes(rule, record, self.by_drive, halved=self.halved, passes=self.passes)  # noqa: E731
+        self.prices = prices(record, explicit=rule.explicit)
+        self.stop_times = record.kept(("stops", self.name), (rule, start, record.q[0].tobytes()), stops)
+        place = "settings", self.name, now == start  # at the start, and where it goes on for another
+        self.settings = record.kept(place, (now, *about), lambda: self._settings(now))
         self.end, self.knots = now, only(now)
         self._compile()
 
-    def _stops(self, now: float) -> tuple[StopTimes, tuple[float, ...]]:
-        """Where and how the steps of the method stop, taken from a time on."""
+    def _settings(self, now: float) -> tuple[float, ...]:
+        """Those of the steps of the method, taken from a time on."""
         record = self.record
-        stops = StopTimes(self.method, record, self.by_drive, halved=self.halved, passes=self.passes)
-        longest = np.inf
+        longest, span = np.inf, self.stop_times.span
         if self.method.explicit and now > record.t[0]:
-            longest = longest_step_of(self.name, stops.span, *fastest_motion(record, self.state[0]))
+            longest = longest_step_of(self.name, span, *fastest_motion(record, self.state[0]))
         elif self.method.explicit:
-            longest = longest_step(self.name, record, stops.span, now, self.state)
-        return stops, settings(self.run, self.method, record, longest / 2 if self.halved else longest)
+            longest = longest_step(self.name, record, span, now, self.state)
+        return settings(self.run, self.method, record, longest / 2 if self.halved else longest)
 
     def _scratch(self) -> EmbeddedWork | ImplicitWork:
         """The scratch of the method, new or as new."""
@@ -282,6 +309,21 @@ class MethodSteps:
     @evaluations_besides.setter
     def evaluations_besides(self, number: int) -> None:
         self.count[COUNT.besides] = number
+
+    @property
+    def work_done(self) -> list[float]:
+        """How often this method did each of `OPERATIONS` since it took over."""
+        s, now, (evaluations, tries) = self.method.stages, self.work.stepper.tolist(), self._at_first
+        return [
+            self.evaluations - evaluations, self.tries - tries, now[STEPPER.begun], s * now[STEPPER.prepared],
+            now[STEPPER.weighed], now[STEPPER.stage_matrices], now[STEPPER.stage_solutions], s * now[STEPPER.answers],
+            now[STEPPER.multiplications],
+        ]  # fmt: skip
+
+    @property
+    def cost(self) -> float:
+        """CPU time of that [s]."""
+        return math.fsum(map(operator.mul, self.prices, self.work_done))
 
     @property
     def time(self) -> float:

@@ -107,7 +107,8 @@ class StopTimes:
         shortest = SHORTEST * self.run.duration + 2 * np.spacing(end)
         times = times[(times > start + shortest) & (times < end - shortest)]
         passed_by = np.full(len(times) + 1, self.passed_by)
-        passed_by[:-1][np.isin(times, must)] = passed_by[-1] = np.inf
+        passed_by[np.searchsorted(times, must[(must > start + shortest) & (must < end - shortest)])] = np.inf
+        passed_by[-1] = np.inf
         return np.append(times, end), passed_by
 
     def _samples(self, start: float, end: float) -> range:
