@@ -96,4 +96,5 @@ def _watched(chain: Chain) -> tuple[Indices, Indices, Indices]:
     free, prescribed = chain.active, chain.hinges["prescribed"]
     if np.count_nonzero(prescribed):
         free = free[prescribed[free] == 0]
+        free.flags.writeable = False  # as `chain.active`, for which the same code was compiled
     return chain.bending, np.isfinite(chain.hinges["lower"]).nonzero()[0], free
