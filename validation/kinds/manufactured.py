@@ -19,6 +19,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive, Spec
 from flexlink.kernels.inputs.record import PiecewisePolynomial
+from flexlink.motion.inputs.actuation import drive_for
 from flexlink.motion.inputs.drives import drive_of
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun
@@ -111,7 +112,7 @@ def _error(scene: Scene, method: str, steps: int, spline: PiecewisePolynomial, m
     q, qd = (rows[0] for rows in manufactured.states([0.0], moved))
     start = {"initial.q": q.tolist(), "initial.qd": qd.tolist()}
     problem = problem_of(scene.varied({"run.method": method, "run.step": scene.run.duration / steps, **start}))
-    drive = drive_of(np.arange(problem.chain.n), feedforward=spline)
+    drive = drive_for(problem.chain, drive_of(np.arange(problem.chain.n), feedforward=spline))
     problem = dataclasses.replace(problem, inputs=problem.inputs._replace(drive=drive))
     with deferred() as stop:
         found = SingleRun(problem).finish(stop)
