@@ -10,6 +10,7 @@ one pass of Newton's iteration of an implicit one. Costs are those of the machin
 from __future__ import annotations
 
 import functools
+import math
 import operator
 import time
 from pathlib import Path
@@ -123,23 +124,32 @@ def run_cost(chain: Chain, name: str, evaluations: float) -> float:
 
 
 def _evaluation_cost(chain: Chain, stages: int, *, explicit: bool) -> float:
-    """One evaluation, with its share of a step of so many stages; 0: none.
-
-    An implicit step takes two passes of Newton's iteration, and an error is weighed at three times, of an explicit
-    method each of two.
-    """
-    weighed, passes = (6, 1) if explicit else (3, 2)
-    evaluation, step, _, preparation, weighing, *_ = operation_costs(chain, explicit=explicit)
+    """One evaluation, with its share of a step of so many stages; 0: none."""
+    costs = operation_costs(chain, explicit=explicit)
     if stages == 0:
-        return evaluation
-    return evaluation + (step + stages * preparation + weighed * weighing) / (passes * stages)
+        return costs[0]
+    return cost_of_a_step(costs, stages, explicit=explicit) / (_passes(explicit) * stages)
+
+
+def cost_of_a_step(costs: list[float], stages: int, *, explicit: bool) -> float:
+    """CPU time of one try of a step [s] whose `OPERATIONS` cost so much: an error is weighed at three times.
+
+    Of an explicit method each of two.
+    """
+    systems, weighed = (0, 6) if explicit else (stages, 3)
+    often = [_passes(explicit) * stages, 1, 0, systems, weighed, 0, 0, 0, 0]
+    return math.fsum(map(operator.mul, costs, often))
+
+
+def _passes(explicit: bool) -> int:
+    """Of Newton's iteration in a step."""
+    return 1 if explicit else 2
 
 
 def step_cost(chain: Chain, name: str) -> float:
     """CPU time of one step [s]; of an implicit method in two passes of Newton's iteration."""
     rule = method(name)
-    passes = 1 if rule.explicit else 2
-    return run_cost(chain, name, passes * rule.stages)
+    return run_cost(chain, name, _passes(rule.explicit) * rule.stages)
 
 
 def machine_factor(problem: InitialValueProblem) -> float:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import functools
-import math
-import operator
 
 from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.springs import damping_slope
 from flexlink.dynamics.vibration.extremes import fastest_of
-from flexlink.motion.evaluation_cost import operation_costs
+from flexlink.motion.evaluation_cost import cost_of_a_step, operation_costs
 from flexlink.motion.inputs.drives import gains_at_zero
 from flexlink.results.record import Record
 
@@ -69,11 +67,9 @@ def prices(record: Record, *, explicit: bool) -> list[float]:
 
 
 def price_of_a_step(record: Record, name: str) -> float:
-    """CPU time of one try of a step [s]: of an implicit method in two passes, its errors weighed at three times."""
+    """CPU time of one try of a step of a method on a record's chain [s]."""
     rule = method(name)
-    passes, systems, weighed = (1, 0, 6) if rule.explicit else (2, rule.stages, 3)
-    often = [passes * rule.stages, 1, 0, systems, weighed, 0, 0, 0, 0]
-    return math.fsum(map(operator.mul, prices(record, explicit=rule.explicit), often))
+    return cost_of_a_step(prices(record, explicit=rule.explicit), rule.stages, explicit=rule.explicit)
 
 
 def tumbles(record: Record) -> bool:

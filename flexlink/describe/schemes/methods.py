@@ -250,10 +250,7 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
                     f"error[{i}] has {len(row)} weights: expected {self.stages}, one per stage, or one more for q̈ "
                     "at the end of the step"
                 )
-            for x in row:
-                _check_number(f"error[{i}]", x)
-            if abs(sum(map(Fraction, row), Fraction(0))) > CLOSE:
-                raise SceneError(f"error[{i}] = {truncated(row)}: must sum to 0")
+            _check_differences(f"error[{i}]", row)
 
     def _check_dense(self) -> None:
         if self.dense_rows and not self.explicit:
@@ -272,10 +269,7 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
                     f"dense[{i}] has {len(row)} weights: expected {before + self.more_stages}, one per stage, one for "
                     "q̈ at the end of the step, and one per row of dense_stages"
                 )
-            for x in row:
-                _check_number(f"dense[{i}]", x)
-            if abs(sum(map(Fraction, row), Fraction(0))) > CLOSE:
-                raise SceneError(f"dense[{i}] = {truncated(row)}: must sum to 0")
+            _check_differences(f"dense[{i}]", row)
 
 
 def method(name: str) -> Method:
@@ -289,6 +283,14 @@ def method(name: str) -> Method:
         A file that is not a valid method.
     """
     return data_files.load("methods", "method", name, Method)
+
+
+def _check_differences(name: str, row: tuple[str, ...]) -> None:
+    """Weights that see differences alone: of slopes that are alike nothing is left."""
+    for x in row:
+        _check_number(name, x)
+    if abs(sum(map(Fraction, row), Fraction(0))) > CLOSE:
+        raise SceneError(f"{name} = {truncated(row)}: must sum to 0")
 
 
 def _check_number(where: str, x: str) -> None:
