@@ -22,6 +22,7 @@ from flexlink.advice.verdict import Advice, payback
 from flexlink.cli.main import main
 from flexlink.describe.spec import decode
 from flexlink.motion.evaluation_cost import bodies_of, run_cost
+from tests.words import refused
 from validation.advice import truth as advice_truth
 from validation.advice.scenes import robot_scene
 from validation.case import CASES, load_case
@@ -146,9 +147,9 @@ def test_where_no_joint_can_move_some_link_bends(passive: str) -> None:
     scene = arm(0.006, locked=True, **pushed, **{"material.steel.loss_time": 1e-3})  # few modes: the truth is one
     if passive == "static":  # at rest in its equilibrium: nothing moves, and a part of nothing is nothing
         assert not fl.advise(scene, "1 mm").error > 1e-3
-        with pytest.raises(fl.errors.AdviceError, match=r"the tip moves by only .* m, .*; give the error as a length"):
+        with refused(fl.errors.AdviceError, "no-motion"):
             fl.advise(scene, 1e-3)
-        with pytest.raises(fl.errors.AdviceError, match=r"the tip moves by only .* m, and 1e-03 of that"):
+        with refused(fl.errors.AdviceError, "no-motion"):
             fl.advise(replace(scene, gravity=(0.0, 0.0, 0.0), wrench=fl.Wrench()), 1e-3)
         return
     advice = fl.advise(scene, 1e-2)
@@ -278,29 +279,29 @@ def test_sensitive_motion_is_good_up_to_a_horizon_that_is_neither_too_late_nor_m
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"initial.q": (0.0,)}, r"initial.q = \(0.0,\): fits one number of hinges only"),
-        ({"run.duration": 0.0}, r"run.duration = 0.0: advice needs a motion"),
-        ({"link.1.material": None, "link.1.section": None}, "link: none can bend"),
+        ({"initial.q": (0.0,)}, "hinge-state-with-advice"),
+        ({"run.duration": 0.0}, "no-motion"),
+        ({"link.1.material": None, "link.1.section": None}, "no-flexible-link"),
     ],
 )
 def test_what_advice_cannot_judge_is_refused_by_name(change: dict[str, object], message: str) -> None:
-    with pytest.raises(fl.errors.SceneError, match=message):
+    with refused(fl.errors.SceneError, message):
         fl.advise(arm(**change))
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"tip": 0.0}, "tip = 0.0: expected a fraction of the travel between 0 and 1"),
-        ({"tip": 2.0}, "tip = 2.0: expected a fraction"),
-        ({"tip": "2 miles"}, "tip = '2 miles': expected a fraction of the tip's travel, such as 1e-3, or a length"),
-        ({"tip": "2 mm", "deflection": True}, "deflection = True: tip = '2 mm' is a length"),
-        ({"band": 51.0}, r"band = 51.0: samples 0.01 s apart resolve at most 50 Hz"),
-        ({"budget": 0.0}, "budget = 0.0"),
+        ({"tip": 0.0}, "tip-goal"),
+        ({"tip": 2.0}, "tip-goal"),
+        ({"tip": "2 miles"}, "wrong-type"),
+        ({"tip": "2 mm", "deflection": True}, "tip-goal"),
+        ({"band": 51.0}, "band-too-wide"),
+        ({"budget": 0.0}, "out-of-range"),
     ],
 )
 def test_arguments_out_of_range_are_refused_by_name(options: dict[str, object], message: str) -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=message):
+    with refused(fl.errors.ArgumentError, message):
         fl.advise(arm(), **options)
 
 
@@ -344,10 +345,7 @@ def test_prices_grow_with_the_chain_and_space_is_dearer() -> None:
 
 @pytest.mark.slow
 def test_where_no_two_models_can_be_run_the_error_says_why() -> None:
-    with pytest.raises(
-        fl.errors.AdviceError,
-        match=r"bars: fewer than two models could be run: bars: the budget of .* ended a run at \d+%",
-    ):
+    with refused(fl.errors.AdviceError, "too-few-models"):
         fl.advise(arm(0.004, motion=led("bar0")), budget=1e-7)
 
 

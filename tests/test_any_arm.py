@@ -13,6 +13,7 @@ import flexlink as fl
 from flexlink.chain.rotation import turn_to
 from flexlink.describe.directions import unit
 from flexlink.dynamics.notes import notes
+from tests.words import refused
 
 EPS = np.finfo(float).eps
 FLAT = fl.Section(shape="rectangle", height=0.03, width=0.01)
@@ -209,23 +210,23 @@ def test_a_disc_may_be_turned_anyhow(axis, angle) -> None:
 @pytest.mark.parametrize(
     ("build", "wanted"),
     [
-        (lambda: fl.Joint(axis=(0, 0, 0)), r"^axis = \(0\.0, 0\.0, 0\.0\): must not be zero; it is a direction"),
-        (lambda: fl.RigidBody(mass=1.0, inertia=(1, 1)), r"^inertia = \(1\.0, 1\.0\): expected 3 moments, .* or 6"),
-        (lambda: fl.RigidBody(mass=1.0, inertia=(1, 1, 2.1)), r"^inertia = .* moments are 1, 1, 2\.1; .* sum of the"),
-        (lambda: fl.RigidBody(mass=1.0, inertia=(1, 1, 2 + 1e-13)), "the sum of the other two, here by 9.99e-14$"),
-        (lambda: fl.RigidBody(mass=1.0, inertia=(1, 1, 1, 0.9, 0, 0)), r"are 0\.1, 1, 1\.9; .* sum of the other"),
-        (lambda: fl.RigidBody(inertia=(1, 1, 1, 2, 0, 0)), r"moments are -1, 1, 3; none may be negative$"),
-        (lambda: fl.RigidBody(inertia=(1, -1, 1)), r"none may be negative$"),
-        (lambda: fl.Link(name="a", line=((0, 0, 0), (0, 0, 0))), r"^line = .*: is 0 m long; must run from one point"),
-        (lambda: fl.Link(name="a", line=((-1e308, 0, 0), (1e308, 0, 0))), r"^line = .*: is inf m long"),
-        (lambda: fl.Link(name="a", line=((0, 0, 0), (1, 0, 0)), length=1.0), r"^length = 1\.0: line = .* is given"),
-        (lambda: fl.Link(name="a", length=1.0, up=(1, 0, 0)), r"^up = \(1\.0, 0\.0, 0\.0\): runs along the line"),
-        (lambda: fl.Link(name="a", length=1.0, up=(0, 0, 0)), r"^up = .*: must not be zero; it is a direction"),
-        (lambda: fl.Link(name="a", flex="z", segments=3, material="m", section="s"), "needs a length > 0 or a line"),
+        (lambda: fl.Joint(axis=(0, 0, 0)), "zero-direction"),
+        (lambda: fl.RigidBody(mass=1.0, inertia=(1, 1)), "inertia-form"),
+        (lambda: fl.RigidBody(mass=1.0, inertia=(1, 1, 2.1)), "inertia-impossible"),
+        (lambda: fl.RigidBody(mass=1.0, inertia=(1, 1, 2 + 1e-13)), "inertia-impossible"),
+        (lambda: fl.RigidBody(mass=1.0, inertia=(1, 1, 1, 0.9, 0, 0)), "inertia-impossible"),
+        (lambda: fl.RigidBody(inertia=(1, 1, 1, 2, 0, 0)), "inertia-impossible"),
+        (lambda: fl.RigidBody(inertia=(1, -1, 1)), "inertia-impossible"),
+        (lambda: fl.Link(name="a", line=((0, 0, 0), (0, 0, 0))), "no-length"),
+        (lambda: fl.Link(name="a", line=((-1e308, 0, 0), (1e308, 0, 0))), "no-length"),
+        (lambda: fl.Link(name="a", line=((0, 0, 0), (1, 0, 0)), length=1.0), "both-given"),
+        (lambda: fl.Link(name="a", length=1.0, up=(1, 0, 0)), "up-along-line"),
+        (lambda: fl.Link(name="a", length=1.0, up=(0, 0, 0)), "zero-direction"),
+        (lambda: fl.Link(name="a", flex="z", segments=3, material="m", section="s"), "needs-a-length"),
     ],
 )  # fmt: skip
 def test_what_no_arm_can_have_is_refused(build, wanted) -> None:
-    with pytest.raises(fl.errors.SceneError, match=wanted):
+    with refused(fl.errors.SceneError, wanted):
         build()
 
 

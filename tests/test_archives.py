@@ -15,6 +15,7 @@ from conftest import ROOT, flexible, make_scene
 
 import flexlink as fl
 from flexlink.errors import DataFileError
+from tests.words import refused
 
 Arrays = dict[str, Any]
 TREE = flexible("a", segments=3), flexible("b", segments=5, lumping="lobatto4"), flexible("c", on="a")
@@ -65,15 +66,13 @@ WRONG: dict[str, tuple[Callable[[Arrays], object], str]] = {
 
 @pytest.mark.parametrize("mistake", WRONG)
 def test_an_archive_with_a_mistake_is_refused_by_its_name(mistake: str, whole: Arrays, tmp_path: Path) -> None:
-    change, message = WRONG[mistake]
+    change, _message = WRONG[mistake]
     arrays = dict(whole)
     np.savez(tmp_path / "good.npz", **arrays)
     assert fl.load_trajectory(tmp_path / "good.npz").t.shape == (4,)
     change(arrays)
     np.savez(tmp_path / "run.npz", **arrays)
-    with pytest.raises(
-        DataFileError, match=rf"run\.npz: holds no run of this version of flexlink: .*{message}"
-    ) as error:
+    with refused(DataFileError, "not-a-result") as error:
         fl.load_trajectory(tmp_path / "run.npz")
     assert "\n" not in str(error.value)
 
@@ -84,7 +83,7 @@ def test_a_header_that_claims_more_numbers_than_there_are_is_refused(count: int,
     np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (count,)})
     with zipfile.ZipFile(tmp_path / "run.npz", "w") as archive:
         archive.writestr("t.npy", head.getvalue() + bytes(80))
-    with pytest.raises(DataFileError, match=r"claims more numbers than fit into memory|not an archive of arrays"):
+    with refused(DataFileError, "not-a-result"):
         fl.load_trajectory(tmp_path / "run.npz")
 
 

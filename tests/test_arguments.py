@@ -15,6 +15,7 @@ import flexlink as fl
 from flexlink.diagnosis.comparison import compare
 from flexlink.dynamics.notes import notes
 from flexlink.engines import load
+from tests.words import refused
 
 
 @functools.cache
@@ -149,26 +150,26 @@ BEYOND = 10**400
     [
         (
             lambda: fl.measures.settling_time(run(), target=(0, 0, 0), tolerance=1e-3, after=BEYOND),
-            "after = 1000.*a time",
+            "wrong-type",
         ),
-        (lambda: fl.measures.settling_time(run(), target=(0, 0, BEYOND), tolerance=1e-3), "target has dtype object"),
-        (lambda: fl.measures.residual_vibration(run(), after=-BEYOND), "after = -1000.*a time"),
-        (lambda: fl.advise(scene(), BEYOND), "tip = 1000.*a fraction of the tip's travel"),
+        (lambda: fl.measures.settling_time(run(), target=(0, 0, BEYOND), tolerance=1e-3), "wrong-type"),
+        (lambda: fl.measures.residual_vibration(run(), after=-BEYOND), "wrong-type"),
+        (lambda: fl.advise(scene(), BEYOND), "wrong-type"),
         (
             lambda: fl.ReferenceTrajectory([0.0], [[[BEYOND]]]),
-            "coefficients has dtype object; expected real numbers .*overflow",
+            "wrong-type",
         ),
         (
             lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]])(BEYOND),
-            "t has dtype object; expected real numbers .*overflow",
+            "wrong-type",
         ),
-        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]])("a"), "t has dtype <U1; expected real numbers"),
-        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]]).shaped([BEYOND], [1.0]), "times has dtype object"),
-        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]]).delayed(BEYOND), "delay has dtype object"),
+        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]])("a"), "wrong-type"),
+        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]]).shaped([BEYOND], [1.0]), "wrong-type"),
+        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]]).delayed(BEYOND), "wrong-type"),
     ],
 )
 def test_an_integer_beyond_float64_is_refused_by_name(call: Callable[[], object], wanted: str) -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=wanted):
+    with refused(fl.errors.ArgumentError, wanted):
         call()
 
 
@@ -204,7 +205,7 @@ def test_numpy_arrays_are_sequences_in_every_description() -> None:
     )
     assert motion == fl.PrescribedMotion(link="a", times=(0,), angle_deg=(1,), rate_deg=(1,), acceleration_deg=(1,))
     assert make_scene(fl.Link(name="a"), gravity=-9.81 * ones).gravity == (-9.81,) * 3
-    with pytest.raises(fl.errors.SceneError, match=r"^force = \[1\.0, 1\.0\]: expected"):
+    with refused(fl.errors.SceneError, "wrong-value"):
         fl.Wrench(force=ones[:2])
 
 
@@ -219,15 +220,15 @@ def test_sizes_and_places_are_given_in_any_integer_of_numpy() -> None:
 
 def test_numpy_numbers_that_do_not_fit_are_refused_like_pythons() -> None:
     for wrong in (np.bool_(True), np.complex128(1), np.datetime64("2020"), np.array([1.0, 2.0]), np.str_("1")):
-        with pytest.raises(fl.errors.SceneError, match=r"^young = .*: expected float"):
+        with refused(fl.errors.SceneError, "wrong-value"):
             fl.Material(young=wrong, density=1.0)
-    with pytest.raises(fl.errors.SceneError, match=r"^young = nan: must be a finite number"):
+    with refused(fl.errors.SceneError, "not-finite"):
         fl.Material(young=np.float64("nan"), density=1.0)
-    with pytest.raises(fl.errors.SceneError, match=r"^joint_deg = \{.*\}: a set has no order"):
+    with refused(fl.errors.SceneError, "not-finite"):
         fl.InitialState(joint_deg={1.0, 2.0})
     nested: list = []
     nested.append(nested)
-    with pytest.raises(fl.errors.SceneError, match=r"^joint_deg: nested too deeply"):
+    with refused(fl.errors.SceneError, "nested-too-deeply"):
         fl.InitialState(joint_deg=nested)
 
 
@@ -264,13 +265,13 @@ def test_what_float64_cannot_hold_is_an_error_that_names_the_cause(call: Callabl
 def test_friction_beyond_float64_is_an_error_and_far_beyond_the_width_is_none() -> None:
     arm = fl.lump(make_scene(fl.Link(name="a", joint=fl.Joint(viscous=1e200, coulomb=2.0, coulomb_width=1e-300))))
     assert fl.friction_torque(arm, [1e50]) == pytest.approx(1e250)
-    with pytest.raises(fl.errors.ArgumentError, match="the friction torque of joint 'a' overflows"):
+    with refused(fl.errors.ArgumentError, "overflow"):
         fl.friction_torque(arm, [1e200])
 
 
 def test_a_mass_matrix_beyond_float64_is_an_error() -> None:
     arm = make_scene(flexible("a"), flexible("b"), tip=fl.RigidBody(mass=1e308))
-    with pytest.raises(fl.errors.ArgumentError, match="the mass matrix of 'test' overflows float64"):
+    with refused(fl.errors.ArgumentError, "overflow"):
         fl.mass_matrix(fl.lump(arm), np.zeros(fl.lump(arm).n))
 
 
@@ -288,14 +289,12 @@ def test_links_are_given_by_name_or_number_and_joints_by_name_or_index() -> None
     for joint in ("upper.1.z", 4, np.int32(4)):
         assert of.coordinate(joint) == (2, 1, 3)
         assert of.joint_name(joint) == "upper.1.z"
-    with pytest.raises(
-        fl.errors.ArgumentError, match=r"^link = 'uper': no link of this arm; .*; did you mean 'upper'\?$"
-    ):
+    with refused(fl.errors.ArgumentError, "unknown-link"):
         of.index("uper", 0, 0)
     for wrong in (0, 3, -1, True, 1.0, None):
-        with pytest.raises(fl.errors.ArgumentError, match=rf"^link = {wrong}: .* allowed are waist, upper, or 1 … 2"):
+        with refused(fl.errors.ArgumentError, "unknown-link"):
             arm.number(wrong)  # type: ignore[arg-type]
-    with pytest.raises(fl.errors.ArgumentError, match=r"^k = 'upper.9.z': no joint of this chain; .*; did you mean"):
+    with refused(fl.errors.ArgumentError, "unknown-joint"):
         of.coordinate("upper.9.z")
 
 
@@ -311,7 +310,7 @@ def test_a_motion_names_its_link_or_its_number() -> None:
         np.testing.assert_array_equal(by_name.hinges["prescribed"], by_number.hinges["prescribed"])
         assert by_name.hinges["prescribed"][by_name.index(link, 0, 0)] == 1
     two = fl.PrescribedMotion(link=1, times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])
-    with pytest.raises(fl.errors.SceneError, match=r"^motion\.waist: the second motion of this link"):
+    with refused(fl.errors.SceneError, "motion-twice"):
         make_scene(fl.Link(name="waist", length=1.0), motion=(two, msgspec.structs.replace(two, link="waist")))
 
 
@@ -320,17 +319,17 @@ def test_one_class_of_error_a_cause(tmp_path: Path) -> None:
     broken = tmp_path / "own.toml"
     broken.write_text("other = 1\n", encoding="utf-8")
     link = functools.partial(flexible, "a", segments=3)
-    with pytest.raises(fl.errors.SceneError, match=r"^link\.a\.lumping = 'gaus': unknown; .*; did you mean 'gauss'"):
+    with refused(fl.errors.SceneError, "unknown-name"):
         fl.lump(make_scene(link(lumping="gaus")))
-    with pytest.raises(fl.errors.SceneError, match=r"^link\.a\.segments = 2, so 1 hinges: rule 'gregory'"):
+    with refused(fl.errors.SceneError, "segments-of-rule"):
         fl.lump(make_scene(link(lumping="gregory", segments=2)))
-    with pytest.raises(fl.errors.SceneError, match=r"^run\.method = 'RK7': unknown"):
+    with refused(fl.errors.SceneError, "unknown-name"):
         fl.simulate(scene(), method="RK7")
-    with pytest.raises(fl.errors.ArgumentError, match=r"^method = 'RK7': unknown"):
+    with refused(fl.errors.ArgumentError, "unknown-name"):
         fl.stable_step(chain(), method="RK7")
-    with pytest.raises(fl.errors.DataFileError, match=r"own\.toml: other = 1: unknown key"):
+    with refused(fl.errors.DataFileError, "unknown-key"):
         fl.lump(make_scene(link(lumping=str(broken))))
-    with pytest.raises(fl.errors.DataFileError, match=r"own\.toml: other = 1: unknown key"):
+    with refused(fl.errors.DataFileError, "unknown-key"):
         fl.simulate(scene(), method=str(broken))
-    with pytest.raises(fl.errors.DataFileError, match=r"own\.toml: other = 1: unknown key"):
+    with refused(fl.errors.DataFileError, "unknown-key"):
         fl.stable_step(chain(), method=str(broken))

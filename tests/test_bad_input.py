@@ -23,6 +23,7 @@ import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.describe.scene import scene_from
 from flexlink.diagnosis.comparison import compare
+from tests.words import refused
 
 Edit = Callable[[dict], object]
 T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
@@ -333,7 +334,7 @@ def test_python_descriptions_take_lists_dicts_and_numpy_arrays() -> None:
     scene = make_scene(link, gravity=np.array([0.0, 0.0, 9.81]), initial=fl.InitialState(joint_deg=[1]))
     assert scene.gravity == (0.0, 0.0, 9.81)
     assert scene.initial.joint_deg == (1.0,)
-    with pytest.raises(fl.errors.SceneError, match=r"^joint\.viscous = -1: expected float >= 0\.0"):
+    with refused(fl.errors.SceneError, "wrong-value"):
         fl.Link(name="a", joint={"viscous": -1})
 
 
@@ -371,9 +372,9 @@ def test_a_wrong_batch_is_named(wrong: object, place: int, models) -> None:
 
 def test_methods_that_are_no_text_are_refused(models) -> None:
     chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
-    with pytest.raises(fl.errors.ArgumentError, match="algorithm = \\[\\]: unknown"):
+    with refused(fl.errors.ArgumentError, "unknown-name"):
         fl.mass_matrix(chain, np.zeros(10), algorithm=[])  # type: ignore[arg-type]
-    with pytest.raises(fl.errors.ArgumentError, match="method = 5: unknown"):
+    with refused(fl.errors.ArgumentError, "unknown-name"):
         fl.stable_step(chain, method=5)  # type: ignore[arg-type]
 
 

@@ -19,6 +19,7 @@ from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun
 from flexlink.motion.step_errors import step_errors, step_errors_side_by_side
+from tests.words import refused
 
 
 @pytest.mark.parametrize("states", [1, 7, 8, 21])
@@ -70,7 +71,7 @@ def test_any_array_serves_as_many_states(chain: fl.Chain, made: str, rng: np.ran
 
 def test_states_of_unequal_shape_are_refused(chain: fl.Chain) -> None:
     q = np.zeros((3, chain.n))
-    with pytest.raises(fl.errors.ArgumentError, match=rf"tau has shape \(2, {chain.n}\); expected .*\(3, {chain.n}\)"):
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
         fl.forward_dynamics(chain, q, q, q[:2])
 
 
@@ -207,7 +208,7 @@ def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
     fine = fl.RunSettings(step=1e-4, duration=0.05)
     runs = fine, fl.RunSettings(step=1e-3, duration=0.05, sample=1e-3, unstable="allow")
     good, wild = (paper.varied({"run": run}) for run in runs)
-    with pytest.raises(fl.errors.DivergenceError, match="try a smaller step than") as caught:
+    with refused(fl.errors.DivergenceError, "diverged") as caught:
         fl.simulate_many([good, wild, good])
     runs = caught.value.runs
     assert [len(run.t) for run in runs] == [11, len(caught.value.trajectory.t), 11]
@@ -242,7 +243,7 @@ def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
     coarse = fl.RunSettings(step=0.35, sample=0.35, duration=35.0)
     scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)), run=coarse)
-    with pytest.raises(fl.errors.DivergenceError, match="the energy does not balance"):
+    with refused(fl.errors.DivergenceError, "diverged"):
         fl.simulate_many([scene, scene])
 
 

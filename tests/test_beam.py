@@ -11,6 +11,7 @@ from numpy.polynomial import legendre
 from scipy import linalg
 
 import flexlink as fl
+from tests.words import refused
 from validation.physics.hinge_sweep import order
 
 CONE = {"thick": fl.Section(shape="circle", diameter=0.06), "thin": fl.Section(shape="circle", diameter=0.02)}
@@ -72,7 +73,7 @@ def test_gauss_converges_on_a_tapered_link_faster_than_midpoint() -> None:
 
 
 def test_a_taper_between_two_shapes_is_refused() -> None:
-    with pytest.raises(fl.errors.SceneError, match=r"link\.\w+.section_tip = 'flat': is a rectangle, not a circle"):
+    with refused(fl.errors.SceneError, "inconsistent"):
         fl.Arm(
             links=(flexible("a", section="thick", section_tip="flat"),),
             materials={"aluminium": ALUMINIUM},
@@ -135,7 +136,7 @@ def test_a_hinge_with_a_negative_rotor_passes_little_of_what_turns_behind_it(tmp
     rule.write_text(
         'about = ""\nsource = ""\nmatched_twist = true\n[element]\nnodes = [0.2, 0.55]\nweights = [0.5, 0.5]\n'
     )
-    with pytest.raises(fl.errors.SceneError, match="at hinge 1 outweighs"):
+    with refused(fl.errors.SceneError, "twist-inertia-outweighs"):
         cone_bar(1.0, 2, str(rule))
 
 
@@ -144,9 +145,7 @@ def test_matched_rotors_that_outweigh_what_turns_are_refused_by_name(tmp_path: P
     rule.write_text(
         'about = ""\nsource = ""\nmatched_twist = true\n[element]\nnodes = [0.2, 0.5]\nweights = [0.9, 0.1]\n'
     )
-    with pytest.raises(
-        fl.errors.SceneError, match=r"link 'bar': lumping = .*heavy.toml'.* at hinge 2 outweighs .*'gauss'"
-    ):
+    with refused(fl.errors.SceneError, "twist-inertia-outweighs"):
         cone_bar(1.0, 2, str(rule))
     link = flexible("a", "yz", 3, lumping=str(rule))  # which has no twist
     assert fl.lump(fl.Scene(
@@ -208,5 +207,5 @@ def test_damping_of_the_first_mode_converges_under_refinement() -> None:
 
 
 def test_there_is_no_cap_that_would_take_damping_away() -> None:
-    with pytest.raises(TypeError, match="cap"):
+    with refused(TypeError, "test-beam"):
         fl.Damping(ratio=0.01, at_hz=4.0, cap=1.0)  # type: ignore[call-arg]

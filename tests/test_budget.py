@@ -19,6 +19,7 @@ from flexlink.motion.budget import FEWEST, LOOKS, SHORTEST, Budget, Spent
 from flexlink.motion.hindrance import hindrance, sampled_growth
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun
+from tests.words import refused
 
 
 def swinging(**changes: Any) -> fl.Scene:
@@ -66,9 +67,7 @@ def test_what_hangs_is_told_after_two_looks_and_steps_of_next_to_nothing_end_a_r
 @compiled
 def test_a_run_that_takes_more_than_it_may_stops_with_its_samples_and_the_same_ones_each_time() -> None:
     scene = swinging(**{"run.max_evaluations": 2000})
-    with pytest.raises(
-        fl.errors.EvaluationLimitError, match=r"max_evaluations = 2000.* try .*raise max_evaluations"
-    ) as first:
+    with refused(fl.errors.EvaluationLimitError, "too-many-evaluations") as first:
         fl.simulate(scene)
     with pytest.raises(fl.errors.EvaluationLimitError) as second:
         fl.simulate(scene)
@@ -103,9 +102,7 @@ def test_a_sampled_loop_that_is_unstable_by_itself_is_named_and_a_stable_one_is_
         assert without == pytest.approx(1.0, abs=1e-3)
         assert (growth > 1.0 + 1e-3) is unstable
     scene = held_too_seldom(**{"run.max_evaluations": 4000, "run.duration": 20.0})
-    with pytest.raises(
-        fl.errors.EvaluationLimitError, match=r"control loop is unstable at drive.rate = 20 Hz.*a higher rate"
-    ):
+    with refused(fl.errors.EvaluationLimitError, "too-many-evaluations"):
         fl.simulate(scene)
 
 
@@ -113,9 +110,7 @@ def test_a_sampled_loop_that_is_unstable_by_itself_is_named_and_a_stable_one_is_
 @pytest.mark.slow
 def test_a_loop_that_is_known_to_be_unstable_ends_a_run_when_two_looks_find_it_hanging() -> None:
     scene = held_too_seldom(**{"run.max_evaluations": 2e5, "run.duration": 20.0})
-    with pytest.raises(
-        fl.errors.EvaluationLimitError, match=r"the rest would take .*; the control loop is unstable"
-    ) as e:
+    with refused(fl.errors.EvaluationLimitError, "too-many-evaluations") as e:
         fl.simulate(scene)
     assert e.value.trajectory.steps is not None
     assert e.value.trajectory.steps.evaluations <= 2e5 / 10
@@ -150,7 +145,7 @@ def test_a_simulator_stays_where_it_was_and_every_call_may_take_as_much() -> Non
     for _ in range(3):
         arm.step(duration=0.01)
     before = arm.state
-    with pytest.raises(fl.errors.EvaluationLimitError, match="max_evaluations = 1000"):
+    with refused(fl.errors.EvaluationLimitError, "too-many-evaluations"):
         arm.step(duration=0.3)
     np.testing.assert_array_equal(arm.state.q, before.q)
     assert arm.step(duration=0.01).t == pytest.approx(0.04)

@@ -37,6 +37,7 @@ from flexlink.describe.link import AXES
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.sections import SHAPES, SectionProperties, rectangle
 from flexlink.errors import ArgumentError, FlexlinkError, SceneError
+from tests.words import refused
 
 
 @pytest.mark.parametrize(("n", "nseg", "flex"), list(itertools.product([2, 3, 5], [2, 5, 8], ["z", "yz", "xyz"])))
@@ -90,14 +91,14 @@ def test_a_chain_prints_as_one_short_line(chain: Chain) -> None:
 
 
 def test_an_unknown_coordinate_is_refused(chain: Chain) -> None:
-    with pytest.raises(ArgumentError, match="not in this chain"):
+    with refused(ArgumentError, "unknown-hinge"):
         chain.index(1, 99, 3)
-    with pytest.raises(ArgumentError, match=f"k = {chain.n}: no joint .*; allowed are 0 … {chain.n - 1}, names"):
+    with refused(ArgumentError, "unknown-joint"):
         chain.coordinate(chain.n)
 
 
 def test_a_chain_is_read_only(chain: Chain) -> None:
-    with pytest.raises(ValueError, match="read-only"):
+    with refused(ValueError, "test-chain"):
         chain.stiffness[0] = 1.0
 
 
@@ -132,7 +133,7 @@ def test_a_spring_too_soft_for_float64_is_refused_not_left_out() -> None:
     soft = Material(young=1e-320, density=1.0)
     scene = make_scene(flexible("a"))
     scene.arm.materials["aluminium"] = soft
-    with pytest.raises(SceneError, match="link 'a': the stiffness of a hinge underflows float64"):
+    with refused(SceneError, "underflow"):
         lump(scene)
 
 
@@ -140,7 +141,7 @@ def test_a_single_axis_too_soft_for_float64_is_refused_too() -> None:
     scene = make_scene(flexible("a", "xyz"))
     scene.arm.sections["square"] = Section(shape="general", area=1.0, i_y=1.0, i_z=1.0, torsion=5e-324)
     scene.arm.materials["aluminium"] = Material(young=1.0, density=1.0)
-    with pytest.raises(SceneError, match="link 'a': the stiffness of a hinge underflows float64"):
+    with refused(SceneError, "underflow"):
         lump(scene)
 
 
@@ -205,7 +206,7 @@ def test_a_hub_turns_with_its_joint_and_stays_where_the_joint_is_locked() -> Non
 def test_a_hinge_on_a_free_joint_needs_inertia_between(tmp_path) -> None:
     rule = tmp_path / "nodal.toml"
     rule.write_text('about = "a"\nsource = "b"\n[grid]\nfirst = 0.0\nlast = 0.5\n', encoding="utf-8")
-    with pytest.raises(SceneError, match=r"^link\.a.lumping = .*with no inertia between the two"):
+    with refused(SceneError, "hinge-without-inertia"):
         lump(make_scene(flexible("a", lumping=str(rule))))
     for fields in (
         {"joint": Joint(armature=0.1)},
@@ -303,10 +304,10 @@ def test_mass_and_centre_of_mass_are_those_of_gravity(rng) -> None:
     assert chain.mass == chain.bodies["mass"].sum()
     wanted = -chain.mass * chain.gravity @ chain.com(q)
     assert energy(chain, q, 0 * q).gravity == pytest.approx(wanted, rel=1e-13)
-    with pytest.raises(ArgumentError, match="q has shape"):
+    with refused(ArgumentError, "wrong-shape"):
         chain.com([0.0])
     empty = dataclasses.replace(chain, bodies=_massless(chain))
-    with pytest.raises(ArgumentError, match="has no mass"):
+    with refused(ArgumentError, "no-mass"):
         empty.com(q)
 
 

@@ -7,6 +7,7 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
+from tests.words import refused
 
 SENSORS = (
     fl.Sensor(name="gauge", kind="strain", link="boom", x=0.1, fibre=(0.02, 0.0), low_pass=30.0, order=2, delay=0.003,
@@ -57,5 +58,5 @@ def test_work_has_a_slope_and_what_is_nothing_but_error_has_none() -> None:
     work = slopes.column("work [J]")
     assert np.abs(energy - energy[0] - work).max() <= 1e-6 * np.abs(work).max()
     for name in ("imbalance [J]", "t [s]", "tip y"):
-        with pytest.raises(fl.errors.ArgumentError, match=r"no column with a slope; allowed are q boom \[rad\]"):
+        with refused(fl.errors.ArgumentError, "unknown-name"):
             slopes.column(name)

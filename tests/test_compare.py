@@ -16,6 +16,7 @@ from flexlink.diagnosis.quantities import QUANTITIES, compare_engines
 from flexlink.diagnosis.states import mixed_states, random_states
 from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load
+from tests.words import refused
 
 ROOT = Path(__file__).parent.parent
 MODELS = ROOT / "models"
@@ -229,12 +230,12 @@ def test_a_long_comparison_tells_how_far_it_is():
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    ({"samples": 0}, "samples = 0: must be .*1 … 100000"),
-    ({"samples": 99999999999}, "samples = 99999999999: must be .*1 … 100000"),
-    ({"engines": ("bullet",)}, "engine = 'bullet': unknown"),
+    ({"samples": 0}, "out-of-range"),
+    ({"samples": 99999999999}, "out-of-range"),
+    ({"engines": ("bullet",)}, "unknown-name"),
 ])  # fmt: skip
 def test_bad_arguments_are_named(arguments, message):
-    with pytest.raises(ArgumentError, match=message):
+    with refused(ArgumentError, message):
         compare(fl.load_scene(MODELS / "paper_fig5.toml"), **arguments)
 
 

@@ -9,6 +9,7 @@ from conftest import flexible, make_scene
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.errors import SceneError
+from tests.words import refused
 
 ALIKE = fl.Damping(ratio=0.02, law="constant")
 LOAD = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
@@ -71,18 +72,18 @@ def test_the_command_says_what_was_asked_for(tmp_path, capsys) -> None:
 
 
 def test_what_cannot_be_is_refused() -> None:
-    with pytest.raises(SceneError, match=r"^at_hz: missing; this key is required, unless law = 'constant'"):
+    with refused(SceneError, "missing-key"):
         fl.Damping(ratio=0.01)
-    with pytest.raises(SceneError, match=r"^at_hz = 5\.0: has no effect with law = 'constant'"):
+    with refused(SceneError, "no-effect"):
         fl.Damping(ratio=0.01, at_hz=5.0, law="constant")
     slide = fl.Joint(kind="prismatic", axis=(1.0, 0.0, 0.0))
     between = flexible("a", damping=ALIKE), fl.Link(name="s", joint=slide, hub=LOAD), flexible("b", damping=ALIKE)
-    with pytest.raises(SceneError, match=r"^link\.a\.damping\.law = 'constant': a branch begins or a joint slides"):
+    with refused(SceneError, "inconsistent"):
         make_scene(*between)
     branch = flexible("a", damping=ALIKE), flexible("b"), flexible("c", damping=ALIKE, on="a")
-    with pytest.raises(SceneError, match=r"^link\.a\.damping\.law = 'constant': a branch begins or a joint slides"):
+    with refused(SceneError, "inconsistent"):
         make_scene(*branch)
     beside = flexible("z"), flexible("a", damping=ALIKE, on="base"), fl.Link(name="s", joint=slide, hub=LOAD)
     assert len(fl.lump(make_scene(*beside)).couplings) == 6, "of one link"
-    with pytest.raises(SceneError, match=r"402 hinges in all; at most 400"):
+    with refused(SceneError, "too-many-joints"):
         fl.lump(make_scene(flexible("a", "z", 403, damping=ALIKE)))

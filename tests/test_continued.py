@@ -13,6 +13,7 @@ from conftest import flexible, make_scene
 import flexlink as fl
 from flexlink.describe.data_files import names
 from flexlink.describe.schemes.methods import method as load_method
+from tests.words import refused
 
 TABLE = {"kind": "table", "times": [0.0, 0.02, 0.06], "torques": [[1.0, 0.0], [-3.0, 1.0], [2.0, 0.5]]}
 PD = {"kind": "pd", "kp": [40.0, 20.0], "kd": [1.0, 0.5], "target_deg": [-80.0, -10.0]}
@@ -126,7 +127,7 @@ def test_a_free_base_is_continued_up_to_rounding() -> None:
 def test_a_prescribed_motion_that_the_start_does_not_follow_is_refused() -> None:
     scene = arm("linear", motion=(MOTION,))
     t, q, qd = fl.simulate(scene).state(-4)
-    with pytest.raises(fl.errors.SceneError, match=r"initial\.q\[0\] = .*'upper' follows its motion, .* at t = 0.05 s"):
+    with refused(fl.errors.SceneError, "start-differs-from-motion"):
         fl.simulate(scene, q0=q + 0.01, qd0=qd, t0=t, duration=0.03)
 
 
@@ -151,23 +152,23 @@ def test_torque_that_is_held_jumps_between_two_steps() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"initial.q": [0.0]}, r"initial\.q = .*expected one number per joint, 6"),
-        ({"initial.q": [float("nan")] * 6}, r"initial\.q"),
-        ({"initial.q": [0.0] * 6, "initial.passive": "static"}, "give only one"),
-        ({"initial.qd": [0.0] * 6, "initial.rate_deg": [1.0, 0.0]}, "give only one"),
-        ({"initial.time": 0.00005}, r"initial\.time = 5e-05: must be a multiple of run\.step"),
-        ({"initial.time": -1.0}, r"initial\.time"),
-        ({"drive": {**TABLE, "hold": True, "smooth": True}}, "hold = True: needs a table with smooth = False"),
-        ({"drive": {**TABLE, "hold": True, "times": [0.0, 0.02, 0.06005]}}, r"drive\.times\[2\] = 0.06005: must"),
+        ({"initial.q": [0.0]}, "one-per-joint"),
+        ({"initial.q": [float("nan")] * 6}, "not-finite"),
+        ({"initial.q": [0.0] * 6, "initial.passive": "static"}, "both-given"),
+        ({"initial.qd": [0.0] * 6, "initial.rate_deg": [1.0, 0.0]}, "both-given"),
+        ({"initial.time": 0.00005}, "not-a-multiple"),
+        ({"initial.time": -1.0}, "wrong-value"),
+        ({"drive": {**TABLE, "hold": True, "smooth": True}}, "needs-another-key"),
+        ({"drive": {**TABLE, "hold": True, "times": [0.0, 0.02, 0.06005]}}, "not-a-multiple"),
     ],
 )  # fmt: skip
 def test_a_state_that_does_not_fit_is_refused(changes: dict[str, object], message: str) -> None:
-    with pytest.raises(fl.errors.SceneError, match=message):
+    with refused(fl.errors.SceneError, message):
         fl.simulate(arm("none").varied(changes))
 
 
 def test_a_sample_that_is_not_there_has_no_state() -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=r"k = 9: must be -9 … 8"):
+    with refused(fl.errors.ArgumentError, "out-of-range"):
         fl.simulate(arm("none")).state(9)
 
 

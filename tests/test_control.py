@@ -11,6 +11,7 @@ from test_continued import arm
 
 import flexlink as fl
 from flexlink.motion.simulator import OFTEN
+from tests.words import refused
 
 TARGET, KP, KD = np.radians([-80.0, -10.0]), np.array([40.0, 20.0]), np.array([1.0, 0.5])
 
@@ -100,9 +101,9 @@ BROKEN = {
 @pytest.mark.parametrize("way", ["RK4", "Gauss4", "Radau9 within 10 µm", "DOP853 within 10 µm"])
 @pytest.mark.parametrize("broken", BROKEN)
 def test_a_law_that_fails_is_named_with_its_time_and_what_was_computed_is_kept(broken: str, way: str) -> None:
-    law, message = BROKEN[broken]
+    law, _message = BROKEN[broken]
     for rate in [100.0, None] if way == "RK4" else [100.0]:
-        with pytest.raises(fl.errors.ControlError, match=rf"t = 0\.0\d* s: control law .*lambda.*{message}") as caught:
+        with refused(fl.errors.ControlError, "controller-failed") as caught:
             fl.simulate(arm("none"), control=law, rate=rate, **WAYS[way])
         kept = caught.value.trajectory
         assert kept.t.tolist() == pytest.approx([0.0, 0.01, 0.02])
@@ -113,28 +114,28 @@ def test_a_law_that_fails_is_named_with_its_time_and_what_was_computed_is_kept(b
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"rate": 100.0}, "rate = 100.0: has no effect without control"),
-        ({"control": pd, "rate": 3000.0}, r"rate = 3000.0: 1 / rate = .*must be a multiple of run.step = 0.0001"),
-        ({"control": pd, "rate": -1.0}, "rate = -1.0: must be a finite number > 0"),
-        ({"control": 3.0}, "control = 3.0: expected a function"),
-        ({"control": pd, "tolerance": 1e-4}, "with a tolerance, a control law needs a rate; give rate"),
-        ({"control": pd, "method": "Gauss4"}, "with method = 'Gauss4', which is implicit, a control law needs a rate"),
-        ({"control": pd, "rate": 100.0, "t0": 0.005}, "t0 = 0.005: must be a multiple of 1 / rate = 0.01"),
+        ({"rate": 100.0}, "no-effect"),
+        ({"control": pd, "rate": 3000.0}, "not-a-multiple"),
+        ({"control": pd, "rate": -1.0}, "out-of-range"),
+        ({"control": 3.0}, "wrong-type"),
+        ({"control": pd, "tolerance": 1e-4}, "controller-needs-rate"),
+        ({"control": pd, "method": "Gauss4"}, "controller-needs-rate"),
+        ({"control": pd, "rate": 100.0, "t0": 0.005}, "not-a-multiple"),
     ],
 )  # fmt: skip
 def test_a_law_that_cannot_be_asked_is_refused(given: dict[str, object], message: str) -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=message):
+    with refused(fl.errors.ArgumentError, message):
         fl.simulate(arm("none"), **given)
 
 
 def test_a_law_beside_a_drive_is_refused() -> None:
-    with pytest.raises(fl.errors.ArgumentError, match="the scene has a drive, 'pd', too"):
+    with refused(fl.errors.ArgumentError, "both-given"):
         fl.simulate(arm("pd"), control=pd)
 
 
 def test_a_simulator_whose_energy_does_not_balance_stays_where_it_was() -> None:
     simulator = fl.Simulator(arm("none", **{"run.step": 0.01, "run.unstable": "allow"}))
-    with pytest.raises(fl.errors.DivergenceError, match="does not balance") as caught:
+    with refused(fl.errors.DivergenceError, "diverged") as caught:
         while True:
             before, energies = simulator.state, simulator._monitor._balance.seen.copy()
             simulator.step([0.0, 0.0])
@@ -151,7 +152,7 @@ def test_a_call_that_is_refused_leaves_no_trace(way: str, monkeypatch: pytest.Mo
     for k in range(20):
         if k % 5 == 3:
             before, judged = disturbed.state, disturbed._monitor._balance.seen.copy()
-            with pytest.raises(fl.errors.DivergenceError, match=r"after t = 0\.0"):
+            with refused(fl.errors.DivergenceError, "diverged"):
                 disturbed.step([1e200, -1e200], duration=0.01)
             assert disturbed.time == before.t
             np.testing.assert_array_equal(disturbed._monitor._balance.seen, judged)
@@ -190,21 +191,19 @@ def test_ctrl_c_keeps_the_samples_of_a_run_under_a_law(way: str, answer: Callabl
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda s: s.step([1.0]), r"tau has shape \(1,\); expected \(2,\)"),
-        (lambda s: s.step([np.inf, 0.0]), r"tau\[0\] = inf is not finite"),
-        (lambda s: s.step(duration=0.00015), "duration = 0.00015: must be a multiple of run.step"),
-        (lambda s: s.step(duration=[1e-3]), "duration = "),
-        (lambda s: s.step(duration=0.0), "duration = 0.0: must be a finite number > 0"),
-        (lambda s: s.reset([0.0]), "expected one number per joint, 6"),
+        (lambda s: s.step([1.0]), "wrong-shape"),
+        (lambda s: s.step([np.inf, 0.0]), "not-finite"),
+        (lambda s: s.step(duration=0.00015), "not-a-multiple"),
+        (lambda s: s.step(duration=[1e-3]), "out-of-range"),
+        (lambda s: s.step(duration=0.0), "out-of-range"),
+        (lambda s: s.reset([0.0]), "one-per-joint"),
     ],
 )
 def test_what_a_simulator_cannot_do_is_refused(call, message: str) -> None:
-    with pytest.raises(fl.FlexlinkError, match=message):
+    with refused(fl.FlexlinkError, message):
         call(fl.Simulator(arm("none")))
 
 
 def test_a_simulator_refuses_a_step_that_would_blow_up() -> None:
-    with pytest.raises(
-        fl.errors.UnstableStepError, match=r"run\.step = 0\.01 s: more than .* the largest stable step of RK4"
-    ):
+    with refused(fl.errors.UnstableStepError, "unstable-step"):
         fl.Simulator(arm("none", **{"run.step": 0.01}))

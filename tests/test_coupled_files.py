@@ -23,6 +23,7 @@ from flexlink.formats import FORMATS
 from flexlink.formats.features import not_held
 from flexlink.formats.small_mass import with_small_mass
 from flexlink.formats.tendons import left_to_joints
+from tests.words import refused
 
 EPS = np.finfo(float).eps
 
@@ -105,9 +106,7 @@ def tapered(segments: int) -> fl.Chain:
 
 def test_a_cell_that_tendons_cannot_hold_is_refused_by_name_and_more_segments_help() -> None:
     chain = tapered(3)
-    with pytest.raises(
-        ArgumentError, match=r"joint 'a\.2\.z': springs to other joints of its cell are .* N m/rad"
-    ) as told:
+    with refused(ArgumentError, "tendon-stiffness") as told:
         fl.to_mjcf(chain)
     assert "use more segments in link 'a'" in str(told.value) and "\n" not in str(told.value)
     for format in ("urdf", "sdf"):
@@ -129,7 +128,7 @@ def test_so_are_dampers_and_what_is_just_held_is_held() -> None:
             assert left_to_joints(changed, "damping")[i] == 0.0
             assert_springs_of_mujoco(changed)
         else:
-            with pytest.raises(ArgumentError, match=rf"'{chain.joint_name(i)}': dampers to other joints .* N m s/rad"):
+            with refused(ArgumentError, "tendon-stiffness"):
                 fl.to_mjcf(changed)
 
 
@@ -145,17 +144,17 @@ URDF, SDF = "flexlink/coupling", ".//{urn:flexlink}coupling"
 @pytest.mark.parametrize(
     ("form", "edit", "told"),
     [
-        ("urdf", planted.each(URDF, outer="elbow"), "joint 'elbow': no such joint"),
-        ("sdf", planted.each(SDF, inner="tip"), "joint 'tip': no such joint"),
-        ("urdf", planted.each(URDF, outer="upper"), "joint 'upper' must follow 'upper.1.x'"),
-        ("urdf", planted.each(URDF, stiffness="-1e9"), "stiffness = -1e9|stiffness = -1000000000.0 between joints"),
-        ("sdf", planted.each(SDF, damping="1e9"), "damping = 1000000000.0 between joints 'upper.1.x' and 'upper.2.x'"),
-        ("urdf", planted.each(URDF, stiffness="stiff"), "expected 1 finite number"),
-        ("urdf", planted.each(URDF, damping=None), "attribute damping is missing"),
+        ("urdf", planted.each(URDF, outer="elbow"), "file-content"),
+        ("sdf", planted.each(SDF, inner="tip"), "file-content"),
+        ("urdf", planted.each(URDF, outer="upper"), "file-content"),
+        ("urdf", planted.each(URDF, stiffness="-1e9"), "file-content"),
+        ("sdf", planted.each(SDF, damping="1e9"), "file-content"),
+        ("urdf", planted.each(URDF, stiffness="stiff"), "file-content"),
+        ("urdf", planted.each(URDF, damping=None), "file-content"),
     ],
 )
 def test_what_contradicts_itself_is_refused_by_name(form: str, edit: planted.Edit, told: str) -> None:
-    with pytest.raises(DataFileError, match=told):
+    with refused(DataFileError, told):
         FORMATS[form].read(edited(form, edit, fl.lump(arm())))
 
 

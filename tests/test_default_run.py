@@ -13,6 +13,7 @@ from conftest import flexible, make_scene
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.describe.scene import scene_from
+from tests.words import refused
 
 GRAVITY = (0.0, -9.81, 0.0)
 
@@ -78,18 +79,18 @@ def test_the_default_sample_fits_whatever_step_and_duration_are_written(said: An
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"run.step": 0.003}, "run.duration, by default 5.0, = 5.0: must be a multiple of step = 0.003"),
-        ({"run.method": "RK4", "run.sample": 1.5e-4}, "run.sample = 0.00015: must be a multiple of the default step"),
-        ({"run.method": "RK4", "initial.time": 1e-5}, "initial.time = 1e-05: must be a multiple of the default run.s"),
-        ({"run.method": "auto", "run.step": 1e-3}, "run.method = 'auto': .* run.step = 0.001 is given; give run.tol"),
+        ({"run.step": 0.003}, "not-a-multiple"),
+        ({"run.method": "RK4", "run.sample": 1.5e-4}, "not-a-multiple"),
+        ({"run.method": "RK4", "initial.time": 1e-5}, "not-a-multiple"),
+        ({"run.method": "auto", "run.step": 1e-3}, "method-and-step"),
         (
             {"drive": {"kind": "pd", "kp": [1.0], "kd": [1.0], "target_deg": [0.0], "rate": 300.0}},
-            "drive.rate = 300.0: the default run.sample = 0.005: must be .* give run.sample, such as 0.00666667",
+            "not-a-multiple",
         ),
     ],
 )  # fmt: skip
 def test_what_nobody_wrote_is_said_to_be_a_default(changes: Any, message: str) -> None:
-    with pytest.raises(fl.errors.SceneError, match=message):
+    with refused(fl.errors.SceneError, message):
         arm().varied(changes)
 
 
@@ -115,7 +116,7 @@ def test_a_refused_step_names_a_tolerance_as_the_first_way_out() -> None:
 
 
 def test_a_law_needs_fixed_steps_and_says_how_to_have_them() -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=r"with the default tolerance, .* give rate, or take"):
+    with refused(fl.errors.ArgumentError, "controller-needs-rate"):
         fl.simulate(arm(duration=0.01), control=lambda t, q, qd: [0.0])
 
 

@@ -9,6 +9,7 @@ import pytest
 from conftest import ALUMINIUM, SQUARE, make_scene
 
 import flexlink as fl
+from tests.words import refused
 
 EPS = np.finfo(float).eps
 HUB = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
@@ -125,16 +126,16 @@ def test_a_mount_in_radians_is_one_in_degrees(rng) -> None:
 @pytest.mark.parametrize(
     ("build", "wanted"),
     [
-        (lambda: fl.Mount(rpy=(1, 0, 0), rpy_deg=(1, 0, 0)), r"^rpy = \(1\.0, 0\.0, 0\.0\): rpy_deg = .* is given"),
+        (lambda: fl.Mount(rpy=(1, 0, 0), rpy_deg=(1, 0, 0)), "both-given"),
         (lambda: fl.details.DenavitHartenberg(convention="craig"),
-         r"^convention = 'craig': allowed are 'standard', 'mod"),
+         "wrong-value"),
         (lambda: fl.Link(name="a", joint=fl.Joint(axis=(0, 1, 0)),
                          dh=fl.details.DenavitHartenberg(convention="modified")),
-         r"^joint\.axis = \(0\.0, 1\.0, 0\.0\): with dh a joint turns about Z"),
+         "dh-axis"),
         (lambda: make_scene(*(fl.Link(name=name, dh=fl.details.DenavitHartenberg(convention=name)) for name in BOOKS)),
-         r"^link\.dh\.convention: differs from link to link"),
+         "inconsistent"),
     ],
 )  # fmt: skip
 def test_what_no_table_says_is_refused(build, wanted) -> None:
-    with pytest.raises(fl.errors.SceneError, match=wanted):
+    with refused(fl.errors.SceneError, wanted):
         build()

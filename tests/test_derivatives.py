@@ -14,6 +14,7 @@ from flexlink.describe.spec import Vector3
 from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
 from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
+from tests.words import refused
 from validation.oracles.spatial_chain import DIFFERENCES, SpatialChain, accelerations, derivatives, exactly
 
 Array = NDArray[np.float64]
@@ -239,18 +240,18 @@ def test_long_chains_have_derivatives_too(rng: np.random.Generator) -> None:
 def test_a_derivative_that_is_not_there_is_an_error() -> None:
     chain = fl.lump(make_scene(flexible("a", "xyz", 2)))
     q = np.zeros(chain.n)
-    with pytest.raises(ArgumentError, match=r"q has shape \(1,\); expected \(4,\), or \(b, 4\)"):
+    with refused(ArgumentError, "wrong-shape"):
         fl.forward_dynamics_derivatives(chain, [0.0], q, q)
-    with pytest.raises(ArgumentError, match="derivative of the torques of 'test' overflows"):
+    with refused(ArgumentError, "overflow"):
         fl.inverse_dynamics_derivatives(chain, q, np.full(chain.n, 1e200), q)
-    with pytest.raises(ArgumentError, match="overflows float64"):
+    with refused(ArgumentError, "overflow"):
         fl.forward_dynamics_derivatives(chain, q, np.full(chain.n, 1e200), q)
     for name in ("q", "qd", "tau"):
         state = {"q": q, "qd": q, "tau": q, name: np.full(chain.n, np.inf)}
-        with pytest.raises(ArgumentError, match=rf"{name}\[0\] = inf is not finite"):
+        with refused(ArgumentError, "not-finite"):
             fl.forward_dynamics_derivatives(chain, **state)
-    with pytest.raises(ArgumentError, match="body = 3: must be -3 … 2"):
+    with refused(ArgumentError, "out-of-range"):
         fl.jacobian(chain, q, body=3)
     massless = fl.lump(make_scene(Link(name="a"), Link(name="b", length=1.0), tip=RigidBody(mass=1.0)))
-    with pytest.raises(SingularMassError, match="moves no inertia"):
+    with refused(SingularMassError, "joint-without-inertia"):
         fl.forward_dynamics_derivatives(massless, [0.0, 0.0], [0.0, 0.0], [0.0, 0.0])

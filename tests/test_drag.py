@@ -11,6 +11,7 @@ from conftest import make_scene, nasty_scene, random_state
 from trees import random_tree_scene
 
 import flexlink as fl
+from tests.words import refused
 
 RHO, C, B, OMEGA = 1.2, 2.0, 0.3, 3.0
 BAR = make_scene(
@@ -125,20 +126,20 @@ def test_what_moves_a_joint_as_prescribed_works_against_drag() -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"link.bar.drag": None}, "air_density = 1.2: has no effect; no link has drag"),
-        ({"link.bar.drag.breadth": None}, r"link.bar.drag.breadth: missing; the link has no section"),
-        ({"link.bar.drag.coefficient": -1.0}, r"link.bar.drag.coefficient = -1.0"),
-        ({"link.bar.length": 0.0}, "link.bar.drag: the link has no length"),
-        ({"air_density": 0.0}, "air_density = 0.0"),
+        ({"link.bar.drag": None}, "no-effect"),
+        ({"link.bar.drag.breadth": None}, "inconsistent"),
+        ({"link.bar.drag.coefficient": -1.0}, "wrong-value"),
+        ({"link.bar.length": 0.0}, "inconsistent"),
+        ({"air_density": 0.0}, "wrong-value"),
     ],
 )
 def test_what_does_not_fit_is_refused(changes: dict[str, Any], said: str) -> None:
-    with pytest.raises(fl.errors.SceneError, match=said):
+    with refused(fl.errors.SceneError, said):
         BAR.varied(changes)
 
 
 def test_a_general_section_does_not_say_how_broad_it_is() -> None:
     section = fl.Section(shape="general", area=1e-4, i_y=1e-9, i_z=1e-9, torsion=1e-9)
     link = fl.Link(name="a", length=1.0, material="m", section="s", drag=fl.Drag(coefficient=1.0))
-    with pytest.raises(fl.errors.SceneError, match=r"link.a.drag.breadth: missing; a general section, 's'"):
+    with refused(fl.errors.SceneError, "inconsistent"):
         fl.Arm(links=(link,), sections={"s": section}, materials={"m": fl.Material(young=1e9, density=1e3)})

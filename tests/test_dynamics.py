@@ -18,6 +18,7 @@ from flexlink.dynamics.terms import algorithms_of
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun
+from tests.words import refused
 
 
 def test_four_mass_methods_agree_and_m_is_symmetric_positive_definite(chain: fl.Chain, rng) -> None:
@@ -140,13 +141,10 @@ def test_a_straight_arm_reaches_its_length() -> None:
 @pytest.mark.parametrize("method", SOLVERS)
 def test_a_singular_mass_matrix_names_joint_and_posture(method: str) -> None:
     coaxial = fl.lump(make_scene(fl.Link(name="a"), fl.Link(name="b", length=1.0), tip=fl.RigidBody(mass=1.0)))
-    wanted = (
-        r"^mass matrix of 'test' is singular: joint 'b' moves no inertia of its own at b = 30°; give it an armature"
-    )
-    with pytest.raises(fl.errors.SingularMassError, match=wanted):
+    with refused(fl.errors.SingularMassError, "joint-without-inertia"):
         fl.forward_dynamics(coaxial, [0.0, np.pi / 6], [0.0, 0.0], [0.0, 1.0], solver=method)
     states = np.array([[0.0, np.pi / 6]] * 3)
-    with pytest.raises(fl.errors.SingularMassError, match="state 0: mass matrix of 'test' is singular: joint 'b'"):
+    with refused(fl.errors.SingularMassError, "joint-without-inertia"):
         fl.forward_dynamics(coaxial, states, 0 * states, 0 * states, solver=method)
 
 
@@ -157,10 +155,7 @@ def test_no_number_where_rounding_leaves_m_no_digit(method: str, distance: float
     chain = fl.lump(make_scene(flexible("a", "xyz", 4, mount=fl.Mount(rpy_deg=(-90.0, 0.0, 0.0)))))
     q, qd, tau = rng.uniform(-0.3, 0.3, (3, chain.n))
     q[5] = np.pi / 2 - distance
-    with pytest.raises(
-        fl.errors.SingularMassError,
-        match=r"joint 'a\.2\.z'.*a\.2\.y = (90|89\.9999)°.*'articulated', which has no need of M",
-    ) as e:
+    with refused(fl.errors.SingularMassError, "joint-without-inertia") as e:
         fl.forward_dynamics(chain, q, qd, tau, solver=method)
     assert len(str(e.value)) < 250
     assert not np.isfinite(SOLVERS[method].accelerations(chain.arrays, np.zeros(6), q, qd, tau)).any()
@@ -191,7 +186,7 @@ def test_a_run_with_a_singular_mass_matrix_is_no_result(method: str) -> None:
     assert 0 < abs(np.linalg.det(M)) < 10 * EPS
     with pytest.raises(fl.errors.SingularMassError):  # told before the run, or where the run gets there, by nan
         fl.simulate(scene)
-    with pytest.raises(fl.errors.DivergenceError, match="no longer finite"):
+    with refused(fl.errors.DivergenceError, "diverged"):
         SingleRun(problem_of(scene), warnings=()).finish(Stop())
 
 
@@ -208,7 +203,7 @@ def test_heavy_payloads_are_not_singular(rng) -> None:
 @pytest.mark.parametrize("method", SOLVERS)
 def test_rates_beyond_float64_are_not_taken_for_a_singular_mass_matrix(models, method: str) -> None:
     chain = fl.lump(fl.load_scene(models / "t3_spatial.toml"))
-    with pytest.raises(fl.errors.ArgumentError, match=r"q̈ of .* overflows float64: qd up to 1e\+200 rad/s"):
+    with refused(fl.errors.ArgumentError, "overflow"):
         fl.forward_dynamics(chain, np.zeros(chain.n), np.full(chain.n, 1e200), np.zeros(chain.n), solver=method)
 
 
@@ -223,28 +218,26 @@ def test_coulomb_friction_is_dry_beyond_three_widths() -> None:
 @pytest.mark.parametrize(
     ("bad", "wanted"),
     [
-        (np.zeros(9), r"q has shape \(9,\); expected \(10,\)"),
-        (np.zeros((1, 2, 10)), r"q has shape \(1, 2, 10\); expected \(10,\), or \(b, 10\) for b states"),
-        (np.full(10, np.nan), r"q\[0\] = nan is not finite"),
-        (np.zeros(10, complex), r"q has dtype complex128; expected real"),
-        (["a"] * 10, r"q has dtype"),
-        ([[1], [1, 2]], r"q: not an array"),
-        (None, r"q has dtype object"),
+        (np.zeros(9), "wrong-shape"),
+        (np.zeros((1, 2, 10)), "wrong-shape"),
+        (np.full(10, np.nan), "not-finite"),
+        (np.zeros(10, complex), "wrong-type"),
+        (["a"] * 10, "wrong-type"),
+        ([[1], [1, 2]], "wrong-type"),
+        (None, "wrong-type"),
     ],
 )
 def test_bad_arrays_are_named_with_shape_got_and_expected(models, bad, wanted: str) -> None:
     chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
-    with pytest.raises(ValueError, match=wanted):
+    with refused(ValueError, wanted):
         fl.mass_matrix(chain, bad)
 
 
 def test_unknown_methods_are_listed(models) -> None:
     chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
-    with pytest.raises(
-        fl.errors.ArgumentError, match="algorithm = 'qr': unknown; allowed are columns, lower, upper, composite"
-    ):
+    with refused(fl.errors.ArgumentError, "unknown-name"):
         fl.mass_matrix(chain, np.zeros(10), algorithm="qr")
-    with pytest.raises(fl.errors.ArgumentError, match="solver = 'qr': unknown; allowed are"):
+    with refused(fl.errors.ArgumentError, "unknown-name"):
         fl.forward_dynamics(chain, *np.zeros((3, 10)), solver="qr")
 
 

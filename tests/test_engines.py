@@ -35,6 +35,7 @@ from flexlink.diagnosis.states import mixed_states
 from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load, load_here
 from flexlink.errors import ArgumentError, DivergenceError, MissingDependencyError
+from tests.words import refused
 
 STATES = 20
 
@@ -175,7 +176,7 @@ def test_other_methods_give_the_same_motion(name: str, method: str, step: float)
 )
 def test_an_engine_says_which_methods_it_has(name: str, has: str) -> None:
     scene = shortened(make_scene(flexible("arm")), 0.01, method="RK10")
-    with pytest.raises(ArgumentError, match=f"method = 'RK10': {has}; set run.method"):
+    with refused(ArgumentError, "engine-method"):
         load(name, lump(scene)).integrate(scene)
 
 
@@ -183,10 +184,8 @@ def test_an_engine_says_which_methods_it_has(name: str, has: str) -> None:
 def test_a_step_past_the_largest_stable_one_is_refused_with_that_one(name: str) -> None:
     scene = of(name, shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.5, step=1e-3, sample=1e-3))
     chain, method = lump(scene), scene.run.method
-    stable = stable_step(chain, initial_state(scene, chain)[0], method=method)
-    with pytest.raises(
-        FlexlinkError, match=f"step = 0.001 s: more than {stable:.3g} s, the largest stable step of {method}"
-    ):
+    stable_step(chain, initial_state(scene, chain)[0], method=method)
+    with refused(FlexlinkError, "unstable-step"):
         load(name, chain).integrate(scene)
 
 
@@ -207,7 +206,7 @@ def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_fi
 ) -> None:
     monkeypatch.chdir(tmp_path)
     scene = of(name, torn(late=20))
-    with pytest.raises(DivergenceError, match=f"the state in {name} is no longer finite at t = ") as caught:
+    with refused(DivergenceError, "diverged") as caught:
         load(name, lump(scene)).integrate(scene)
     kept = caught.value.trajectory
     assert 20 <= len(kept.t) < 40 and np.isfinite(kept.q).all() and np.isfinite(kept.qd).all()
@@ -218,7 +217,7 @@ def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_fi
 @pytest.mark.parametrize("samples", [1, STEPS])
 def test_what_diverges_in_the_very_last_step_is_no_sample(name: str, samples: int) -> None:
     scene = of(name, torn(late=1, samples=samples))
-    with pytest.raises(DivergenceError, match="no longer finite") as caught:
+    with refused(DivergenceError, "diverged") as caught:
         load(name, lump(scene)).integrate(scene)
     kept = caught.value.trajectory
     assert len(kept.t) == samples and np.isfinite(kept.q).all() and np.isfinite(kept.qd).all()
@@ -267,11 +266,10 @@ def test_pinocchio_holds_a_prescribed_joint_at_its_rate() -> None:
 )
 def test_a_prescribed_joint_is_refused_with_what_to_do(name: str, title: str) -> None:
     scene = moved(flexible("upper"))
-    expected = f"motion of joint 'upper' is prescribed, which {title} does not support; use native or pinocchio"
-    with pytest.raises(ArgumentError, match=expected):
+    with refused(ArgumentError, "engine-does-not-support"):
         load(name, lump(scene))
     free = lump(scene.varied({"motion": ()}))
-    with pytest.raises(ArgumentError, match=expected):
+    with refused(ArgumentError, "engine-does-not-support"):
         load(name, free).integrate(scene)
 
 
@@ -306,9 +304,7 @@ def test_an_engine_can_run_twice_and_answer_in_between(name: str) -> None:
 
 
 def test_an_unknown_engine_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(
-        ArgumentError, match=r"engine = 'bullet': unknown; allowed are native, pinocchio, mujoco, exudyn"
-    ):
+    with refused(ArgumentError, "unknown-name"):
         load("bullet", lump(make_scene(flexible("arm"))))
 
 
@@ -318,7 +314,7 @@ def test_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.M
     for module in [package, *(known for known in sys.modules if known.startswith(f"{package}."))]:
         monkeypatch.setitem(sys.modules, module, None)
     monkeypatch.delitem(sys.modules, f"flexlink.engines.{name}", raising=False)
-    with pytest.raises(MissingDependencyError, match=rf"pip install 'flexlink\[{ENGINES[name].extra}\]'"):
+    with refused(MissingDependencyError, "package-missing"):
         load_here(name, lump(make_scene(flexible("arm"))))
 
 
@@ -326,11 +322,11 @@ def test_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.M
 def test_engines_refuse_what_is_no_fixed_step_of_an_explicit_method(settings: dict[str, object]) -> None:
     scene = load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run.duration": 0.01} | settings)
     for name in ("pinocchio", "mujoco"):
-        with pytest.raises(ArgumentError, match=r"need fixed steps of an explicit method|only 'RK4'"):
+        with refused(ArgumentError, "engine-method"):
             load(name, lump(scene)).integrate(scene)
 
 
 def test_pinocchio_refuses_a_chain_whose_data_would_fill_the_memory() -> None:
     chain = lump(make_scene(flexible("boom", "z", 700)))
-    with pytest.raises(ArgumentError, match=r"^700 joints: Pinocchio's data would take 11 GB; at most 600 joints"):
+    with refused(ArgumentError, "too-many-joints"):
         load("pinocchio", chain)

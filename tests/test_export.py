@@ -36,6 +36,7 @@ from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.formats import FORMATS
 from flexlink.formats.document import decimals, unique
 from flexlink.kernels.geometry.kinematics import forward_kinematics
+from tests.words import refused
 
 EPS = np.finfo(float).eps
 
@@ -225,14 +226,14 @@ def test_export_is_the_same_every_time() -> None:
 
 @pytest.mark.slow
 def test_a_chain_too_long_for_mujoco_is_refused_and_the_longest_loads() -> None:
-    with pytest.raises(ArgumentError, match="491 bodies: MuJoCo reads at most 490"):
+    with refused(ArgumentError, "engine-cannot-load"):
         MujocoEngine(lump(make_scene(flexible("long", segments=490))))
     assert MujocoEngine(lump(make_scene(flexible("long", segments=489)))).n == 489
 
 
 def test_mujoco_refuses_last_joints_without_mass() -> None:
     chain = lump(make_scene(flexible("upper"), Link(name="wrist")))
-    with pytest.raises(ArgumentError, match="'wrist' moves no mass"):
+    with refused(ArgumentError, "engine-cannot-load"):
         MujocoEngine(chain)
 
 
@@ -251,28 +252,28 @@ def test_the_lightest_segments_that_mujoco_loads_are_exported_and_lighter_ones_r
         if loads:
             assert MujocoEngine(chain).n == chain.n
         else:
-            with pytest.raises(ArgumentError, match=r"^segment behind joint 'a(\.\d\.[yz])?': mass .* link 'a'"):
+            with refused(ArgumentError, "inertia-impossible"):
                 to_mjcf(chain)
             assert PinocchioEngine(chain).n == chain.n  # from the URDF
 
 
 def test_a_point_mass_is_refused_by_name() -> None:
     point_mass = lump(make_scene(Link(name="rod", length=1.0, mount=Mount()), tip=RigidBody(mass=1.0)))
-    with pytest.raises(ArgumentError, match=r"segment behind joint 'rod': mass 1 kg, .* 0, 0, 0 kg m²: .* below 1e-15"):
+    with refused(ArgumentError, "inertia-impossible"):
         to_mjcf(point_mass)
 
 
 def test_an_inertia_that_no_body_can_have_is_refused_by_name() -> None:
     wheel, load = RigidBody(inertia=(0.0, 0.0, 1.1)), RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))
     flat = lump(make_scene(Link(name="rod", length=1.0, hub=wheel), tip=load))
-    with pytest.raises(ArgumentError, match=r"segment behind joint 'rod': .* no moment larger than the other two"):
+    with refused(ArgumentError, "inertia-impossible"):
         to_mjcf(flat)
     assert PinocchioEngine(flat).n == 1
 
 
 def test_what_mujoco_refuses_is_an_error_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mujoco_engine, "to_mjcf", lambda *_, **__: "<mujoco><nonsense/></mujoco>")
-    with pytest.raises(ArgumentError, match="MuJoCo cannot load 'test'"):
+    with refused(ArgumentError, "engine-cannot-load"):
         MujocoEngine(lump(make_scene(flexible("a"))))
 
 

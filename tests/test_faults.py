@@ -9,6 +9,8 @@ from conftest import ROOT
 from faults import plant
 from faults.plant import BROKEN, KILLED, STALE, SURVIVED, Answer, Fault
 
+from tests.words import refused
+
 FAULTS = plant.load()
 
 
@@ -112,5 +114,5 @@ def test_faults_are_chosen_by_name_source_or_glob() -> None:
     assert chosen() == ["rne/a", "rne/b", "mass/a"]
     assert chosen("rne") == ["rne/a", "rne/b"]
     assert chosen("*/a", "rne/b") == ["rne/a", "rne/b", "mass/a"]
-    with pytest.raises(LookupError, match="'mas': no such fault; there are rne/a, rne/b, mass/a"):
+    with refused(LookupError, "test-faults"):
         chosen("mas")

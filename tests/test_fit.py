@@ -20,6 +20,7 @@ from flexlink.identification.data import sources_of
 from flexlink.identification.interval import spread_of
 from flexlink.identification.signals import STEP, Signals
 from flexlink.motion.slopes_of_runs import CENTRAL_4
+from tests.words import refused
 from validation.case import CASES, load_case
 from validation.kinds.planted_fits import held
 
@@ -343,7 +344,7 @@ class TestDoubts:
     ) -> None:
         columns = record(scene, ("tip x [m]",))
         run = fl.fits.FitRun(name="film", columns=columns | {"tip x [m]": 1e3 * columns["tip x [m]"]})
-        with pytest.raises(fl.errors.DataFileError, match=r"run 'film': tip x \[m\] ranges over .* 'tip x \[mm\]'"):
+        with refused(fl.errors.DataFileError, "likely-unit"):
             fl.fits.check_fit(problem_of(scene, ("tip.mass",), run))
 
 

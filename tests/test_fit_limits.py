@@ -9,6 +9,7 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
+from tests.words import refused
 
 TOO_SMALL, TOO_LARGE = r"expected float >= 1e-30", r"expected float <= 1e\+30"
 
@@ -27,7 +28,7 @@ TOO_SMALL, TOO_LARGE = r"expected float >= 1e-30", r"expected float <= 1e\+30"
 def test_a_deviation_that_float64_cannot_square_is_refused(
     key: str, build: Callable[[float], object], value: float, allowed: str
 ) -> None:
-    with pytest.raises(fl.errors.SceneError, match=rf"^{key} = \S+: {allowed}$"):
+    with refused(fl.errors.SceneError, "wrong-value"):
         build(value)
 
 

@@ -17,6 +17,7 @@ from flexlink.chain.free_base import (
 )
 from flexlink.chain.rotation import matrix_from_quaternion
 from flexlink.common.types import Array
+from tests.words import refused
 
 BASE = fl.Base(kind="free", mass=3.0, center=(0.05, -0.02, 0.03), inertia=(0.2, 0.25, 0.3))
 ARM = fl.Arm(
@@ -94,13 +95,9 @@ def test_angles_that_have_no_rates_have_no_accelerations_by_name(solver: str) ->
     q, qd, tau = np.full(chain.n, 0.1), np.full(chain.n, 0.3), np.zeros(chain.n)
     for angle in (np.pi / 2, -np.pi / 2, np.pi / 2 + 1e-9, 2.5 * np.pi):
         q[4] = angle
-        with pytest.raises(
-            fl.errors.SingularMassError, match=r"mass matrix of 'tumbler' is singular: at base\.ry = .*90.*°|450"
-        ):
+        with refused(fl.errors.SingularMassError, "attitude-singular"):
             fl.forward_dynamics(chain, q, qd, tau, solver=solver)
-        with pytest.raises(
-            fl.errors.SingularMassError, match=r"^state 1: mass matrix of 'tumbler' is singular: at base"
-        ):
+        with refused(fl.errors.SingularMassError, "attitude-singular"):
             fl.forward_dynamics(chain, np.array([0 * q, q]), qd, tau, solver=solver)
     q[4] = np.pi / 2 - 1e-3
     qdd = fl.forward_dynamics(chain, q, qd, tau, solver=solver)

@@ -14,6 +14,7 @@ import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.data.csv_table import read_csv
 from flexlink.data.smoothing import smoothed
+from tests.words import refused
 
 HUB = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
 LINKS = (
@@ -78,7 +79,7 @@ class TestMotions:
     def test_a_start_that_a_scene_gives_itself_is_still_compared_with_the_file(self, tmp_path: Path) -> None:
         still = make_scene(*LINKS, initial=fl.InitialState(joint_deg=(28.6, 0.0)))
         file = run_file(tmp_path, **{"q upper [deg]": -40.0 - 10.0 * T})
-        with pytest.raises(fl.errors.SceneError, match="the file of the motion of 'upper' begins with"):
+        with refused(fl.errors.SceneError, "start-differs-from-file"):
             still.varied({"motion": [{"link": "upper", "file": str(file), "cutoff": 20.0}]})
 
     def test_a_joint_that_slides_has_lengths(self, tmp_path: Path) -> None:
@@ -170,7 +171,7 @@ class TestReferences:
         assert self.led_by(*LINKS, fields=moved, profile="hold", file=str(file)).course(0.5)[0][1] == 0.2
 
     def test_only_a_scene_reads_it(self, tmp_path: Path) -> None:
-        with pytest.raises(fl.errors.SceneError, match=r"is read as part of a scene; take Scene\.course"):
+        with refused(fl.errors.SceneError, "file-not-read"):
             fl.Reference(profile="hold", file=str(swing_file(tmp_path))).course((0.0, 0.0))
 
 
@@ -261,7 +262,7 @@ MISTAKES = {
 def test_of_a_file_that_is_no_table_nothing_is_quoted(tmp_path: Path) -> None:
     (tmp_path / "run.csv").write_text("root:x:0:0:secret:/root:/bin/sh\nanother:secret\n")
     (tmp_path / "scene.toml").write_text(f"{make_scene(*LINKS).to_toml()}\n{MOTION}", encoding="utf-8")
-    with pytest.raises(fl.errors.DataFileError, match=r"run\.csv': its first line has no column with a unit") as error:
+    with refused(fl.errors.DataFileError, "not-csv") as error:
         fl.load_scene(tmp_path / "scene.toml")
     assert "secret" not in str(error.value)
 

@@ -11,6 +11,7 @@ from conftest import compiled, flexible, make_scene
 
 import flexlink as fl
 from flexlink.dynamics.notes import notes
+from tests.words import refused
 
 EPS = np.finfo(float).eps
 K, I_A, J = 300.0, 0.02, 0.5
@@ -157,20 +158,20 @@ def test_exports_hold_limits_and_no_engine_enforces_them(rng) -> None:
 @pytest.mark.parametrize(
     ("build", "wanted"),
     [
-        (lambda: fl.Joint(gear_stiffness=K), r"^armature = 0\.0, the default: gear_stiffness = 300\.0 needs the motor"),
-        (lambda: fl.Joint(gear_damping=1.0), r"^gear_damping = 1\.0: needs a gear_stiffness"),
-        (lambda: fl.Joint(gear_stiffness=0.0, armature=1.0), r"^gear_stiffness = 0\.0: expected float > 0"),
-        (lambda: fl.Joint(limits_deg=(10, 10)), r"^limits_deg = \(10\.0, 10\.0\): the lower one must be below"),
+        (lambda: fl.Joint(gear_stiffness=K), "needs-another-key"),
+        (lambda: fl.Joint(gear_damping=1.0), "needs-another-key"),
+        (lambda: fl.Joint(gear_stiffness=0.0, armature=1.0), "wrong-value"),
+        (lambda: fl.Joint(limits_deg=(10, 10)), "limits-order"),
         (lambda: make_scene(fl.Link(name="a", joint=LIMITS), initial=fl.InitialState(joint_deg=(46.0,))),
-         r"^initial\.joint_deg\.a = 46\.0: outside limits_deg = \[-90\.0, 45\.0\] of joint 'a'"),
+         "outside-limits"),
         (lambda: make_scene(fl.Link(name="a", joint=LIMITS), motion=(fl.PrescribedMotion(
             link="a", times=(0, 1), angle_deg=(0, 46), rate_deg=(0, 0), acceleration_deg=(0, 0)),)),
-         r"^motion\.a\.angle_deg\[1\] = 46\.0: outside limits_deg"),
-        (lambda: fl.Friction(coulomb=-1.0), r"^coulomb = -1\.0: expected float >= 0"),
+         "outside-limits"),
+        (lambda: fl.Friction(coulomb=-1.0), "wrong-value"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused(build, wanted) -> None:
-    with pytest.raises(fl.errors.SceneError, match=wanted):
+    with refused(fl.errors.SceneError, wanted):
         build()
 
 
@@ -178,9 +179,7 @@ def test_a_hinge_on_an_elastic_gear_needs_inertia_between(tmp_path) -> None:
     rule = tmp_path / "nodal.toml"
     rule.write_text('about = "a"\nsource = "b"\n[grid]\nfirst = 0.0\nlast = 0.5\n', encoding="utf-8")
     for joint in (GEAR, fl.Joint(gear_stiffness=K, locked=True)):
-        with pytest.raises(
-            fl.errors.SceneError, match=r"^link\.a.lumping = .*elastic gear, .* between the two.* give the link a hub"
-        ):
+        with refused(fl.errors.SceneError, "hinge-without-inertia"):
             fl.lump(make_scene(flexible("a", lumping=str(rule), joint=joint)))
         chain = fl.lump(make_scene(flexible("a", lumping=str(rule), joint=joint, hub=WHEEL)))
         assert np.linalg.eigvalsh(fl.mass_matrix(chain, np.zeros(chain.n))).min() > 0
@@ -210,8 +209,6 @@ def test_fixed_implicit_steps_that_sharp_friction_stops_name_a_tolerance_and_wit
     )
     run = fl.RunSettings(method="Gauss4", step=1e-3, duration=0.2, sample=0.02)
     scene = fl.Scene(name="spinning", arm=arm, initial=initial, run=run, gravity=(0.0, 0.0, 0.0))
-    with pytest.raises(
-        fl.errors.DivergenceError, match=r"friction turns round .*; take run\.tolerance, such as 0\.\d+ m"
-    ):
+    with refused(fl.errors.DivergenceError, "diverged"):
         fl.simulate(scene)
     assert fl.simulate(scene.varied({"run": fl.RunSettings(tolerance=1e-3, duration=0.2, sample=0.02)})).t[-1] == 0.2

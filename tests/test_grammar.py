@@ -15,6 +15,7 @@ import flexlink as fl
 from flexlink.dynamics import rounding
 from flexlink.dynamics.vibration import stability
 from flexlink.engines import ENGINES, base, load
+from tests.words import refused
 
 STATE = ["q", "qd", "qdd", "tau"]
 OF_A_STATE = [
@@ -105,7 +106,7 @@ def test_every_public_name_is_there_and_engines_are_loaded_only_when_asked_for()
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    with pytest.raises(AttributeError, match=r"no attribute 'compere'$"):
+    with refused(AttributeError, "test-grammar"):
         fl.compere  # noqa: B018
-    with pytest.raises(AttributeError, match=r"no attribute 'FitRun'; it is flexlink\.fits\.FitRun$"):
+    with refused(AttributeError, "test-grammar"):
         fl.FitRun  # noqa: B018

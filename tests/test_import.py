@@ -25,6 +25,7 @@ from flexlink.robots.importing import ImportResult, import_urdf
 from flexlink.robots.positions import positions_of
 from flexlink.robots.robot_file import read_robot
 from flexlink.robots.tuning import clamped_frequency
+from tests.words import refused
 from validation.physics.source_urdf import Original
 
 SEEDS = range(4)
@@ -163,7 +164,7 @@ def test_a_point_that_rounding_has_made_impossible_is_a_point() -> None:
         payload(SpatialInertia(0.526, center, np.diag([-5.42e-20, -5.42e-20, 0.0]))).matrix.tolist()
         == np.zeros((3, 3)).tolist()
     )
-    with pytest.raises(fl.errors.SceneError, match="no body can have it"):
+    with refused(fl.errors.SceneError, "inertia-impossible"):
         payload(SpatialInertia(0.526, center, np.diag([-5.42e-17, -5.42e-17, 0.0])))
 
 
@@ -208,13 +209,11 @@ def test_a_link_of_any_name_can_be_tuned(name: str, tmp_path: Path) -> None:
 
 def test_a_beam_that_does_not_fit_is_refused_with_the_mass_that_does(robot) -> None:
     line = ((0, 0, 0), (0.1, 0.1, 0.2))
-    with pytest.raises(
-        ArgumentError, match=r"link 'p3': a beam of 900 kg does not fit into its mass, \S+ kg"
-    ) as caught:
+    with refused(ArgumentError, "beam-heavier-than-link") as caught:
         robot(3, p3=FlexibleLink(frequency_hz=9.0, mass=900.0, line=line))
     fits = float(re.search(r"at most (\S+) kg", str(caught.value))[1])
     robot(3, p3=FlexibleLink(frequency_hz=9.0, mass=fits, line=line))
-    with pytest.raises(ArgumentError, match="does not fit"):
+    with refused(ArgumentError, "beam-heavier-than-link"):
         robot(3, p3=FlexibleLink(frequency_hz=9.0, mass=1.002 * fits, line=line))
 
 
@@ -279,7 +278,7 @@ def test_what_does_not_fit_the_robot_is_refused_by_name(name: str, tmp_path: Pat
 
 
 def test_a_flexible_link_needs_to_know_its_stiffness() -> None:
-    with pytest.raises(fl.errors.SceneError, match="section: missing; give section or frequency_hz"):
+    with refused(fl.errors.SceneError, "missing-key"):
         FlexibleLink(mass=1.0)
 
 
@@ -314,7 +313,7 @@ def test_a_beam_of_the_very_largest_mass_is_refused_for_what_it_would_leave(tmp_
     largest = largest_mass(rod, _prism(section, 1.0, line_of(((0, 0, 0), (1, 0, 0)), None, part.joint.axis)))
     for mass, fits in ((0.999 * largest, True), (largest, False)):
         asked = FlexibleLink(section=section, mass=mass)
-        with contextlib.nullcontext() if fits else pytest.raises(ArgumentError, match="does not fit"):
+        with contextlib.nullcontext() if fits else refused(ArgumentError, "beam-heavier-than-link"):
             bent(cast("Any", part), link, asked, np.array([1.0, 0.0, 0.0]))
 
 

@@ -23,6 +23,7 @@ from flexlink import Drive, Scene, lump
 from flexlink.engines import child_process, load
 from flexlink.engines.child_process import IsolatedEngine
 from flexlink.errors import ArgumentError, DivergenceError, EngineError, MissingDependencyError
+from tests.words import refused
 
 pytestmark = pytest.mark.slow  # every test starts a process
 
@@ -60,9 +61,9 @@ def test_errors_of_the_engine_come_through_with_what_they_hold() -> None:
     with pytest.raises(DivergenceError) as caught:
         engine.integrate(torn())
     assert np.isfinite(caught.value.trajectory.q).all()
-    with pytest.raises(ArgumentError, match=r"q has shape \(1,\)"):
+    with refused(ArgumentError, "wrong-shape"):
         engine.mass_matrix(np.zeros(1))
-    with pytest.raises(EngineError, match="native: no_such_method of test: AttributeError: "):
+    with refused(EngineError, "engine-failed"):
         engine._call("no_such_method", child_process._run, "no_such_method")
     assert engine.mass_matrix(np.zeros(engine.n)).shape == (engine.n, engine.n)
 
@@ -72,9 +73,7 @@ def test_a_crash_is_an_error_that_names_the_question_the_arm_and_the_signal(numb
     engine = IsolatedEngine("native", lump(SCENE))
     os.kill(process_of(engine).pid, number)
     for _ in range(2):
-        with pytest.raises(
-            EngineError, match=f"^native: mass_matrix of test: .* was killed by {number.name}; .*: none$"
-        ):
+        with refused(EngineError, "engine-crashed"):
             engine.mass_matrix(np.zeros(engine.n))
 
 
@@ -82,7 +81,7 @@ def test_a_process_that_cannot_start_says_why(tmp_path: Path, monkeypatch: pytes
     (tmp_path / "numba.py").write_text("raise SystemExit('no numba today')")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(child_process, "_idle", {})
-    with pytest.raises(EngineError, match=r"load of test: .*exit code 1; last line of its output: no numba today$"):
+    with refused(EngineError, "engine-crashed"):
         IsolatedEngine("native", lump(SCENE))
 
 
@@ -90,7 +89,7 @@ def test_no_answer_in_time_ends_the_process(monkeypatch: pytest.MonkeyPatch) -> 
     engine = IsolatedEngine("native", lump(SCENE))
     monkeypatch.setattr(child_process, "CALL_TIMEOUT", 0.05)
     monkeypatch.setattr(child_process, "TIMEOUT_PER_STEP", 0.0)
-    with pytest.raises(EngineError, match=r"integrate of test: no result within 0\.05 s; the child process was killed"):
+    with refused(EngineError, "engine-timeout"):
         engine.integrate(SCENE.varied({"run.duration": 1000.0}))
     assert process_of(engine).returncode == -signal.SIGKILL
 
@@ -126,7 +125,7 @@ def test_it_needs_nothing_that_windows_has_not(
     assert_array_equal(engine.mass_matrix(q), load("native", lump(SCENE)).mass_matrix(q))
     monkeypatch.setattr(child_process, "CALL_TIMEOUT", 0.05)
     monkeypatch.setattr(child_process, "TIMEOUT_PER_STEP", 0.0)
-    with pytest.raises(EngineError, match=r"no result within 0\.05 s"):
+    with refused(EngineError, "engine-timeout"):
         engine.integrate(SCENE.varied({"run.duration": 1000.0}))
 
 
@@ -156,7 +155,7 @@ def test_ctrl_c_ends_the_process_and_is_not_swallowed() -> None:
     finally:
         signal.signal(signal.SIGUSR1, old)
     assert process_of(engine).returncode == -signal.SIGKILL
-    with pytest.raises(EngineError, match="SIGKILL"):
+    with refused(EngineError, "engine-crashed"):
         engine.mass_matrix(np.zeros(engine.n))
 
 
@@ -279,6 +278,5 @@ def test_a_missing_package_names_its_extra(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / "pydrake.py").write_text("raise ImportError('no Drake today')")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(child_process, "_idle", {})
-    told = r"engine 'drake' cannot be imported \(.*\); install it with: .*'flexlink\[witness\]'"
-    with pytest.raises(MissingDependencyError, match=told):
+    with refused(MissingDependencyError, "package-missing"):
         load("drake", lump(SCENE))

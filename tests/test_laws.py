@@ -24,6 +24,7 @@ from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.references import constant
 from flexlink.motion.step_errors import step_errors
 from flexlink.results.record import Record
+from tests.words import refused
 
 UP = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))
 TARGET_DEG = (40.0, 35.0, -50.0)
@@ -268,7 +269,7 @@ def test_the_twin_is_the_arm_without_what_bends() -> None:
     )
     for name in ("armature", "coulomb", "damping"):
         np.testing.assert_array_equal(model.hinges[name], chain.hinges[name][chain.active])
-    with pytest.raises(fl.errors.ArgumentError, match="scene = 3: expected a Scene, got int"):
+    with refused(fl.errors.ArgumentError, "wrong-type"):
         fl.rigidified(3)
 
 
@@ -290,40 +291,40 @@ def test_no_file_says_a_law_and_it_is_told() -> None:
 @pytest.mark.parametrize(
     ("drive", "changes", "message"),
     [
-        ({"kp": (np.nan, 0, 0)}, {}, r"drive\.kp\.1 = nan: must be a finite number"),
-        ({"kp": (-1.0, 0, 0)}, {}, r"drive\.kp\.1 = -1\.0"),
-        ({"kd": (0.0, 0, -2.0)}, {}, r"drive\.kd\.3 = -2\.0"),
-        ({"effort": (1.0, 0.0, 1.0)}, {}, r"drive\.effort\.2 = 0\.0"),
-        ({"effort": (1.0, np.inf, 1.0)}, {}, r"drive\.effort\.2 = inf: must be a finite number"),
-        ({"effort": (1.0, 1.0)}, {}, r"drive\.effort = \(1\.0, 1\.0\): expected one number per link, 3"),
-        ({"kp": (1.0, 1.0)}, {}, r"drive\.kp = \(1\.0, 1\.0\): expected one number per link, 3"),
-        ({"gravity": "some"}, {}, r"drive\.gravity = 'some': .*none.*rigid.*static"),
-        ({"gravity": "rigid", "kind": "computed_torque"}, {}, r"gravity = 'rigid': needs drive kind 'pd'"),
-        ({"kind": "computed"}, {}, "did you mean 'computed_torque'"),
-        ({"rate": 0.0}, {}, r"drive\.rate = 0\.0"),
-        ({"rate": 3000.0}, {}, r"drive\.rate = 3000\.0: 1 / rate = 0\.00033\d*: must be a multiple of run\.step"),
-        ({"rate": 1000.0 / 7}, {}, r"drive\.rate = 142\.\d*: run\.sample = 0\.01: must be a multiple of 1 / rate"),
-        ({"rate": 100.0}, {"initial.time": 0.005}, r"drive\.rate = 100\.0: initial\.time = 0\.005: must be a multiple"),
-        ({"torque": (1.0, 1.0, 1.0)}, {}, "drive kind 'pd' takes kp, kd, target_deg"),
-        ({}, {"link.fore.joint.locked": True}, r"drive\.kp\.fore = 400\.0: the joint of 'fore' is locked; only 0 fits"),
+        ({"kp": (np.nan, 0, 0)}, {}, "not-finite"),
+        ({"kp": (-1.0, 0, 0)}, {}, "wrong-value"),
+        ({"kd": (0.0, 0, -2.0)}, {}, "wrong-value"),
+        ({"effort": (1.0, 0.0, 1.0)}, {}, "wrong-value"),
+        ({"effort": (1.0, np.inf, 1.0)}, {}, "not-finite"),
+        ({"effort": (1.0, 1.0)}, {}, "inconsistent"),
+        ({"kp": (1.0, 1.0)}, {}, "inconsistent"),
+        ({"gravity": "some"}, {}, "wrong-value"),
+        ({"gravity": "rigid", "kind": "computed_torque"}, {}, "needs-pd"),
+        ({"kind": "computed"}, {}, "wrong-value"),
+        ({"rate": 0.0}, {}, "wrong-value"),
+        ({"rate": 3000.0}, {}, "not-a-multiple"),
+        ({"rate": 1000.0 / 7}, {}, "not-a-multiple"),
+        ({"rate": 100.0}, {"initial.time": 0.005}, "not-a-multiple"),
+        ({"torque": (1.0, 1.0, 1.0)}, {}, "key-of-another-kind"),
+        ({}, {"link.fore.joint.locked": True}, "inconsistent"),
         ({}, {"motion": [{"link": "base", "times": [0.0], "angle_deg": [10.0], "rate_deg": [0.0],
                           "acceleration_deg": [0.0]}]},
-         r"drive\.kp\.base = 900\.0: the motion of 'base' is prescribed; only 0 fits"),
+         "joint-prescribed"),
     ],
 )  # fmt: skip
 def test_what_a_law_cannot_be_is_refused(drive: dict[str, Any], changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(fl.errors.SceneError, match=message):
+    with refused(fl.errors.SceneError, message):
         arm({**PD, **drive}, **changes)
 
 
 def test_what_no_law_has_cannot_be_sampled() -> None:
-    with pytest.raises(fl.errors.SceneError, match=r"rate = 100\.0: has no effect with drive kind 'none'"):
+    with refused(fl.errors.SceneError, "no-effect"):
         arm({"kind": "none", "rate": 100.0})
 
 
 @pytest.mark.parametrize("engine", ["drake", "exudyn"])
 def test_engines_that_show_no_steps_refuse_a_sampled_law_by_name(engine: str) -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=rf"drive\.rate = 1000\.0: not supported by {engine}"):
+    with refused(fl.errors.ArgumentError, "engine-does-not-support"):
         base.refuse_sampled_inputs(engine, arm({**PD, "rate": 1000.0}))
 
 

@@ -13,6 +13,7 @@ from flexlink import Chain, Damping, Joint, PrescribedMotion
 from flexlink.dynamics.equilibrium import Equilibrium
 from flexlink.dynamics.vibration.linear import graded
 from flexlink.errors import ArgumentError
+from tests.words import refused
 
 EPS = np.finfo(float).eps
 PAPER = next(path for path in MODELS if path.stem == "paper_fig5")
@@ -90,15 +91,13 @@ def test_a_prescribed_joint_is_driven_by_its_acceleration() -> None:
 def test_what_it_cannot_put_out_is_refused() -> None:
     chain = fl.lump(make_scene(flexible("a")))
     q = np.zeros(chain.n)
-    with pytest.raises(
-        ArgumentError, match="outputs = 'tipp': unknown; allowed are tip, tip_rate, joints, joint_rates"
-    ):
+    with refused(ArgumentError, "unknown-name"):
         fl.linearize(chain, q, q, q, outputs=("tipp",))
-    with pytest.raises(ArgumentError, match=r"outputs = \(\): empty"):
+    with refused(ArgumentError, "empty"):
         fl.linearize(chain, q, q, q, outputs=())
-    with pytest.raises(ArgumentError, match=r"outputs = 'tip': expected a sequence"):
+    with refused(ArgumentError, "wrong-type"):
         fl.linearize(chain, q, q, q, outputs="tip")
-    with pytest.raises(ArgumentError, match=r"q has shape \(1, 5\); expected \(5,\)"):
+    with refused(ArgumentError, "wrong-shape"):
         fl.linearize(chain, [q], q, q)
 
 

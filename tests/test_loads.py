@@ -13,6 +13,7 @@ from flexlink.chain.builder import record_branches
 from flexlink.chain.coordinates import Coordinate
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.kernels.layout import BODY, HINGE
+from tests.words import refused
 
 NASTY = fl.lump(nasty_scene())
 WRENCH = np.array([10.0, -20.0, 30.0, 5.0, -4.0, 3.0])
@@ -189,21 +190,21 @@ def test_along_a_run_loads_follow_from_its_own_accelerations() -> None:
 
 def test_loads_that_cannot_be_are_refused() -> None:
     q = np.zeros(NASTY.n)
-    with pytest.raises(fl.errors.ArgumentError, match=r"qdd has shape \(1,\)"):
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
         fl.strength.internal_loads(NASTY, q, q, [0.0])
-    with pytest.raises(fl.errors.ArgumentError, match="an internal load overflows float64"):
+    with refused(fl.errors.ArgumentError, "overflow"):
         fl.strength.internal_loads(NASTY, q, np.full(NASTY.n, 1e200), q)
-    with pytest.raises(fl.errors.ArgumentError, match="state 1: the motion of the point overflows"):
+    with refused(fl.errors.ArgumentError, "overflow"):
         fl.point_motion(NASTY, q, np.outer([0, 1e200], np.ones(NASTY.n)), q)
-    with pytest.raises(fl.errors.ArgumentError, match="body = 99: must be"):
+    with refused(fl.errors.ArgumentError, "out-of-range"):
         fl.point_motion(NASTY, q, q, q, body=99)
-    with pytest.raises(fl.errors.ArgumentError, match="no joint of this chain"):
+    with refused(fl.errors.ArgumentError, "unknown-joint"):
         NASTY.body("elbow")
-    with pytest.raises(fl.errors.ArgumentError, match="link = 'rigid': is rigid; expected one that bends"):
+    with refused(fl.errors.ArgumentError, "link-is-rigid"):
         fl.strength.beam_strain(nasty_scene(), q, link="rigid", fibre=(0, 0))
-    with pytest.raises(fl.errors.ArgumentError, match=r"fibre has shape \(3,\); expected \(2,\)"):
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
         fl.strength.beam_strain(nasty_scene(), q, link="upper", fibre=(0, 0, 0))
-    with pytest.raises(fl.errors.ArgumentError, match=r"q has shape \(2, 3\)"):
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
         fl.strength.beam_strain(nasty_scene(), np.zeros((2, 3)), link="upper", fibre=(0, 0))
-    with pytest.raises(fl.errors.ArgumentError, match="a strain overflows float64"):
+    with refused(fl.errors.ArgumentError, "overflow"):
         fl.strength.beam_strain(nasty_scene(), np.full((2, NASTY.n), 1e308), link="upper", fibre=(0, 0))

@@ -13,6 +13,7 @@ import flexlink as fl
 from flexlink.dynamics.tangent import falls, stiffness_matrix, tangent
 from flexlink.dynamics.vibration import lowest, modal
 from flexlink.errors import ArgumentError, ConvergenceError, SingularMassError
+from tests.words import refused
 
 EPS = np.finfo(float).eps
 COUNT = 8
@@ -136,7 +137,7 @@ def test_a_joint_without_inertia_is_named_in_a_long_chain_too() -> None:
     bodies["inertia"][-3:] = 0.0
     idle = dataclasses.replace(chain, bodies=bodies)
     for count in (None, 3):
-        with pytest.raises(SingularMassError, match="moves no inertia of its own"):
+        with refused(SingularMassError, "joint-without-inertia"):
             fl.modes(idle, count=count)
 
 
@@ -201,5 +202,5 @@ def test_what_falls_under_a_load_without_potential_falls_in_a_long_chain_too(rng
 @pytest.mark.slow
 def test_a_long_arm_that_nothing_can_hold_is_refused() -> None:
     chain = thin_arm(thin_link("gauss", 200, free=True))
-    with pytest.raises(ConvergenceError, match="no equilibrium found"):
+    with refused(ConvergenceError, "no-equilibrium"):
         fl.solve_static(chain, tau=np.eye(chain.n)[0])

@@ -14,6 +14,7 @@ from conftest import nasty_scene, random_state
 import flexlink as fl
 from flexlink.dynamics import rounding
 from flexlink.dynamics.result import Result
+from tests.words import refused
 
 WRENCH = [1.0, -2.0, 3.0, 0.5, -0.4, 0.3]
 CALLS: dict[str, tuple[Callable, list[str], dict[str, object]]] = {
@@ -145,20 +146,18 @@ def test_states_of_wrong_shape_are_refused_with_the_shapes_allowed(name: str) ->
         with pytest.raises(fl.errors.ArgumentError, match=f"^{wanted}"):
             function(NASTY, *others, value, **options)
     if len(names) > 1:
-        with pytest.raises(
-            fl.errors.ArgumentError, match=rf"^{last} has shape \(3, {n}\); expected .* as many as {names[0]}"
-        ):
+        with refused(fl.errors.ArgumentError, "wrong-shape"):
             function(NASTY, *[good] * (len(names) - 1), np.zeros((3, n)), **options)
 
 
 def test_an_error_of_one_state_of_many_says_of_which() -> None:
     rates = np.zeros((3, NASTY.n))
     rates[1] = 1e160
-    with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: the torque of joint 'waist' overflows"):
+    with refused(fl.errors.ArgumentError, "overflow"):
         fl.bias_torque(NASTY, np.zeros(NASTY.n), rates)
-    with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: a derivative of the torques of .* overflows"):
+    with refused(fl.errors.ArgumentError, "overflow"):
         fl.inverse_dynamics_derivatives(NASTY, np.zeros(NASTY.n), rates, np.zeros(NASTY.n))
-    with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: .* overflows"):
+    with refused(fl.errors.ArgumentError, "overflow"):
         fl.forward_dynamics_derivatives(NASTY, np.zeros(NASTY.n), rates, np.zeros(NASTY.n))
-    with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: the kinetic energy overflows"):
+    with refused(fl.errors.ArgumentError, "overflow"):
         fl.energy(NASTY, np.zeros(NASTY.n), rates)

@@ -8,6 +8,7 @@ from beams import cantilever
 from conftest import flexible, make_scene
 
 import flexlink as fl
+from tests.words import refused
 
 
 def test_modes_of_a_spinning_arm_are_those_of_its_linearised_equation_of_motion() -> None:
@@ -63,5 +64,5 @@ def test_coaxial_joints_are_singular_also_where_rounding_hides_it(rng: np.random
     links = fl.Link(name="a", mount=skew), fl.Link(name="b", length=0.7, joint=fl.Joint(viscous=1.0))
     chain = fl.lump(make_scene(*links, tip=fl.RigidBody(mass=1.3, inertia=(0.1, 0.2, 0.3))))
     for q in rng.uniform(-np.pi, np.pi, (50, 2)):
-        with pytest.raises(fl.errors.SingularMassError, match="moves no inertia of its own"):
+        with refused(fl.errors.SingularMassError, "joint-without-inertia"):
             fl.modes(chain, q)

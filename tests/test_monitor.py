@@ -23,6 +23,7 @@ from flexlink.motion.monitor import Monitor
 from flexlink.motion.tolerable import allowed_imbalance
 from flexlink.results import balance
 from flexlink.results.record import Record, trajectory_from_states
+from tests.words import refused
 
 
 @pytest.fixture
@@ -79,7 +80,7 @@ def test_a_run_of_another_engine_says_that_its_work_is_not_known(paper: fl.Scene
     run = fl.simulate(paper, duration=0.01)
     other = trajectory_from_states(problem_of(paper), run.t, run.q, run.qd)
     assert "work [J]" not in other.columns
-    with pytest.raises(fl.errors.ArgumentError, match="runs of flexlink's own engine"):
+    with refused(fl.errors.ArgumentError, "engine-does-not-support"):
         _ = other.imbalance
 
 
@@ -119,9 +120,7 @@ def test_the_step_that_leaves_the_finite_numbers_is_named(paper: fl.Scene) -> No
 
 
 def test_a_step_beyond_the_stable_one_is_refused_by_name_and_number(paper: fl.Scene) -> None:
-    with pytest.raises(
-        fl.errors.UnstableStepError, match=r"run.step = 0.01 s: more than 0.000491 s, .*insist"
-    ) as caught:
+    with refused(fl.errors.UnstableStepError, "unstable-step") as caught:
         fl.simulate(paper, step=0.01, sample=0.01, duration=1.0)
     assert caught.value.largest == pytest.approx(fl.stable_step(fl.lump(paper), method="RK4"), rel=0.01)
     assert pickle.loads(pickle.dumps(caught.value)).largest == caught.value.largest
@@ -140,7 +139,7 @@ def test_dry_friction_counts_with_its_slope_at_rest() -> None:
         for name in "ab"
     ]
     scene = make_scene(*links, gravity=(0.0, 9.81, 0.0))
-    with pytest.raises(fl.errors.UnstableStepError, match="largest stable step of RK4"):
+    with refused(fl.errors.UnstableStepError, "unstable-step"):
         fl.simulate(scene, duration=0.1)
 
 
@@ -150,11 +149,11 @@ def test_the_gains_of_a_drive_count() -> None:
     for kp, kd, limit in ((0.0, 400.0, 2.785293563 * 2.0 / 400.0), (8e4, 0.0, 2.828427522 / 200.0)):
         drive = fl.Drive(kind="pd", kp=(kp,), kd=(kd,), target_deg=(1.0,))
         scene = make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0), drive=drive)
-        for h, refused in ((1.001 * limit, True), (0.999 * limit, False)):
+        for h, is_refused in ((1.001 * limit, True), (0.999 * limit, False)):
             run = fl.RunSettings(step=h, sample=h, duration=h)
             with (
                 pytest.raises(fl.errors.UnstableStepError)
-                if refused
+                if is_refused
                 else contextlib.suppress(fl.errors.DivergenceError)
             ):  # stable, not yet right
                 fl.simulate(scene.varied({"run": run}))
@@ -189,9 +188,7 @@ def test_a_run_whose_energy_is_garbage_is_an_error_although_finite() -> None:
     """A pendulum swung so coarsely that the method eats its energy: below the stable step at rest, and wrong."""
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
     scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)))
-    with pytest.raises(
-        fl.errors.DivergenceError, match=r"the energy does not balance: .*at most 10% allowed"
-    ) as caught:
+    with refused(fl.errors.DivergenceError, "diverged") as caught:
         fl.simulate(scene, step=0.35, sample=0.35, duration=35.0)
     kept = caught.value.trajectory
     assert (np.abs(kept.imbalance) <= 0.1 * kept.exchanged + 1e-9).all()

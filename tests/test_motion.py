@@ -11,6 +11,7 @@ from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.rounding import of_acceleration
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.motion.inputs.actuation import motion_arrays
+from tests.words import refused
 
 
 def swing(link: str = "a", knots: int = 41, duration: float = 2.0) -> fl.PrescribedMotion:
@@ -123,14 +124,14 @@ def test_in_a_plane_a_prescribed_joint_may_turn_the_other_way_and_have_a_rotor(s
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [
-        ({"link": "x"}, r"motion\.x\.link = 'x': no link of this arm; allowed are a, or 1 … 1"),
-        ({"angle_deg": (1.0, 2.0)}, r"motion\.\w+\.angle_deg\[0\] = 1.0: must be the initial value, 0.0"),
+        ({"link": "x"}, "unknown-link"),
+        ({"angle_deg": (1.0, 2.0)}, "start-differs-from-motion"),
     ],
 )
 def test_a_motion_that_does_not_fit_the_scene_is_refused(change: dict, wanted: str) -> None:
     fields = {"link": "a", "times": (0.0, 1.0), "angle_deg": (0.0, 1.0), "rate_deg": (0.0, 0.0),
               "acceleration_deg": (0.0, 0.0)}  # fmt: skip
-    with pytest.raises(fl.errors.SceneError, match=wanted):
+    with refused(fl.errors.SceneError, wanted):
         make_scene(
             fl.Link(name="a", length=1.0),
             tip=fl.RigidBody(mass=1.0),
@@ -139,14 +140,12 @@ def test_a_motion_that_does_not_fit_the_scene_is_refused(change: dict, wanted: s
 
 
 def test_a_motion_checks_its_table() -> None:
-    with pytest.raises(fl.errors.SceneError, match=r"times\[0\] = 1.0: must be 0"):
+    with refused(fl.errors.SceneError, "first-time"):
         fl.PrescribedMotion(link="a", times=(1.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
     rows = {"angle_deg": (0.0,) * 4, "rate_deg": (0.0,) * 4, "acceleration_deg": (0.0,) * 4}
-    with pytest.raises(
-        fl.errors.SceneError, match=r"times\[2\] = 0.5: must be greater than times\[1\] = 1.0; times increase"
-    ):
+    with refused(fl.errors.SceneError, "times-not-increasing"):
         fl.PrescribedMotion(link="a", times=(0.0, 1.0, 0.5, 2.0), **rows)
-    with pytest.raises(fl.errors.SceneError, match=r"rate_deg\[3\] = nan: must be a finite number"):
+    with refused(fl.errors.SceneError, "not-finite"):
         fl.PrescribedMotion(link="a", times=(0.0, 1.0, 1.5, 2.0), **rows | {"rate_deg": (0.0, 0.0, 0.0, np.nan)})
-    with pytest.raises(fl.errors.SceneError, match=r"rate_deg has 2 values: expected one per time, 1"):
+    with refused(fl.errors.SceneError, "one-per-time"):
         fl.PrescribedMotion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0, 0.0), acceleration_deg=(0.0,))

@@ -12,6 +12,7 @@ import flexlink as fl
 from flexlink.data.csv_table import UNITS, read_csv
 from flexlink.describe.plausibility.hints import hints
 from flexlink.errors import SceneError
+from tests.words import refused
 
 SIZES = {"k": 1e3, "m": 1e-3, "µ": 1e-6, "u": 1e-6, "": 1.0}
 HELD = fl.Joint(locked=True)
@@ -46,11 +47,11 @@ def test_a_table_of_rigidities_may_be_in_millimetres_and_grams(tmp_path: Path) -
 
 def test_a_table_neither_jumps_at_its_tip_nor_is_without_rigidity(tmp_path: Path) -> None:
     for x in ((0.0, 1.0, 1.0), (0.0, 0.0, 1.0)):
-        with pytest.raises(SceneError, match="nothing jumps at the ends of a beam"):
+        with refused(SceneError, "rigidity-table"):
             fl.Rigidity(x=x, rho_a=(1.0,) * 3)
     for row in ("0,50,2\n1,0,2", "0,50,2\n1,50,0"):
         (tmp_path / "spar.csv").write_text(f"x [m],EI_z [N m²],rhoA [kg/m]\n{row}\n", encoding="utf-8")
-        with pytest.raises(fl.errors.DataFileError, match=r"line 3: .* must be positive"):
+        with refused(fl.errors.DataFileError, "out-of-range"):
             fl.Rigidity(file=str(tmp_path / "spar.csv"))
 
 

@@ -11,6 +11,7 @@ import flexlink as fl
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.stability_function import stability_function
 from reports.findings import oracles
+from tests.words import refused
 from validation.kinds.energy_drift import modal_loss, released_modes
 from validation.oracles import exact_runge_kutta, rigid_motions, transfer_beam
 from validation.oracles.common_origin import of_state
@@ -70,13 +71,13 @@ def test_runge_kutta_in_many_digits_carries_an_oscillator_on_by_the_stability_fu
 
 
 def test_stages_that_are_not_found_are_an_error():
-    with mp.workdps(DIGITS), pytest.raises(ArithmeticError, match="not found in 200 passes; take a smaller step"):
+    with mp.workdps(DIGITS), refused(ArithmeticError, "test-oracles"):
         exact_runge_kutta.integrate(lambda q, _: [-q[0]], method("Radau5"), ([mpf(1)], [mpf(0)]), mpf(50), 1)
 
 
 def test_the_50_digit_chain_refuses_axes_that_are_not_parallel():
     chain = fl.lump(fl.load_scene(ROOT / "models" / "t2_spatial.toml"))
-    with pytest.raises(fl.errors.ArgumentError, match="not planar"):
+    with refused(fl.errors.ArgumentError, "test-oracles"):
         PlanarChain(chain)
 
 

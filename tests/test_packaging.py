@@ -10,6 +10,8 @@ import pytest
 from conftest import ROOT
 from lowest import PROJECT, lowest, requirements
 
+from tests.words import refused
+
 TEXT = PROJECT.read_text(encoding="utf-8")
 
 
@@ -24,7 +26,7 @@ def test_a_lowest_version_is_the_one_that_is_named() -> None:
     assert lowest("numba>=0.68,<0.70") == "numba==0.68"
     assert lowest("pytest-xdist>=3.6.1") == "pytest-xdist==3.6.1"
     for open_ended in ("numpy", "numpy<3", "numpy~=2.0", "numpy>2"):
-        with pytest.raises(ValueError, match="no lowest version"):
+        with refused(ValueError, "test-packaging"):
             lowest(open_ended)
 
 

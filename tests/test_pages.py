@@ -12,6 +12,7 @@ from docs import snippets
 from docs.generators import readme
 from flexlink.common.errors import MissingDependencyError
 from flexlink.robots.collection import folder
+from tests.words import refused
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("[ehs]*/*.md"))]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -46,7 +47,7 @@ def test_a_page_runs_from_its_first_block_to_its_last(path: Path, tmp_path: Path
 
 def test_a_page_whose_command_fails_is_noticed(tmp_path: Path) -> None:
     text = "```sh\nflexlink simulate nowhere.toml\n```\n<!-- output -->\n"
-    with pytest.raises(snippets.SnippetError, match=r"nowhere.toml: exit code 2"):
+    with refused(snippets.SnippetError, "test-pages"):
         snippets.filled("page", text, tmp_path, tmp_path)
 
 

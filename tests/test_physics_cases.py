@@ -15,6 +15,7 @@ from flexlink.kernels.inputs.drive_torque import drive_torque
 from flexlink.motion.inputs.drives import drive_arrays
 from reports.findings import physics_choice, physics_price
 from reports.results import Results
+from tests.words import refused
 from validation import reference_values
 from validation.case import STUDY_SCENES, load_cases
 from validation.facts import in_words
@@ -60,7 +61,7 @@ def test_an_order_is_judged_by_its_lower_bound_without_errors_of_rounding_and_lu
     assert found["order − lower bound", "lobatto4, tip"] == pytest.approx(0.2)
     with_all = rows(Sweep(rules={}, fitted=6), {"lobatto4": lucky})
     assert abs(with_all["fitted order", "lobatto4, tip"] - 4) > 1
-    with pytest.raises(DataFileError, match=r"settings\.least\.tip\.lobatto4: fewer than two errors"):
+    with refused(DataFileError, "test-physics-cases"):
         rows(sweep, {"lobatto4": {64: 1e-13, 128: 3e-13}})
 
 
@@ -99,11 +100,11 @@ def test_a_variant_cuts_every_flexible_link_by_the_rule():
     arm = Variant().build(case, Rule(rule="gauss", hinges=6)).arm
     assert [(link.lumping, link.segments) for link in arm.links] == [("gauss", 7)] * 2
     assert list(existing(case, {"gauss": (5,)})) == []
-    with pytest.raises(fl.errors.ArgumentError, match="lumping"):
+    with refused(fl.errors.ArgumentError, "unknown-name"):
         list(existing(case, {"none such": (6,)}))
-    with pytest.raises(SceneError, match=r"tip\.mas = 1.*did you mean 'mass'"):
+    with refused(SceneError, "cannot-set"):
         list(existing(case, {"gauss": (6,)}, [Variant(change={"tip.mas": 1.0})]))
-    with pytest.raises(fl.errors.ArgumentError, match=r"variant.scene = 'none such': unknown; allowed are"):
+    with refused(fl.errors.ArgumentError, "unknown-name"):
         Variant(scene="none such").build(case, Rule(rule="gauss", hinges=6))
 
 
@@ -111,15 +112,13 @@ def test_a_variant_cuts_every_flexible_link_by_the_rule():
 def test_an_input_or_a_load_that_does_not_exist_is_answered_with_those_that_do(name, key):
     case = CASES[name]
     kind = KINDS[case.kind]
-    with pytest.raises(
-        fl.errors.ArgumentError, match=rf"{name}.toml: settings.{key} = 'none such': unknown; allowed are"
-    ):
+    with refused(fl.errors.ArgumentError, "unknown-name"):
         list(kind.run(case, decode(case.settings | {key: "none such"}, kind.Settings)))
 
 
 @pytest.mark.parametrize("keys", [("no_such_file",), ("critical_loads", "no such key")])
 def test_a_reference_that_does_not_exist_is_named_with_those_that_do(keys):
-    with pytest.raises(DataFileError, match=r"no.such.*there are"):
+    with refused(DataFileError, "test-physics-cases"):
         reference_values.look_up(*keys)
 
 

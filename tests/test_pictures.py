@@ -20,6 +20,7 @@ from flexlink.results.pictures.film import Film, film_of
 from flexlink.results.pictures.page import turned_window
 from flexlink.results.pictures.projection import Projected
 from flexlink.results.pictures.view import view_of
+from tests.words import refused
 
 SCENES = ("paper_fig5", "t3_spatial", "ptp_move", "steel_strips", "nasty")
 FFMPEG = shutil.which("ffmpeg")
@@ -293,7 +294,7 @@ def test_a_signal_ends_the_drawing_and_leaves_what_was_there(kind: str, tmp_path
         if part > 0:
             signal.raise_signal(signal.SIGINT)
 
-    with pytest.raises(KeyboardInterrupt, match="interrupted, not written"):
+    with refused(KeyboardInterrupt, "test-pictures"):
         run_of("paper_fig5", 0.3).animate(path, width=320, progress=send)
     assert [one.name for one in tmp_path.iterdir()] == [path.name]
     assert path.read_text() == "before"
@@ -311,7 +312,7 @@ def test_a_video_has_every_frame(tmp_path: Path) -> None:
 
 def test_without_ffmpeg_the_error_says_what_to_do(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(fl.errors.MissingDependencyError, match=r"install it \(ffmpeg.org.*take .gif or .html"):
+    with refused(fl.errors.MissingDependencyError, "package-missing"):
         run_of("paper_fig5", 0.0).animate(tmp_path / "arm.mp4")
     assert list(tmp_path.iterdir()) == []
 
@@ -320,7 +321,7 @@ def test_without_ffmpeg_the_error_says_what_to_do(tmp_path: Path, monkeypatch) -
 def test_a_video_that_ffmpeg_refuses_leaves_no_file(tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "ffmpeg").symlink_to(str(shutil.which("false")))
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(fl.errors.EngineError, match="ffmpeg failed with exit code 1"):
+    with refused(fl.errors.EngineError, "ffmpeg-failed"):
         run_of("paper_fig5", 0.0).animate(tmp_path / "arm.mp4")
     assert [path.name for path in tmp_path.iterdir()] == ["ffmpeg"]
 
@@ -328,19 +329,19 @@ def test_a_video_that_ffmpeg_refuses_leaves_no_file(tmp_path: Path, monkeypatch)
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"path": "arm.avi"}, r"'arm.avi': unknown format; a film is saved as .gif or .mp4 or .html"),
-        ({"magnify": -1.0}, r"magnify = -1.0: must be a finite number > 0"),
-        ({"colour": "stress"}, r"colour = 'stress'.*moment.*strain"),
-        ({"fps": 0.0}, r"fps = 0.0: must be a finite number > 0"),
-        ({"speed": 1e-6}, r"speed = 1e-06: .* frames of 0.01 s; at most 3000, so a speed of at least"),
-        ({"width": 10}, r"width = 10: .*320"),
-        ({"progress": 3}, r"progress"),
+        ({"path": "arm.avi"}, "unknown-format"),
+        ({"magnify": -1.0}, "out-of-range"),
+        ({"colour": "stress"}, "unknown-name"),
+        ({"fps": 0.0}, "out-of-range"),
+        ({"speed": 1e-6}, "too-many-frames"),
+        ({"width": 10}, "out-of-range"),
+        ({"progress": 3}, "wrong-type"),
     ],
 )
 def test_what_is_not_allowed_is_named(options: dict[str, object], message: str, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     run = run_of("paper_fig5", 0.01)
-    with pytest.raises(fl.errors.ArgumentError, match=message):
+    with refused(fl.errors.ArgumentError, message):
         run.animate(**{"path": "arm.gif", **options})
     assert list(tmp_path.iterdir()) == []
 
@@ -357,7 +358,7 @@ def test_the_smallest_speed_that_is_named_is_allowed(monkeypatch) -> None:
 def test_a_run_that_does_not_know_its_scene_cannot_be_drawn(tmp_path: Path) -> None:
     run = run_of("paper_fig5", 0.0)
     bare = fl.Trajectory(run.chain, run.t, run.q, run.qd, run.tau, run.tip, run.energy)
-    with pytest.raises(fl.errors.ArgumentError, match="scene = None"):
+    with refused(fl.errors.ArgumentError, "wrong-type"):
         bare.animate(tmp_path / "arm.gif")
 
 

@@ -14,6 +14,7 @@ from test_continued import DRIVES, MOTION, arm, law
 
 import flexlink as fl
 from flexlink.motion.simulate import started_from
+from tests.words import refused
 
 FIXED, IMPLICIT = {"run.step": 1e-4}, {"run.method": "Gauss4", "run.step": 2e-3}
 STEPS: dict[str, dict[str, object]] = {
@@ -81,7 +82,7 @@ def test_what_simulate_refuses_a_problem_refuses_in_the_same_words() -> None:
         with pytest.raises(type(told.value)) as refused:
             problem.simulate(**wrong)
         assert str(refused.value) == str(told.value)
-    with pytest.raises(fl.errors.ArgumentError, match="scene = 3"):
+    with refused(fl.errors.ArgumentError, "wrong-type"):
         fl.Problem(3)
 
 
@@ -89,7 +90,7 @@ def test_a_reference_that_starts_elsewhere_is_refused_by_a_problem_too() -> None
     reference = fl.Reference(profile="quintic", to_deg=(-60.0, 0.0), duration=0.05)
     scene = arm("none").varied({"drive": fl.Drive(kind="pd", kp=(40.0, 20.0), kd=(1.0, 0.5), reference=reference)})
     problem = fl.Problem(scene)
-    with pytest.raises(fl.errors.SceneError, match="from_deg: missing"):
+    with refused(fl.errors.SceneError, "missing-key"):
         problem.simulate(q0=np.zeros(problem.chain.n))
 
 

@@ -14,6 +14,7 @@ import flexlink as fl
 from flexlink.describe.profiles import MOVES
 from flexlink.describe.reference_trajectory import still
 from flexlink.motion.inputs.references import reference_arrays
+from tests.words import refused
 
 EPS = np.finfo(float).eps
 MAY_LIMIT = {
@@ -247,13 +248,11 @@ def test_a_bad_reference_is_refused_by_key_and_row(what: str) -> None:
 
 
 def test_what_does_not_fit_the_arm_or_float64_is_refused() -> None:
-    with pytest.raises(fl.errors.SceneError, match=r"angle_deg\[0\] = \(0.0,\): expected one number per link, 2"):
+    with refused(fl.errors.SceneError, "one-per-link"):
         fl.Reference(profile="linear", **TABLE).course((0.0, 0.0))
-    with pytest.raises(fl.errors.SceneError, match="overflows float64"):
+    with refused(fl.errors.SceneError, "overflow"):
         fl.Reference(profile="linear", **TABLE | {"times": (0.0, 5e-324, 1.0)}).course((0.0,))
-    with pytest.raises(
-        fl.errors.SceneError, match=r"start = 100.0: too late: float64 cannot resolve a move of 1e-15 s at that time"
-    ):
+    with refused(fl.errors.SceneError, "start-too-late"):
         fl.Reference(profile="quintic", to_deg=(1.0,), start=100.0, duration=1e-15).course((0.0,))
 
 
@@ -317,7 +316,7 @@ def test_a_shaper_with_impulses_below_zero_may_lead_beyond_the_limits(tmp_path: 
     path.write_text(rule, encoding="utf-8")
     shaper = fl.InputShaper(kind=str(path), frequency_hz=(1.0,))
     move = fl.Reference(profile="quintic", to_deg=(5.0, 0.0, 9.0), duration=1e-3, shaper=shaper)
-    with pytest.raises(fl.errors.SceneError, match=r"reaches 23 deg: .* 'far'"):
+    with refused(fl.errors.SceneError, "wrench-out-of-reach"):
         driven(move)
 
 
@@ -328,14 +327,10 @@ def test_a_reference_may_jump_between_steps_that_follow_from_a_tolerance() -> No
 
 def test_where_a_reference_starts_is_said_if_the_run_starts_elsewhere() -> None:
     move, here = {"profile": "quintic", "to_deg": (1.0,) * 3, "duration": 1.0}, (0.0, 0.0)
-    with pytest.raises(
-        fl.errors.SceneError, match=r"drive.reference.from_deg: missing; initial.joint_deg, its default, is not"
-    ):
+    with refused(fl.errors.SceneError, "missing-key"):
         driven(fl.Reference(**move), initial=fl.InitialState(q=here))
     scene = driven(fl.Reference(**move), initial=fl.InitialState(q=here, joint_deg=(5.0, 30.0, -5.0)))
-    with pytest.raises(
-        fl.errors.SceneError, match=r"from_deg: missing; for the joint of 'near' initial.q gives 0 deg and"
-    ):
+    with refused(fl.errors.SceneError, "missing-key"):
         reference_arrays(scene, fl.lump(scene))
     later = scene.varied({"initial.time": 1.0})  # continued: it goes on as it began
     np.testing.assert_array_equal(reference_arrays(later, fl.lump(later)).knots, scene.course.knots)
@@ -346,11 +341,11 @@ def test_where_a_reference_starts_is_said_if_the_run_starts_elsewhere() -> None:
 def test_a_pd_drive_has_one_target() -> None:
     gains = {"kind": "pd", "kp": (9.0,), "kd": (1.0,)}
     move = fl.Reference(profile="quintic", to_deg=(9.0,), duration=1.0)
-    with pytest.raises(fl.errors.SceneError, match="takes kp, kd, target_deg or reference"):
+    with refused(fl.errors.SceneError, "key-of-another-kind"):
         fl.Drive(**gains)
-    with pytest.raises(fl.errors.SceneError, match="takes kp, kd, reference"):
+    with refused(fl.errors.SceneError, "key-of-another-kind"):
         fl.Drive(**gains, target_deg=(9.0,), reference=move)
-    with pytest.raises(fl.errors.SceneError, match=r"reference = .*takes torque"):
+    with refused(fl.errors.SceneError, "key-of-another-kind"):
         fl.Drive(kind="constant", torque=(1.0,), reference=move)
 
 
@@ -372,7 +367,5 @@ def test_a_shaper_file_is_sought_beside_the_scene(tmp_path: Path, monkeypatch: p
     monkeypatch.chdir("/")
     assert fl.load_scene(tmp_path / "scene.toml") == scene
     (tmp_path / "own.toml").write_text(rule.replace("zeros = 1", "zeros = 2"), encoding="utf-8")
-    with pytest.raises(
-        fl.errors.DataFileError, match=r"scene.toml: drive.reference.shaper.kind = .*own.toml: zeros = 2"
-    ):
+    with refused(fl.errors.DataFileError, "shaper-zeros"):
         fl.load_scene(tmp_path / "scene.toml")

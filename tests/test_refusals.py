@@ -13,6 +13,7 @@ import flexlink as fl
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.eigenproblem import first_order_matrix
 from flexlink.motion.inputs.actuation import input_arrays
+from tests.words import refused
 
 BOX = {"shape": "box", "height": 0.04, "width": 0.06}
 TABLE = {"kind": "table", "times": (0.0, 1.0), "torques": ((0.0,), (1.0,))}
@@ -65,7 +66,7 @@ def test_a_description_that_contradicts_itself_is_refused(build: Callable[[], ob
 
 
 def test_an_explicit_method_has_no_modes() -> None:
-    with pytest.raises(fl.errors.ArgumentError, match="only implicit methods are solved by the eigenvectors of A"):
+    with refused(fl.errors.ArgumentError, "method-not-supported"):
         _ = method("RK4").modes
 
 
@@ -86,5 +87,5 @@ def test_a_smooth_table_goes_through_its_torques_with_continuous_slope_and_curva
 
 def test_a_system_whose_accelerations_leave_float64_has_no_matrix_of_first_order() -> None:
     one = np.eye(1)
-    with pytest.raises(fl.errors.ArgumentError, match="accelerations overflow float64"):
+    with refused(fl.errors.ArgumentError, "overflow"):
         first_order_matrix(1e-300 * one, one, 1e300 * one)

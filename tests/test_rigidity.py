@@ -15,6 +15,7 @@ import flexlink as fl
 from flexlink.chain.variants import lump_many
 from flexlink.cli.main import main
 from flexlink.errors import SceneError
+from tests.words import refused
 
 STEP = 0.37  # m, of a beam of 1 m: where it becomes ten times as soft
 STEPPED = fl.Rigidity(x=(0.0, STEP, STEP, 1.0), ei_z=(50.0, 50.0, 5.0, 5.0), rho_a=(2.0, 2.0, 0.6, 0.6))
@@ -181,7 +182,7 @@ def test_a_gauge_on_a_step_of_a_rigidity_needs_a_side() -> None:
     def gauge(x: float) -> dict[str, object]:
         return {"sensor": [fl.Sensor(name="g", kind="strain", link="spar", x=x, fibre=(0.01, 0.0))]}
 
-    with pytest.raises(SceneError, match=r"sensor\.g\.x = 0\.37: EI .* jumps there.*x = 0\.369 or 0\.371"):
+    with refused(SceneError, "inconsistent"):
         beam(STEPPED).varied(gauge(STEP))
     beam(STEPPED).varied(gauge(0.371))
     heavier = fl.Rigidity(x=STEPPED.x, ei_z=(50.0, 50.0, 50.0, 5.0), rho_a=STEPPED.rho_a)
@@ -218,18 +219,18 @@ def test_tables_damp_by_their_loss_time_or_that_of_the_link() -> None:
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"x": (0.1, 1.0)}, r"^x = \(0\.1, 1\.0\): expected two rows or more, the first at 0"),
-        ({"x": (0.0,), "rho_a": (1.0,)}, r"^x = \(0\.0,\): expected two rows or more"),
-        ({"x": (0.0, 0.5, 0.4, 1.0), "rho_a": (1.0,) * 4}, r"^x\[2\] = 0\.4: must not be less than x\[1\] = 0\.5"),
-        ({"x": (0.0, 0.5, 0.5, 0.5, 1.0), "rho_a": (1.0,) * 5}, r"^x\[3\] = 0\.5: .* two rows at most have the same"),
-        ({"x": (0.0, 0.0, 1.0), "rho_a": (1.0,) * 3}, r"nothing jumps at the ends"),
-        ({"ei_z": (1.0,)}, r"^ei_z = \(1\.0,\): must have as many numbers as x, 2"),
-        ({"ei_z": (1.0, 0.0)}, r"^ei_z\[1\] = 0\.0: expected float > 0"),
-        ({"rho_a": (1.0, -1.0)}, r"^rho_a\[1\] = -1\.0: expected float > 0"),
+        ({"x": (0.1, 1.0)}, "rigidity-table"),
+        ({"x": (0.0,), "rho_a": (1.0,)}, "rigidity-table"),
+        ({"x": (0.0, 0.5, 0.4, 1.0), "rho_a": (1.0,) * 4}, "rigidity-table"),
+        ({"x": (0.0, 0.5, 0.5, 0.5, 1.0), "rho_a": (1.0,) * 5}, "rigidity-table"),
+        ({"x": (0.0, 0.0, 1.0), "rho_a": (1.0,) * 3}, "rigidity-table"),
+        ({"ei_z": (1.0,)}, "one-per-row"),
+        ({"ei_z": (1.0, 0.0)}, "wrong-value"),
+        ({"rho_a": (1.0, -1.0)}, "wrong-value"),
     ],
 )
 def test_a_table_that_cannot_be_is_refused(fields: dict[str, object], said: str) -> None:
-    with pytest.raises(SceneError, match=said):
+    with refused(SceneError, said):
         fl.Rigidity(**{"x": (0.0, 1.0), "rho_a": (1.0, 1.0), **fields})
 
 
@@ -242,7 +243,7 @@ def test_a_table_that_does_not_fit_its_link_is_refused() -> None:
     ):
         with pytest.raises(SceneError, match=said):
             beam(STEPPED, **fields)
-    with pytest.raises(SceneError, match=r"rigidity = 'spar': not defined; defined are none"):
+    with refused(SceneError, "inconsistent"):
         make_scene(fl.Link(name="a", length=1.0, rigidity="spar"))
 
 

@@ -10,6 +10,7 @@ from conftest import make_scene
 from scipy.optimize import brentq
 
 import flexlink as fl
+from tests.words import refused
 
 E, RHO, LENGTH, WIDTH, HEIGHT = 210e9, 7850.0, 2.0, 0.03, 0.002
 EI, RHO_A = E * WIDTH * HEIGHT**3 / 12, RHO * WIDTH * HEIGHT
@@ -130,20 +131,19 @@ def test_advice_keeps_the_root_and_counts_hinges_beside_it() -> None:
 
 
 def test_what_cannot_be_is_refused() -> None:
-    free = "turns about the axis .* of the free joint, with no inertia between the two"
-    with pytest.raises(fl.errors.SceneError, match=rf"^link\.strip\.root_stiffness: {free}"):
+    with refused(fl.errors.SceneError, "root-stiffness-axis"):
         fl.lump(clamped(joint=fl.Joint()))
     geared = fl.Joint(armature=0.1, gear_stiffness=100.0)
-    with pytest.raises(fl.errors.SceneError, match=r"of the elastic gear, .*; give the link a hub"):
+    with refused(fl.errors.SceneError, "root-stiffness-axis"):
         fl.lump(clamped(joint=geared))
     fl.lump(clamped(joint=geared, hub=fl.RigidBody(inertia=(0.0, 0.0, 0.1))))
     for fine in ({"joint": fl.Joint(armature=0.1)}, {"hub": fl.RigidBody(inertia=(0.0, 0.0, 0.1))}):
         chain = fl.lump(clamped(**{"joint": fl.Joint(), **fine}))
         assert np.linalg.eigvalsh(fl.mass_matrix(chain, np.zeros(chain.n))).min() > 0
     for rule in ("hencky", "clamped"):
-        with pytest.raises(fl.errors.SceneError, match=r"^link\.strip\.lumping = .*on the springs of root_stiffness"):
+        with refused(fl.errors.SceneError, "hinge-without-inertia"):
             fl.lump(clamped(rule))
-    with pytest.raises(fl.errors.SceneError, match=r"^root_damping\.x = 1\.0: needs a root_stiffness\.x"):
+    with refused(fl.errors.SceneError, "needs-another-key"):
         clamped(root_damping=fl.details.RootDamping(x=1.0))
-    with pytest.raises(fl.errors.SceneError, match=r"^z = 0\.0: expected float > 0"):
+    with refused(fl.errors.SceneError, "wrong-value"):
         fl.details.RootStiffness(z=0.0)

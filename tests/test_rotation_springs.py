@@ -29,6 +29,7 @@ from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.small_mass import with_small_mass
 from flexlink.kernels.forces.rotation_tangent import excess_stiffness
 from flexlink.kernels.layout import SPRINGS
+from tests.words import refused
 from validation.physics.hinge_sweep import order
 
 EPS = np.finfo(float).eps
@@ -297,7 +298,7 @@ def test_a_run_saved_before_there_were_such_springs_has_springs_of_angles(tmp_pa
     assert not fl.load_trajectory(path).chain.has_rotation_springs
     arrays["chain_bodies"] = recfunctions.drop_fields(arrays["chain_bodies"], "mass")
     np.savez(path, **arrays)
-    with pytest.raises(DataFileError, match="its chain has the fields"):
+    with refused(DataFileError, "not-a-result"):
         fl.load_trajectory(path)
 
 
@@ -417,18 +418,18 @@ def test_small_motion_about_a_bent_posture_is_that_of_the_matrices() -> None:
 @pytest.mark.parametrize(
     "said, message",
     [
-        ("0:1", "expected the first of three joints"),
-        ("2:1", "expected the first of three joints"),
-        ("1:3", "expected the first of three joints"),
-        ("1:2", "after three joints with 2 must come three with 1"),
-        ("x", "expected the first of three joints"),
+        ("0:1", "file-content"),
+        ("2:1", "file-content"),
+        ("1:3", "file-content"),
+        ("1:2", "file-content"),
+        ("x", "file-content"),
     ],
 )
 def test_a_file_that_says_it_of_other_joints_is_refused(said: str, message: str) -> None:
     chain = fl.lump(arm("lobatto2_rotation"))
     text = to_urdf(chain)
     whole = " ".join(f"{b['first']}:{b['springs']}" for b in chain.bodies if b["springs"])
-    with pytest.raises(DataFileError, match=message):
+    with refused(DataFileError, message):
         read_urdf(text.replace(f'rotation_springs="{whole}"', f'rotation_springs="{said}"'))
 
 
@@ -454,10 +455,10 @@ def test_a_file_of_such_springs_by_itself_is_refused_by_name(tmp_path: Path) -> 
     path = tmp_path / "arm.urdf"
     path.write_text(to_urdf(fl.lump(scene)), encoding="utf-8")
     pytest.importorskip("pinocchio")
-    with pytest.raises(ArgumentError, match="which Pinocchio would take for springs of angles"):
+    with refused(ArgumentError, "rotation-springs-in-file"):
         load_here("pinocchio", ForeignFile(path, "urdf"))
 
 
 def test_bodies_between_the_hinges_of_a_triple_are_refused() -> None:
-    with pytest.raises(ArgumentError, match="its springs hold rotation vectors, which bodies between the hinges"):
+    with refused(ArgumentError, "rotation-springs-in-file"):
         with_small_mass(fl.lump(arm("gauss_rotation")), mass=1e-6)

@@ -15,6 +15,7 @@ from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.engines import load
 from flexlink.errors import SceneError
+from tests.words import refused
 from validation.physics.hinge_sweep import order
 
 TIP_FREE = {"clamped", "hencky"}
@@ -108,18 +109,18 @@ def test_users_own_rule_from_a_file(tmp_path):
 @pytest.mark.parametrize(
     "fields, message",
     [
-        ({}, "exactly one"),
-        ({"grid": Grid(first=1.0, last=1.0), "jacobi": Jacobi()}, "exactly one"),
-        ({"element": lambda: Element(nodes=(0.5,), weights=(0.5, 0.5))}, "as many"),
-        ({"element": lambda: Element(nodes=(0.75, 0.25), weights=(0.5, 0.5))}, "increase"),
-        ({"element": lambda: Element(nodes=(0.25, 0.75), weights=(0.5, -0.5))}, "weights"),
-        ({"element": lambda: Element(nodes=(0.25, 1.25), weights=(0.5, 0.5))}, r"within \[0, 1\]"),
-        ({"element": lambda: Element(nodes=(0.25, 0.75), weights=(0.5, 0.501))}, "must sum to 1"),
-        ({"jacobi": lambda: Jacobi(tip=-0.5)}, "tip"),
+        ({}, "rule-kind"),
+        ({"grid": Grid(first=1.0, last=1.0), "jacobi": Jacobi()}, "rule-kind"),
+        ({"element": lambda: Element(nodes=(0.5,), weights=(0.5, 0.5))}, "rule-weights"),
+        ({"element": lambda: Element(nodes=(0.75, 0.25), weights=(0.5, 0.5))}, "rule-nodes"),
+        ({"element": lambda: Element(nodes=(0.25, 0.75), weights=(0.5, -0.5))}, "wrong-value"),
+        ({"element": lambda: Element(nodes=(0.25, 1.25), weights=(0.5, 0.5))}, "rule-nodes"),
+        ({"element": lambda: Element(nodes=(0.25, 0.75), weights=(0.5, 0.501))}, "rule-weights"),
+        ({"jacobi": lambda: Jacobi(tip=-0.5)}, "wrong-value"),
     ],
 )
 def test_an_invalid_rule_says_why(fields, message):
-    with pytest.raises(SceneError, match=message):
+    with refused(SceneError, message):
         LumpingRule(about="", source="", **{key: f() if callable(f) else f for key, f in fields.items()})
 
 
@@ -132,14 +133,14 @@ def test_a_number_of_hinges_that_a_rule_does_not_have_is_refused(name, too_few):
 @pytest.mark.parametrize("name", sorted(TIP_FREE))
 def test_a_hinge_on_a_free_joint_is_refused_and_on_a_locked_one_is_not(name):
     assert cantilever(name, 6).n == 6
-    with pytest.raises(SceneError, match="no inertia"):
+    with refused(SceneError, "hinge-without-inertia"):
         thin_arm(thin_link(name, 6, free=True))
 
 
 def test_a_hinge_at_the_links_end_is_refused(tmp_path):
     path = tmp_path / "both_ends.toml"
     path.write_text('about = "trapezoid"\nsource = "mine"\n[grid]\nfirst = 0.0\nlast = 0.0\n', encoding="utf-8")
-    with pytest.raises(SceneError, match="end"):
+    with refused(SceneError, "hinge-without-inertia"):
         cantilever(str(path), 5)
 
 

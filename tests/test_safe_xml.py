@@ -9,6 +9,7 @@ import pytest
 from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError
 from flexlink.common.safe_xml import parse
+from tests.words import refused
 
 BOMB = '<!DOCTYPE r [<!ENTITY a "aaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><robot name="&b;"/>'
 SECRET = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/hostname">]><robot>&x;</robot>'
@@ -36,13 +37,13 @@ BROKEN = {
 
 @pytest.mark.parametrize("text", HARMFUL.values(), ids=HARMFUL)
 def test_a_document_type_is_refused_before_anything_is_expanded(text: str | bytes) -> None:
-    with pytest.raises(DataFileError, match=r"^arm\.urdf: contains <!DOCTYPE r.*>"):
+    with refused(DataFileError, "xml-entities"):
         parse(text, "arm.urdf")
 
 
 @pytest.mark.parametrize("text", BROKEN.values(), ids=BROKEN)
 def test_what_is_no_xml_is_refused_in_one_line(text: str | bytes) -> None:
-    with pytest.raises(DataFileError, match=r"^arm\.urdf: not XML: [^\n]+$"):
+    with refused(DataFileError, "not-xml"):
         parse(text, "arm.urdf")
 
 

@@ -13,6 +13,7 @@ from flexlink.common.errors import FlexlinkError
 from reports import full, same
 from reports.build import build
 from reports.results import Results
+from tests.words import refused
 from validation import __main__ as command
 from validation import sources
 from validation.store import Row
@@ -181,17 +182,17 @@ def test_the_page_says_whether_its_numbers_are_the_published_ones(
 
 
 @pytest.mark.parametrize(("name", "content", "said"), [
-    (None, b"", "no published numbers"), ("all_checks.csv", b"case,scene\n", "column 'engine' is missing"),
-    ("all_checks.csv.gz", b"no gzip", "no published numbers"),
+    (None, b"", "test-same"), ("all_checks.csv", b"case,scene\n", "test-same"),
+    ("all_checks.csv.gz", b"no gzip", "test-same"),
     ("all_checks.csv", b"case,scene,engine,quantity,value,tolerance,bound,timed,seconds,state\na,,,q,many,,,,,\n",
-     "line 2"),
+     "test-same"),
 ])  # fmt: skip
 def test_a_folder_without_numbers_is_one_line(tmp_path: Path, name: str | None, content: bytes, said: str) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     if name:
         (folder / name).write_bytes(content)
-    with pytest.raises(FlexlinkError, match=said):
+    with refused(FlexlinkError, said):
         compared(tmp_path, folder, row())
 
 

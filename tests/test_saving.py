@@ -14,6 +14,7 @@ from flexlink.dynamics.equilibrium import Equilibrium
 from flexlink.dynamics.vibration.linear import LinearModel
 from flexlink.dynamics.vibration.modal import Modes
 from flexlink.errors import ArgumentError, DataFileError
+from tests.words import refused
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ def test_a_run_without_scene_work_and_steps_is_loaded_too(run: fl.Trajectory, tm
 def test_a_scene_is_saved_where_it_is_loaded_from(tmp_path: Path) -> None:
     scene = nasty_scene()
     assert fl.load_scene(scene.save(tmp_path / "scene.toml")) == scene
-    with pytest.raises(fl.errors.OutputError, match="cannot be written"):
+    with refused(fl.errors.OutputError, "cannot-write"):
         scene.save(tmp_path / "no" / "scene.toml")
 
 
@@ -85,7 +86,7 @@ def test_files_of_something_else_are_refused_in_a_line(load, run: fl.Trajectory,
             load(named)
         assert str(named) in str(caught.value)
         assert "\n" not in str(caught.value)
-    with pytest.raises(ArgumentError, match=r"unknown format; expected a name that ends in \.npz"):
+    with refused(ArgumentError, "unknown-format"):
         load("run.csv")
-    with pytest.raises(ArgumentError, match="path = 5"):
+    with refused(ArgumentError, "wrong-type"):
         load(5)

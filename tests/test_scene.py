@@ -13,6 +13,7 @@ from flexlink import Arm, Joint, Link, RunSettings, Section, load_scene, lump, s
 from flexlink.describe import data_files
 from flexlink.describe.whole_steps import whole
 from flexlink.errors import SceneError
+from tests.words import refused
 
 PAPER = (ROOT / "models" / "paper_fig5.toml").read_text(encoding="utf-8")
 
@@ -90,24 +91,24 @@ def test_a_bad_scene_is_refused_in_one_line_that_helps(what: str, tmp_path: Path
 @pytest.mark.parametrize(
     ("content", "wanted"),
     [
-        (b"", "empty"),
-        (b"  \n\n", "empty"),
-        (b"name = ", "not TOML"),
-        (b"{ json: true }", "not TOML"),
-        (b"name = '\xff\xfe'", "not UTF-8"),
-        (b"#" * 1_000_001, "more than 1000000 bytes"),
+        (b"", "file-empty"),
+        (b"  \n\n", "file-empty"),
+        (b"name = ", "not-toml"),
+        (b"{ json: true }", "not-toml"),
+        (b"name = '\xff\xfe'", "not-utf8"),
+        (b"#" * 1_000_001, "file-too-large"),
     ],
 )
 def test_a_file_that_is_no_scene_is_refused(content: bytes, wanted: str, tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_bytes(content)
-    with pytest.raises(SceneError, match=wanted):
+    with refused(SceneError, wanted):
         load_scene(path)
 
 
 def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "nothing.toml", tmp_path):
-        with pytest.raises(SceneError, match="cannot be read"):
+        with refused(SceneError, "cannot-read"):
             load_scene(path)
 
 
@@ -126,9 +127,7 @@ def one_hinge_rule(node: float) -> str:
 def test_a_rule_whose_hinges_float64_cannot_tell_apart_is_refused(beside: float, tmp_path: Path) -> None:
     rule = tmp_path / "rule.toml"
     rule.write_text(f'about = "a"\nsource = "b"\n[grid]\nfirst = {beside}\nlast = {beside}\n', encoding="utf-8")
-    with pytest.raises(
-        SceneError, match=r"^link\.a.segments = 4, so 3 hinges: rule '.*rule.toml' has spacings or weights below"
-    ):
+    with refused(SceneError, "rule-resolution"):
         lump(make_scene(flexible("a", segments=4, lumping=str(rule))))
 
 
@@ -174,17 +173,17 @@ def test_the_chain_of_a_scene_follows_its_rule_when_the_file_changes(tmp_path: P
 
 
 def test_python_objects_are_checked_like_files() -> None:
-    with pytest.raises(SceneError, match=r"length = -1.0: expected float >= 0.0"):
+    with refused(SceneError, "wrong-value"):
         Link(name="a", length=-1.0)
-    with pytest.raises(SceneError, match=r"length = 0.0, the default: a link of material 'aluminium' needs a len"):
+    with refused(SceneError, "needs-a-length"):
         Link(name="a", material="aluminium", section="square")
-    with pytest.raises(SceneError, match=r"armature = nan: must be a finite number"):
+    with refused(SceneError, "not-finite"):
         Joint(armature=float("nan"))
-    with pytest.raises(SceneError, match=r"link\.a.material = 'steel': not defined; defined are aluminium"):
+    with refused(SceneError, "inconsistent"):
         Arm(links=(flexible("a", material="steel"),), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE})
-    with pytest.raises(SceneError, match="every joint is locked"):
+    with refused(SceneError, "inconsistent"):
         lump(make_scene(Link(name="a", joint=Joint(locked=True))))
-    with pytest.raises(SceneError, match=r"inner = 0\.2: must be smaller than outer"):
+    with refused(SceneError, "section-walls"):
         Section(shape="tube", outer=0.1, inner=0.2)
 
 
@@ -199,9 +198,9 @@ def test_a_description_is_built_without_reading_a_file(monkeypatch: pytest.Monke
         patched.setattr(data_files, "load", refuse)
         scene = make_scene(flexible("a", lumping="papr"), run=RunSettings(method="RK5"))
         scene.to_toml()
-    with pytest.raises(SceneError, match=r"^link\.a\.lumping = 'papr': unknown; .*did you mean 'paper'"):
+    with refused(SceneError, "unknown-name"):
         lump(scene)
-    with pytest.raises(SceneError, match=r"^run.method = 'RK5': unknown; allowed are "):
+    with refused(SceneError, "unknown-name"):
         simulate(make_scene(flexible("a"), run=RunSettings(method="RK5")))
 
 
@@ -215,7 +214,7 @@ def test_decimal_multiples_count_as_multiples(value: float, unit: float) -> None
     [(1.0, 0.3), (0.1, 0.2), (1e300, 1e-300), (1e-12, 1.0), (1.0005, 1.0), (1 + 2e-9, 1.0), (1000.000002, 1.0)],
 )
 def test_other_ratios_are_refused(value: float, unit: float) -> None:
-    with pytest.raises(SceneError, match=r"^a = .*(multiple of b|less than 2\*\*53)"):
+    with refused(SceneError, "not-a-multiple"):
         whole("a", value, "b", unit)
 
 
@@ -223,13 +222,13 @@ def test_other_ratios_are_refused(value: float, unit: float) -> None:
     ("text", "wanted"),
     [
         ("[drive]\nkind = 'constant'\ntorque = [5.0, 0.0, 0.0]",
-         r"drive.torque.waist = 5.0: the joint of 'waist' is locked"),
+         "inconsistent"),
         ("[drive]\nkind = 'pd'\nkp = [1.0, 1.0, 1.0]\nkd = [0.0, 0.0, 0.0]\ntarget_deg = [9.0, 0.0, 0.0]",
-         r"drive.kp.waist = 1.0: the joint of 'waist' is locked"),
+         "inconsistent"),
     ],
 )  # fmt: skip
 def test_a_torque_on_a_locked_joint_is_refused(text: str, wanted: str, tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(f"{PAPER}\n{text}\n", encoding="utf-8")
-    with pytest.raises(SceneError, match=wanted):
+    with refused(SceneError, wanted):
         load_scene(path)

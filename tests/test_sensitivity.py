@@ -15,6 +15,7 @@ import flexlink as fl
 from flexlink import Damping, Drive, InitialState, Joint, Link, Mount, RigidBody, RunSettings
 from flexlink.errors import ArgumentError
 from flexlink.motion.slopes_of_runs import weights
+from tests.words import refused
 
 Array = NDArray[np.float64]
 
@@ -196,12 +197,12 @@ def test_what_cannot_be_differentiated_is_refused_by_name() -> None:
     ):
         with pytest.raises((ArgumentError, fl.errors.SceneError), match=reason):
             fl.sensitivities(scene, [path])
-    with pytest.raises(ArgumentError, match=r"parameters = 'tip.mass': expected a sequence"):
+    with refused(ArgumentError, "wrong-type"):
         fl.sensitivities(scene, "tip.mass")
-    with pytest.raises(ArgumentError, match="at least one path"):
+    with refused(ArgumentError, "empty"):
         fl.sensitivities(scene, [])
     with pytest.raises(fl.errors.UnstableStepError):
         fl.sensitivities(scene.varied({"run.step": 0.01, "run.sample": 0.02}), ["tip.mass"])
     lengths = scene.varied({"link.fore.length": 2.0})
-    with pytest.raises(ArgumentError, match="the values differ; name each path by itself"):
+    with refused(ArgumentError, "paths-differ"):
         fl.sensitivities(lengths, ["link.*.length"])

@@ -10,6 +10,7 @@ from conftest import make_scene
 
 import flexlink as fl
 from flexlink.describe.scene import scene_from
+from tests.words import refused
 
 BENDS = {"length": 1.0, "flex": "z", "segments": 5, "material": "aluminium", "section": "square"}
 GAUGE = {"name": "root", "kind": "strain", "link": "boom", "x": 0.1, "fibre": (0.0, 0.02)}
@@ -34,57 +35,56 @@ def test_columns_are_named_with_their_unit() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"fibre": None}, r"fibre: missing; kind 'strain' needs it"),
-        ({"axis": (1, 0, 0)}, r"axis = \(1.*\): kind 'strain' takes x, fibre"),
-        ({"x": 1.5}, r"sensor\.root\.x = 1.5: beyond the beam of link 'boom', which is 1 m long"),
-        ({"link": "bom"}, r"sensor\.root\.link = 'bom'"),
-        ({"link": "base"}, r"sensor\.root\.link = 'base': the base is fixed"),
-        ({"unit": "µm/m"}, r"unit = 'µm/m': the column would be in 1; give gain = 1000000, µm/m per 1, or leave"),
-        ({"gain": 0}, r"gain = 0.0: must not be 0"),
-        ({"order": 2}, r"order = 2: has no effect without low_pass"),
-        ({"seed": 2}, r"seed = 2: has no effect without noise"),
-        ({"noise": 1e308}, r"noise = 1e\+308: expected float <= 1e\+30"),
-        ({"noise": 1e-308}, r"noise = 1e-308: must be 0, or at least 1e-30"),
-        ({"gain": -1e308}, r"gain = -1e\+308: expected float >= -1e\+30"),
-        ({"bias": 1e308}, r"bias = 1e\+308: expected float <= 1e\+30"),
-        ({"resolution": 5e-324}, r"resolution = 5e-324: expected float >= 1e-30"),
-        ({"name": "tip"}, r"name = 'tip': columns of a run are called so"),
-        ({"name": "tau boom"}, r"name = 'tau boom': columns of a run are called so"),
-        ({"name": "a [V]"}, r"name = 'a \[V\]': expected a text without brackets"),
+        ({"fibre": None}, "missing-key"),
+        ({"axis": (1, 0, 0)}, "key-of-another-kind"),
+        ({"x": 1.5}, "inconsistent"),
+        ({"link": "bom"}, "inconsistent"),
+        ({"link": "base"}, "inconsistent"),
+        ({"unit": "µm/m"}, "unit-missing"),
+        ({"gain": 0}, "zero-gain"),
+        ({"order": 2}, "needs-another-key"),
+        ({"seed": 2}, "needs-another-key"),
+        ({"noise": 1e308}, "wrong-value"),
+        ({"noise": 1e-308}, "noise-too-small"),
+        ({"gain": -1e308}, "wrong-value"),
+        ({"bias": 1e308}, "wrong-value"),
+        ({"resolution": 5e-324}, "wrong-value"),
+        ({"name": "tip"}, "sensor-name"),
+        ({"name": "tau boom"}, "sensor-name"),
+        ({"name": "a [V]"}, "sensor-name"),
     ],
 )
 def test_what_cannot_be_measured_is_refused_by_name(changes: dict, message: str) -> None:
-    with pytest.raises(fl.errors.SceneError, match=message):
+    with refused(fl.errors.SceneError, message):
         scene_with(GAUGE | changes)
 
 
 def test_a_column_in_another_unit_of_what_is_measured_needs_its_gain() -> None:
     for kind, unit, factor in (("joint", "deg", 57.29577951), ("joint", "mm", 1000), ("torque", "N mm", 1000)):
-        message = rf"unit = '{unit}': the column would be in .*; give gain = {factor}"
-        with pytest.raises(fl.errors.SceneError, match=message):
+        with refused(fl.errors.SceneError, "unit-missing"):
             fl.Sensor(name="s", kind=kind, link=1, unit=unit)
         assert fl.Sensor(name="s", kind=kind, link=1, unit=unit, gain=factor).columns() == (f"s [{unit}]",)
     assert fl.Sensor(name="s", kind="torque", link=1, unit="V").columns() == ("s [V]",)  # 1 V per N m
 
 
 def test_two_places_and_two_names_are_refused() -> None:
-    with pytest.raises(fl.errors.SceneError, match=r"point = .*: x = 0.5 is given, too; give only one"):
+    with refused(fl.errors.SceneError, "both-given"):
         fl.Sensor(**PLACE, x=0.5, point=(0, 0, 0))
-    with pytest.raises(fl.errors.SceneError, match=r"sensor\.2\.name = 'marker': names of sensors must differ"):
+    with refused(fl.errors.SceneError, "inconsistent"):
         scene_with(PLACE, PLACE)
 
 
 def test_a_rigid_link_has_no_strain_and_a_locked_joint_no_angle() -> None:
     stiff = {"flex": "rigid", "segments": 1}
-    with pytest.raises(fl.errors.SceneError, match=r"link = 'boom': is rigid; a strain gauge needs a link that bends"):
+    with refused(fl.errors.SceneError, "inconsistent"):
         scene_with(GAUGE, **stiff)
-    with pytest.raises(fl.errors.SceneError, match=r"link = 'boom': its joint is locked; a joint sensor needs one"):
+    with refused(fl.errors.SceneError, "inconsistent"):
         scene_with({"name": "e", "kind": "joint", "link": "boom"}, joint=fl.Joint(locked=True))
 
 
 def test_one_pair_of_brackets_is_named() -> None:
     table = tomllib.loads(scene_with(PLACE).to_toml().replace("[[sensor]]", "[sensor]"))
-    with pytest.raises(fl.errors.SceneError, match=r"sensor = .*: expected \[\[sensor\]\], a table for each sensor"):
+    with refused(fl.errors.SceneError, "wrong-value"):
         scene_from(table)
 
 

@@ -11,6 +11,7 @@ import pytest
 from conftest import nasty_scene
 
 import flexlink as fl
+from tests.words import refused
 
 ζ, ω, STEP = 0.1, 2 * np.pi, 0.3  # of a tip that springs by 0.3 m to its target, at 1 Hz
 TARGET = (1.0 + STEP, 2.0, 0.0)
@@ -36,7 +37,7 @@ def test_the_overshoot_is_that_of_the_books(step_response: fl.Trajectory) -> Non
     near = STEP * (ω * 1e-3) ** 2 / 8  # the peak lies half a sample off at most
     assert fl.measures.overshoot(step_response, target=TARGET) == pytest.approx(STEP * wanted, abs=near)
     assert fl.measures.overshoot(step_response, target=(2.0, 2.0, 0.0)) == 0.0
-    with pytest.raises(fl.errors.ArgumentError, match=r"target = \[1.0, 2.0, 0.0\]: equals the tip's start"):
+    with refused(fl.errors.ArgumentError, "no-travel"):
         fl.measures.overshoot(step_response, target=(1.0, 2.0, 0.0))
 
 
@@ -69,22 +70,17 @@ def test_the_residual_vibration_is_the_amplitude_whatever_the_place_of_rest(step
 
 
 def test_what_cannot_be_read_off_is_refused(step_response: fl.Trajectory) -> None:
-    with pytest.raises(
-        fl.errors.ArgumentError,
-        match=r"after = 11.0: a run from 0 to 10 s has 0 samples from that time on; needs at least 1",
-    ):
+    with refused(fl.errors.ArgumentError, "too-few-samples"):
         fl.measures.settling_time(step_response, target=TARGET, tolerance=1e-3, after=11.0)
-    with pytest.raises(
-        fl.errors.ArgumentError, match=r"after = 10.0: .* has 1 samples from that time on; needs at least 2"
-    ):
+    with refused(fl.errors.ArgumentError, "too-few-samples"):
         fl.measures.residual_vibration(step_response, after=10.0)
-    with pytest.raises(fl.errors.ArgumentError, match="after = 'end': expected a time"):
+    with refused(fl.errors.ArgumentError, "wrong-type"):
         fl.measures.residual_vibration(step_response, after="end")
-    with pytest.raises(fl.errors.ArgumentError, match="tolerance = 0: must be a finite number > 0"):
+    with refused(fl.errors.ArgumentError, "out-of-range"):
         fl.measures.settling_time(step_response, target=TARGET, tolerance=0)
-    with pytest.raises(fl.errors.ArgumentError, match=r"target has shape \(2,\); expected \(3,\)"):
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
         fl.measures.overshoot(step_response, target=(1.0, 2.0))
-    with pytest.raises(fl.errors.ArgumentError, match="run = 3: expected a Trajectory"):
+    with refused(fl.errors.ArgumentError, "wrong-type"):
         fl.measures.residual_vibration(3, after=0.0)
 
 
@@ -113,5 +109,5 @@ def test_without_the_package_one_line_says_what_to_install(
     short_run: fl.Trajectory, package: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(fl.errors.MissingDependencyError, match=rf"needs {package}; .*pip install 'flexlink\[tables\]'"):
+    with refused(fl.errors.MissingDependencyError, "package-missing"):
         getattr(short_run, f"to_{package}")()

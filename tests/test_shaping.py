@@ -14,6 +14,7 @@ from scipy.linalg import expm
 import flexlink as fl
 from flexlink.describe import data_files
 from flexlink.describe.shaping import ShaperRule
+from tests.words import refused
 
 EPS = np.finfo(float).eps
 ZEROS = {"ZV": 1, "ZVD": 2, "ZVDD": 3, "EI": 0}
@@ -129,9 +130,7 @@ def test_a_shaper_of_ones_own_is_a_file(tmp_path: Path) -> None:
     shaper = fl.InputShaper(kind=str(path), frequency_hz=(3.0,), damping=(0.1,))
     assert abs(left(shaper, shaper.vibrations[0])) < 8 * EPS
     path.write_text(rule.format(2), encoding="utf-8")
-    with pytest.raises(
-        fl.errors.DataFileError, match=r"um_zv.toml: zeros = 2: derivative 1 of what is left is .*, not 0"
-    ):
+    with refused(fl.errors.DataFileError, "shaper-zeros"):
         _ = shaper.impulses
 
 
@@ -157,17 +156,17 @@ def test_a_bad_shaper_is_refused(what: str) -> None:
 
 
 def test_an_unknown_shaper_and_too_many_vibrations_are_refused() -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=r"kind = 'zvd': unknown; .*did you mean 'ZVD'"):
+    with refused(fl.errors.ArgumentError, "unknown-name"):
         _ = fl.InputShaper(kind="zvd", frequency_hz=(1.0,)).impulses
-    with pytest.raises(fl.errors.ArgumentError, match="3 impulses for each of 7 vibrations multiply to more than 1024"):
+    with refused(fl.errors.ArgumentError, "too-many-impulses"):
         _ = fl.InputShaper(kind="ZVD", frequency_hz=tuple(range(1, 8))).impulses
     shaper = fl.InputShaper(kind="zvd", frequency_hz=(1.0,))
-    with pytest.raises(fl.errors.SceneError, match=r"^shaper.kind = 'zvd': unknown"):
+    with refused(fl.errors.SceneError, "unknown-name"):
         fl.Reference(profile="quintic", to_deg=(1.0,), duration=1.0, shaper=shaper).course((0.0,))
     course = fl.Reference(profile="quintic", to_deg=(1.0,), duration=1.0).course((0.0,))
-    with pytest.raises(fl.errors.ArgumentError, match=r"impulses on .* pieces"):
+    with refused(fl.errors.ArgumentError, "too-many-impulses"):
         course.shaped(np.linspace(0, 1, 30_000), np.ones(30_000))
-    with pytest.raises(fl.errors.ArgumentError, match="times, weights"):
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
         course.shaped([0.0, 1.0], [1.0])
 
 
@@ -178,9 +177,9 @@ def test_poles_of_a_wheel_on_a_spring_of_pd_are_its_closed_form() -> None:
     (pole,) = fl.small_motion.pd_poles(chain, [0.0], kp=12.0, kd=[1.5])
     assert pole == pytest.approx(complex(-0.25, np.sqrt(4.0 - 0.25**2)), rel=1e-13)
     assert fl.small_motion.pd_poles(chain, [0.0], kp=12.0, kd=100.0).size == 0, "aperiodic"
-    with pytest.raises(fl.errors.ArgumentError, match=r"kp\[0\] = .*must be >= 0"):
+    with refused(fl.errors.ArgumentError, "out-of-range"):
         fl.small_motion.pd_poles(chain, [0.0], kp=-1.0, kd=0.0)
-    with pytest.raises(fl.errors.ArgumentError, match="kd has shape"):
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
         fl.small_motion.pd_poles(chain, [0.0], kp=1.0, kd=[0.0, 0.0])
 
 

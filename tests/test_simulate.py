@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 import flexlink as fl
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.results.record import trajectory_from_states
+from tests.words import refused
 
 
 @pytest.fixture
@@ -28,7 +29,7 @@ def test_a_trajectory_has_every_sample_and_the_initial_state(paper: fl.Scene) ->
     np.testing.assert_array_equal(run.q[0], fl.initial_state(paper, run.chain)[0])
     np.testing.assert_array_equal(run.tip[-1], fl.tip_position(run.chain, run.q[-1]))
     assert run.energy.total[3] == fl.energy(run.chain, run.q[3], run.qd[3]).total
-    with pytest.raises(ValueError, match="read-only"):
+    with refused(ValueError, "test-simulate"):
         run.q[0, 0] = 1.0
 
 
@@ -132,15 +133,15 @@ def test_the_largest_stable_step_is_where_runs_start_to_diverge(paper: fl.Scene)
 @pytest.mark.parametrize(
     ("override", "wanted"),
     [
-        ({"step": -1.0}, "step = -1.0"),
-        ({"step": float("nan")}, "step = nan"),
-        ({"method": "RK7"}, "method = 'RK7': unknown; allowed are DOP853, DOPRI5, Gauss4"),
-        ({"solver": "magic"}, "solver = 'magic'"),
-        ({"duration": 1e300}, r"less than 2\*\*53"),
+        ({"step": -1.0}, "wrong-value"),
+        ({"step": float("nan")}, "not-finite"),
+        ({"method": "RK7"}, "unknown-name"),
+        ({"solver": "magic"}, "wrong-value"),
+        ({"duration": 1e300}, "not-a-multiple"),
     ],
 )
 def test_bad_overrides_are_refused(paper: fl.Scene, override: dict, wanted: str) -> None:
-    with pytest.raises(fl.FlexlinkError, match=wanted):
+    with refused(fl.FlexlinkError, wanted):
         fl.simulate(paper, **override)
 
 
@@ -162,13 +163,13 @@ def test_saved_files_read_back_exactly(paper: fl.Scene, tmp_path) -> None:
         np.testing.assert_array_equal(archive[name], getattr(run, name))
     table = np.genfromtxt(run.save(tmp_path / "run.csv"), delimiter=",", skip_header=1)
     np.testing.assert_array_equal(table, np.column_stack(list(run.columns.values())))
-    with pytest.raises(fl.errors.ArgumentError, match=r"saved as .npz or .csv"):
+    with refused(fl.errors.ArgumentError, "unknown-format"):
         run.save(tmp_path / "run.xlsx")
 
 
 def test_a_failed_save_leaves_the_old_file_and_says_why(paper: fl.Scene, tmp_path) -> None:
     run = fl.simulate(paper, duration=0.01)
-    with pytest.raises(fl.errors.OutputError, match="cannot be written"):
+    with refused(fl.errors.OutputError, "cannot-write"):
         run.save(tmp_path / "no" / "run.npz")
     assert list(tmp_path.iterdir()) == []
 
@@ -219,7 +220,7 @@ def test_from_states_leaves_the_arrays_of_its_caller_alone(paper: fl.Scene) -> N
 
 
 def test_which_joints_are_driven_cannot_be_overwritten(paper: fl.Scene) -> None:
-    with pytest.raises(ValueError, match="read-only"):
+    with refused(ValueError, "test-simulate"):
         fl.lump(paper).active[0] = 3
 
 

@@ -20,6 +20,7 @@ from flexlink.dynamics.vibration.stability_function import stability_function, s
 from flexlink.motion.inputs.drives import drive_arrays, gains_of
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.single_run import SingleRun
+from tests.words import refused
 
 IMAGINARY_LIMIT = {  # largest y with |R(iy')| ≤ 1 + 1e-6 for all y' ≤ y
     "RK2": 0.05318296562,
@@ -213,7 +214,7 @@ def test_a_slow_swing_bounds_the_step_of_rk2_beside_a_fast_brake() -> None:
 def test_a_step_too_large_for_a_long_damped_chain_is_refused_at_once() -> None:
     links = [flexible(name, "z", 500, damping=fl.Damping(ratio=0.02, at_hz=5.0)) for name in "ab"]
     scene = make_scene(*links, gravity=(0.0, 9.81, 0.0))
-    with pytest.raises(fl.errors.UnstableStepError, match="the largest stable step of RK4"):
+    with refused(fl.errors.UnstableStepError, "unstable-step"):
         fl.simulate(scene, step=1e-4, sample=1e-3, duration=0.1)
 
 

@@ -9,6 +9,7 @@ from conftest import MODELS, flexible, make_scene
 from flexlink import Chain, Joint, Link, Mount, RigidBody, elastic_torque, gravity_torque, load_scene, lump, mass_matrix
 from flexlink.diagnosis.states import IMBALANCE, State, mixed_states, random_states
 from flexlink.errors import SingularMassError
+from tests.words import refused
 
 T3 = next(path for path in MODELS if path.stem == "t3_spatial")
 
@@ -94,5 +95,5 @@ def test_an_arm_that_is_singular_everywhere_is_an_error_that_names_the_joint() -
     chain = lump(
         make_scene(Link(name="one", joint=Joint()), Link(name="two"), tip=RigidBody(mass=1, inertia=(1, 1, 1)))
     )
-    with pytest.raises(SingularMassError, match="joint 'two' moves no inertia of its own"):
+    with refused(SingularMassError, "joint-without-inertia"):
         mixed_states(chain, 8)

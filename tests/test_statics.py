@@ -28,6 +28,7 @@ from flexlink.dynamics import rounding
 from flexlink.dynamics.load_path import LARGEST_ARC
 from flexlink.errors import ArgumentError, ConvergenceError
 from flexlink.strength import buckling_loads
+from tests.words import refused
 from validation.oracles import hencky
 from validation.physics.hinge_sweep import order
 from validation.reference_values import look_up
@@ -116,7 +117,7 @@ def test_load_beyond_a_limit_point_without_another_side_is_refused():
     )
     chain = chain_of(arm, (10.0, 0.0, 0.0))  # hangs along X; holding torque 5 sin q
     assert solve_static(chain, tau=[4.0]).q == pytest.approx([np.arcsin(0.8)], abs=1e-12)
-    with pytest.raises(ConvergenceError, match="of the load") as caught:
+    with refused(ConvergenceError, "no-equilibrium") as caught:
         solve_static(chain, tau=[6.0])
     assert caught.value.load == pytest.approx(5 / 6, abs=0.05)  # the largest of 5 sin q over 6
     assert np.sin(caught.value.q) == pytest.approx([1.0], abs=0.05)
@@ -154,7 +155,7 @@ def test_steady_spin_bends_a_leaning_beam_outward():
 
 
 def test_a_wrong_argument_is_named():
-    with pytest.raises(ArgumentError, match="tip_wrench"):
+    with refused(ArgumentError, "wrong-shape"):
         solve_static(cantilever("midpoint", 3), tip_wrench=[1, 2, 3])
 
 

@@ -11,6 +11,7 @@ from conftest import flexible, make_scene
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.errors import ArgumentError
+from tests.words import refused
 
 ROOT = Path(__file__).parent.parent
 OMEGA, OFFSET, LENGTH, MASS = 20.0, 0.1, 0.8, 1.5  # rad/s, m, m, kg
@@ -102,16 +103,16 @@ def test_a_wheel_that_is_alike_all_round_may_spin_on_a_boom_and_an_uneven_one_ma
         fl.small_motion.modes_in_motion(with_wheel((0.2, 0.1, 0.1)), {"wheel": r}, count=2).hertz for r in (0.0, 300.0)
     )
     assert spun[0] < 0.99 * still[0] < still[1] < spun[1]  # gyroscopic: the two split
-    with pytest.raises(ArgumentError, match=r"no steady motion: the inertia of what is free to move change as wheel"):
+    with refused(ArgumentError, "no-steady-motion"):
         fl.small_motion.modes_in_motion(with_wheel((0.2, 0.15, 0.05)), {"wheel": 300.0})
 
 
 def test_motions_that_are_not_steady_and_names_that_are_wrong_are_refused() -> None:
     across = fl.lump(make_scene(flexible("a", "xyz", 3), gravity=(0.0, -9.81, 0.0)))
-    with pytest.raises(ArgumentError, match=r"^rates: no steady motion: the torques on what is free"):
+    with refused(ArgumentError, "no-steady-motion"):
         fl.small_motion.modes_in_motion(across, {"a": 5.0})
     level = fl.lump(make_scene(flexible("a", "xyz", 3), flexible("b", "z", 3), gravity=(0.0, 0.0, 0.0)))
-    with pytest.raises(ArgumentError, match=r"no steady motion"):
+    with refused(ArgumentError, "no-steady-motion"):
         fl.small_motion.modes_in_motion(level, {"a": 5.0}, tip_wrench=[0, 0.1, 0, 0, 0, 0], locked=["b"])
     fl.small_motion.modes_in_motion(level, {"a": 5.0}, tip_wrench=[0, 0.1, 0, 0, 0, 0], frame="tip", locked=["b"])
     for rates, said in (
@@ -121,7 +122,7 @@ def test_motions_that_are_not_steady_and_names_that_are_wrong_are_refused() -> N
     ):  # fmt: skip
         with pytest.raises(ArgumentError, match=said):
             fl.small_motion.modes_in_motion(level, rates)
-    with pytest.raises(ArgumentError, match=r"^locked: 'a' moves with a rate of 5; leave it out"):
+    with refused(ArgumentError, "locked-and-moving"):
         fl.small_motion.modes_in_motion(level, {"a": 5.0}, locked=["a"])
 
 

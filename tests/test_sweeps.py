@@ -37,6 +37,7 @@ from flexlink.sweeps.ranges import RandomDesign, Range, Spread
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.table import SweepRows
 from flexlink.sweeps.worker import Row
+from tests.words import refused
 
 WANTED = {"x": SweepOutput(of="tip x [m]"), "bend": SweepOutput(of="deflection [m]", take="max")}
 
@@ -450,7 +451,7 @@ def test_a_changed_sweep_is_told_and_not_mixed_in(tmp_path: Path, paper: fl.Scen
     sweep, out = masses(paper, 0.0, 1.0), tmp_path / "sweep.db"
     fl.sweep(sweep, out=out)
     kept = lines(out)
-    with pytest.raises(fl.errors.ArgumentError, match=f"holds rows of another sweep: .*{words}.*start again"):
+    with refused(fl.errors.ArgumentError, "rows-of-another-sweep"):
         fl.sweep(replace(sweep, **change), out=out)
     assert lines(out) == kept
     assert len(fl.sweep(replace(sweep, **change), out=out, fresh=True).rows) == 2
@@ -459,18 +460,18 @@ def test_a_changed_sweep_is_told_and_not_mixed_in(tmp_path: Path, paper: fl.Scen
 def test_a_changed_scene_version_or_file_is_told(tmp_path: Path, paper: fl.Scene, monkeypatch) -> None:
     sweep, out = masses(paper, 0.0), tmp_path / "sweep.db"
     fl.sweep(sweep, out=out)
-    with pytest.raises(fl.errors.ArgumentError, match=r"scene.gravity\[2\] was 9.81 and is 1.0"):
+    with refused(fl.errors.ArgumentError, "rows-of-another-sweep"):
         fl.sweep(replace(sweep, scene=paper.varied({"gravity": [0.0, 0.0, 1.0]})), out=out)
     fl.sweep(replace(sweep, about="other words"), out=out)
     monkeypatch.setattr(fingerprint, "version", lambda: "0.2.0")
-    with pytest.raises(fl.errors.ArgumentError, match=r"versions.flexlink was '0.1.0 .*' and is '0.2.0'"):
+    with refused(fl.errors.ArgumentError, "rows-of-another-sweep"):
         fl.sweep(sweep, out=out)
     monkeypatch.undo()
     own = tmp_path / "own.toml"
     own.write_text((ROOT / "flexlink/describe/data/methods/RK4.toml").read_text(encoding="utf-8"), encoding="utf-8")
     fl.sweep(replace(sweep, set={"run.method": str(own)}), out=out, fresh=True)
     own.write_text(own.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    with pytest.raises(fl.errors.ArgumentError, match=r"files\..*own.toml was"):
+    with refused(fl.errors.ArgumentError, "rows-of-another-sweep"):
         fl.sweep(replace(sweep, set={"run.method": str(own)}), out=out)
 
 
@@ -483,10 +484,10 @@ def test_what_is_no_sweeps_database_is_left_as_it_is(tmp_path: Path, paper: fl.S
     before = text.read_bytes(), other.read_bytes()
     for path in (text, other):
         for fresh in (False, True):
-            with pytest.raises(fl.errors.OutputError, match=r"is not a database of a sweep .* and stays unchanged"):
+            with refused(fl.errors.OutputError, "cannot-write"):
                 fl.sweep(masses(paper, 0.0), out=path, fresh=fresh)
     for path in (folder, tmp_path / "missing" / "sweep.db"):
-        with pytest.raises(fl.errors.OutputError, match="unable to open"):
+        with refused(fl.errors.OutputError, "cannot-write"):
             fl.sweep(masses(paper, 0.0), out=path)
     assert (text.read_bytes(), other.read_bytes()) == before
 
@@ -497,7 +498,7 @@ def test_a_damaged_database_is_told_and_begun_anew_only_if_asked(tmp_path: Path,
     data = bytearray(out.read_bytes())
     data[8192:12288] = os.urandom(4096)
     out.write_bytes(data)
-    with pytest.raises(fl.errors.OutputError, match="is damaged"):
+    with refused(fl.errors.OutputError, "cannot-write"):
         fl.sweep(replace(sweep, set={"run.duration": 0.0}), out=out)
     assert out.read_bytes() == data
     assert len(fl.sweep(masses(paper, 0.0), out=out, fresh=True).rows) == 1
@@ -510,7 +511,7 @@ def test_a_second_writer_is_told(tmp_path: Path, paper: fl.Scene, monkeypatch) -
 
     def meanwhile(_: float) -> None:
         for fresh in (False, True):
-            with pytest.raises(fl.errors.OutputError, match="another process is writing to it"):
+            with refused(fl.errors.OutputError, "cannot-write"):
                 fl.sweep(sweep, out=out, fresh=fresh)
             told.append(len(lines(out)))  # reading is allowed
 
@@ -606,25 +607,23 @@ def test_rows_of_two_workers_are_those_of_one(tmp_path: Path, paper: fl.Scene) -
 
 def test_rows_of_two_versions_are_not_mixed(paper: fl.Scene, monkeypatch) -> None:
     monkeypatch.setattr(worker, "version", lambda: "0.0.9")
-    with pytest.raises(
-        fl.errors.EngineError, match=r"has flexlink 0.0.9, but the sweep was started by flexlink 0.1.0 .*; install"
-    ):
+    with refused(fl.errors.EngineError, "versions-differ"):
         fl.sweep(masses(paper, 0.0))
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"workers": 0}, "workers = 0: must be 1 … 1024"),
-        ({"workers": 3_000_000_000}, "workers = 3000000000: must be 1 … 1024"),
-        ({"workers": 10**400}, "workers = 1000.*: must be 1 … 1024"),
-        ({"executor": 3}, "executor = 3: expected a concurrent.futures.Executor"),
-        ({"fresh": "no"}, "fresh = 'no': must be True or False"),
-        ({"out": 3}, "out = 3: expected a str or a Path"),
+        ({"workers": 0}, "out-of-range"),
+        ({"workers": 3_000_000_000}, "out-of-range"),
+        ({"workers": 10**400}, "out-of-range"),
+        ({"executor": 3}, "wrong-type"),
+        ({"fresh": "no"}, "wrong-type"),
+        ({"out": 3}, "wrong-type"),
     ],
 )
 def test_arguments_that_cannot_be_are_refused(arguments: dict, words: str, paper: fl.Scene) -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=words):
+    with refused(fl.errors.ArgumentError, words):
         fl.sweep(masses(paper, 0.0), **arguments)
 
 

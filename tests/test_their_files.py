@@ -30,6 +30,7 @@ from flexlink.diagnosis.states import mixed_states
 from flexlink.engines.read_back import of_chain, to_chain
 from flexlink.formats import FORMATS
 from flexlink.robots.collection import known_arm
+from tests.words import refused
 
 SCENES = sorted([*MODELS, *(ROOT / "validation" / "scenes").glob("*.toml")])
 SPATIAL = fl.load_scene(ROOT / "models" / "t3_spatial.toml")
@@ -90,7 +91,7 @@ def test_in_our_own_file_nothing_is_named(path: Path, form: str, tmp_path: Path)
     scene = fl.load_scene(path).varied({"motion": ()})
     chain = fl.lump(scene)
     if form == "mjcf" and path.stem == "stepped_beam":  # a table: no inertia about the beam's axis
-        with pytest.raises(fl.errors.ArgumentError, match="MuJoCo accepts neither"):
+        with refused(fl.errors.ArgumentError, "inertia-impossible"):
             written(tmp_path, form, chain=chain)
         return
     found = diagnosed(written(tmp_path, form, chain=chain), chain, scene=scene)
@@ -513,12 +514,12 @@ def test_a_process_of_its_own_says_the_same(form: str, tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_not_there_is_named_and_two_engines_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(fl.errors.DataFileError, match=r"gone\.xml: cannot be read: No such file"):
+    with refused(fl.errors.DataFileError, "cannot-read"):
         fl.compare(SPATIAL, file=tmp_path / "gone.xml")
     file = written(tmp_path, "mjcf")
-    with pytest.raises(fl.errors.ArgumentError, match="a file is read by one engine"):
+    with refused(fl.errors.ArgumentError, "one-engine-per-file"):
         fl.compare(SPATIAL, file=file, engines=("mujoco", "pinocchio"))
-    with pytest.raises(fl.errors.ArgumentError, match="engine for MJCF = 'pinocchio': unknown; allowed are mujoco"):
+    with refused(fl.errors.ArgumentError, "unknown-name"):
         fl.compare(SPATIAL, file=file, engines=("pinocchio",))
 
 

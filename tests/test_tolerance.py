@@ -21,6 +21,7 @@ from flexlink.motion.inputs.actuation import input_arrays
 from flexlink.motion.inputs.problem import problem_of
 from flexlink.motion.inputs.references import constant
 from flexlink.motion.single_run import SingleRun
+from tests.words import refused
 from validation.random_arms import Dice
 
 pytestmark = compiled
@@ -112,11 +113,7 @@ def test_samples_may_lie_anywhere_between_the_steps() -> None:
 
 def test_a_fixed_step_whose_stages_are_not_found_is_an_error_that_says_what_to_try() -> None:
     scene = swinging(**{"initial.rate_deg": (3e4, 0.0)})
-    wanted = (
-        "Newton's iteration does not converge .joint '.+'.; try a tolerance, which steps follow, or a smaller "
-        "step than 0.1 s; 1 samples kept"
-    )
-    with pytest.raises(fl.errors.DivergenceError, match=wanted):
+    with refused(fl.errors.DivergenceError, "diverged"):
         fl.simulate(scene, method="Radau5", step=0.1, sample=0.1)
 
 
@@ -211,7 +208,7 @@ def test_a_member_whose_tolerance_no_step_can_keep_is_refused_by_itself() -> Non
 def test_a_part_of_no_deflection_is_no_tolerance() -> None:
     link = fl.Link(name="a", length=1.0, material="aluminium", section="square")
     run = fl.RunSettings(relative_tolerance=1e-2, accuracy="deflection", duration=0.1, sample=0.01)
-    with pytest.raises(fl.errors.SceneError, match=r"no link of 'test' bends.* take accuracy = 'tip'"):
+    with refused(fl.errors.SceneError, "nothing-bends"):
         fl.simulate(make_scene(link).varied({"run": run}))
 
 
@@ -262,29 +259,27 @@ def test_a_tolerance_and_a_step_take_each_others_place() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"run.step": 1e-4, "run.tolerance": 1e-3}, "run.step = 0.0001: run.tolerance is given, too"),
-        ({"run.relative_tolerance": 1e-4, "run.tolerance": 1e-3}, "tolerance = 0.001 is given, too"),
-        ({"run.accuracy": "deflection", "run.tolerance": 1e-3}, "needs relative_tolerance, a fraction of the def"),
-        ({"run.method": "auto"}, "run.method = 'auto': picks a method for a tolerance, but run.step = 0.0001 is"),
-        ({"run.tolerance": -1e-3}, "-0.001"),
-        ({"run.method": "RK4", "run.tolerance": 1e-3}, "allowed are auto, DOP853, Radau5, Radau9"),
+        ({"run.step": 1e-4, "run.tolerance": 1e-3}, "both-given"),
+        ({"run.relative_tolerance": 1e-4, "run.tolerance": 1e-3}, "both-given"),
+        ({"run.accuracy": "deflection", "run.tolerance": 1e-3}, "needs-another-key"),
+        ({"run.method": "auto"}, "method-and-step"),
+        ({"run.tolerance": -1e-3}, "wrong-value"),
+        ({"run.method": "RK4", "run.tolerance": 1e-3}, "method-without-error"),
     ],
 )  # fmt: skip
 def test_settings_that_do_not_go_together_are_named(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(fl.errors.SceneError, match=message):
+    with refused(fl.errors.SceneError, message):
         swinging(**changes)
 
 
 def test_a_tolerance_below_what_rounding_leaves_is_refused() -> None:
-    with pytest.raises(
-        fl.errors.SceneError, match=r"run.tolerance = 1e-14 m: below the rounding error .* allowed are .* m"
-    ):
+    with refused(fl.errors.SceneError, "tolerance-below-rounding"):
         fl.simulate(swinging(), tolerance=1e-14)
 
 
 def test_what_rounding_leaves_grows_with_the_angles_that_are_rounded() -> None:
     turned = swinging().varied({"initial.joint_deg": (360.0 * 1e7, 0.0)})
-    with pytest.raises(fl.errors.SceneError, match=r"below the rounding error .* at angles up to 6.3e\+07 rad"):
+    with refused(fl.errors.SceneError, "tolerance-below-rounding"):
         fl.simulate(turned, tolerance=1e-8)
 
 

@@ -22,6 +22,7 @@ from flexlink.formats import FORMATS
 from flexlink.formats.document import loaded_tip
 from flexlink.formats.mjcf import depth_first
 from flexlink.formats.small_mass import with_small_mass
+from tests.words import refused
 from validation.random_arms import random_tree
 
 EPS = np.finfo(float).eps
@@ -125,7 +126,7 @@ def test_mujoco_refuses_branches_where_nothing_has_mass() -> None:
         fl.Link(name=name, on="cart", hub=fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))) for name in ("a", "b")
     ))  # fmt: skip
     chain = fl.lump(fl.Scene(name="t", arm=fl.Arm(links=links), initial=fl.InitialState(joint_deg=(0.0,) * 3)))
-    with pytest.raises(fl.errors.ArgumentError, match="branch off behind joint 'cart', where there is no mass"):
+    with refused(fl.errors.ArgumentError, "joint-without-inertia"):
         fl.to_mjcf(chain)
     assert_same(FORMATS["urdf"].read(fl.to_urdf(chain)), chain)
 
@@ -143,7 +144,7 @@ def test_mujoco_refuses_branches_where_nothing_has_mass() -> None:
 def test_what_is_wrong_of_base_or_tips_is_refused_in_one_line(format, pattern, wrong, chain: fl.Chain) -> None:
     text, count = re.subn(pattern, wrong, format.write(chain), count=1)
     assert count == 1
-    with pytest.raises(fl.errors.DataFileError, match=r"^the [^\n]+$"):
+    with refused(fl.errors.DataFileError, "file-content"):
         format.read(text)
 
 

@@ -25,6 +25,7 @@ from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.layout import SLIDES, Rare
 from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.lanes import LANES
+from tests.words import refused
 from validation.random_arms import Dice
 
 EPS = np.finfo(float).eps
@@ -179,7 +180,7 @@ def test_mass_methods_agree_and_those_for_serial_arms_are_refused(rng) -> None:
         assert all(np.abs(other - one).max() <= of_mass_matrix(chain, q) for other in others), seed
         if not chain.is_serial_revolute:
             for method in ("columns", "lower"):
-                with pytest.raises(ArgumentError, match=f"algorithm = '{method}': for arms without branches"):
+                with refused(ArgumentError, "not-supported-here"):
                     fl.mass_matrix(chain, q, algorithm=method)
 
 

@@ -13,6 +13,7 @@ from flexlink.chain.branches import as_lines, branches_of
 from flexlink.describe.plausibility.hints import hints
 from flexlink.results.columns import sources_of
 from flexlink.results.pictures.outline import outline_of
+from tests.words import refused
 
 GANTRY = """
 name = "gantry"
@@ -118,57 +119,57 @@ def test_a_scene_without_sliding_joints_says_nothing_of_metres() -> None:
     ("changes", "wanted"),
     [
         ({"initial.joint_deg.trolley": 30.0},
-         "initial.joint_deg.trolley = 30.0: joint 'trolley' is prismatic; give initial.joint_m"),
-        ({"initial.joint_m.boom": 0.5}, "initial.joint_m.boom = 0.5: joint 'boom' is revolute; give initial.joint_deg"),
-        ({"initial.rate_m.boom": 0.5}, "initial.rate_m.boom = 0.5: joint 'boom' is revolute; give initial.rate_deg"),
-        ({"initial.joint_m.trolley": 9.0}, r"initial.joint_m.trolley = 9.0: outside limits_m = \[0.0, 8.0\]"),
-        ({"initial.joint_m": [1.0]}, "initial.joint_m = .*: expected one number per link, 2"),
-        ({"initial.joint_m": 1.0}, "expected a list of one position per link"),
-        ({"link.trolley.joint.limits_deg": [0.0, 9.0]}, "limits_deg = .*: a prismatic joint takes limits_m"),
-        ({"link.trolley.joint.kind": "slide"}, "allowed are 'revolute', 'prismatic'.*: a joint that slides is written"),
-        ({"initial.base.xyz": [1.0, 0.0, 0.0]}, "initial.base: has no effect, the base is fixed"),
-        ({"drive": {**GAINS, "target_deg": [0.0, 0.0]}}, "drive.target_m: missing; joint 'trolley' is prismatic"),
+         "inconsistent"),
+        ({"initial.joint_m.boom": 0.5}, "inconsistent"),
+        ({"initial.rate_m.boom": 0.5}, "inconsistent"),
+        ({"initial.joint_m.trolley": 9.0}, "outside-limits"),
+        ({"initial.joint_m": [1.0]}, "inconsistent"),
+        ({"initial.joint_m": 1.0}, "wrong-value"),
+        ({"link.trolley.joint.limits_deg": [0.0, 9.0]}, "key-of-another-kind"),
+        ({"link.trolley.joint.kind": "slide"}, "wrong-value"),
+        ({"initial.base.xyz": [1.0, 0.0, 0.0]}, "no-effect"),
+        ({"drive": {**GAINS, "target_deg": [0.0, 0.0]}}, "inconsistent"),
         ({"drive": {**GAINS, "target_deg": [9.0, 0.0], "target_m": [1.0, 0.0]}},
-         "drive.target_deg.trolley = 9.0: joint 'trolley' is prismatic; give drive.target_m"),
+         "inconsistent"),
         ({"drive": {**GAINS, "reference": {**MOVE, "to_deg": [0.0, 0.0]}}},
-         "drive.reference.to_m: missing; there are prismatic joints"),
+         "missing-key"),
         ({"drive": {**GAINS, "reference": {**MOVE, "to_deg": [0.0, 0.0], "to_m": [9.0, 0.0]}}},
-         "drive.reference reaches 9 m: outside limits_m"),
+         "wrench-out-of-reach"),
         ({"drive": {**GAINS, "reference": {
             "profile": "quintic", "to_deg": [0.0, 0.0], "to_m": [2.0, 0.0], "max_rate_deg": [0.0, 9.0]}}},
-         "max_rate_m: missing; there are prismatic joints that move"),
+         "missing-key"),
         ({"motion": [{"link": "trolley", "times": [0.0], "angle_deg": [0.0], "rate_deg": [0.0],
                       "acceleration_deg": [0.0]}]},
-         "motion.trolley.angle_deg = .*: joint 'trolley' is prismatic; give position_m, rate_m, acceleration_m"),
+         "sensor-of-joint"),
         ({"motion": [{"link": "trolley", "times": [0.0], "position_m": [2.0], "rate_m": [0.2],
-                      "acceleration_m": [0.0]}]}, r"position_m\[0\] = 2.0: must be the initial value, 1.0"),
+                      "acceleration_m": [0.0]}]}, "start-differs-from-motion"),
         ({"motion": [{"link": "trolley", "times": [0.0], "position_m": [1.0], "rate_m": [0.2]}]},
-         "acceleration_m: missing"),
-        ({"wrench.on": "trolley"}, "wrench.on = 'trolley': other links hang on it; allowed are boom"),
-        ({"wrench.on": "bom"}, "wrench.on = 'bom': no such link; allowed are boom; did you mean 'boom'"),
+         "missing-key"),
+        ({"wrench.on": "trolley"}, "unknown-name"),
+        ({"wrench.on": "bom"}, "unknown-name"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_a_joint_is_refused_by_its_path(
     gantry: fl.Scene, changes: dict[str, Any], wanted: str
 ) -> None:
-    with pytest.raises(fl.errors.SceneError, match=wanted):
+    with refused(fl.errors.SceneError, wanted):
         gantry.varied(changes)
 
 
 @pytest.mark.parametrize(
     ("changes", "wanted"),
     [
-        ({"initial.passive": "static"}, "initial.passive = 'static': an arm on a free base has no rest"),
+        ({"initial.passive": "static"}, "rest-of-free-base"),
         ({"drive": {"kind": "computed_torque", "kp": [1.0] * 3, "kd": [1.0] * 3, "target_deg": [0.0] * 3,
-                    "target_m": [0.0] * 3}}, "drive.kind = 'computed_torque': takes the base for fixed"),
-        ({"base.mass": 0.0}, "base.mass = 0.0.*: a free base needs mass"),
-        ({"wrench.on": "right"}, "other links hang on it; allowed are left, hand"),
+                    "target_m": [0.0] * 3}}, "drive-of-free-base"),
+        ({"base.mass": 0.0}, "base-mass"),
+        ({"wrench.on": "right"}, "unknown-name"),
     ],
 )  # fmt: skip
 def test_what_needs_a_fixed_base_is_refused_with_a_free_one(
     satellite: fl.Scene, changes: dict[str, Any], wanted: str
 ) -> None:
-    with pytest.raises(fl.errors.SceneError, match=wanted):
+    with refused(fl.errors.SceneError, wanted):
         satellite.varied(changes)
 
 
@@ -289,7 +290,7 @@ def test_tips_of_a_run_have_names(satellite: fl.Scene) -> None:
     run = fl.simulate(satellite.varied({"run.duration": 0.1}))
     assert np.allclose(run.tip_of("hand"), run.tip, atol=1e-14)
     assert np.linalg.norm(run.tip_of("left")[0] - [1.0, 4.5, 3.0]) < 1e-14
-    with pytest.raises(fl.errors.ArgumentError, match="other links hang on it; tips are left, hand"):
+    with refused(fl.errors.ArgumentError, "tip-not-a-tip"):
         run.tip_of("right")
 
 

@@ -16,6 +16,7 @@ from conftest import MODELS, ROOT, flexible, make_scene
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.describe.variants import Variants
+from tests.words import refused
 
 PAPER = ROOT / "models" / "paper_fig5.toml"
 
@@ -81,7 +82,7 @@ def test_changes_are_made_one_after_the_other(paper: fl.Scene) -> None:
 def test_none_leaves_a_key_out_so_that_its_default_holds(paper: fl.Scene) -> None:
     scene = paper.varied({"link.upper.damping": fl.Damping(ratio=0.1, at_hz=1.0), "run.method": "RK10"})
     assert scene.varied({"link.upper.damping": None, "run.method": None}) == paper
-    with pytest.raises(fl.errors.SceneError, match="name: missing"):
+    with refused(fl.errors.SceneError, "missing-key"):
         paper.varied({"name": None})
 
 
@@ -143,12 +144,12 @@ def test_a_message_names_a_link_by_the_path_that_sets_it_and_by_the_number_of_it
     assert numbers == set(range(1, len(names) + 1))
     for number, link in enumerate(raw["link"], 1):
         link["length"] = -1.0
-        with pytest.raises(fl.errors.SceneError, match=r"^link\..*\.length = -1\.0: ") as caught:
+        with refused(fl.errors.SceneError, "wrong-value") as caught:
             scene.varied({f"link.{number}.length": -1.0} if str(number) not in names else {"link": raw["link"]})
         path = str(caught.value).partition(" = ")[0]
         assert scene.varied({path: 5.0}).arm.links[number - 1].length == 5.0
         link["length"] = 1.0
-        with pytest.raises(fl.errors.SceneError, match=r"^joint_deg\.\d = 'x': ") as caught:
+        with refused(fl.errors.SceneError, "wrong-value") as caught:
             fl.InitialState(joint_deg=[*[0.0] * (number - 1), "x"])  # names are not known yet
         assert f".{number} " in str(caught.value)
 
@@ -168,11 +169,9 @@ def test_a_message_names_a_number_of_a_link_by_the_path_that_sets_it() -> None:
 
 
 def test_changes_are_a_dict_of_values_by_path(paper: fl.Scene) -> None:
-    with pytest.raises(
-        fl.errors.ArgumentError, match=r"^changes = \['run\.step'\]: expected a dict such as {'run\.step': 1e-5}"
-    ):
+    with refused(fl.errors.ArgumentError, "wrong-type"):
         paper.varied(["run.step"])  # type: ignore[arg-type]
-    with pytest.raises(fl.errors.ArgumentError, match=r"^changes: 3: expected a path"):
+    with refused(fl.errors.ArgumentError, "path-form"):
         paper.varied({3: 4})  # type: ignore[dict-item]
 
 
@@ -223,14 +222,14 @@ def test_settings_of_a_run_that_scenes_share_are_still_checked_with_each_of_them
     driven = paper.varied({"drive": held})
     assert driven.run is paper.run
     assert paper.varied(steps).run is paper.varied(steps).run
-    with pytest.raises(fl.errors.SceneError, match=r"drive.times\[1\] = 0.0001: must be a multiple of run.step"):
+    with refused(fl.errors.SceneError, "not-a-multiple"):
         driven.varied(steps)
 
 
 def test_a_number_and_a_truth_are_not_one_setting(paper: fl.Scene) -> None:
     """1 and True are equal, and only one of them is a duration."""
     assert paper.varied({"run.duration": 1}).run.duration == 1.0
-    with pytest.raises(fl.errors.SceneError, match=r"run\.duration = True"):
+    with refused(fl.errors.SceneError, "wrong-value"):
         paper.varied({"run.duration": True})
 
 

@@ -17,6 +17,7 @@ from flexlink.dynamics.rounding import in_units, of_bias_torque, of_mass_matrix
 from flexlink.robots.collection import folder
 from flexlink.robots.importing import ImportResult
 from flexlink.robots.robot_file import read_robot
+from tests.words import refused
 from validation.physics.source_urdf import Original
 
 FILES = sorted(file.relative_to(folder()).as_posix() for file in folder().rglob("*.urdf")) if installed() else []
@@ -231,7 +232,7 @@ def test_a_free_base_starts_where_its_link_is_and_leaves_the_rest_out(tmp_path: 
 
 def test_a_free_base_without_inertia_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path, "arm revolute hull l1", masses={"hull": 0.0})
-    with pytest.raises(DataFileError, match=r"link 'hull': mass = 0.0.*: a free base needs mass, and inertia"):
+    with refused(DataFileError, "base-mass"):
         fl.import_urdf(path, free_base=True)
 
 
@@ -242,7 +243,7 @@ def test_joints_beyond_which_nothing_has_inertia_stay_and_are_told(tmp_path: Pat
     assert [part.joint.name for part in found.path.parts] == ["arm", "d"]
     assert "nothing beyond them has inertia, they do not move: a, b" in found.notes
     assert [part.joint.name for part in fl.import_urdf(path, armature={"b": 0.1}).path.parts] == ["arm", "a", "b", "d"]
-    with pytest.raises(DataFileError, match="link 'l3': nothing beyond its joint has inertia; choose a tip before it"):
+    with refused(DataFileError, "no-mass"):
         fl.import_urdf(path, tip="tool")
 
 
@@ -253,14 +254,14 @@ def test_a_file_without_inertia_says_so_once_whatever_is_asked_of_it(tmp_path: P
         tmp_path, "a revolute base l1", "b revolute l1 l2", "c revolute l2 l3", masses=dict.fromkeys(links, 0.0)
     )
     for asked in ({}, {"tip": "l3"}, {"tip": "l1"}, {"free_base": True}, {"armature": {"a": 0.1}, "tip": "l3"}):
-        with pytest.raises(DataFileError, match=r"^[^:]*no link of this file has mass; give the links that move their"):
+        with refused(DataFileError, "no-mass"):
             fl.import_urdf(path, **asked)
 
 
 @pytest.mark.parametrize("kind", ["floating", "planar"])
 def test_joints_of_other_kinds_are_refused_by_name(kind: str, tmp_path: Path) -> None:
     path = written(tmp_path, f"drift {kind} world hull", "arm revolute hull l1", "other revolute world o")
-    with pytest.raises(ArgumentError, match=f"joint 'drift', beyond 'world', is {kind}; .* --base hull"):
+    with refused(ArgumentError, "joint-type-in-file"):
         fl.import_urdf(path)
     assert [part.joint.name for part in fl.import_urdf(path, tip="o").path.parts] == ["other"]
     assert [part.joint.name for part in fl.import_urdf(path, base="hull").path.parts] == ["arm"]
@@ -316,7 +317,5 @@ def test_tips_that_cannot_be_are_refused(tmp_path: Path) -> None:
     }.items():
         with pytest.raises(ArgumentError, match=message):
             fl.import_urdf(path, tip=tip)
-    with pytest.raises(
-        ArgumentError, match="locked: joint 'left' is not between 'base' and 'torso'; put it into posture"
-    ):
+    with refused(ArgumentError, "unknown-joint"):
         fl.import_urdf(path, tip="torso", locked={"left": 0.0})

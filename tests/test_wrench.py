@@ -11,6 +11,7 @@ from scipy.integrate import quad
 
 import flexlink as fl
 from flexlink.engines import load
+from tests.words import refused
 
 TIMES = (0.0, 0.013, 0.03, 0.045)
 TABLE: dict[str, Any] = {
@@ -87,11 +88,9 @@ def test_a_smooth_table_goes_through_its_rows_and_between_them_as_a_drive_does()
 def test_one_wrench_a_state_is_asked_for_in_as_many_rows() -> None:
     chain = fl.lump(arm(IN_TIME["constant"]))
     still = np.zeros((3, chain.n))
-    with pytest.raises(
-        fl.errors.ArgumentError, match=r"tip_wrench has shape \(2, 6\); expected \(6,\), or \(3, 6\), one row"
-    ):
+    with refused(fl.errors.ArgumentError, "wrong-shape"):
         fl.forward_dynamics(chain, still, still, still, tip_wrench=np.ones((2, 6)))
-    with pytest.raises(fl.errors.ArgumentError, match=r"tip_wrench\[1\]\[5\] = nan is not finite"):
+    with refused(fl.errors.ArgumentError, "not-finite"):
         fl.bias_torque(chain, still, still, tip_wrench=[[0] * 6, [0, 0, 0, 0, 0, np.nan], [0] * 6])
 
 
@@ -215,33 +214,31 @@ def test_a_linear_model_knows_that_its_wrench_turns(room: str) -> None:
     [
         (
             {"times": (0.0, 0.5, 0.5), "forces": ((0.0, 0.0, 0.0),) * 3},
-            r"times\[2\] = 0.5: must be greater than times\[1\] = 0.5",
+            "times-not-increasing",
         ),
-        ({"times": (0.0, 1.0), "forces": ((0.0, 0.0, 0.0),)}, "forces has 1 rows: expected one per time, 2"),
-        ({"times": (0.0, 1.0), "moments": ((0.0, 0.0, 0.0),) * 3}, "moments has 3 rows: expected one per time, 2"),
-        ({"times": (0.0, np.nan), "forces": ((0.0, 0.0, 0.0),) * 2}, r"times\[1\] = nan"),
-        ({"times": (0.0, 1.0), "forces": ((0.0, 0.0, 0.0), (0.0, np.inf, 0.0))}, r"forces\[1\]\[1\] = inf"),
-        ({"times": (), "forces": ()}, r"times = \(\): a table has one row or more"),
-        ({"times": (0.0,)}, "needs forces, moments or both, one row per time"),
-        ({"forces": ((1.0, 0.0, 0.0),)}, "forces = .*: needs times, one per row"),
-        ({"times": (0.0,), "forces": ((0.0, 0.0, 0.0),), "force": (1.0, 0.0, 0.0)}, "so give forces, one row per time"),
-        ({"times": (0.0,), "forces": ((0.0, 0.0, 0.0),), "smooth": True}, "needs a table with at least 2 times"),
-        ({"hold": True}, "hold = True: needs a table with smooth = False"),
-        ({"frame": "hand"}, "frame = 'hand'"),
+        ({"times": (0.0, 1.0), "forces": ((0.0, 0.0, 0.0),)}, "one-per-time"),
+        ({"times": (0.0, 1.0), "moments": ((0.0, 0.0, 0.0),) * 3}, "one-per-time"),
+        ({"times": (0.0, np.nan), "forces": ((0.0, 0.0, 0.0),) * 2}, "not-finite"),
+        ({"times": (0.0, 1.0), "forces": ((0.0, 0.0, 0.0), (0.0, np.inf, 0.0))}, "not-finite"),
+        ({"times": (), "forces": ()}, "file-empty"),
+        ({"times": (0.0,)}, "missing-key"),
+        ({"forces": ((1.0, 0.0, 0.0),)}, "needs-another-key"),
+        ({"times": (0.0,), "forces": ((0.0, 0.0, 0.0),), "force": (1.0, 0.0, 0.0)}, "one-per-time"),
+        ({"times": (0.0,), "forces": ((0.0, 0.0, 0.0),), "smooth": True}, "needs-another-key"),
+        ({"hold": True}, "needs-another-key"),
+        ({"frame": "hand"}, "wrong-value"),
     ],
 )
 def test_a_wrench_that_cannot_be_is_refused_by_its_row(fields: dict[str, Any], told: str) -> None:
-    with pytest.raises(fl.errors.SceneError, match=told):
+    with refused(fl.errors.SceneError, told):
         fl.Wrench(**fields)
 
 
 def test_what_a_scene_cannot_do_with_a_wrench_is_refused_by_its_key() -> None:
     steep = {"times": (0.0, 5e-324), "forces": ((0.0, 0.0, 0.0), (1e300, 0.0, 0.0))}
-    with pytest.raises(fl.errors.SceneError, match=r"wrench\.forces: the change from one .* overflows float64"):
+    with refused(fl.errors.SceneError, "overflow"):
         fl.simulate(arm(steep))
-    with pytest.raises(
-        fl.errors.SceneError, match=r"wrench\.times\[1\] = 0.013: must be a multiple of run.step = 0.002"
-    ):
+    with refused(fl.errors.SceneError, "not-a-multiple"):
         arm(IN_TIME["hold"], **{"run.step": 2e-3, "run.sample": 4e-3, "run.duration": 0.04})
-    with pytest.raises(fl.errors.SceneError, match=r"wrench\.frame = 'tip': is not constant in frame 0"):
+    with refused(fl.errors.SceneError, "load-not-constant"):
         _ = arm(WRENCHES["constant, tip"]).tip_wrench

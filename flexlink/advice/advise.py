@@ -100,7 +100,9 @@ class Advisor:
         refinement = RefinementStudy(self.runner, self.norm, self.goal, self.axes, stepping)
         refinement.refine()
         if refinement.limit is None:
-            raise AdviceError(f"{self.scene.name}: fewer than two models could be run: {refinement.reason}")
+            raise AdviceError(
+                f"{self.scene.name}: fewer than two models could be run: {refinement.reason}", id="too-few-models"
+            )
         of_steps = refinement.remove_step_errors()
         known = refinement.limit.errors + of_steps + self.norm.up_to(screening.left_out)
         if known[-1] >= refinement.tolerance:
@@ -172,7 +174,8 @@ class Advisor:
         what = "springs deflect the tip" if self.goal.deflection else "the tip moves"
         return AdviceError(
             f"{self.scene.name}: {what} by only {size:.2g} m, and {self.goal} of that is below the rounding error, "
-            f"{least:.2g} m; give the error as a length, such as tip = '1 mm'"
+            f"{least:.2g} m; give the error as a length, such as tip = '1 mm'",
+            id="no-motion",
         )
 
     def _cheapest(self, refinement: RefinementStudy, known: Array) -> Advice:

@@ -76,12 +76,18 @@ def checked_scene(scene: Scene) -> Scene:
         if value is not None:
             raise SceneError(
                 f"initial.{name} = {truncated(value)}: fits one number of hinges only, and advice varies it; give "
-                "initial.joint_deg, rate_deg and passive"
+                "initial.joint_deg, rate_deg and passive",
+                id="hinge-state-with-advice",
             )
     if scene.run.duration == 0:
-        raise SceneError(f"run.duration = {scene.run.duration!r}: advice needs a motion; give a duration > 0")
+        raise SceneError(
+            f"run.duration = {scene.run.duration!r}: advice needs a motion; give a duration > 0", id="no-motion"
+        )
     if not any(map(is_beam, scene.arm.links)):
-        raise SceneError("link: none can bend, so there is nothing to choose; give a link a material and a section")
+        raise SceneError(
+            "link: none can bend, so there is nothing to choose; give a link a material and a section",
+            id="no-flexible-link",
+        )
     return scene
 
 

@@ -148,7 +148,8 @@ class ModelRunner:
             if spent > self.budget:
                 self.seconds += spent
                 raise OverBudgetError(
-                    f"{chain.name}: the budget of {self.budget:g} s ended a run at {fraction:.0%}; give a larger budget"
+                    f"{chain.name}: a run reached {fraction:.0%} in {self.budget:g} s; give a larger budget",
+                    id="over-budget",
                 )
 
         return single.finish(stop, check, compared=False)

@@ -34,10 +34,10 @@ def vector(name: str, value: ArrayLike, size: int, *, many: bool = False, finite
         value = real_array(name, value, (size,))
     if value.shape != (size,):
         also = f", or (b, {size}) for b states" if many else ""
-        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}")
+        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}", id="wrong-shape")
     if finite and not is_finite(value):
         k = int(np.argmin(np.isfinite(value)))
-        raise ArgumentError(f"{name}[{k}] = {value[k]} is not finite; expected {size} finite numbers")
+        raise ArgumentError(f"{name}[{k}] = {value[k]} is not finite; expected {size} finite numbers", id="not-finite")
     return value
 
 
@@ -64,7 +64,8 @@ def require_one_of(name: str, value: str, allowed: Mapping[Any, T]) -> T:
     """
     if not isinstance(value, str) or value not in allowed:
         raise ArgumentError(
-            f"{name} = {truncated(value)}: unknown; allowed are {', '.join(allowed)}{did_you_mean(value, allowed)}"
+            f"{name} = {truncated(value)}: unknown; allowed are {', '.join(allowed)}{did_you_mean(value, allowed)}",
+            id="unknown-name",
         )
     return allowed[value]
 
@@ -78,7 +79,9 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
         It is none; the message says what it is.
     """
     if not isinstance(value, kind):
-        raise ArgumentError(f"{name} = {truncated(value)}: expected a {kind.__name__}, got {type(value).__name__}")
+        raise ArgumentError(
+            f"{name} = {truncated(value)}: expected a {kind.__name__}, got {type(value).__name__}", id="wrong-type"
+        )
     return value
 
 
@@ -94,7 +97,7 @@ def sequence(name: str, values: object, item: str) -> list[Any]:
             return list(values)  # type: ignore[call-overload, no-any-return]
     except TypeError:  # of a 0-d array, too, which has an __iter__
         pass
-    raise ArgumentError(f"{name} = {truncated(values)}: expected a sequence, each item a {item}")
+    raise ArgumentError(f"{name} = {truncated(values)}: expected a sequence, each item a {item}", id="wrong-type")
 
 
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:
@@ -107,10 +110,12 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
     """
     number = number_of(value)
     if type(number) is not int:
-        raise ArgumentError(f"{name} = {truncated(value)}: must be a whole number, got {type(value).__name__}")
+        raise ArgumentError(
+            f"{name} = {truncated(value)}: must be a whole number, got {type(value).__name__}", id="not-an-integer"
+        )
     if number < least or (most is not None and number > most):
         allowed = f"at least {least}" if most is None else f"{least} … {most}"
-        raise ArgumentError(f"{name} = {truncated(number)}: must be {allowed}")
+        raise ArgumentError(f"{name} = {truncated(number)}: must be {allowed}", id="out-of-range")
     return number
 
 
@@ -118,7 +123,7 @@ def positive(name: str, value: object) -> float:
     """`value` as a finite float > 0; errors as in `integer`."""
     number = number_of(value)
     if type(number) not in {int, float} or not 0 < number <= sys.float_info.max:  # type: ignore[operator]
-        raise ArgumentError(f"{name} = {truncated(value)}: must be a finite number > 0")
+        raise ArgumentError(f"{name} = {truncated(value)}: must be a finite number > 0", id="out-of-range")
     return float(number)  # type: ignore[arg-type]
 
 
@@ -133,7 +138,7 @@ def real(name: str, value: object, wanted: str) -> float:
     try:
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
-        raise ArgumentError(f"{name} = {truncated(value)}: expected {wanted}") from None
+        raise ArgumentError(f"{name} = {truncated(value)}: expected {wanted}", id="wrong-type") from None
 
 
 def number_of(value: object) -> object:
@@ -144,21 +149,21 @@ def number_of(value: object) -> object:
 def require_bool(name: str, value: object) -> bool:
     """`value`, which must be True or False: the text "no" would count as true."""
     if not isinstance(value, bool | np.bool_):
-        raise ArgumentError(f"{name} = {truncated(value)}: must be True or False")
+        raise ArgumentError(f"{name} = {truncated(value)}: must be True or False", id="wrong-type")
     return bool(value)
 
 
 def require_callable(name: str, value: object) -> None:
     """Refuse a `value` that is neither None nor can be called, before the work that it is called from."""
     if value is not None and not callable(value):
-        raise ArgumentError(f"{name} = {truncated(value)}: expected a function, or None")
+        raise ArgumentError(f"{name} = {truncated(value)}: expected a function, or None", id="wrong-type")
 
 
 def beyond_float64(what: str, **arguments: ArrayLike) -> ArgumentError:
     """The error of a result that float64 cannot hold; it names the largest number among the arguments."""
     flat = ((name, k, abs(float(v))) for name, a in arguments.items() for k, v in enumerate(np.ravel(a)))
     name, k, size = max(flat, key=lambda entry: entry[2])
-    return ArgumentError(f"{what} overflows float64; the arguments go up to |{name}[{k}]| = {size:.3g}")
+    return ArgumentError(f"{what} overflows float64; the arguments go up to |{name}[{k}]| = {size:.3g}", id="overflow")
 
 
 def wrench_vector(tip_wrench: ArrayLike | None) -> Array:

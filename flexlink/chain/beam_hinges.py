@@ -152,7 +152,8 @@ def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, 
             raise SceneError(
                 f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
                 f"{i + 1} outweighs the inertia beyond it, {A:.3g} kg m², so M is not positive definite; take a "
-                "rule without matched_twist, such as 'gauss', or more segments"
+                "rule without matched_twist, such as 'gauss', or more segments",
+                id="twist-inertia-outweighs",
             )
         A = A * rotors[i] / (A + rotors[i])
     return rotors

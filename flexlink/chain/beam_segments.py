@@ -70,12 +70,14 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
     if (J < 0).any() and isinstance(beam, TableBeam):
         raise ArgumentError(
             f"the mass per length of its table changes so much within a cell that segment {int(np.argmin(J))} would "
-            "have a negative moment of inertia; take more segments, or a rule without cells, such as 'gauss'"
+            "have a negative moment of inertia; take more segments, or a rule without cells, such as 'gauss'",
+            id="segment-inertia-negative",
         )
     if (J < 0).any():
         raise ArgumentError(
             f"tip = {cells.tip:g}: segment {int(np.argmin(J))} would have a negative moment of inertia; "
-            "take a smaller tip in the rule"
+            "take a smaller tip in the rule",
+            id="segment-inertia-negative",
         )
     y, z = l * beam.rotary(places)
     moments = np.column_stack([y + z, J + y, J + z])

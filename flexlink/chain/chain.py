@@ -177,7 +177,7 @@ class Chain(Layout):
         [1.286 0.154]
         """
         if self.mass == 0:
-            raise ArgumentError(f"{self.name!r}: has no mass, and so no centre of mass")
+            raise ArgumentError(f"{self.name!r}: has no mass, and so no centre of mass", id="no-mass")
         placed = forward_kinematics(self.arrays, vector("q", q, self.n))
         centers = placed.points + np.einsum("ijk,ik->ij", placed.rotations, self.bodies["center"])
         return np.asarray(self.bodies["mass"] @ centers / self.mass)

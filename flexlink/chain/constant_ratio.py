@@ -83,17 +83,21 @@ def _check(chain: Chain, arm: Arm, hinges: NDArray[np.intp], count: int) -> None
     number = chain.coordinates[hinges[0]].link
     path = f"{arm.path(number)}.damping.law = 'constant'"
     if count > MOST:
-        raise SceneError(f"{path}: {count} hinges in all; at most {MOST}; take fewer, or law = 'proportional'")
+        raise SceneError(
+            f"{path}: {count} hinges in all; at most {MOST}; take fewer, or law = 'proportional'", id="too-many-joints"
+        )
     between = slice(chain.body(int(hinges[0])) + 1, chain.body(int(hinges[-1])) + 1)
     if chain.bodies["begins"][between].any() or chain.slides[hinges[0] : hinges[-1]].any():
-        raise SceneError(f"{path}: {BETWEEN}")
+        raise SceneError(f"{path}: {BETWEEN}", id="inertia-between-hinges")
 
 
 def _damping(M: Array, K: Array, ratios: Array, name: str) -> Array:
     try:
         squares, shapes = scipy.linalg.eigh(K, M)
     except scipy.linalg.LinAlgError:
-        raise SceneError(f"{name}: damping.law = 'constant': some hinges move no inertia of their own") from None
+        raise SceneError(
+            f"{name}: damping.law = 'constant': some hinges move no inertia of their own", id="massless-hinge"
+        ) from None
     momenta = np.sqrt(ratios)[:, None] * (M @ shapes)
     D = (momenta * (2 * np.sqrt(np.maximum(squares, 0.0)))) @ momenta.T
     return np.asarray((D + D.T) / 2)

@@ -96,7 +96,9 @@ def with_forces(chain: Chain, scene: Scene, pieces: Sequence[Piece]) -> Chain:
 def _check_finite(scene: Scene, name: str, rows: NDArray[np.void]) -> None:
     for field in rows.dtype.names or ():
         if not np.isfinite(rows[field]).all():
-            raise SceneError(f"{scene.name}: the {field} of {name} overflows float64; expected smaller numbers")
+            raise SceneError(
+                f"{scene.name}: the {field} of {name} overflows float64; expected smaller numbers", id="overflow"
+            )
 
 
 def refuse_states(chain: Chain, what: str, instead: str = "", *, free: NDArray[np.intp] | None = None) -> None:
@@ -111,4 +113,6 @@ def refuse_states(chain: Chain, what: str, instead: str = "", *, free: NDArray[n
     lagging = joints if free is None else np.intersect1d(joints, free)
     if len(lagging):
         name = chain.joint_name(int(lagging[0]))
-        raise ArgumentError(f"{chain.name}: viscous_lag of joint {name!r}: {what}; leave it out{instead}")
+        raise ArgumentError(
+            f"{chain.name}: viscous_lag of joint {name!r}: {what}; leave it out{instead}", id="not-supported-here"
+        )

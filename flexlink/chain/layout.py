@@ -185,7 +185,9 @@ class Layout:
             return len(self.bodies) - 1
         name = self.link_names[link_number("tip", tip, self.link_names) - 1]
         if name not in self.tips:
-            raise ArgumentError(f"tip = {truncated(tip)}: other links hang on it; tips are {', '.join(self.tips)}")
+            raise ArgumentError(
+                f"tip = {truncated(tip)}: other links hang on it; tips are {', '.join(self.tips)}", id="tip-not-a-tip"
+            )
         return self.tips[name]
 
     def index(self, link: int | str, segment: int, axis: int) -> int:
@@ -208,7 +210,8 @@ class Layout:
         if wanted not in self._sequential:
             known = truncated(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
             raise ArgumentError(
-                f"(link, segment, axis) = {truncated(tuple(wanted))}: not in this chain; link {wanted.link} has {known}"
+                f"(link, segment, axis) = {truncated(tuple(wanted))}: unknown; link {wanted.link} has {known}",
+                id="unknown-hinge",
             )
         return self._sequential[wanted]
 
@@ -260,7 +263,9 @@ class Layout:
         items: list[Any] = [value] if one else list(value)  # type: ignore[arg-type]
         if items and all(isinstance(item, bool | np.bool_) for item in items):
             if len(items) != self.n:
-                raise ArgumentError(f"{name}: a mask of {len(items)} booleans; expected one per joint, {self.n}")
+                raise ArgumentError(
+                    f"{name}: a mask of {len(items)} booleans; expected one per joint, {self.n}", id="wrong-shape"
+                )
             return np.flatnonzero(np.array(items, dtype=bool))
         found = [self.joint_index(name, item, perhaps_locked=True) for item in items]
         return np.array([k for k in found if k >= 0], dtype=np.intp)
@@ -285,7 +290,8 @@ class Layout:
         links = truncated(", ".join(self.link_names)).strip("'")
         raise ArgumentError(
             f"{name} = {truncated(value)}: no joint of this chain; allowed are 0 … {self.n - 1}, "
-            f"names such as {names[-1]!r}, and links: {links}{hint}"
+            f"names such as {names[-1]!r}, and links: {links}{hint}",
+            id="unknown-joint",
         )
 
     @functools.cached_property

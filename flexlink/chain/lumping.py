@@ -100,7 +100,9 @@ def _lumped(scene: Scene) -> Chain:
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such numbers, by name
         for springs in frame.springs:
             if not springs.write([arm], hinges[None], couplings[None]).all():
-                raise SceneError(f"link {springs.link.name!r}: the stiffness of a hinge underflows float64")
+                raise SceneError(
+                    f"link {springs.link.name!r}: the stiffness of a hinge underflows float64", id="underflow"
+                )
         record_inertia(bodies[frame.carrier], [frame.builder.carrying(arm.tip)])
     for array in (bodies, hinges, couplings):
         _check_finite(scene.name, array)
@@ -204,7 +206,7 @@ def _check_finite(name: str, array: NDArray[np.void]) -> None:
         return
     for field in array.dtype.names or ():
         if field not in limits and not np.isfinite(array[field]).all():
-            raise SceneError(f"{name}: {field} of a segment overflows float64")
+            raise SceneError(f"{name}: {field} of a segment overflows float64", id="overflow")
 
 
 def _add_base(builder: Builder, scene: Scene) -> None:

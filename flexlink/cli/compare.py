@@ -73,4 +73,4 @@ def _refuse_without_effect(options: argparse.Namespace) -> None:
         value = getattr(options, name)
         if value is not None:
             remedy = "leave it out, or leave out --trajectory" if options.trajectory else "add --trajectory"
-            raise ArgumentError(f"--{name} {value}: has no effect here; {remedy}")
+            raise ArgumentError(f"--{name} {value}: has no effect here; {remedy}", id="no-effect")

@@ -47,7 +47,9 @@ def run_command(options: argparse.Namespace) -> int:
     for cpu in cpus:
         if cpu and (options.out is None or cpu not in families_here()):
             allowed = ", ".join(families_here()) or "none"
-            raise ArgumentError(f"--cpu = {cpu}: expected one that this machine is of, {allowed}, and --out")
+            raise ArgumentError(
+                f"--cpu = {cpu}: expected one that this machine is of, {allowed}, and --out", id="unknown-processor"
+            )
         _compile(cpu, options.out, options.jobs)
     if options.out is None:
         done_before().touch()
@@ -96,4 +98,4 @@ def _rehearse(kind: str, environment: dict[str, str], called: Callable[[], None]
             if line.startswith(f"{kind}: "):
                 called()
     if process.returncode:
-        raise FlexlinkError(f"compiling {kind} failed: {last}")
+        raise FlexlinkError(f"compiling {kind} failed: {last}", id="compile-failed")

@@ -53,7 +53,9 @@ def run_command(options: argparse.Namespace) -> int:
         for name in _formats(options):
             target = options.out / (path.stem + FORMATS[name].ending)
             if target in texts:
-                raise ArgumentError(f"{path}: {target} would overwrite another scene's file; export one at a time")
+                raise ArgumentError(
+                    f"{path}: {target} would overwrite another scene's file; export one at a time", id="would-overwrite"
+                )
             with prefix_errors(path):
                 notes += _missing(target, scene, chain, name, strict=options.strict)
                 texts[target] = FORMATS[name].write(chain, **({"initial": state} if FORMATS[name].keyframe else {}))
@@ -89,7 +91,9 @@ def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: b
     """A note on what a file cannot hold; an error if that is asked for."""
     missing = not_held(scene, chain, format=format)
     if missing and strict:
-        raise ArgumentError(f"--strict: {format} cannot represent {', '.join(missing)}; no file written")
+        raise ArgumentError(
+            f"--strict: {format} cannot represent {', '.join(missing)}; no file written", id="not-representable"
+        )
     features = "; ".join(f"{feature} ({instead})" for feature, instead in missing.items())
     return [f"{target}: {format} has no standard element for {features}"] if missing else []
 

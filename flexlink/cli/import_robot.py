@@ -87,7 +87,9 @@ def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, flo
     for name, value in assignments(option, texts, "elbow=90").items():
         number = finite(value)
         if number is None:
-            raise ArgumentError(f"{option} {name}={value}: expected a finite number [deg; m for a slide]")
+            raise ArgumentError(
+                f"{option} {name}={value}: expected a finite number [deg; m for a slide]", id="option-value"
+            )
         slides = name in robot.joints and robot.joints[name].kind == "prismatic"
         positions[name] = number if slides else math.radians(number)
     return positions

@@ -84,12 +84,15 @@ def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
         found = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(rpm|deg/s|rad/s|m/s)\s*", rate)
         if not found:
             raise ArgumentError(
-                f"--rate {text}: expected NAME=RATE with a unit, such as hub=500rpm; {', '.join(units)}"
+                f"--rate {text}: expected NAME=RATE with a unit, such as hub=500rpm; {', '.join(units)}",
+                id="option-value",
             )
         slides = bool(chain.slides[steady_joint(chain, name)])
         if slides != (found[2] == "m/s"):
             allowed = "m/s" if slides else "rpm, deg/s, rad/s"
-            raise ArgumentError(f"--rate {text}: {name} {'slides' if slides else 'turns'}; allowed are {allowed}")
+            raise ArgumentError(
+                f"--rate {text}: {name} {'slides' if slides else 'turns'}; allowed are {allowed}", id="option-value"
+            )
         rates[name] = float(found[1]) * units[found[2]]
     return rates
 
@@ -113,7 +116,7 @@ def run_command(options: argparse.Namespace) -> int:
     scene = varied_scene(options.scene, options)
     require_picture(options.plot)
     if options.count < 1:
-        raise ArgumentError(f"--count = {options.count}: must be at least 1")
+        raise ArgumentError(f"--count = {options.count}: must be at least 1", id="out-of-range")
     with prefix_errors(options.scene):
         chain = lump(scene)
         names = {*chain.link_names, *chain.joint_names}

@@ -48,12 +48,12 @@ def assignments(option: str, texts: Sequence[str], example: str, form: str = "NA
 def _assignment(option: str, text: str, example: str, form: str) -> tuple[str, object]:
     path, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not path or len(value.splitlines()) != 1:
-        raise ArgumentError(f"{option} {text}: expected {form}, such as {example}")
+        raise ArgumentError(f"{option} {text}: expected {form}, such as {example}", id="option-value")
     try:
         return path, tomllib.loads(f"value = {value}")["value"]
     except (ValueError, RecursionError) as error:
         if value[0] in "\"'[{":
-            raise ArgumentError(f"{option} {text}: the value is not TOML: {error}") from None
+            raise ArgumentError(f"{option} {text}: the value is not TOML: {error}", id="option-value") from None
         return path, value
 
 
@@ -93,9 +93,9 @@ def draw(figure: Figure, path: Path) -> None:
 def require_writable(path: Path) -> None:
     """Know before the work that the folder is there and takes files, and that no folder has the file's name."""
     if not path.parent.is_dir():
-        raise ArgumentError(f"{path}: the folder {str(path.parent)!r} does not exist")
+        raise ArgumentError(f"{path}: the folder {str(path.parent)!r} does not exist", id="no-such-folder")
     if path.is_dir():
-        raise ArgumentError(f"{path}: is a folder; name a file")
+        raise ArgumentError(f"{path}: is a folder; name a file", id="is-a-folder")
     check_writable(path)
 
 

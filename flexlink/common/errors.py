@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copyreg
 import signal
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from flexlink.common.wording import Diagnostic
 
 if TYPE_CHECKING:
     import numpy as np
@@ -14,16 +17,42 @@ ALSO = "; also "
 
 
 class FlexlinkError(Exception):
-    """Base of every error that flexlink raises on purpose; the command line prints it as one line.
+    """Base class of all errors that flexlink raises on purpose; the command line prints each in one line.
+
+    Attributes
+    ----------
+    id
+        Stable name of the mistake, such as `"unknown-key"`. The page "Messages" of the documentation explains it.
 
     Examples
     --------
     >>> try:
     ...     fl.load_scene("missing.toml")
     ... except fl.FlexlinkError as error:
-    ...     print(type(error).__name__)
-    SceneError
+    ...     print(type(error).__name__, error.id)
+    SceneError cannot-read
     """
+
+    _id = ""
+
+    def __init__(self, message: str = "", *, id: str = "") -> None:
+        super().__init__(message)
+        if known := id or getattr(message, "id", ""):
+            self._id = known
+
+    @property
+    def id(self) -> str:
+        """Own id, or that of the error which this one quotes: raised while the other was handled."""
+        return self._id or getattr(self.__cause__ or self.__context__, "id", "")
+
+    @property
+    def diagnostic(self) -> Diagnostic:
+        """The message with its id."""
+        return Diagnostic(str(self), self.id)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Keep all attributes in a process pool, which otherwise rebuilds an error from its message alone."""
+        return copyreg.__newobj__, (type(self), *self.args), {**self.__dict__, "_id": self.id}  # type: ignore[attr-defined]
 
 
 class SceneError(FlexlinkError, ValueError):
@@ -138,13 +167,9 @@ class UnstableStepError(FlexlinkError, ValueError):
     0.00095 s
     """
 
-    def __init__(self, message: str, largest: float) -> None:
-        super().__init__(message)
+    def __init__(self, message: str, largest: float, *, id: str = "") -> None:
+        super().__init__(message, id=id)
         self.largest = largest
-
-    def __reduce__(self) -> tuple[type[UnstableStepError], tuple[str, float]]:
-        """Whole through a process pool, which otherwise breaks on an error of two arguments."""
-        return UnstableStepError, (str(self), self.largest)
 
 
 class ConvergenceError(FlexlinkError, ArithmeticError):
@@ -159,13 +184,9 @@ class ConvergenceError(FlexlinkError, ArithmeticError):
     True (6,)
     """
 
-    def __init__(self, message: str, q: NDArray[np.float64], load: float) -> None:
-        super().__init__(message)
+    def __init__(self, message: str, q: NDArray[np.float64], load: float, *, id: str = "") -> None:
+        super().__init__(message, id=id)
         self.q, self.load = q, load
-
-    def __reduce__(self) -> tuple[type[ConvergenceError], tuple[str, NDArray[np.float64], float]]:
-        """As `UnstableStepError`."""
-        return ConvergenceError, (str(self), self.q, self.load)
 
 
 class IdentifiabilityError(FlexlinkError, ValueError):
@@ -183,13 +204,11 @@ class IdentifiabilityError(FlexlinkError, ValueError):
     link.upper.joint.viscous has no effect on the data
     """
 
+    _id = "not-identifiable"
+
     def __init__(self, message: str, check: object) -> None:
         super().__init__(message)
         self.check = check
-
-    def __reduce__(self) -> tuple[type[IdentifiabilityError], tuple[str, object]]:
-        """As `UnstableStepError`."""
-        return IdentifiabilityError, (str(self), self.check)
 
 
 class InterruptedSweepError(KeyboardInterrupt):

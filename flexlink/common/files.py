@@ -36,7 +36,7 @@ def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> byt
         with path.open("rb") as file:
             data = file.read(largest + 1)
     except (OSError, ValueError) as reason:  # ValueError: a null character in the path
-        raise error(f"{path}: cannot be read: {getattr(reason, 'strerror', reason)}") from None
+        raise error(f"{path}: cannot be read: {getattr(reason, 'strerror', reason)}", id="cannot-read") from None
     if len(data) > largest:
-        raise error(f"{path}: more than {largest} bytes; give a smaller file")
+        raise error(f"{path}: more than {largest} bytes; give a smaller file", id="file-too-large")
     return data

@@ -43,5 +43,6 @@ def drawing_module(name: str) -> ModuleType:
         return importlib.import_module(f"flexlink.{name}")
     except ImportError:
         raise MissingDependencyError(
-            "plotting needs matplotlib; install it with: python -m pip install 'flexlink[report]'"
+            "plotting needs matplotlib; install it with: python -m pip install 'flexlink[report]'",
+            id="package-missing",
         ) from None

@@ -49,7 +49,7 @@ def _temporary(path: Path) -> Iterator[tuple[Path, Path]]:
             finally:
                 temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}", id="cannot-write") from None
 
 
 def check_writable(path: Path) -> None:
@@ -69,7 +69,7 @@ def make_folder(path: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{path}: the folder cannot be made: {error.strerror or error}") from None
+        raise OutputError(f"{path}: the folder cannot be made: {error.strerror or error}", id="cannot-write") from None
     check_writable(path / "index.html")
 
 
@@ -99,4 +99,4 @@ def or_keep(path: Path, write: Callable[[Path], T]) -> T:
             write(refuge)
         except OutputError as second:
             raise OutputError(f"{first}; nor {second}") from None
-        raise OutputError(f"{first}; the result is kept in {refuge}") from None
+        raise OutputError(f"{first}; the result is kept in {refuge}", id="result-kept") from None

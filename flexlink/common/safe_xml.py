@@ -40,7 +40,7 @@ def parse(text: str | bytes, what: str) -> ET.Element:
     try:
         data = text if isinstance(text, bytes) else text.encode()
         if len(data) > LARGEST:
-            raise DataFileError(f"{what}: {len(data)} bytes; at most {LARGEST} are read")
+            raise DataFileError(f"{what}: {len(data)} bytes; at most {LARGEST} are read", id="file-too-large")
         builder = _Elements(what)
         parser = ET.XMLParser(target=builder, encoding=None if isinstance(text, bytes) else "utf-8")
         parser.feed(data)
@@ -48,7 +48,7 @@ def parse(text: str | bytes, what: str) -> ET.Element:
     except (ET.ParseError, ValueError, LookupError) as error:  # ValueError: surrogates, encodings that expat lacks
         if isinstance(error, DataFileError):
             raise
-        raise DataFileError(f"{what}: not XML: {' '.join(str(error).split())}") from None
+        raise DataFileError(f"{what}: not XML: {' '.join(str(error).split())}", id="not-xml") from None
 
 
 def numbers_of(text: str) -> list[float] | None:
@@ -69,15 +69,19 @@ class _Elements(ET.TreeBuilder):
         self.what, self.count, self.depth = what, 0, 0
 
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
-        raise DataFileError(f"{self.what}: contains <!DOCTYPE {name[:60]}>; remove it, and all entities")
+        raise DataFileError(
+            f"{self.what}: contains <!DOCTYPE {name[:60]}>; remove it, and all entities", id="xml-entities"
+        )
 
     def start(self, tag: str, attributes: Mapping[str, str], /) -> ET.Element:
         self.count += 1 + len(attributes)
         self.depth += 1
         if self.count > MOST_ELEMENTS:
-            raise DataFileError(f"{self.what}: more than {MOST_ELEMENTS} elements and attributes")
+            raise DataFileError(f"{self.what}: more than {MOST_ELEMENTS} elements and attributes", id="file-too-large")
         if self.depth > DEEPEST:
-            raise DataFileError(f"{self.what}: elements are nested deeper than {DEEPEST}, at <{tag[:60]}>")
+            raise DataFileError(
+                f"{self.what}: elements are nested deeper than {DEEPEST}, at <{tag[:60]}>", id="xml-too-deep"
+            )
         return super().start(tag, dict(attributes))
 
     def end(self, tag: str, /) -> ET.Element:

@@ -4,6 +4,28 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
+from typing import Self
+
+
+class Diagnostic(str):
+    """A sentence for the user with a stable `id`, such as `"unknown-key"`, which the documentation explains.
+
+    Refusals, warnings, notes and hints differ in severity alone: the text that `flexlink` prints before them.
+    """
+
+    __slots__ = ("id",)
+
+    id: str
+
+    def __new__(cls, text: str, id: str) -> Self:
+        """The text as a string that knows its id."""
+        self = super().__new__(cls, text)
+        self.id = id
+        return self
+
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
+        """For pickles: text and id."""
+        return str(self), self.id
 
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:

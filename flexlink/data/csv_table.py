@@ -57,20 +57,29 @@ class CsvTable(NamedTuple):
         if not found:
             raise DataFileError(
                 f"{self.path}: no column {wanted!r}; columns: {short_list(self.heads)}"
-                f"{did_you_mean(wanted, [head for head in self.heads if head != TIME])}"
+                f"{did_you_mean(wanted, [head for head in self.heads if head != TIME])}",
+                id="no-such-column",
             )
         if len(found) > 1:
-            raise DataFileError(f"{self.path}: column {quantity!r} appears twice: {short_list(self.heads)}")
+            raise DataFileError(
+                f"{self.path}: column {quantity!r} appears twice: {short_list(self.heads)}", id="column-twice"
+            )
         given, column = head_of(self.heads[found[0]])[1], self.values[:, found[0]]
         if not given:
-            raise DataFileError(f"{self.path}: column {quantity!r}: without a unit; expected one, as {wanted!r} has")
+            raise DataFileError(
+                f"{self.path}: column {quantity!r}: without a unit; expected one, as {wanted!r} has", id="unit-missing"
+            )
         factor = conversion(given, unit)
         if factor is None:
             fitting = ", ".join(units_like(unit))
-            raise DataFileError(f"{self.path}: column {self.heads[found[0]]!r}: unit must be one of {fitting}")
+            raise DataFileError(
+                f"{self.path}: column {self.heads[found[0]]!r}: unit must be one of {fitting}", id="unit-unknown"
+            )
         if np.isnan(column).any():
             line = int(np.argmax(np.isnan(column))) + 2
-            raise DataFileError(f"{self.path}: line {line}, {self.heads[found[0]]}: empty; expected a number")
+            raise DataFileError(
+                f"{self.path}: line {line}, {self.heads[found[0]]}: empty; expected a number", id="csv-cell"
+            )
         return column * factor
 
     @property
@@ -88,7 +97,8 @@ class CsvTable(NamedTuple):
             line = int(late[0]) + 3
             raise DataFileError(
                 f"{self.path}: line {line}: t = {float(t[late[0] + 1])!r} s: must be later than the one before, "
-                f"{float(t[late[0]])!r} s"
+                f"{float(t[late[0]])!r} s",
+                id="times-not-increasing",
             )
         return t
 
@@ -154,22 +164,30 @@ def read_csv(path: Path) -> CsvTable:
             line for line in csv.reader(io.StringIO(text, newline=None)) if any(cell.strip() for cell in line)
         ]
     except (UnicodeDecodeError, csv.Error) as error:
-        raise DataFileError(f"{path}: is not CSV: {error}") from None
+        raise DataFileError(f"{path}: is not CSV: {error}", id="not-csv") from None
     except ValueError:
-        raise DataFileError(f"{path}: is empty; expected a header line with a column {TIME!r}") from None
+        raise DataFileError(
+            f"{path}: is empty; expected a header line with a column {TIME!r}", id="file-empty"
+        ) from None
     for sign, name in ((";", "semicolons"), ("\t", "tabs")):
         if len(heads) == 1 and sign in heads[0]:
-            raise DataFileError(f"{path}: cells are separated by {name}; expected commas, and points in decimals")
+            raise DataFileError(
+                f"{path}: cells are separated by {name}; expected commas, and points in decimals", id="not-csv"
+            )
     heads = [head.strip() for head in heads]
     if not any(head_of(head)[1] for head in heads):  # of another kind of file nothing is quoted
-        raise DataFileError(f"{path}: its first line has no column with a unit, such as {TIME!r}; expected CSV")
+        raise DataFileError(
+            f"{path}: its first line has no column with a unit, such as {TIME!r}; expected CSV", id="not-csv"
+        )
     rows = [_numbers(path, number, line, heads) for number, line in enumerate(lines, 2)]
     return CsvTable(path, tuple(heads), np.array(rows, dtype=np.float64).reshape(len(rows), len(heads)))
 
 
 def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list[float]:
     if len(line) != len(heads):
-        raise DataFileError(f"{path}: line {number}: {len(line)} cells; the header line has {len(heads)}")
+        raise DataFileError(
+            f"{path}: line {number}: {len(line)} cells; the header line has {len(heads)}", id="csv-cell"
+        )
     found = []
     for cell, head in zip(line, heads, strict=True):
         try:
@@ -177,7 +195,9 @@ def _numbers(path: Path, number: int, line: list[str], heads: list[str]) -> list
                 raise ValueError
             found.append(float(cell) if cell.strip() else math.nan)
         except ValueError:
-            raise DataFileError(f"{path}: line {number}, {head}: {truncated(cell)} is not a number") from None
+            raise DataFileError(
+                f"{path}: line {number}, {head}: {truncated(cell)} is not a number", id="csv-cell"
+            ) from None
         if not math.isfinite(found[-1]) and cell.strip():
-            raise DataFileError(f"{path}: line {number}, {head}: {truncated(cell)} is not finite")
+            raise DataFileError(f"{path}: line {number}, {head}: {truncated(cell)} is not finite", id="csv-cell")
     return found

@@ -26,7 +26,9 @@ def require_path(name: str, value: object) -> Path:
         It is neither; the message says what it is.
     """
     if not isinstance(value, str | os.PathLike):
-        raise ArgumentError(f"{name} = {truncated(value)}: expected a str or a Path, got {type(value).__name__}")
+        raise ArgumentError(
+            f"{name} = {truncated(value)}: expected a str or a Path, got {type(value).__name__}", id="wrong-type"
+        )
     return Path(value)
 
 
@@ -43,13 +45,13 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         text = data.decode("utf-8-sig")  # some editors put a byte order mark in front
     except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: not UTF-8 at byte {error.start}; save the file as UTF-8") from None
+        raise SceneError(f"{path}: not UTF-8 at byte {error.start}; save the file as UTF-8", id="not-utf8") from None
     if not text.strip():
-        raise SceneError(f"{path}: empty; expected a TOML file")
+        raise SceneError(f"{path}: empty; expected a TOML file", id="file-empty")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits
-        raise SceneError(f"{path}: not TOML: {error}") from None
+        raise SceneError(f"{path}: not TOML: {error}", id="not-toml") from None
 
 
 @contextlib.contextmanager

@@ -49,19 +49,23 @@ def measured_from(
     """What was measured, from columns with their heads, shape (samples, heads); otherwise as `read_measured`."""
     absent = [name for name in only if name not in heads]
     if absent:
-        raise DataFileError(f"{where}: no column {absent[0]!r}; columns: {short_list(list(heads))}")
+        raise DataFileError(
+            f"{where}: no column {absent[0]!r}; columns: {short_list(list(heads))}", id="no-such-column"
+        )
     counted = [k for k, head in enumerate(heads) if not only or head in only or (in_si(head) or ("",))[0] == TIME]
     names, sizes = zip(*(named(where, heads[k], known) for k in counted), strict=True)
     twice = [name for name in names if names.count(name) > 1]
     if TIME not in names or twice:
         wrong = f"column {twice[0]!r} appears twice" if twice else f"no column {TIME!r}"
-        raise DataFileError(f"{where}: {wrong}; columns: {short_list(list(heads))}")
+        raise DataFileError(f"{where}: {wrong}; columns: {short_list(list(heads))}", id="no-such-column")
     columns = dict(zip(names, (values[:, counted] * sizes).T, strict=True))
     t = columns.pop(TIME)
     if len(t) < 2 or not (np.diff(t) > 0).all():
-        raise DataFileError(f"{where}: {TIME}: expected two or more times, each later than the one before")
+        raise DataFileError(
+            f"{where}: {TIME}: expected two or more times, each later than the one before", id="times-not-increasing"
+        )
     if not any(np.isfinite(column).any() for column in columns.values()):
-        raise DataFileError(f"{where}: no measured values; expected columns such as 'tip x [m]'")
+        raise DataFileError(f"{where}: no measured values; expected columns such as 'tip x [m]'", id="no-such-column")
     return Measured(t, columns)
 
 
@@ -78,7 +82,7 @@ def named(where: str, head: str, known: Mapping[str, object]) -> tuple[str, floa
     found = in_si(head)
     if found is not None and found[0] in known:
         return found
-    raise DataFileError(f"{where}: column {head!r}: {_why_unknown(head, known)}")
+    raise DataFileError(f"{where}: column {head!r}: {_why_unknown(head, known)}", id="no-such-column")
 
 
 def _why_unknown(head: str, known: Mapping[str, object]) -> str:

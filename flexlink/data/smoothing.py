@@ -28,12 +28,15 @@ def smoothed(t: Array, y: Array, cutoff: float) -> tuple[Array, Array, Array]:
     # samples that a smoothing spline of more than a parabola needs
     fewest = 5
     if len(t) < fewest:
-        raise SceneError(f"cutoff = {cutoff!r}: {len(t)} samples are too few; expected {fewest} or more")
+        raise SceneError(
+            f"cutoff = {cutoff!r}: {len(t)} samples are too few; expected {fewest} or more", id="too-few-samples"
+        )
     apart = float(np.diff(t).max())
     if 2 * apart * cutoff >= 1:
         raise SceneError(
             f"cutoff = {cutoff!r}: samples are up to {apart:.6g} s apart; expected below {0.5 / apart:.6g} Hz, half of "
-            "their rate"
+            "their rate",
+            id="cutoff-too-high",
         )
     from scipy.interpolate import BSpline  # noqa: PLC0415  0.1 s that few scenes need
     from scipy.linalg import solveh_banded  # noqa: PLC0415

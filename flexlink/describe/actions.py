@@ -96,13 +96,15 @@ class Drive(Spec, frozen=True):
                 takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
                 takes = takes.replace("target_deg", "target_deg or reference (target_m of joints that slide)")
                 state = ": missing;" if value is None else f" = {truncated(value)}:"
-                raise SceneError(f"{name}{state} drive kind {self.kind!r} takes {takes}")
+                raise SceneError(f"{name}{state} drive kind {self.kind!r} takes {takes}", id="key-of-another-kind")
         if self.file is None:
             check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
         if self.gravity != "none" and self.kind != "pd":
-            raise SceneError(f"gravity = {self.gravity!r}: needs drive kind 'pd'")
+            raise SceneError(f"gravity = {self.gravity!r}: needs drive kind 'pd'", id="needs-pd")
         if self.rate is not None and self.kind == "none":
-            raise SceneError(f"rate = {self.rate!r}: has no effect with drive kind 'none'; leave rate out")
+            raise SceneError(
+                f"rate = {self.rate!r}: has no effect with drive kind 'none'; leave rate out", id="no-effect"
+            )
 
 
 class PrescribedMotion(Spec, frozen=True):
@@ -152,26 +154,34 @@ class PrescribedMotion(Spec, frozen=True):
             self._check_file()
             return
         if self.cutoff is not None:
-            raise SceneError(f"cutoff = {self.cutoff!r}: has no effect without a file; leave cutoff out")
+            raise SceneError(
+                f"cutoff = {self.cutoff!r}: has no effect without a file; leave cutoff out", id="no-effect"
+            )
         if not self.times:
-            raise SceneError("times: missing; give them with the angles, rates and accelerations there, or a file")
+            raise SceneError(
+                "times: missing; give them with the angles, rates and accelerations there, or a file", id="missing-key"
+            )
         if self.times[0] != 0:
-            raise SceneError(f"times[0] = {self.times[0]!r}: must be 0")
+            raise SceneError(f"times[0] = {self.times[0]!r}: must be 0", id="first-time")
         require_increasing("times", self.times)
         for name in self.keys:
             column = getattr(self, name)
             if column is None:
-                raise SceneError(f"{name}: missing; this key is required")
+                raise SceneError(f"{name}: missing; this key is required", id="missing-key")
             if len(column) != len(self.times):
-                raise SceneError(f"{name} has {len(column)} values: expected one per time, {len(self.times)}")
+                raise SceneError(
+                    f"{name} has {len(column)} values: expected one per time, {len(self.times)}", id="one-per-time"
+                )
             other = TWINS[name]
             if getattr(self, other) is not None:
-                raise SceneError(f"{other} = {truncated(getattr(self, other))}: {name} is given, too; give only one")
+                raise SceneError(
+                    f"{other} = {truncated(getattr(self, other))}: {name} is given, too; give only one", id="both-given"
+                )
 
     def _check_file(self) -> None:
         for name in ("times", *OF_MOTION, *IN_METRES_OF_MOTION):
             if getattr(self, name) not in (None, ()):
-                raise SceneError(f"file = {self.file!r}: {name} is given, too; give only one")
+                raise SceneError(f"file = {self.file!r}: {name} is given, too; give only one", id="both-given")
 
     @property
     def slides(self) -> bool:
@@ -234,20 +244,23 @@ class Wrench(Spec, frozen=True):
             for name in ("times", *tables, "force", "moment"):
                 value = getattr(self, name)
                 if value is not None and any(value):
-                    raise SceneError(f"file = {self.file!r}: {name} is given, too; give only one")
+                    raise SceneError(f"file = {self.file!r}: {name} is given, too; give only one", id="both-given")
             return
         check_table(self.times, tables, smooth=self.smooth, hold=self.hold)
         if self.times is None:
             for name, rows in tables.items():
                 if rows is not None:
-                    raise SceneError(f"{name} = {truncated(rows)}: needs times, one per row")
+                    raise SceneError(f"{name} = {truncated(rows)}: needs times, one per row", id="needs-another-key")
             return
         if self.forces is None and self.moments is None:
-            raise SceneError(f"times = {truncated(self.times)}: needs forces, moments or both, one row per time")
+            raise SceneError(
+                f"times = {truncated(self.times)}: needs forces, moments or both, one row per time", id="missing-key"
+            )
         for name in ("force", "moment"):
             if any(getattr(self, name)):
                 raise SceneError(
-                    f"{name} = {truncated(getattr(self, name))}: times are given, so give {name}s, one row per time"
+                    f"{name} = {truncated(getattr(self, name))}: times are given, so give {name}s, one row per time",
+                    id="one-per-time",
                 )
 
     @property
@@ -267,7 +280,8 @@ class Wrench(Spec, frozen=True):
         if self.varies:
             cause = "frame = 'tip'" if self.frame == "tip" else f"times = {truncated(self.times)}"
             raise SceneError(
-                f"wrench.{cause}: is not constant in frame 0; Trajectory.tip_wrench holds it at the samples"
+                f"wrench.{cause}: is not constant in frame 0; Trajectory.tip_wrench holds it at the samples",
+                id="load-not-constant",
             )
         return np.array([*self.force, *self.moment])
 
@@ -290,9 +304,9 @@ def check_table(
     if times is not None:
         require_increasing("times", times)
     if smooth and len(times or ()) < 2:
-        raise SceneError(f"smooth = {smooth}: needs a table with at least 2 times")
+        raise SceneError(f"smooth = {smooth}: needs a table with at least 2 times", id="needs-another-key")
     if hold and (smooth or times is None):
-        raise SceneError(f"hold = {hold}: needs a table with smooth = False")
+        raise SceneError(f"hold = {hold}: needs a table with smooth = False", id="needs-another-key")
     for name, rows in tables.items():
         if times is not None and rows is not None and len(rows) != len(times):
-            raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}")
+            raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}", id="one-per-time")

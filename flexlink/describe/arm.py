@@ -43,11 +43,14 @@ class Base(RigidBody, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.kind == "fixed" and (self.mass or any(self.inertia)):
-            raise SceneError(f"mass = {self.mass!r}: a fixed base takes none; kind = 'free' makes it float")
+            raise SceneError(
+                f"mass = {self.mass!r}: a fixed base takes none; kind = 'free' makes it float", id="base-mass"
+            )
         if self.kind == "free" and not (self.mass and self.principal_moments[0] > 0):
             raise SceneError(
                 f"mass = {self.mass!r}, inertia = {truncated(self.inertia)}: a free base needs mass, and inertia "
-                "about every axis"
+                "about every axis",
+                id="base-mass",
             )
 
     @property

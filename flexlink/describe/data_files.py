@@ -46,7 +46,8 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
         known = names(folder)
         raise ArgumentError(
             f"{key} = {truncated(name)}: unknown; allowed are {', '.join(known)} or a path ending in .toml"
-            f"{did_you_mean(name, known)}"
+            f"{did_you_mean(name, known)}",
+            id="unknown-name",
         )
     try:
         description: T = _of_user(name, kind) if is_user_file(name) else _of_ours(folder, name, cast("Any", kind))

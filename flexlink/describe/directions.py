@@ -24,7 +24,7 @@ def unit(key: str, vector: Vector3 | Array) -> Array:
     """
     largest = max(map(abs, vector))
     if largest == 0:
-        raise SceneError(f"{key} = {truncated(vector)}: must not be zero; it is a direction")
+        raise SceneError(f"{key} = {truncated(vector)}: must not be zero; it is a direction", id="zero-direction")
     scaled = np.array(vector) / largest
     direction: Array = scaled / math.hypot(*scaled)
     return direction
@@ -58,11 +58,15 @@ def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> L
         along = stop - start
     length = math.hypot(*along)
     if not 0 < length < math.inf:
-        raise SceneError(f"line = {truncated(ends)}: is {length:g} m long; must run from one point to another")
+        raise SceneError(
+            f"line = {truncated(ends)}: is {length:g} m long; must run from one point to another", id="no-length"
+        )
     x = unit("line", along)
     z = _across(x, axis if up is None else unit("up", up))
     if z is None and up is not None:
-        raise SceneError(f"up = {truncated(up)}: runs along the line; must point across it, as the section's z")
+        raise SceneError(
+            f"up = {truncated(up)}: runs along the line; must point across it, as the section's z", id="up-along-line"
+        )
     if z is None:
         z = _across(x, np.eye(3)[2 if x[2] ** 2 < 0.5 else 1])
         assert z is not None  # at least 45° between them

@@ -82,7 +82,8 @@ def _started_with(initial: InitialState, arm: Arm, number: int, motion: Prescrib
         if given and abs(given - first) > allowed:
             raise SceneError(
                 f"{arm.path(number, f'initial.{key}')} = {given!r}: the file of the motion of {motion.link!r} begins "
-                f"with {first:.6g}; check its unit, or leave this out: the joint starts where the file does"
+                f"with {first:.6g}; check its unit, or leave this out: the joint starts where the file does",
+                id="start-differs-from-file",
             )
         row[number - 1] = first
         changes[key] = tuple(row)
@@ -209,10 +210,14 @@ def wrench_from_file(wrench: Wrench) -> Wrench:
         allowed = {f"{name} {axis}" for name, _ in parts.values() for axis in "xyz"}
         for head, quantity in zip(table.heads, quantities, strict=True):
             if quantity not in allowed and quantity.startswith(("force", "moment")):
-                raise DataFileError(f"{table.path}: column {head!r}: not known; expected {short_list(sorted(allowed))}")
+                raise DataFileError(
+                    f"{table.path}: column {head!r}: not known; expected {short_list(sorted(allowed))}",
+                    id="unknown-column",
+                )
         if not allowed & set(quantities):
             raise DataFileError(
-                f"{table.path}: no column such as 'force x [N]' or 'moment z [N m]'; columns: {short_list(table.heads)}"
+                f"{table.path}: needs a column 'force x [N]' or 'moment z [N m]'; has {short_list(table.heads)}",
+                id="no-such-column",
             )
         rows = {}
         for key, (name, unit) in parts.items():
@@ -246,14 +251,17 @@ def motion_from_file(motion: PrescribedMotion, link: Link) -> PrescribedMotion:
     def filled(table: CsvTable) -> PrescribedMotion:
         slides, times = link.joint.slides, table.times
         if len(times) and times[0] != 0:
-            raise DataFileError(f"{table.path}: t begins at {float(times[0])!r} s; a motion begins at 0, so shift it")
+            raise DataFileError(
+                f"{table.path}: t begins at {float(times[0])!r} s; a motion begins at 0, so shift it", id="first-time"
+            )
         columns = _angles(table, link, motion.cutoff, ())
         if motion.cutoff is None:
             for name in RATES:
                 if f"{name} {link.name}" not in table.quantities:
                     raise SceneError(
                         f"cutoff: missing; {table.path} has no column '{name} {link.name}'. Give cutoff [Hz], by which "
-                        "rates and accelerations are found, or a file that has them"
+                        "rates and accelerations are found, or a file that has them",
+                        id="missing-key",
                     )
             columns = _angles(table, link, None, RATES)
         keys = [IN_METRES[key] for key in OF_MOTION] if slides else OF_MOTION
@@ -268,7 +276,7 @@ def _read(path: str, file: str, filled: Callable[[CsvTable], T]) -> T:
     try:
         table = read_csv(Path(file))
         if not len(table.values):
-            raise DataFileError(f"{file}: no rows; expected one or more below the heads")
+            raise DataFileError(f"{file}: no rows; expected one or more below the heads", id="file-empty")
         return filled(table)
     except DataFileError as error:
         raise DataFileError(f"{path}.file = {file!r}: {str(error).removeprefix(f'{file}: ')}") from None

@@ -56,12 +56,16 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
     if nodes[0] == 0 and link.root_springs:
         raise SceneError(
             f"lumping = {link.lumping!r}: puts a hinge on the springs of root_stiffness, with no inertia between the "
-            "two; take a rule that puts none at the root, such as 'gauss' or 'gregory'"
+            "two; take a rule that puts none at the root, such as 'gauss' or 'gregory'",
+            id="hinge-without-inertia",
         )
     if nodes[0] == 0 and not _stands_alone(link):
-        raise SceneError(f"lumping = {link.lumping!r}: puts a hinge on {_bare(link)}")
+        raise SceneError(f"lumping = {link.lumping!r}: puts a hinge on {_bare(link)}", id="hinge-without-inertia")
     if nodes[-1] == 1:
-        raise SceneError(f"lumping = {link.lumping!r}: puts a hinge at the link's end, where it carries no inertia")
+        raise SceneError(
+            f"lumping = {link.lumping!r}: puts a hinge at the link's end, where it carries no inertia",
+            id="hinge-without-inertia",
+        )
     return nodes, weights
 
 
@@ -73,7 +77,9 @@ def _check_root(link: Link) -> None:
     sprung = np.array([name in link.root_springs for name in ROOT_AXES])
     if axis[~sprung].any() or np.cross(axis, lever).any() or _stands_alone(link):
         return
-    raise SceneError(f"root_stiffness: turns about the axis {truncated(link.joint.axis)} of {_bare(link)}")
+    raise SceneError(
+        f"root_stiffness: turns about the axis {truncated(link.joint.axis)} of {_bare(link)}", id="root-stiffness-axis"
+    )
 
 
 def _bare(link: Link) -> str:
@@ -113,7 +119,8 @@ def _placed(rule: LumpingRule, count: int) -> tuple[Array, Array]:
     nodes, weights = rule.hinges(count)
     if not ((np.diff(nodes) > 0).all() and np.isfinite([nodes, weights]).all() and (weights > 0).all()):
         raise ArgumentError(
-            "has spacings or weights below the resolution of float64; use fewer segments or another rule"
+            "has spacings or weights below the resolution of float64; use fewer segments or another rule",
+            id="rule-resolution",
         )
     nodes.flags.writeable = weights.flags.writeable = False
     return nodes, weights

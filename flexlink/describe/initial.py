@@ -40,9 +40,13 @@ class BaseState(Spec, frozen=True):
         super().__post_init__()
         for name, other in (("quaternion", "rpy_deg"), ("spin", "spin_deg")):
             if getattr(self, name) is not None and any(getattr(self, other)):
-                raise SceneError(f"{name} = {truncated(getattr(self, name))}: {other} is given, too; give only one")
+                raise SceneError(
+                    f"{name} = {truncated(getattr(self, name))}: {other} is given, too; give only one", id="both-given"
+                )
         if self.quaternion is not None and not any(self.quaternion):
-            raise SceneError("quaternion = (0.0, 0.0, 0.0, 0.0): has no direction; [1, 0, 0, 0] is no turn")
+            raise SceneError(
+                "quaternion = (0.0, 0.0, 0.0, 0.0): has no direction; [1, 0, 0, 0] is no turn", id="zero-direction"
+            )
 
     @property
     def rates(self) -> Array:
@@ -91,10 +95,12 @@ class InitialState(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.q is not None and self.passive == "static":
-            raise SceneError("passive = 'static': computes the hinges' angles, but q is given, too; give only one")
+            raise SceneError(
+                "passive = 'static': computes the hinges' angles, but q is given, too; give only one", id="both-given"
+            )
         for name in ("rate_deg", "rate_m"):
             if self.qd is not None and getattr(self, name) is not None:
-                raise SceneError(f"qd = {truncated(self.qd)}: {name} is given, too; give only one")
+                raise SceneError(f"qd = {truncated(self.qd)}: {name} is given, too; give only one", id="both-given")
 
     def own(self, name: str, slides: Slides) -> Row:
         """A list of one number per link, "joint" or "rate", in the joints' own units; zero where nothing is said."""

@@ -72,17 +72,25 @@ class Joint(Spec, frozen=True):
         self.direction  # noqa: B018  refuses an axis without one
         other = "limits_deg" if self.slides else "limits_m"
         if getattr(self, other) is not None:
-            raise SceneError(f"{other} = {getattr(self, other)}: a {self.kind} joint takes {self.limits_key}")
+            raise SceneError(
+                f"{other} = {getattr(self, other)}: a {self.kind} joint takes {self.limits_key}",
+                id="key-of-another-kind",
+            )
         if self.own_limits is not None and self.own_limits[0] >= self.own_limits[1]:
-            raise SceneError(f"{self.limits_key} = {self.own_limits}: the lower one must be below the upper one")
+            raise SceneError(
+                f"{self.limits_key} = {self.own_limits}: the lower one must be below the upper one", id="limits-order"
+            )
         if self.viscous_lag and not self.viscous:
-            raise SceneError(f"viscous_lag = {self.viscous_lag!r}: needs a viscous friction > 0")
+            raise SceneError(
+                f"viscous_lag = {self.viscous_lag!r}: needs a viscous friction > 0", id="needs-another-key"
+            )
         if self.gear_stiffness is None and self.gear_damping:
-            raise SceneError(f"gear_damping = {self.gear_damping!r}: needs a gear_stiffness")
+            raise SceneError(f"gear_damping = {self.gear_damping!r}: needs a gear_stiffness", id="needs-another-key")
         if self.gear_stiffness is not None and not self.armature and not self.locked:
             raise SceneError(
                 f"armature = {self.armature!r}, the default: gear_stiffness = {self.gear_stiffness!r} needs the "
-                "motor's inertia; nothing else moves between motor and gear"
+                "motor's inertia; nothing else moves between motor and gear",
+                id="needs-another-key",
             )
 
     @property
@@ -139,7 +147,8 @@ class Mount(Spec, frozen=True):
         super().__post_init__()
         if self.rpy is not None and any(self.rpy_deg):
             raise SceneError(
-                f"rpy = {truncated(self.rpy)}: rpy_deg = {truncated(self.rpy_deg)} is given, too; give only one"
+                f"rpy = {truncated(self.rpy)}: rpy_deg = {truncated(self.rpy_deg)} is given, too; give only one",
+                id="both-given",
             )
 
 
@@ -192,4 +201,6 @@ def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint
         for place in extremes:
             if max(low - place, place - high) > rounding * np.abs(extremes).max():
                 reason = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
-                raise SceneError(f"reaches {place:.9g} {OF_JOINT[joint.slides].unit}: {reason}")
+                raise SceneError(
+                    f"reaches {place:.9g} {OF_JOINT[joint.slides].unit}: {reason}", id="wrench-out-of-reach"
+                )

@@ -88,46 +88,69 @@ class Link(Spec, frozen=True):
         super().__post_init__()
         msgspec.structs.force_setattr(self, "lumping", documents.absolute(self.lumping))
         if not self.name:
-            raise SceneError("name = '': must not be empty")
+            raise SceneError("name = '': must not be empty", id="empty-name")
         if (self.material is None) != (self.section is None):
             missing, given = ("section", "material") if self.section is None else ("material", "section")
             said = f"{given} = {getattr(self, given)!r}"
-            raise SceneError(f"{missing}: missing; {said} is given: give both, or neither for a massless link")
+            raise SceneError(
+                f"{missing}: missing; {said} is given: give both, or neither for a massless link", id="missing-key"
+            )
         if self.rigidity is not None and self.material is not None:
-            raise SceneError(f"rigidity = {self.rigidity!r}: material = {self.material!r} is given, too; give only one")
+            raise SceneError(
+                f"rigidity = {self.rigidity!r}: material = {self.material!r} is given, too; give only one",
+                id="both-given",
+            )
         if self.section_tip is not None and self.section is None:
-            raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
+            raise SceneError(
+                f"section_tip = {self.section_tip!r}: needs a section at the joint, too", id="needs-another-key"
+            )
         if self.line is not None and self.length:
-            raise SceneError(f"length = {self.length!r}: line = {truncated(self.line)} is given, too; give only one")
+            raise SceneError(
+                f"length = {self.length!r}: line = {truncated(self.line)} is given, too; give only one", id="both-given"
+            )
         if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
-            raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: with dh a joint turns about Z")
+            raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: with dh a joint turns about Z", id="dh-axis")
         for axis in ROOT_AXES:
             damping = getattr(self.root_damping, axis, 0.0)
             if damping and axis not in self.root_springs:
-                raise SceneError(f"root_damping.{axis} = {damping!r}: needs a root_stiffness.{axis}")
+                raise SceneError(
+                    f"root_damping.{axis} = {damping!r}: needs a root_stiffness.{axis}", id="needs-another-key"
+                )
         length = self.beam.length
         if self.flex != "rigid":
             self._check_flexible(length)
         elif self.segments != 1:
-            raise SceneError(f"segments = {self.segments}: a rigid link has 1; flex = 'z', 'yz' or 'xyz' makes it bend")
+            raise SceneError(
+                f"segments = {self.segments}: a rigid link has 1; flex = 'z', 'yz' or 'xyz' makes it bend",
+                id="rigid-segments",
+            )
         elif self.rigidity is not None and length == 0:
             raise SceneError(
-                f"length = {self.length!r}, the default: a link with a rigidity needs a length > 0 or a line"
+                f"length = {self.length!r}, the default: a link with a rigidity needs a length > 0 or a line",
+                id="needs-a-length",
             )
         elif self.material is not None and length == 0:
             raise SceneError(
                 f"length = {self.length!r}, the default: a link of material {self.material!r} needs a length > 0 or a "
-                "line; one without length has neither material nor section, but may have a hub"
+                "line; one without length has neither material nor section, but may have a hub",
+                id="needs-a-length",
             )
 
     def _check_flexible(self, length: float) -> None:
         if self.segments < 2:
-            raise SceneError(f"segments = {self.segments}, the default: a flexible link needs at least 2, such as 5")
+            raise SceneError(
+                f"segments = {self.segments}, the default: a flexible link needs at least 2, such as 5",
+                id="too-few-segments",
+            )
         if length == 0:
-            raise SceneError(f"length = {self.length!r}, the default: a flexible link needs a length > 0 or a line")
+            raise SceneError(
+                f"length = {self.length!r}, the default: a flexible link needs a length > 0 or a line",
+                id="needs-a-length",
+            )
         if self.material is None and self.rigidity is None:
             raise SceneError(
-                "material, section: missing; a flexible link needs a material and a section, or a rigidity"
+                "material, section: missing; a flexible link needs a material and a section, or a rigidity",
+                id="missing-key",
             )
 
     @property

@@ -33,5 +33,6 @@ def link_number(argument: str, value: object, names: Sequence[str]) -> int:
         return wanted
     raise ArgumentError(
         f"{argument} = {truncated(value)}: no link of this arm; allowed are {short_list(names)}, or 1 … {len(names)}"
-        f"{did_you_mean(wanted, names)}"
+        f"{did_you_mean(wanted, names)}",
+        id="unknown-link",
     )

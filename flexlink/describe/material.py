@@ -81,14 +81,16 @@ class Section(Spec, frozen=True):
         for name in dimensions:
             if name not in wanted:
                 allowed = ", ".join(wanted)
-                raise SceneError(f"{name} = {getattr(self, name)!r}: a {self.shape} takes {allowed}")
+                raise SceneError(
+                    f"{name} = {getattr(self, name)!r}: a {self.shape} takes {allowed}", id="key-of-another-kind"
+                )
         for name in wanted:
             if name not in dimensions:
-                raise SceneError(f"{name}: missing; a {self.shape} needs {', '.join(wanted)}")
+                raise SceneError(f"{name}: missing; a {self.shape} needs {', '.join(wanted)}", id="missing-key")
         if self.outer is not None and self.inner is not None and self.inner >= self.outer:
-            raise SceneError(f"inner = {self.inner!r}: must be smaller than outer = {self.outer!r}")
+            raise SceneError(f"inner = {self.inner!r}: must be smaller than outer = {self.outer!r}", id="section-walls")
         if self.wall and self.height and self.width and 2 * self.wall >= min(self.height, self.width):
-            raise SceneError(f"wall = {self.wall!r}: must be less than half of height and width")
+            raise SceneError(f"wall = {self.wall!r}: must be less than half of height and width", id="section-walls")
         self._check_properties(wanted)
 
     def _check_properties(self, dimensions: tuple[str, ...]) -> None:
@@ -99,7 +101,9 @@ class Section(Spec, frozen=True):
         for name, value in properties.items():
             if not 0 < value < math.inf:
                 values = ", ".join(f"{key} = {getattr(self, key)!r}" for key in dimensions)
-                raise SceneError(f"{values}: {name} {'underflows' if value == 0 else 'overflows'} float64")
+                raise SceneError(
+                    f"{values}: {name} {'underflows' if value == 0 else 'overflows'} float64", id="overflow"
+                )
 
     @property
     def properties(self) -> SectionProperties:
@@ -161,9 +165,11 @@ class Damping(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.law == "proportional" and self.at_hz is None:
-            raise SceneError("at_hz: missing; this key is required, unless law = 'constant'")
+            raise SceneError("at_hz: missing; this key is required, unless law = 'constant'", id="missing-key")
         if self.law == "constant" and self.at_hz is not None:
-            raise SceneError(f"at_hz = {self.at_hz!r}: has no effect with law = 'constant'; leave it out")
+            raise SceneError(
+                f"at_hz = {self.at_hz!r}: has no effect with law = 'constant'; leave it out", id="no-effect"
+            )
 
     @property
     def is_constant(self) -> bool:

@@ -8,20 +8,21 @@ from typing import Any, get_args, get_origin
 import msgspec
 
 from flexlink.common.errors import ALSO, SceneError
-from flexlink.describe.spec import TOO_DEEP, bare_type, decode, fields_of, key_mistakes, path_to, type_below
+from flexlink.common.wording import Diagnostic
+from flexlink.describe.spec import bare_type, decode, fields_of, key_mistakes, path_to, type_below
 
 
-def mistakes(raw: Any, kind: Any, path: str = "") -> list[str]:
+def mistakes(raw: Any, kind: Any, path: str = "") -> list[Diagnostic]:
     """What `decode` finds wrong with a value and with all below it; arguments as there."""
     try:
         decode(raw, kind, path)
     except SceneError as error:
-        deep = str(error).endswith(TOO_DEEP)
-        return [str(error)] if deep else list(_below(raw, kind, path)) or [str(error)]
+        deep = error.id == "nested-too-deeply"
+        return [error.diagnostic] if deep else list(_below(raw, kind, path)) or [error.diagnostic]
     return []
 
 
-def _below(raw: Any, kind: Any, path: str) -> Iterator[str]:
+def _below(raw: Any, kind: Any, path: str) -> Iterator[Diagnostic]:
     """Mistakes of a table's keys and of the tables in a list; none where the value as a whole is wrong."""
     bare = bare_type(kind)
     if get_origin(bare) is dict and isinstance(raw, dict):
@@ -52,7 +53,7 @@ def raise_together(found: Iterable[str]) -> None:
     told = list(dict.fromkeys(found))
     if told:
         more = [f"{len(told) - most} more"] if len(told) > most else []
-        raise SceneError(ALSO.join([*told[:most], *more]))
+        raise SceneError(ALSO.join([*told[:most], *more]), id=getattr(told[0], "id", "inconsistent"))
 
 
 def check_all(checks: Sequence[Callable[[], object]]) -> None:
@@ -62,5 +63,5 @@ def check_all(checks: Sequence[Callable[[], object]]) -> None:
         try:
             check()
         except SceneError as error:
-            found.append(str(error))
+            found.append(error.diagnostic)
     raise_together(found)

@@ -21,11 +21,12 @@ def require_increasing(name: str, times: Sequence[float]) -> None:
         There is none, or one does not; the message names the row.
     """
     if not times:
-        raise SceneError(f"{name} = (): a table has one row or more")
+        raise SceneError(f"{name} = (): a table has one row or more", id="file-empty")
     for k, (before, time) in enumerate(itertools.pairwise(times), 1):
         if not time > before:
             raise SceneError(
-                f"{name}[{k}] = {time!r}: must be greater than {name}[{k - 1}] = {before!r}; times increase"
+                f"{name}[{k}] = {time!r}: must be greater than {name}[{k - 1}] = {before!r}; times increase",
+                id="times-not-increasing",
             )
 
 
@@ -38,7 +39,7 @@ def require_positive(name: str, number: float, why: str = "") -> None:
         It is not.
     """
     if not number > 0:
-        raise SceneError(f"{name} = {number!r}: expected float > 0.0{why}")
+        raise SceneError(f"{name} = {number!r}: expected float > 0.0{why}", id="out-of-range")
 
 
 def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
@@ -52,8 +53,8 @@ def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
     try:
         array = np.array(value)
     except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{name}: not an array: {error}; expected {wanted}") from None
+        raise ArgumentError(f"{name}: not an array: {error}; expected {wanted}", id="wrong-type") from None
     if array.dtype.kind not in "fiu":
         beyond = " (no integers that overflow float64)" if array.dtype.kind == "O" else ""
-        raise ArgumentError(f"{name} has dtype {array.dtype}; expected {wanted}{beyond}")
+        raise ArgumentError(f"{name} has dtype {array.dtype}; expected {wanted}{beyond}", id="wrong-type")
     return np.array(array, np.float64, order="C")

@@ -114,7 +114,9 @@ class Reference(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.cutoff is not None and (self.file is None or self.profile != "smooth"):
-            raise SceneError(f"cutoff = {self.cutoff!r}: needs a file and profile 'smooth'; leave cutoff out")
+            raise SceneError(
+                f"cutoff = {self.cutoff!r}: needs a file and profile 'smooth'; leave cutoff out", id="needs-another-key"
+            )
         if self.file is not None:
             self._check_file()
             return
@@ -122,11 +124,15 @@ class Reference(Spec, frozen=True):
         for name in dict.fromkeys(name for both in TAKES.values() for part in both for name in part):
             values = {key: getattr(self, key) for key in (name, IN_METRES.get(name, name))}
             if name in needs and all(value is None for value in values.values()):
-                raise SceneError(f"{name}: missing; profile {self.profile!r} takes {_taken(needs, may)}")
+                raise SceneError(
+                    f"{name}: missing; profile {self.profile!r} takes {_taken(needs, may)}", id="missing-key"
+                )
             for key, value in values.items():
                 if name not in (*needs, *may) and value not in (None, 0.0):
                     takes = _taken(needs, may)
-                    raise SceneError(f"{key} = {truncated(value)}: profile {self.profile!r} takes {takes}")
+                    raise SceneError(
+                        f"{key} = {truncated(value)}: profile {self.profile!r} takes {takes}", id="key-of-another-kind"
+                    )
         self._check_limits()
         if self.times is None:
             self._check_time_of_move()
@@ -138,11 +144,12 @@ class Reference(Spec, frozen=True):
         if self.profile not in TABLED:
             raise SceneError(
                 f"file = {self.file!r}: profile {self.profile!r} takes {_taken(*TAKES[self.profile])}; a file is a "
-                f"table's, of profile {', '.join(TABLED)}"
+                f"table's, of profile {', '.join(TABLED)}",
+                id="key-of-another-kind",
             )
         for key in sorted([*_in_both(*LISTS, *OF_MOTION), "times", "start", "duration"]):
             if getattr(self, key) not in (None, 0.0):
-                raise SceneError(f"file = {self.file!r}: {key} is given, too; give only one")
+                raise SceneError(f"file = {self.file!r}: {key} is given, too; give only one", id="both-given")
 
     def _check_limits(self) -> None:
         """A limit is positive, but of a joint whose limit is in the other unit."""
@@ -157,10 +164,10 @@ class Reference(Spec, frozen=True):
         # without a limit of the acceleration a trapezoid would be a jump
         needed = self._deciding
         if self.duration is not None and limits:
-            raise SceneError(f"duration = {self.duration!r}: {limits[0]} is given, too; give only one")
+            raise SceneError(f"duration = {self.duration!r}: {limits[0]} is given, too; give only one", id="both-given")
         if self.duration is None and not set(limits) & set(needed):
             named = needed if self.to_m is None or self.to_deg is not None else [IN_METRES[name] for name in needed]
-            raise SceneError(f"duration: missing; give it, or {' or '.join(named)}")
+            raise SceneError(f"duration: missing; give it, or {' or '.join(named)}", id="missing-key")
 
     @property
     def _deciding(self) -> tuple[str, ...]:
@@ -174,11 +181,11 @@ class Reference(Spec, frozen=True):
     def _check_table(self, times: Row) -> None:
         require_increasing("times", times)
         if self._said("acceleration_deg") and not self._said("rate_deg"):
-            raise SceneError("rate_deg: missing; acceleration_deg needs it")
+            raise SceneError("rate_deg: missing; acceleration_deg needs it", id="needs-another-key")
         for name in _in_both(*OF_MOTION):
             rows = getattr(self, name)
             if rows is not None and len(rows) != len(times):
-                raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}")
+                raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}", id="one-per-time")
 
     def starts_at_initial(self, *, slides: bool) -> bool:
         """Whether a joint that turns, or slides, starts where the scene's joints are initially."""
@@ -226,11 +233,13 @@ class Reference(Spec, frozen=True):
         [ 45. -60.]
         """
         if self.file is not None:
-            raise SceneError(f"file = {self.file!r}: is read as part of a scene; take Scene.course")
+            raise SceneError(f"file = {self.file!r}: is read as part of a scene; take Scene.course", id="file-not-read")
         start = np.asarray(initial, dtype=np.float64)
         for name, row in self.per_link.items():
             if len(row) != len(start):
-                raise SceneError(f"{name} = {truncated(row)}: expected one number per link, {len(start)}")
+                raise SceneError(
+                    f"{name} = {truncated(row)}: expected one number per link, {len(start)}", id="one-per-link"
+                )
         chosen = list(range(len(start)) if links is None else links)
         kinds = (False,) * len(start) if slides is None else tuple(map(bool, slides))
         self._require_lists({kinds[k] for k in chosen})
@@ -254,7 +263,7 @@ class Reference(Spec, frozen=True):
         for name in ("to_deg", *OF_MOTION):
             for key, slides in ((name, False), (IN_METRES[name], True)):
                 if slides in kinds and self._said(name) and getattr(self, key) is None:
-                    raise SceneError(f"{key}: missing; there are {OF_JOINT[slides].name} joints")
+                    raise SceneError(f"{key}: missing; there are {OF_JOINT[slides].name} joints", id="missing-key")
 
     def _own(self, name: str, slides: Slides) -> Row:
         """A list in the joints' own units."""
@@ -278,7 +287,8 @@ class Reference(Spec, frozen=True):
             if not there[:-1].any():
                 raise SceneError(
                     f"start = {self.start!r}: too late: float64 cannot resolve a move of {lasts:.3g} s at that time; "
-                    "start earlier"
+                    "start earlier",
+                    id="start-too-late",
                 )
             courses.append(from_rest_to_rest(knots[there], c[there[:-1], :, None], np.array([b])))
         return side_by_side(courses)
@@ -293,7 +303,9 @@ class Reference(Spec, frozen=True):
             require_positive(f"{key}.{link + 1}", limit)
         deciding = [IN_METRES[name] if slides else name for name in self._deciding]
         if not limits.keys() & set(deciding):
-            raise SceneError(f"{deciding[0]}: missing; there are {OF_JOINT[slides].name} joints that move")
+            raise SceneError(
+                f"{deciding[0]}: missing; there are {OF_JOINT[slides].name} joints that move", id="missing-key"
+            )
         rate, acceleration, jerk = (limits.get(key, math.inf) for key in keys)
         return fastest(distance, (rate, acceleration, jerk))
 

@@ -47,7 +47,8 @@ class RigidBody(Spec, frozen=True):
         if len(self.inertia) not in {3, 6}:
             raise SceneError(
                 f"inertia = {truncated(self.inertia)}: expected 3 moments, xx, yy, zz, or "
-                "6 numbers, xx, yy, zz, xy, xz, yz"
+                "6 numbers, xx, yy, zz, xy, xz, yz",
+                id="inertia-form",
             )
         size = max(map(abs, self.inertia)) or 1.0
         low, middle, high = (moment / size for moment in self.principal_moments)
@@ -58,7 +59,8 @@ class RigidBody(Spec, frozen=True):
             rule = f", and none may exceed the sum of the other two, {over}" if self.mass else ""
             raise SceneError(
                 f"inertia = {truncated(self.inertia)}: no body can have it; its principal moments are {moments}; none "
-                f"may be negative{rule}"
+                f"may be negative{rule}",
+                id="inertia-impossible",
             )
 
     @property

@@ -40,7 +40,9 @@ def rigidified(scene: Scene) -> Scene:
     >>> torque = fl.inverse_dynamics(model, q[chain.active], qd[chain.active], [1.0, 0.0])  # N m, rad/s²
     """
     if not isinstance(scene, Scene):
-        raise ArgumentError(f"scene = {truncated(scene)}: expected a Scene, got {type(scene).__name__}")
+        raise ArgumentError(
+            f"scene = {truncated(scene)}: expected a Scene, got {type(scene).__name__}", id="wrong-type"
+        )
     return build_validated(_rigidified, scene)
 
 

@@ -69,24 +69,29 @@ class Rigidity(Spec, frozen=True):
         if self.file is not None:
             self._read(self.file)
         if len(self.x) < 2 or self.x[0] != 0:
-            raise SceneError(f"x = {truncated(self.x)}: expected two rows or more, the first at 0")
+            raise SceneError(f"x = {truncated(self.x)}: expected two rows or more, the first at 0", id="rigidity-table")
         for k, (before, place) in enumerate(itertools.pairwise(self.x), 1):
             if place < before or (k >= 2 and place == before == self.x[k - 2]):
                 raise SceneError(
-                    f"x[{k}] = {place!r}: must not be less than x[{k - 1}] = {before!r}; two rows at most have the same"
+                    f"x[{k}] = {place!r}: must not be below x[{k - 1}] = {before!r}; at most two rows may be equal",
+                    id="rigidity-table",
                 )
         if self.x[0] == self.x[1] or self.x[-1] == self.x[-2]:
-            raise SceneError(f"x = {truncated(self.x)}: nothing jumps at the ends of a beam; give one row there")
+            raise SceneError(
+                f"x = {truncated(self.x)}: nothing jumps at the ends of a beam; give one row there", id="rigidity-table"
+            )
         for name in COLUMNS:
             column = getattr(self, name)
             if column is not None and len(column) != len(self.x):
-                raise SceneError(f"{name} = {truncated(column)}: must have as many numbers as x, {len(self.x)}")
+                raise SceneError(
+                    f"{name} = {truncated(column)}: must have as many numbers as x, {len(self.x)}", id="one-per-row"
+                )
 
     def _read(self, file: str) -> None:
         """Fill the columns by those of a file, whose own path then is not needed any more."""
         for name in ("x", *COLUMNS):
             if getattr(self, name):
-                raise SceneError(f"file = {file!r}: {name} is given, too; give only one")
+                raise SceneError(f"file = {file!r}: {name} is given, too; give only one", id="both-given")
         try:
             for name, column in _columns(Path(file)).items():
                 msgspec.structs.force_setattr(self, name, column)
@@ -125,13 +130,17 @@ def _columns(file: Path) -> dict[str, tuple[float, ...]]:
     for head, quantity in zip(table.heads, given, strict=True):
         if quantity != "x" and quantity not in heads:
             known = [f"{known} [{COLUMNS[name]}]" for known, name in heads.items()]
-            raise DataFileError(f"{file}: column {head!r}: not known; expected {', '.join(['x [m]', *known])}")
+            raise DataFileError(
+                f"{file}: column {head!r}: not known; expected {', '.join(['x [m]', *known])}", id="unknown-column"
+            )
     found = {"x": table.column("x", "m"), "rho_a": table.column("rhoA", COLUMNS["rho_a"])}
     found |= {name: table.column(head, COLUMNS[name]) for head, name in heads.items() if head in given}
     for name, column in found.items():
         low = 0.0 if name in {"x", "rho_i_y", "rho_i_z"} else tiny
         if not (column >= low).all():
-            raise DataFileError(f"{file}: line {int(np.argmax(column < low)) + 2}: {name} must be positive")
+            raise DataFileError(
+                f"{file}: line {int(np.argmax(column < low)) + 2}: {name} must be positive", id="out-of-range"
+            )
     return {name: tuple(column.tolist()) for name, column in found.items()}
 
 

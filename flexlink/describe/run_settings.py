@@ -96,13 +96,19 @@ class RunSettings(Spec, frozen=True, dict=True):  # with a dict, for cached prop
         if self.tolerance is not None and self.relative_tolerance is not None:
             raise SceneError(
                 f"relative_tolerance = {self.relative_tolerance!r}: tolerance = {self.tolerance!r} is given, too; "
-                "give only one"
+                "give only one",
+                id="both-given",
             )
         if self.step is not None and self.has_tolerance:
             key = "tolerance" if self.tolerance is not None else "relative_tolerance"
-            raise SceneError(f"step = {self.step!r}: {key} = {getattr(self, key)!r} is given, too; give only one")
+            raise SceneError(
+                f"step = {self.step!r}: {key} = {getattr(self, key)!r} is given, too; give only one", id="both-given"
+            )
         if self.accuracy == "deflection" and self.relative_tolerance is None:
-            raise SceneError("accuracy = 'deflection': needs relative_tolerance, a fraction of the deflection")
+            raise SceneError(
+                "accuracy = 'deflection': needs relative_tolerance, a fraction of the deflection",
+                id="needs-another-key",
+            )
 
     @property
     def has_tolerance(self) -> bool:
@@ -224,7 +230,10 @@ def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
     changed = {path for path, value in changes.items() if value is not None}
     tolerances, step = changed & {"run.tolerance", "run.relative_tolerance"}, "run.step" in changed
     if tolerances and step:
-        raise SceneError(f"run.step = {truncated(changes['run.step'])}: {min(tolerances)} is given, too; give only one")
+        raise SceneError(
+            f"run.step = {truncated(changes['run.step'])}: {min(tolerances)} is given, too; give only one",
+            id="both-given",
+        )
     gone: list[str] = []
     if tolerances or step:
         gone += ["run.tolerance", "run.relative_tolerance"]
@@ -256,7 +265,8 @@ def check_method(run: RunSettings) -> None:
         if run.by_default and run.step is not None:
             raise SceneError(
                 f"run.method = {AUTO!r}: picks a method for a tolerance, but run.step = {run.step!r} is given; give "
-                "run.tolerance, or a method, or leave run.step out"
+                "run.tolerance, or a method, or leave run.step out",
+                id="method-and-step",
             )
         return
     try:
@@ -267,5 +277,6 @@ def check_method(run: RunSettings) -> None:
     if not able:
         allowed = ", ".join([AUTO, *(name for name in data_files.names("methods") if method(name).controlled)])
         raise SceneError(
-            f"run.method = {truncated(run.method)}: does not estimate its error; with a tolerance allowed are {allowed}"
+            f"run.method = {truncated(run.method)}: has no error estimate; with a tolerance allowed are {allowed}",
+            id="method-without-error",
         )

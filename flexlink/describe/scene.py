@@ -70,7 +70,7 @@ class Scene(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.name:
-            raise SceneError("name = '': must not be empty")
+            raise SceneError("name = '': must not be empty", id="empty-name")
         said = {
             name: name if getattr(self.initial, name) else f"the default {name}" for name in ("joint_deg", "joint_m")
         }
@@ -154,7 +154,10 @@ class Scene(Spec, frozen=True):
             for slides in set(self.arm.slides):
                 key, default = f"from_{OF_JOINT[slides].unit}", f"joint_{OF_JOINT[slides].unit}"
                 if self.drive.reference.starts_at_initial(slides=slides) and not getattr(self.initial, default):
-                    raise SceneError(f"drive.reference.{key}: missing; initial.{default}, its default, is not given")
+                    raise SceneError(
+                        f"drive.reference.{key}: missing; initial.{default}, its default, is not given",
+                        id="missing-key",
+                    )
         joint_deg = (0.0,) * len(self.arm.links)
         msgspec.structs.force_setattr(self, "initial", replace(self.initial, joint_deg=joint_deg))
 

@@ -130,7 +130,7 @@ def check_limits(arm: Arm, initial: InitialState, said: Mapping[str, str]) -> No
         outside = _outside_limits(link, place)
         if outside and (initial.q is None or link.joint.locked):
             key = said["joint_m" if link.joint.slides else "joint_deg"].replace("joint_", "initial.joint_")
-            raise SceneError(f"{arm.path(k + 1, key)} = {outside}")
+            raise SceneError(f"{arm.path(k + 1, key)} = {outside}", id="outside-limits")
 
 
 def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequence[PrescribedMotion]) -> None:
@@ -145,13 +145,15 @@ def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequen
     for motion in motions:
         number = _check_motion(arm, initial, motion)
         if number in moved:
-            raise SceneError(f"motion.{motion.link}: the second motion of this link; give one")
+            raise SceneError(f"motion.{motion.link}: the second motion of this link; give one", id="motion-twice")
         moved.add(number)
         for name in ("kp", "kd"):
             gains = getattr(drive, name)
             if gains is not None and gains[number - 1]:
                 gain = f"{arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"
-                raise SceneError(f"{gain}: the motion of {motion.link!r} is prescribed; only 0 fits")
+                raise SceneError(
+                    f"{gain}: the motion of {motion.link!r} is prescribed; only 0 fits", id="joint-prescribed"
+                )
 
 
 def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> int:
@@ -162,22 +164,26 @@ def _check_motion(arm: Arm, initial: InitialState, motion: PrescribedMotion) -> 
     except ArgumentError as error:
         raise SceneError(f"{path}.{error}") from None
     if arm.links[number - 1].joint.locked:
-        raise SceneError(f"{path}: its joint is locked; a motion needs a free joint")
+        raise SceneError(f"{path}: its joint is locked; a motion needs a free joint", id="motion-of-locked-joint")
     joint = arm.links[number - 1].joint
     if motion.slides != joint.slides:
         key, wanted = motion.keys[0], "position_m, rate_m, acceleration_m" if joint.slides else ", ".join(OF_MOTION)
         given = f"{path}.{key} = {truncated(motion.columns[0])}"
-        raise SceneError(f"{given}: joint {arm.links[number - 1].name!r} is {joint.kind}; give {wanted}")
+        raise SceneError(
+            f"{given}: joint {arm.links[number - 1].name!r} is {joint.kind}; give {wanted}", id="sensor-of-joint"
+        )
     (position, rate), slides = motion.keys[:2], arm.slides
     for key, start, first, elsewhere in (
         (position, initial.own("joint", slides)[number - 1], motion.columns[0][0], initial.q),
         (rate, initial.own("rate", slides)[number - 1], motion.columns[1][0], initial.qd),
     ):
         if start != first and initial.time == 0 and elsewhere is None:
-            raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
+            raise SceneError(
+                f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}", id="start-differs-from-motion"
+            )
     for k, place in enumerate(motion.columns[0] if joint.own_limits is not None else ()):
         if outside := _outside_limits(arm.links[number - 1], place):
-            raise SceneError(f"{path}.{position}[{k}] = {outside}")
+            raise SceneError(f"{path}.{position}[{k}] = {outside}", id="outside-limits")
     return number
 
 
@@ -186,7 +192,8 @@ def check_air(arm: Arm, density: float | None) -> None:
     if density is not None and not arm.has_drag:
         raise SceneError(
             f"air_density = {density!r}: has no effect; no link has drag; give one, such as link.NAME.drag = "
-            "{ coefficient = 1.2 }, or leave it out"
+            "{ coefficient = 1.2 }, or leave it out",
+            id="no-effect",
         )
 
 
@@ -202,15 +209,19 @@ def check_base(arm: Arm, initial: InitialState, drive: Drive) -> None:
     if initial.base != BaseState() and not free:
         raise SceneError(
             "initial.base: has no effect, the base is fixed; leave it out, or give base = { kind = 'free', "
-            "mass = …, inertia = … }"
+            "mass = …, inertia = … }",
+            id="no-effect",
         )
     if free and initial.passive == "static":
-        raise SceneError("initial.passive = 'static': an arm on a free base has no rest; leave passive out")
+        raise SceneError(
+            "initial.passive = 'static': an arm on a free base has no rest; leave passive out", id="rest-of-free-base"
+        )
     for key, value in (("kind", drive.kind), ("gravity", drive.gravity)):
         if free and value in {"computed_torque", "rigid", "static"}:
             raise SceneError(
                 f"drive.{key} = {value!r}: takes the base for fixed, but it floats; a free base takes kind 'pd' "
-                "without gravity, or a law of your own"
+                "without gravity, or a law of your own",
+                id="drive-of-free-base",
             )
 
 
@@ -228,7 +239,9 @@ def check_wrench(arm: Arm, wrench: Wrench) -> None:
         why = "other links hang on it" if known else "no such link"
         if on == BASE:
             why = "is no link; hang one of no length, its joint locked, on it (link.on = 'base'), and name that"
-        raise SceneError(f"wrench.on = {on!r}: {why}; allowed are {', '.join(tips)}{did_you_mean(on, tips)}")
+        raise SceneError(
+            f"wrench.on = {on!r}: {why}; allowed are {', '.join(tips)}{did_you_mean(on, tips)}", id="unknown-name"
+        )
 
 
 def check_reference(arm: Arm, drive: Drive, course: ReferenceTrajectory | None, run: RunSettings) -> None:

@@ -59,5 +59,5 @@ def scene_named(document: dict[str, Any], folder: Path) -> Scene:
     """
     name = document.pop("scene")
     if not isinstance(name, str):
-        raise SceneError(f"scene = {truncated(name)}: expected the path of a scene file")
+        raise SceneError(f"scene = {truncated(name)}: expected the path of a scene file", id="wrong-type")
     return load_scene(folder / name)

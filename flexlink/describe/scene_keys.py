@@ -71,4 +71,4 @@ def _mistakes(
         try:
             _arm_of({**kept, **{key: decode(value, kinds[key], key) for key, value in of_arm.items()}})
         except SceneError as error:
-            yield str(error)
+            yield error.diagnostic

@@ -119,22 +119,29 @@ class Sensor(Spec, frozen=True):
         for key in of_kinds:
             value = getattr(self, key)
             if value is None and key in needs:
-                raise SceneError(f"{key}: missing; kind {self.kind!r} needs it")
+                raise SceneError(f"{key}: missing; kind {self.kind!r} needs it", id="missing-key")
             if value is not None and key not in (*needs, *may):
                 takes = ", ".join((*needs, *may)) or "none of " + ", ".join(of_kinds)
-                raise SceneError(f"{key} = {truncated(value)}: kind {self.kind!r} takes {takes}")
+                raise SceneError(
+                    f"{key} = {truncated(value)}: kind {self.kind!r} takes {takes}", id="key-of-another-kind"
+                )
         if self.x is not None and self.point is not None:
-            raise SceneError(f"point = {truncated(self.point)}: x = {self.x!r} is given, too; give only one")
+            raise SceneError(
+                f"point = {truncated(self.point)}: x = {self.x!r} is given, too; give only one", id="both-given"
+            )
         if self.axis is not None:
             unit("axis", self.axis)
         if self.gain == 0:
-            raise SceneError("gain = 0.0: must not be 0; nothing would be measured")
+            raise SceneError("gain = 0.0: must not be 0; nothing would be measured", id="zero-gain")
         if 0 < self.noise < SMALL:
-            raise SceneError(f"noise = {self.noise!r}: must be 0, or at least {SMALL:g}")
+            raise SceneError(f"noise = {self.noise!r}: must be 0, or at least {SMALL:g}", id="noise-too-small")
         self._check_unit()
         for key, of in (("order", "low_pass"), ("seed", "noise")):
             if getattr(self, key) is not None and not getattr(self, of):
-                raise SceneError(f"{key} = {getattr(self, key)!r}: has no effect without {of}; leave {key} out")
+                raise SceneError(
+                    f"{key} = {getattr(self, key)!r}: has no effect without {of}; leave {key} out",
+                    id="needs-another-key",
+                )
 
     def _check_name(self) -> None:
         """Columns are told apart, and from others, by it."""
@@ -145,9 +152,14 @@ class Sensor(Spec, frozen=True):
         )  # fmt: skip
         for key, text in (("name", self.name), ("unit", self.unit)):
             if text is not None and (not text or text != text.strip() or re.search(r"[\[\]\n\r\t]", text)):
-                raise SceneError(f"{key} = {text!r}: expected a text without brackets, and without spaces at its ends")
+                raise SceneError(
+                    f"{key} = {text!r}: expected a text without brackets, and without spaces at its ends",
+                    id="sensor-name",
+                )
         if self.name in taken or re.match(r"(q|qd|tau) ", self.name):
-            raise SceneError(f"name = {self.name!r}: columns of a run are called so; give another name")
+            raise SceneError(
+                f"name = {self.name!r}: columns of a run are called so; give another name", id="sensor-name"
+            )
 
     def _check_unit(self) -> None:
         """A column in a unit of what is measured, such as deg, has a gain; of others, such as V, it may be 1."""
@@ -162,7 +174,8 @@ class Sensor(Spec, frozen=True):
             if size is not None and size != 1:
                 raise SceneError(
                     f"unit = {self.unit!r}: the column would be in {unit_}; give gain = {1 / size:.10g}, {self.unit} "
-                    f"per {unit_}, or leave unit out"
+                    f"per {unit_}, or leave unit out",
+                    id="unit-missing",
                 )
 
     @property

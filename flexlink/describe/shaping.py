@@ -52,15 +52,22 @@ class ShaperRule(Spec, frozen=True):
         super().__post_init__()
         h, w = np.array(self.half_periods), np.array(self.weights)
         if len(w) != len(h):
-            raise SceneError(f"weights has {len(w)} numbers: expected one per impulse, {len(h)}")
+            raise SceneError(f"weights has {len(w)} numbers: expected one per impulse, {len(h)}", id="shaper-weights")
         if h[0] != 0 or np.any(np.diff(h) <= 0):
-            raise SceneError(f"half_periods = {truncated(self.half_periods)}: must start at 0 and increase")
+            raise SceneError(
+                f"half_periods = {truncated(self.half_periods)}: must start at 0 and increase", id="shaper-times"
+            )
         if w.sum() <= 0:
-            raise SceneError(f"weights = {truncated(self.weights)}: must have a sum > 0, by which they are divided")
+            raise SceneError(
+                f"weights = {truncated(self.weights)}: must have a sum > 0, by which they are divided",
+                id="shaper-weights",
+            )
         for k in range(self.zeros):
             left = abs(np.sum(w * h**k * np.exp(1j * np.pi * h)))
             if left > 1e-12 * np.sum(np.abs(w) * h**k):  # the rounding of numbers written with 13 digits or more
-                raise SceneError(f"zeros = {self.zeros}: derivative {k} of what is left is {left:.3g}, not 0")
+                raise SceneError(
+                    f"zeros = {self.zeros}: derivative {k} of what is left is {left:.3g}, not 0", id="shaper-zeros"
+                )
 
     def impulses(self, pole: complex) -> tuple[Array, Array]:
         """Times [s] and weights, of sum 1, for a vibration exp(λt), Im λ > 0."""
@@ -100,15 +107,23 @@ class InputShaper(Spec, frozen=True):
         if (self.frequency_hz is None) == (self.poles is None):
             raise SceneError(
                 f"frequency_hz = {truncated(self.frequency_hz)}, poles = {truncated(self.poles)}: give exactly one "
-                "of them"
+                "of them",
+                id="both-given",
             )
         if not (self.frequency_hz or self.poles):
-            raise SceneError("frequency_hz = (): no vibration to shape away; give one or more")
+            raise SceneError(
+                "frequency_hz = (): no vibration to shape away; give one or more", id="frequencies-missing"
+            )
         if self.damping is not None and len(self.damping) != len(self.frequency_hz or ()):
-            raise SceneError(f"damping = {truncated(self.damping)}: expected one ratio per frequency_hz")
+            raise SceneError(
+                f"damping = {truncated(self.damping)}: expected one ratio per frequency_hz", id="one-per-frequency"
+            )
         for k, (re, im) in enumerate(self.poles or ()):
             if im <= 0 or re > 0:
-                raise SceneError(f"poles[{k}] = {truncated((re, im))}: a vibration has Re λ ≤ 0 and Im λ > 0")
+                raise SceneError(
+                    f"poles[{k}] = {truncated((re, im))}: a vibration has Re λ ≤ 0 and Im λ > 0",
+                    id="poles-not-a-vibration",
+                )
 
     @classmethod
     def at(cls, poles: ArrayLike, kind: str = "ZVD") -> InputShaper:
@@ -160,7 +175,8 @@ class InputShaper(Spec, frozen=True):
         if len(rule.weights) ** len(vibrations) > MOST_IMPULSES:
             raise ArgumentError(
                 f"kind = {truncated(self.kind)}: {len(rule.weights)} impulses for each of {len(vibrations)} vibrations "
-                f"multiply to more than {MOST_IMPULSES}; shape fewer vibrations"
+                f"multiply to more than {MOST_IMPULSES}; shape fewer vibrations",
+                id="too-many-impulses",
             )
         single = [list(zip(*rule.impulses(λ), strict=True)) for λ in vibrations]
         times, weights = np.array([
@@ -168,7 +184,8 @@ class InputShaper(Spec, frozen=True):
         ]).T  # fmt: skip
         if not np.isfinite([times, weights]).all():
             raise ArgumentError(
-                f"kind = {truncated(self.kind)}: the times of the impulses overflow float64; shape faster vibrations"
+                f"kind = {truncated(self.kind)}: the times of the impulses overflow float64; shape faster vibrations",
+                id="overflow",
             )
         order = np.argsort(times, kind="stable")
         return times[order], weights[order]

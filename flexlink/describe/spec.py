@@ -16,7 +16,7 @@ import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.common.types import T
-from flexlink.common.wording import did_you_mean, truncated
+from flexlink.common.wording import Diagnostic, did_you_mean, truncated
 from flexlink.describe.expected import expected, why_not
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -73,7 +73,7 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
             try:
                 value = to_builtin(getattr(self, field.name))
             except RecursionError:
-                raise SceneError(f"{field.encode_name}: {TOO_DEEP}") from None
+                raise SceneError(f"{field.encode_name}: {TOO_DEEP}", id="nested-too-deeply") from None
             _check_finite(value, field.type, field.encode_name)
             try:
                 kept = msgspec.convert(value, field.type)  # a tuple for a list, a Spec for a dict, a float for an int
@@ -147,7 +147,7 @@ def decode(raw: object, kind: type[T] | Any, path: str = "", *, finite: bool = F
         if not finite:
             _check_finite(raw, kind, path)
     except RecursionError:
-        raise SceneError(f"{path}: {TOO_DEEP}") from None
+        raise SceneError(f"{path}: {TOO_DEEP}", id="nested-too-deeply") from None
     if get_origin(kind) is dict and isinstance(raw, dict):  # a table of named things: keep the name in the path
         below = get_args(kind)[1]
         return {key: decode(item, below, f"{path}.{key}", finite=True) for key, item in raw.items()}  # type: ignore[return-value]
@@ -157,7 +157,7 @@ def decode(raw: object, kind: type[T] | Any, path: str = "", *, finite: bool = F
         raise SceneError(_explain(raw, kind, path, error)) from None
 
 
-def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> str:
+def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> Diagnostic:
     """Key path, value and what is allowed, from msgspec's "reason - at `$.path`"."""
     reason, _, tail = str(error).rpartition(" - at `$") if " - at `$" in str(error) else (str(error), "", "")
     value, below = cast("Any", raw), kind
@@ -171,7 +171,7 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
         value, below = value[key], type_below(below, key)
     where, kind = path_to(keys, raw, kind, path), bare_type(below)
     if error.__cause__ is not None:  # a Spec below already said which field, its value and what is allowed
-        return f"{where}.{error.__cause__}".lstrip(".")
+        return Diagnostic(f"{where}.{error.__cause__}".lstrip("."), getattr(error.__cause__, "id", ""))
     unknown = re.search(r"unknown field `(.*)`", reason)
     if unknown and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         name, allowed = unknown[1], [field.encode_name for field in fields_of(kind)]
@@ -180,7 +180,8 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     if missing:
         return _missing(f"{where}.{missing[1]}".lstrip("."))
     wanted = expected(str(where), kind, value) or _lower(reason)
-    return f"{where} = {truncated(value)}: {wanted}{why_not('', value)}".removeprefix(" = ")
+    text = f"{where} = {truncated(value)}: {wanted}{why_not('', value)}".removeprefix(" = ")
+    return Diagnostic(text, "wrong-value")
 
 
 def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterable[str]) -> None:
@@ -202,21 +203,20 @@ def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterabl
 
 def key_mistakes(
     raw: Mapping[str, Any], allowed: Sequence[str], required: Iterable[str], path: str = ""
-) -> Iterator[str]:
+) -> Iterator[Diagnostic]:
     """What is wrong with the keys of a table at a path: those that are unknown, then those that are missing."""
     yield from (_unknown(key, value, allowed, path) for key, value in raw.items() if key not in allowed)
     yield from (_missing(f"{path}.{key}".lstrip(".")) for key in required if key not in raw)
 
 
-def _unknown(name: str, value: object, allowed: Sequence[str], where: str = "") -> str:
+def _unknown(name: str, value: object, allowed: Sequence[str], where: str = "") -> Diagnostic:
     key = f"{where}.{name}".lstrip(".")
-    if reason := why_not(name, value):
-        return f"{key} = {truncated(value)}{reason}"
-    return f"{key} = {truncated(value)}: unknown key; allowed are {', '.join(allowed)}{did_you_mean(name, allowed)}"
+    reason = why_not(name, value) or f": unknown key; allowed are {', '.join(allowed)}{did_you_mean(name, allowed)}"
+    return Diagnostic(f"{key} = {truncated(value)}{reason}", "unknown-key")
 
 
-def _missing(key: str) -> str:
-    return f"{key}: missing; this key is required"
+def _missing(key: str) -> Diagnostic:
+    return Diagnostic(f"{key}: missing; this key is required", "missing-key")
 
 
 def _fits(value: object, kind: Any) -> bool:
@@ -314,7 +314,7 @@ def _check_finite(value: object, kind: Any, path: str) -> None:
     flaw = _flaw(value)
     if flaw is not None:
         *keys, text = flaw
-        raise SceneError(f"{path_to(keys, value, kind, path)} = {text}")
+        raise SceneError(f"{path_to(keys, value, kind, path)} = {text}", id="not-finite")
 
 
 def _flaw(value: object) -> tuple[Any, ...] | None:

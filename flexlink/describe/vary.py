@@ -47,10 +47,12 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
         A path that leads nowhere; the message names it, its value and what is allowed there.
     """
     if not isinstance(changes, Mapping):
-        raise ArgumentError(f"changes = {truncated(changes)}: expected a dict such as {{'run.step': 1e-5}}")
+        raise ArgumentError(
+            f"changes = {truncated(changes)}: expected a dict such as {{'run.step': 1e-5}}", id="wrong-type"
+        )
     for path, value in changes.items():
         if not isinstance(path, str):
-            raise ArgumentError(f"changes: {truncated(path)}: expected a path such as 'run.step'")
+            raise ArgumentError(f"changes: {truncated(path)}: expected a path such as 'run.step'", id="path-form")
         change = _Change(document, path, value)
         for node, key, _ in change.places(document, kinds):
             if change.drops and isinstance(node, dict):
@@ -96,9 +98,9 @@ def number_in(values: Sequence[Any]) -> float:
         It is none, or there are several that differ; the message begins with the value, for the path to stand before.
     """
     if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
-        raise SceneError(f"{truncated(values[0])}: not a number in the scene; set it")
+        raise SceneError(f"{truncated(values[0])}: not a number in the scene; set it", id="not-a-number")
     if len(set(values)) != 1:
-        raise SceneError(f"{truncated(values)}: the values differ; name each path by itself")
+        raise SceneError(f"{truncated(values)}: the values differ; name each path by itself", id="paths-differ")
     return float(values[0])
 
 
@@ -161,12 +163,12 @@ class _Change:
             try:
                 self.value = to_document(to_builtin(value))
             except RecursionError:
-                raise SceneError(f"{path}: nested too deeply") from None
+                raise SceneError(f"{path}: nested too deeply", id="nested-too-deeply") from None
         links = document.get("link")
         self.links = links if isinstance(links, list) else []
 
     def error(self, reason: str) -> SceneError:
-        return SceneError(f"{truncated(self.path)[1:-1]} = {truncated(self.value)}: {reason}")
+        return SceneError(f"{truncated(self.path)[1:-1]} = {truncated(self.value)}: {reason}", id="cannot-set")
 
     def places(self, node: Any, kind: Any, above: Keys = ()) -> Iterator[tuple[Any, Any, Keys]]:
         """From a table or list of this kind follow the rest of the path.

@@ -33,8 +33,8 @@ def whole(name: str, value: float, unit_name: str, unit: float, error: type[Flex
         It is not, or the number is beyond the integers of float64; in its place `error`.
     """
     if not value / unit < 2**53:
-        raise error(f"{name} = {value!r}: must be less than 2**53 times {unit_name} = {unit!r}")
+        raise error(f"{name} = {value!r}: must be less than 2**53 times {unit_name} = {unit!r}", id="not-a-multiple")
     number = parts(value, unit)
     if number != round(number) or (value > 0 and number == 0):
-        raise error(f"{name} = {value!r}: must be a multiple of {unit_name} = {unit!r}")
+        raise error(f"{name} = {value!r}: must be a multiple of {unit_name} = {unit!r}", id="not-a-multiple")
     return round(number)

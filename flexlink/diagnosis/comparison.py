@@ -133,7 +133,7 @@ def compare(
     if file is not None:
         path = require_path("file", file)
         if names is not None and len(names) != 1:
-            raise ArgumentError(f"engines = {names}: a file is read by one engine; name one")
+            raise ArgumentError(f"engines = {names}: a file is read by one engine; name one", id="one-engine-per-file")
         engine_of_file = load_file(path, chain.n, names[0] if names else None, base=_base(chain))
         states = [s._replace(wrench=np.zeros(6)) for s in mixed_states(chain, samples, seed=seed)]
         diagnosis = diagnose_file(chain, engine_of_file, states, progress, scene=scene)

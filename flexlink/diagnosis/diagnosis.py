@@ -136,7 +136,8 @@ def diagnose_file(
     if chain.has_rotation_springs:
         raise ArgumentError(
             f"{chain.name!r}: its springs hold rotation vectors, which no other program has; compare the file with a "
-            "scene whose lumping rule has springs = 'angles'"
+            "scene whose lumping rule has springs = 'angles'",
+            id="rotation-springs-in-file",
         )
     format, engine, stderr_errors = loaded
     ours, read = with_drive(of_chain(chain), scene, chain), mark_unspecified(_with_step(chain, engine.read_back()))

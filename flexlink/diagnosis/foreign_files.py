@@ -54,8 +54,13 @@ def _format(path: Path, n: int) -> str:
     root = safe_xml.parse(read_regular(path, largest=safe_xml.LARGEST, error=DataFileError), str(path))
     roots = {"mujoco": "mjcf", "robot": "urdf", "sdf": "sdf"}
     if root.tag not in roots:
-        raise DataFileError(f"{path}: root is <{root.tag}>; expected <mujoco> (MJCF), <robot> (URDF) or <sdf>")
+        raise DataFileError(
+            f"{path}: root is <{root.tag}>; expected <mujoco> (MJCF), <robot> (URDF) or <sdf>",
+            id="unknown-root-element",
+        )
     hinges, most = sum(1 for joint in root.iter("joint") if joint.get("type") != "fixed"), max(n, 300)
     if hinges > most:  # Pinocchio takes 35 n³ bytes
-        raise DataFileError(f"{path}: {hinges} joints, the scene's arm has {n}; at most {most} are read")
+        raise DataFileError(
+            f"{path}: {hinges} joints, the scene's arm has {n}; at most {most} are read", id="too-many-joints"
+        )
     return roots[root.tag]

@@ -42,7 +42,9 @@ class Reordered:
 
     def integrate(self, scene: Scene) -> Samples:
         """Refused: foreign files are not simulated."""
-        raise ArgumentError(f"{scene.name}: foreign files are compared at states, not in simulations")
+        raise ArgumentError(
+            f"{scene.name}: foreign files are compared at states, not in simulations", id="file-not-simulated"
+        )
 
     def read_back(self) -> ReadBack:
         """The arm in the engine's own order."""

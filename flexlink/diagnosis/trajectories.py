@@ -172,7 +172,7 @@ def compare_trajectories(
                 raise
     report(1.0)
     if not rows and refused:
-        raise ArgumentError(f"engines: no engine can run {scene.name!r}: {'; '.join(refused)}")
+        raise ArgumentError(f"engines: no engine can run {scene.name!r}: {'; '.join(refused)}", id="no-engine")
     if not rows and missing is not None:
         raise missing
     if any(row.q > ANGLE_TOLERANCE for row in rows):

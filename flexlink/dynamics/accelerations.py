@@ -97,10 +97,12 @@ def forward_dynamics(
 def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
     chains = [chain] if isinstance(chain, Chain) else require_each("chain", chain, Chain)
     if not chains:
-        raise ArgumentError("chain: no chain given; expected one, or one per state")
+        raise ArgumentError("chain: no chain given; expected one, or one per state", id="wrong-shape")
     for k, other in enumerate(chains):
         if not chains[0].same_layout(other):
-            raise ArgumentError(f"chain[{k}]: has other joints or bodies than chain[0]; only numbers may differ")
+            raise ArgumentError(
+                f"chain[{k}]: has other joints or bodies than chain[0]; only numbers may differ", id="chains-differ"
+            )
     return chains
 
 
@@ -110,12 +112,13 @@ def _forward_dynamics_of_many(
     n = chains[0].n
     if not is_batch(*state):
         raise ArgumentError(
-            f"q, qd, tau: a list of chains needs one state per chain; give at least one of them as (b, {n})"
+            f"q, qd, tau: a list of chains needs one state per chain; give at least one of them as (b, {n})",
+            id="wrong-shape",
         )
     states = rows(n, dict(zip(("q", "qd", "tau"), state, strict=True)))
     b = len(states[0])
     if len(chains) not in {1, b}:
-        raise ArgumentError(f"chain: {len(chains)} chains; expected one, or one per state, {b}")
+        raise ArgumentError(f"chain: {len(chains)} chains; expected one, or one per state, {b}", id="wrong-shape")
     if b == 0:
         return np.zeros((b, n))
     wrenches = world_wrenches(chains, states[0], tip_wrench, frame)
@@ -152,9 +155,9 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
 def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     """Scratch of eight chains of one layout side by side, without `forces`; the last one given fills up the eight."""
     if any(chain.forces for chain in chains):
-        raise ArgumentError(f"{chains[0].name}: chains with {names_of(chains[0])} go one by one")
+        raise ArgumentError(f"{chains[0].name}: chains with {names_of(chains[0])} go one by one", id="chains-differ")
     if solver.lanes_workspace is None:
-        raise ArgumentError("solver: several chains at once need solver 'articulated'")
+        raise ArgumentError("solver: several chains at once need solver 'articulated'", id="needs-another-argument")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
     bodies, hinges = _stacked([c.bodies for c in eight]), _stacked([c.hinges for c in eight])
     rare = None

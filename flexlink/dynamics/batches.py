@@ -44,10 +44,12 @@ def rows(n: int, state: dict[str, ArrayLike]) -> list[Array]:
     for name, part in parts.items():
         if part.shape not in {(n,), (b, n)}:
             many = f"(b, {n}) for b states" if name == leader else f"({b}, {n}), as many as {leader}"
-            raise ArgumentError(f"{name} has shape {part.shape}; expected ({n},), or {many}")
+            raise ArgumentError(f"{name} has shape {part.shape}; expected ({n},), or {many}", id="wrong-shape")
         if not is_finite(part.reshape(-1)):
             place = tuple(int(k) for k in np.argwhere(~np.isfinite(part))[0])
-            raise ArgumentError(f"{name}{list(place)} = {part[place]} is not finite; expected finite numbers")
+            raise ArgumentError(
+                f"{name}{list(place)} = {part[place]} is not finite; expected finite numbers", id="not-finite"
+            )
     return [part if part.ndim > 1 else np.array(np.broadcast_to(part, (b, n))) for part in parts.values()]
 
 
@@ -68,7 +70,9 @@ def wrench_rows(tip_wrench: ArrayLike | None, b: int) -> Array:
         return np.array(np.broadcast_to(wrench_vector(tip_wrench), (b, 6)))
     wrenches = real_array("tip_wrench", tip_wrench, (6,))
     if wrenches.shape != (b, 6):
-        raise ArgumentError(f"tip_wrench has shape {wrenches.shape}; expected (6,), or ({b}, 6), one row per state")
+        raise ArgumentError(
+            f"tip_wrench has shape {wrenches.shape}; expected (6,), or ({b}, 6), one row per state", id="wrong-shape"
+        )
     return np.array([vector(f"tip_wrench[{k}]", row, 6) for k, row in enumerate(wrenches)]).reshape(b, 6)
 
 

@@ -149,6 +149,7 @@ def at_rest(equations: Equations, tolerance: float = 1e-9) -> tuple[Array, list[
             f"where the full load leaves {left:.3g} N m unbalanced{hint}",
             q=lost.q,
             load=lost.part,
+            id="no-equilibrium",
         ) from None
     return _as_known(chain, path[-1][1:], free, rates, wrench), path
 

@@ -96,4 +96,6 @@ def refuse_forces(what: str, chain: Chain, qd: Array | None = None) -> None:
         The chain has some, and moves.
     """
     if chain.forces and (qd is None or qd.any()):
-        raise ArgumentError(f"{chain.name}: {what} do not count {names_of(chain)}; leave them out")
+        raise ArgumentError(
+            f"{chain.name}: {what} do not count {names_of(chain)}; leave them out", id="arguments-not-counted"
+        )

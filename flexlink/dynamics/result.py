@@ -65,7 +65,9 @@ class SavedResult(Result):
         """
         arrays = read_archive(path)
         if arrays.keys() != {field.name for field in dataclasses.fields(cls)}:  # type: ignore[arg-type]
-            raise DataFileError(f"{path}: holds no {cls.__name__}; expected a file written by its save")
+            raise DataFileError(
+                f"{path}: holds no {cls.__name__}; expected a file written by its save", id="not-a-result"
+            )
         return cls(**{name: _field(array) for name, array in arrays.items()})
 
 
@@ -85,7 +87,7 @@ def archive_path(path: str | Path) -> Path:
     """
     path = require_path("path", path)
     if path.suffix != ".npz":
-        raise ArgumentError(f"{str(path)!r}: unknown format; expected a name that ends in .npz")
+        raise ArgumentError(f"{str(path)!r}: unknown format; expected a name that ends in .npz", id="unknown-format")
     return path
 
 
@@ -110,8 +112,10 @@ def read_archive(path: str | Path) -> dict[str, np.ndarray[Any, Any]]:
         with np.load(path, allow_pickle=False) as archive:
             return dict(archive)
     except OSError as error:
-        raise DataFileError(f"{path}: cannot be read: {error.strerror or error}") from None
+        raise DataFileError(f"{path}: cannot be read: {error.strerror or error}", id="cannot-read") from None
     except (MemoryError, OverflowError):
-        raise DataFileError(f"{path}: claims more numbers than fit into memory; expected an .npz file") from None
+        raise DataFileError(
+            f"{path}: claims more numbers than fit into memory; expected an .npz file", id="not-a-result"
+        ) from None
     except (ValueError, TypeError, EOFError, zipfile.BadZipFile):
-        raise DataFileError(f"{path}: not an archive of arrays; expected an .npz file") from None
+        raise DataFileError(f"{path}: not an archive of arrays; expected an .npz file", id="not-a-result") from None

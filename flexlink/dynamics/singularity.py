@@ -32,7 +32,8 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
     if np.isfinite(solver.accelerations(chain.arrays, np.zeros(6), q, rest, rest)).all():
         return ArgumentError(
             f"q̈ of {chain.name!r} overflows float64: qd up to {np.abs(qd).max():.3g} rad/s, tau up to "
-            f"{np.abs(tau).max():.3g} N m, tip_wrench up to {np.abs(wrench).max():.3g}; expected less"
+            f"{np.abs(tau).max():.3g} N m, tip_wrench up to {np.abs(wrench).max():.3g}; expected less",
+            id="overflow",
         )
     k = idle_joint(chain, q)
     point = next(body for body in chain.bodies if body["first"] <= k < body["stop"])
@@ -42,7 +43,8 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
     way_out = "use solver 'articulated', which has no need of M" if np.isfinite(others).all() else "give it an armature"
     return SingularMassError(
         f"mass matrix of {chain.name!r} is singular: joint {chain.joint_name(k)!r} moves no inertia of its own "
-        f"at {angles}; {way_out}, or take another posture"
+        f"at {angles}; {way_out}, or take another posture",
+        id="joint-without-inertia",
     )
 
 
@@ -56,7 +58,8 @@ def base_without_rates(chain: Chain, q: Array) -> FlexlinkError | None:
     pitch = f"{chain.joint_name(PITCH)} = {chain.place_in_words(PITCH, float(q[PITCH]))}"
     return SingularMassError(
         f"mass matrix of {chain.name!r} is singular: at {pitch} the base's angles cannot tell how it turns; tell them "
-        "from another attitude, initial.base.rpy_deg, as runs do"
+        "from another attitude, initial.base.rpy_deg, as runs do",
+        id="attitude-singular",
     )
 
 
@@ -109,5 +112,6 @@ def idle_error(chain: Chain, k: int) -> SingularMassError:
     """The error of a coordinate that moves no inertia of its own."""
     return SingularMassError(
         f"{chain.name}: joint {chain.joint_name(k)!r} moves no inertia of its own at this posture, or one "
-        "that overflows float64; M must be positive definite"
+        "that overflows float64; M must be positive definite",
+        id="joint-without-inertia",
     )

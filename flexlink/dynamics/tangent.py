@@ -84,7 +84,10 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
     moves[chain.joint_indices("locked", locked)] = moves[chain.internal] = False
     free = np.flatnonzero(moves)
     if not len(free):
-        raise ArgumentError(f"locked = {truncated(locked)}: nothing is left to move; prescribed joints do not, either")
+        raise ArgumentError(
+            f"locked = {truncated(locked)}: nothing is left to move; prescribed joints do not, either",
+            id="nothing-to-move",
+        )
     return free
 
 

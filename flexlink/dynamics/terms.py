@@ -287,7 +287,8 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     if algorithm not in algorithms_of(chain):
         allowed = " or ".join(map(repr, algorithms_of(chain)))
         raise ArgumentError(
-            f"algorithm = {algorithm!r}: for arms without branches whose joints all turn; take {allowed}"
+            f"algorithm = {algorithm!r}: for arms without branches whose joints all turn; take {allowed}",
+            id="not-supported-here",
         )
     if is_batch(q):
         if kernel is mass.mass_composite:
@@ -299,5 +300,7 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     M = np.zeros((n, n))
     trace = kernel(chain.arrays, q, M)
     if not math.isfinite(trace):
-        raise ArgumentError(f"the mass matrix of {chain.name!r} overflows float64; expected smaller masses and lengths")
+        raise ArgumentError(
+            f"the mass matrix of {chain.name!r} overflows float64; expected smaller masses and lengths", id="overflow"
+        )
     return M

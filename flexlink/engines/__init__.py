@@ -73,7 +73,8 @@ def load_here(name: str, source: Chain | ForeignFile) -> Engine:
     except ImportError as error:
         raise MissingDependencyError(
             f"engine {name!r} cannot be imported ({error}); "
-            f"install it with: python -m pip install 'flexlink[{adapter.extra}]'"
+            f"install it with: python -m pip install 'flexlink[{adapter.extra}]'",
+            id="package-missing",
         ) from error
     cls = getattr(module, adapter.class_name)
     foreign = isinstance(source, ForeignFile)

@@ -184,7 +184,10 @@ def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
         unsupported.append("drive.reference with jumps in its derivatives")
     unsupported += [f"initial.time = {scene.initial.time!r}"] if scene.initial.time else []
     if unsupported:
-        raise ArgumentError(f"{unsupported[0]}: not supported by {engine}; use native, pinocchio or mujoco")
+        raise ArgumentError(
+            f"{unsupported[0]}: not supported by {engine}; use native, pinocchio or mujoco",
+            id="engine-does-not-support",
+        )
 
 
 def refuse_method(engine: str, method: str, known: Collection[str]) -> None:
@@ -196,7 +199,10 @@ def refuse_method(engine: str, method: str, known: Collection[str]) -> None:
         The method is not one of `known`.
     """
     if method not in known:
-        raise ArgumentError(f"method = {method!r}: {engine} has only {' and '.join(map(repr, known))}; set run.method")
+        raise ArgumentError(
+            f"method = {method!r}: {engine} has only {' and '.join(map(repr, known))}; set run.method",
+            id="engine-method",
+        )
 
 
 def refuse_prescribed_motion(engine: str, chain: Chain) -> None:
@@ -211,7 +217,8 @@ def refuse_prescribed_motion(engine: str, chain: Chain) -> None:
     if len(prescribed):
         raise ArgumentError(
             f"{chain.name}: the motion of joint {chain.joint_name(int(prescribed[0]))!r} is prescribed, which {engine} "
-            "does not support; use native or pinocchio, or remove the motion from the scene"
+            "does not support; use native or pinocchio, or remove the motion from the scene",
+            id="engine-does-not-support",
         )
 
 
@@ -227,10 +234,14 @@ def fixed_steps_problem(scene: Scene) -> InitialValueProblem:
     """
     problem = problem_of(scene)
     if unknown := problem.chain.forces.keys() - {"drag"}:
-        raise ArgumentError(f"{scene.name}: other engines know no {', '.join(sorted(unknown))}; leave them out")
+        raise ArgumentError(
+            f"{scene.name}: other engines know no {', '.join(sorted(unknown))}; leave them out",
+            id="arguments-not-counted",
+        )
     if not problem.explicit:
         raise ArgumentError(
-            f"method = {scene.run.method!r}: other engines need fixed steps of an explicit method; set method and step"
+            f"method = {scene.run.method!r}: other engines need fixed steps of an explicit method; set method and step",
+            id="engine-method",
         )
     judge_step(problem)
     return problem

@@ -134,10 +134,12 @@ class ChildProcess:
         if code == -signal.SIGINT:
             return KeyboardInterrupt()  # a terminal sends it to both processes
         if self._late:
-            return EngineError(f"{what}: no result within {seconds:g} s; the child process was killed")
+            return EngineError(
+                f"{what}: no result within {seconds:g} s; the child process was killed", id="engine-timeout"
+            )
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
         last = next((line for line in reversed(self.output()) if line), "none")
-        return EngineError(f"{what}: the child process {how}; last line of its output: {last}")
+        return EngineError(f"{what}: the child process {how}; last line of its output: {last}", id="engine-crashed")
 
 
 def _kill(process: subprocess.Popen[bytes], output: IO[bytes]) -> None:
@@ -164,7 +166,7 @@ def _serve() -> None:
         except FlexlinkError as error:
             result = error
         except Exception as error:
-            result = EngineError(f"{what}: {type(error).__name__}: {' '.join(str(error).split())}")
+            result = EngineError(f"{what}: {type(error).__name__}: {' '.join(str(error).split())}", id="engine-failed")
         pickle.dump(result, results)
         results.flush()
 

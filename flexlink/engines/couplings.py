@@ -52,11 +52,13 @@ def of_elements(elements: Iterable[ET.Element], joints: Sequence[str]) -> NDArra
         ends = [element.get(key, "") for key in ("inner", "outer")]
         i, j = sorted(number.get(name, -1) for name in ends)
         if i < 0 or i == j:
-            raise ArgumentError(f"coupling of {ends[0]!r} and {ends[1]!r}: expected two joints of the file")
+            raise ArgumentError(
+                f"coupling of {ends[0]!r} and {ends[1]!r}: expected two joints of the file", id="coupling-in-file"
+            )
         try:
             constants = np.array([float(element.get(key, "")) for key in COUPLED_FIELDS.values()])
         except ValueError as error:
-            raise ArgumentError(f"coupling of {ends[0]!r} and {ends[1]!r}: {error}") from None
+            raise ArgumentError(f"coupling of {ends[0]!r} and {ends[1]!r}: {error}", id="coupling-in-file") from None
         found[i, j] = found.get((i, j), 0.0) + constants
     return np.array([(*pair, *constants) for pair, constants in found.items()], dtype=COUPLING)
 

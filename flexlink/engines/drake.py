@@ -77,7 +77,9 @@ class DrakeEngine:
             self._parse(exported, names[: chain.n], names[2 * chain.n + frame])
         except RuntimeError as error:
             reason = " ".join(str(error).split())  # in one line
-            raise ArgumentError(f"Drake cannot load {chain.name!r}: {reason}; use another engine") from error
+            raise ArgumentError(
+                f"Drake cannot load {chain.name!r}: {reason}; use another engine", id="engine-cannot-load"
+            ) from error
         self._excess = excess_of(chain, lambda: read_sdf(exported))
 
     @classmethod
@@ -94,7 +96,7 @@ class DrakeEngine:
         try:
             engine._parse(text, reference=file.base)
         except (RuntimeError, ValueError) as error:
-            raise ArgumentError(f"Drake cannot load the file: {error}") from error
+            raise ArgumentError(f"Drake cannot load the file: {error}", id="engine-cannot-load") from error
         return engine
 
     def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", reference: Array | None = None) -> None:

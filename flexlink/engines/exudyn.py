@@ -123,7 +123,8 @@ class ExudynEngine:
                     raise ArgumentError(
                         f"{scene.name}: the base has turned by more than {np.degrees(largest_turn):.0f}° at t = "
                         f"{t[row]:.6g} s, where Exudyn's three angles no longer say how; use another engine, or a "
-                        "shorter run"
+                        "shorter run",
+                        id="base-turned-too-far",
                     )
         return samples
 

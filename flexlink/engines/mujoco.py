@@ -67,7 +67,9 @@ class MujocoEngine:
                 exported = to_mjcf(chain, shapes=False)
                 model = mujoco.MjModel.from_xml_string(exported)
         except ValueError as error:
-            raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}; use another engine") from error
+            raise ArgumentError(
+                f"MuJoCo cannot load {chain.name!r}: {error}; use another engine", id="engine-cannot-load"
+            ) from error
         self._use(model, mujoco_reader.read(model), xml_joint_names(chain), loaded_tip(chain).name)
         self._excess = excess_of(chain, lambda: self._with_springs(chain))
 
@@ -93,7 +95,7 @@ class MujocoEngine:
                 spec = mujoco.MjSpec.from_file(str(file.path))
                 model = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
-            raise ArgumentError(f"MuJoCo cannot load the file: {error}") from error
+            raise ArgumentError(f"MuJoCo cannot load the file: {error}", id="engine-cannot-load") from error
         engine = cls.__new__(cls)
         record = mujoco_reader.read(model, spec, file.base)
         if file.format == "urdf":

@@ -87,7 +87,7 @@ class PinocchioEngine:
         try:
             engine._parse(ET.tostring(robot, encoding="unicode"), base=file.base)
         except (ValueError, RuntimeError) as error:
-            raise ArgumentError(f"Pinocchio cannot load the file: {error}") from error
+            raise ArgumentError(f"Pinocchio cannot load the file: {error}", id="engine-cannot-load") from error
         engine.prescribed, engine._free = np.zeros(0, dtype=np.intp), np.arange(engine.n)
         return engine
 
@@ -110,7 +110,8 @@ class PinocchioEngine:
         if model.nv > 600:  # pinocchio.Data holds four arrays of n³ numbers, for second derivatives: 7 GB
             raise ArgumentError(
                 f"{model.nv} joints: Pinocchio's data would take {32e-9 * model.nv**3:.0f} GB; at most 600 joints are "
-                "supported; use another engine or fewer segments"
+                "supported; use another engine or fewer segments",
+                id="too-many-joints",
             )
         self.data, self.n = pin.Data(model), model.nv  # createData copies it
         degrees = pinocchio_reader.degrees_of_freedom(model)

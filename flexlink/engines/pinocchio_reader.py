@@ -54,7 +54,9 @@ def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:
             try:
                 gear[name] = float(reduction)
             except ValueError:
-                raise ArgumentError(f"joint {name!r}: mechanicalReduction = {reduction!r} is not a number") from None
+                raise ArgumentError(
+                    f"joint {name!r}: mechanicalReduction = {reduction!r} is not a number", id="number-in-file"
+                ) from None
     return np.array([gear[name] for name in names])
 
 

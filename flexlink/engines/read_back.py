@@ -149,19 +149,26 @@ class ReadBack:
             if len(bad):
                 values = rows[bad[0]]
                 shown = values[~np.isfinite(values)][0] if field in COUPLED_FIELDS else values
-                raise ArgumentError(f"{field} of joint {self.names[bad[0]]!r}: the engine read {shown}; must be finite")
+                raise ArgumentError(
+                    f"{field} of joint {self.names[bad[0]]!r}: the engine read {shown}; must be finite",
+                    id="number-in-file",
+                )
         if np.isnan(self.effort).any():
             k = int(np.flatnonzero(np.isnan(self.effort).any(axis=1))[0])
             raise ArgumentError(
-                f"torque limit of joint {self.names[k]!r}: the engine read {self.effort[k]}; must be numbers"
+                f"torque limit of joint {self.names[k]!r}: the engine read {self.effort[k]}; must be numbers",
+                id="number-in-file",
             )
         if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
-            raise ArgumentError(f"gravity: the engine read {self.gravity}; must be three finite numbers")
+            raise ArgumentError(
+                f"gravity: the engine read {self.gravity}; must be three finite numbers", id="number-in-file"
+            )
         lengths = np.linalg.norm(self.axes, axis=1)
         k = int(np.abs(lengths - 1).argmax())
         if abs(lengths[k] - 1) > 1e-9:
             raise ArgumentError(
-                f"axis of joint {self.names[k]!r}: the engine read a vector of length {lengths[k]:.6g}; must be 1"
+                f"axis of joint {self.names[k]!r}: the engine read a vector of length {lengths[k]:.6g}; must be 1",
+                id="number-in-file",
             )
 
 
@@ -192,10 +199,11 @@ def require_joints(joints: Sequence[tuple[str, str]]) -> None:
         if kind:
             raise ArgumentError(
                 f"joint {name!r} is of type {kind}: supported are revolute and prismatic ones, and a free base; make "
-                "it fixed"
+                "it fixed",
+                id="joint-type-in-file",
             )
     if not joints:
-        raise ArgumentError("the file has no movable joint")
+        raise ArgumentError("the file has no movable joint", id="no-movable-joint")
 
 
 def merge_bodies(owner: Indices, masses: Array, centers: Array, inertias: Array, points: Array) -> dict[str, Any]:

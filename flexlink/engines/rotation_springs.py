@@ -35,5 +35,6 @@ def refuse_in_files(engine: str, path: Path) -> None:
     if ROTATION_SPRINGS.encode() in path.read_bytes():
         raise ArgumentError(
             f"the file has springs of rotation vectors, which {engine} would take for springs of angles; compare the "
-            "scene itself, or export it with a rule of springs = 'angles'"
+            "scene itself, or export it with a rule of springs = 'angles'",
+            id="rotation-springs-in-file",
         )

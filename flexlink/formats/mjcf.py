@@ -113,7 +113,8 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     refuse_states(require_type("chain", chain, Chain), "no file represents it")
     if (nested := _nested(chain)) > most_bodies:
         raise ArgumentError(
-            f"{chain.name}: {nested} bodies: MuJoCo reads at most {most_bodies}; use fewer segments, or URDF"
+            f"{chain.name}: {nested} bodies: MuJoCo reads at most {most_bodies}; use fewer segments, or URDF",
+            id="too-many-joints",
         )
     root = ET.Element("mujoco", model=valid(chain.name))
     compiler = {
@@ -235,11 +236,14 @@ def _require_one_way(chain: Chain, body: np.void, waiting: list[_Hinge]) -> None
         return
     name = xml_joint_names(chain)[waiting[0].k]
     if body["first"] == body["stop"]:
-        raise ArgumentError(f"joint {name!r} moves no mass, which MuJoCo refuses; add mass, or use URDF")
+        raise ArgumentError(
+            f"joint {name!r} moves no mass, which MuJoCo refuses; add mass, or use URDF", id="joint-without-inertia"
+        )
     if chain.bodies["fork"][body["parent"] - 1]:
         raise ArgumentError(
             f"links branch off behind joint {name!r}, where there is no mass, which MuJoCo refuses; add mass, or use "
-            "URDF"
+            "URDF",
+            id="joint-without-inertia",
         )
 
 
@@ -258,7 +262,7 @@ def _tip(parent: ET.Element, own: ET.Element, tip: Tip, *, of_arm: bool) -> None
 def _keyframe(parent: ET.Element, chain: Chain, initial: tuple[ArrayLike, ArrayLike]) -> None:
     state = sequence("initial", initial, "vector")
     if len(state) != 2:
-        raise ArgumentError(f"initial has {len(state)} items: expected q and qd")
+        raise ArgumentError(f"initial has {len(state)} items: expected q and qd", id="wrong-shape")
     q, qd = (vector(f"initial[{k}]", value, chain.n) for k, value in enumerate(state))
     order, own = depth_first(chain), base_joints(chain)
     q, qd, place, rates = q[order], qd[order], q[:own], qd[:own]

@@ -82,7 +82,8 @@ def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
     raise ArgumentError(
         f"segment behind joint {chain.joint_name(joint)!r}: mass {body['mass']:.3g} kg, principal moments of inertia "
         f"{', '.join(f'{moment:.3g}' for moment in moments)} kg m²: MuJoCo {rule}; change section, segments or hub of "
-        f"{link} or the payload, or use URDF"
+        f"{link} or the payload, or use URDF",
+        id="inertia-impossible",
     )
 
 

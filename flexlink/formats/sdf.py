@@ -100,7 +100,8 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     for tip, called in zip(tips(chain), frames, strict=True):
         if tip.parent < 0:
             raise ArgumentError(
-                f"link {chain.link_names[tip.link - 1]!r} does not move: a frame of SDFormat hangs on a link that does"
+                f"link {chain.link_names[tip.link - 1]!r} does not move: a frame of SDFormat hangs on a link that does",
+                id="sdf-fixed-link",
             )
         number = {"flexlink:link": str(tip.link)} if called != frames[-1] else {}
         frame = ET.SubElement(model, "frame", {"name": called, "attached_to": links[tip.parent], **number})

@@ -44,7 +44,8 @@ def with_small_mass(chain: Chain, *, mass: float) -> Chain:
     if require_type("chain", chain, Chain).has_rotation_springs:
         raise ArgumentError(
             f"{chain.name!r}: its springs hold rotation vectors, which bodies between the hinges would leave without "
-            "meaning; take a lumping rule with springs = 'angles', such as gauss, or no small mass"
+            "meaning; take a lumping rule with springs = 'angles', such as gauss, or no small mass",
+            id="rotation-springs-in-file",
         )
     return _filled(chain, positive("mass", mass), keep=True)
 

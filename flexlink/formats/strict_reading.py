@@ -33,7 +33,7 @@ class Node:
 
     def error(self, message: str) -> DataFileError:
         """An error with the location."""
-        return DataFileError(f"{': '.join([self.what, *self.path])}: {message}")
+        return DataFileError(f"{': '.join([self.what, *self.path])}: {message}", id="file-content")
 
     def into(self, element: ET.Element) -> Node:
         """A child of this element."""

@@ -55,7 +55,8 @@ def left_to_joints(chain: Chain, field: str) -> Array:
         k, (name, unit) = int(np.argmin(left)), SHARED[field]
         raise ArgumentError(
             f"joint {chain.joint_name(k)!r}: {name} to other joints of its cell are {taken[k]:.6g} {unit} together, "
-            f"its own {own[k]:.6g} {unit}: MuJoCo's tendons cannot hold that; {_instead(chain, k, field)}"
+            f"its own {own[k]:.6g} {unit}: MuJoCo's tendons cannot hold that; {_instead(chain, k, field)}",
+            id="tendon-stiffness",
         )
     return left
 

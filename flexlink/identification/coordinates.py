@@ -108,14 +108,22 @@ def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coord
     )
     low, high = parameter.between or (-math.inf, math.inf)
     if log and (value <= 0 or high <= 0):
-        raise SceneError(f"parameter {parameter.path} = {value!r}: is not positive; give scale = 'linear'")
+        raise SceneError(
+            f"parameter {parameter.path} = {value!r}: is not positive; give scale = 'linear'",
+            id="parameter-not-positive",
+        )
     if parameter.prior is not None and log and parameter.prior[0] <= 0:
-        raise SceneError(f"parameter {parameter.path}: prior = {list(parameter.prior)}: is not positive")
+        raise SceneError(
+            f"parameter {parameter.path}: prior = {list(parameter.prior)}: is not positive", id="parameter-not-positive"
+        )
     if not parameter.within(value):
-        raise SceneError(f"parameter {parameter.path} = {value!r}: outside between = {[low, high]}; give start")
+        raise SceneError(
+            f"parameter {parameter.path} = {value!r}: outside between = {[low, high]}; give start", id="parameter-start"
+        )
     if value == 0 and parameter.between is None and not parameter.path.startswith("initial."):
         raise SceneError(
-            f"parameter {parameter.path} = {value!r}: how large it may be is not known; give between, or a start"
+            f"parameter {parameter.path} = {value!r}: how large it may be is not known; give between, or a start",
+            id="parameter-start",
         )
     width = (high - low) / 2
     unit = width if math.isfinite(width) else abs(value) or 1.0
@@ -131,7 +139,7 @@ def _value(scene: Scene, parameter: FitParameter) -> float:
     try:
         return number_in(values)
     except SceneError as error:
-        raise SceneError(f"parameter {parameter.path} = {error}, or give start") from None
+        raise SceneError(f"parameter {parameter.path} = {error}, or give start", id="parameter-start") from None
 
 
 def prior_rows(coordinates: Sequence[Coordinate], x: Array) -> tuple[Array, Array]:

@@ -103,7 +103,8 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
     if inside.sum() < 2:
         raise DataFileError(
             f"run {run.name!r}: fewer than two samples from {first:g} to {last:g} s; the file goes from "
-            f"{measured.t[0]:g} to {measured.t[-1]:g} s"
+            f"{measured.t[0]:g} to {measured.t[-1]:g} s",
+            id="too-few-samples",
         )
     t, heads, of_sensors = measured.t[inside], _by_name(run, known, measured.columns), _noise_of_sensors(scene)
     blocks = tuple(
@@ -112,7 +113,7 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
         if np.isfinite(column[inside]).any()
     )
     if not blocks:
-        raise DataFileError(f"run {run.name!r}: no measured values inside its window")
+        raise DataFileError(f"run {run.name!r}: no measured values inside its window", id="no-measured-values")
     _check_reach(run, scene, blocks)
     rate, smooth, hertz = float((len(t) - 1) / (t[-1] - t[0])), exact(scene, problem.tolerance), slowest_mode(scene)
     doubts = doubts_of_times(smooth, blocks, t, hertz)
@@ -131,7 +132,8 @@ def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
         if re.fullmatch(r"tip [xyz] \[m\]", block.name) and far > times * reach:
             raise DataFileError(
                 f"run {run.name!r}: {block.name} ranges over {far:.4g} m, but the arm reaches {reach:.2g} m; likely "
-                f"given in mm: the head is then {block.name.replace('[m]', '[mm]')!r}"
+                f"given in mm: the head is then {block.name.replace('[m]', '[mm]')!r}",
+                id="likely-unit",
             )
 
 
@@ -140,7 +142,7 @@ def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
         return read_measured(Path(run.file), known, run.compare)
     lengths = {head: len(column) for head, column in run.columns.items()}
     if len(set(lengths.values())) != 1:
-        raise DataFileError(f"run {run.name!r}: columns of different length: {lengths}")
+        raise DataFileError(f"run {run.name!r}: columns of different length: {lengths}", id="one-per-row")
     values = np.array(list(run.columns.values())).T
     return measured_from(f"run {run.name!r}", list(run.columns), values, known, run.compare)
 
@@ -153,7 +155,9 @@ def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, ob
         for name, head in found[key].items():
             if name not in compared:
                 likely = did_you_mean(head, compared)
-                raise DataFileError(f"{where}: {key} of {head!r}: no such column is compared{likely}")
+                raise DataFileError(
+                    f"{where}: {key} of {head!r}: no such column is compared{likely}", id="no-such-column"
+                )
     return found
 
 
@@ -228,7 +232,8 @@ def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
         elastic = np.flatnonzero(np.array(found.kinds) == "elastic")
         if len(elastic) <= modes_asked.max():
             raise ArgumentError(
-                f"{name}: mode {modes_asked.max() + 1} is asked for; the arm has {len(elastic)} elastic modes"
+                f"{name}: mode {modes_asked.max() + 1} is asked for; the arm has {len(elastic)} elastic modes",
+                id="unknown-mode",
             )
         which = elastic[modes_asked]
         return [found.hertz[which], found.damping_ratios[which]][: len(blocks)]

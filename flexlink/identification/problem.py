@@ -42,9 +42,11 @@ class FitParameter(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.between is not None and not self.between[0] < self.between[1]:
-            raise SceneError(f"between = {list(self.between)}: the first must be less than the second")
+            raise SceneError(
+                f"between = {list(self.between)}: the first must be less than the second", id="range-order"
+            )
         if self.between is not None and self.start is not None and not self.within(self.start):
-            raise SceneError(f"start = {self.start!r}: outside between = {list(self.between)}")
+            raise SceneError(f"start = {self.start!r}: outside between = {list(self.between)}", id="parameter-start")
 
     def within(self, value: float) -> bool:
         """Whether a value may be tried."""
@@ -89,9 +91,11 @@ class FitRun(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if bool(self.file) == bool(self.columns):
-            raise SceneError(f"file = {self.file!r}: give either a file or columns")
+            raise SceneError(f"file = {self.file!r}: give either a file or columns", id="both-given")
         if self.window is not None and not self.window[0] < self.window[1]:
-            raise SceneError(f"window = {list(self.window)}: the first time must be earlier than the second")
+            raise SceneError(
+                f"window = {list(self.window)}: the first time must be earlier than the second", id="range-order"
+            )
 
 
 class FitModes(Spec, frozen=True):
@@ -123,11 +127,15 @@ class FitModes(Spec, frozen=True):
         super().__post_init__()
         for name, values in (("numbers", self.numbers), ("ratios", self.ratios)):
             if values and len(values) != len(self.hertz):
-                raise SceneError(f"{name} = {list(values)}: expected one per frequency, {len(self.hertz)}")
+                raise SceneError(
+                    f"{name} = {list(values)}: expected one per frequency, {len(self.hertz)}", id="one-per-frequency"
+                )
         if len(self.deviation) not in (1, len(self.hertz)):
-            raise SceneError(f"deviation = {list(self.deviation)}: expected one number, or {len(self.hertz)}")
+            raise SceneError(
+                f"deviation = {list(self.deviation)}: expected one number, or {len(self.hertz)}", id="one-per-frequency"
+            )
         if any(number < 1 for number in self.numbers):
-            raise SceneError(f"numbers = {list(self.numbers)}: modes are counted from 1")
+            raise SceneError(f"numbers = {list(self.numbers)}: modes are counted from 1", id="modes-counted-from-1")
 
 
 class FitStatic(Spec, frozen=True):
@@ -193,16 +201,18 @@ class FitProblem(Spec, frozen=True):
         names = [run.name for run in self.run]
         twice = [name for name in names if names.count(name) > 1]
         if twice:
-            raise SceneError(f"run.name = {twice[0]!r}: two runs have this name; rename one")
+            raise SceneError(f"run.name = {twice[0]!r}: two runs have this name; rename one", id="name-twice")
         paths = [parameter.path for parameter in self.parameter]
         for paths_of_run in (paths, *([*paths, *(p.path for p in run.parameter)] for run in self.run)):
             twice = [path for path in paths_of_run if paths_of_run.count(path) > 1]
             if twice:
-                raise SceneError(f"parameter.path = {twice[0]!r}: is sought twice; name it once")
+                raise SceneError(f"parameter.path = {twice[0]!r}: is sought twice; name it once", id="parameter-twice")
         self._check_set(paths)
         data: Sequence[FitRun | FitModes | FitStatic] = (*self.run, *self.modes, *self.static)
         if not any(part.use == "fit" for part in data):
-            raise SceneError("run, modes, static: nothing to fit; give at least one with use = 'fit'")
+            raise SceneError(
+                "run, modes, static: nothing to fit; give at least one with use = 'fit'", id="nothing-to-fit"
+            )
 
     def _check_set(self, paths: Sequence[str]) -> None:
         """A parameter of all runs is not set for some."""
@@ -212,7 +222,8 @@ class FitProblem(Spec, frozen=True):
                     if path in paths:
                         raise SceneError(
                             f"{key}.set: {path!r} is sought as a parameter, and cannot be set for a part of the data; "
-                            "say what differs by another number, such as a wrench, or link.NAME.end.mass beside a mass"
+                            "say what differs by another number, such as a wrench, or link.NAME.end.mass beside a mass",
+                            id="parameter-set",
                         )
 
     def __repr__(self) -> str:

@@ -67,7 +67,9 @@ def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: floa
     )
     if not _swings(scene, blocks, hertz, between):
         return (f"{told}; that mode is not seen",)
-    raise DataFileError(f"{told}, and in which the scene swings; if the times are in ms, their head is 't [ms]'")
+    raise DataFileError(
+        f"{told}, and in which the scene swings; if the times are in ms, their head is 't [ms]'", id="likely-unit"
+    )
 
 
 def as_long(scene: Scene, t: Array) -> Scene:

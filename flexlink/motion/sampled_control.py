@@ -196,13 +196,16 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
     require_callable("control", law)
     if law is None:
         if rate is not None:
-            raise ArgumentError(f"rate = {rate!r}: has no effect without control; give control, or leave rate out")
+            raise ArgumentError(
+                f"rate = {rate!r}: has no effect without control; give control, or leave rate out", id="no-effect"
+            )
         return None
     run, scene = problem.run, problem.scene
     if scene.drive.kind != "none":
         raise ArgumentError(
             f"control: the scene has a drive, {scene.drive.kind!r}, too; "
-            "give only one: scene.varied({'drive': None}) has none"
+            "give only one: scene.varied({'drive': None}) has none",
+            id="both-given",
         )
     if rate is None and not problem.explicit:
         what = (
@@ -214,13 +217,18 @@ def control_of(problem: InitialValueProblem, law: Law | None, rate: float | None
         )
         raise ArgumentError(
             f"control: with {what}, a control law needs a rate; give rate, or take fixed steps of an explicit method: "
-            "run.step, such as 1e-4, and run.method = 'RK4'"
+            "run.step, such as 1e-4, and run.method = 'RK4'",
+            id="controller-needs-rate",
         )
     if asks_for_sensors(law):
         if not scene.sensor:
-            raise ArgumentError("control: its parameter sensors asks for readings, but the scene has no [[sensor]]")
+            raise ArgumentError(
+                "control: its parameter sensors asks for readings, but the scene has no [[sensor]]", id="no-sensors"
+            )
         if rate is None:
-            raise ArgumentError("control: a law that is told what sensors show needs a rate; give rate [Hz]")
+            raise ArgumentError(
+                "control: a law that is told what sensors show needs a rate; give rate [Hz]", id="controller-needs-rate"
+            )
     return Control(law, rate, problem)
 
 

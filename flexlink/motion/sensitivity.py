@@ -92,7 +92,8 @@ class Sensitivities(Result):
         if name not in known:
             raise ArgumentError(
                 f"name = {truncated(name)}: no column with a slope; allowed are {short_list(known)}"
-                f"{did_you_mean(name, known)}"
+                f"{did_you_mean(name, known)}",
+                id="unknown-name",
             )
         return self.runs.of(lambda run: run.columns[name])
 
@@ -139,7 +140,7 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     """
     paths = sequence("parameters", parameters, "path, such as 'tip.mass'")
     if not paths:
-        raise ArgumentError("parameters = (): empty; name at least one path")
+        raise ArgumentError("parameters = (): empty; name at least one path", id="empty")
     found = slopes_of_runs(require_type("scene", scene, Scene), paths)
     (q, of_q), (qd, of_qd), (tip, of_tip) = found.states()
     return Sensitivities(found.run, tuple(paths), found.values, q, qd, tip, of_q, of_qd, of_tip, found.step, found)

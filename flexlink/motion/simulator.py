@@ -214,7 +214,9 @@ class Simulator:
             return (round(now / run.fixed_step) + self._lengths[duration]) * run.fixed_step
         end = (parts(now, duration) + 1) * duration
         if end <= now:
-            raise ArgumentError(f"duration = {duration!r}: too short to change t = {now!r} s in float64")
+            raise ArgumentError(
+                f"duration = {duration!r}: too short to change t = {now!r} s in float64", id="duration-too-short"
+            )
         return end
 
     def _diverged(self, fault: Failure, held: float) -> DivergenceError:

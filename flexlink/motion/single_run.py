@@ -205,7 +205,8 @@ def _recorded(problem: InitialValueProblem, rows: int | None, kept: Kept | None)
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
             f"{run.said('sample', 'run.')} = {run.spacing!r}: {run.samples} samples of {chain.n} joints do not fit "
-            "into memory"
+            "into memory",
+            id="out-of-memory",
         ) from None
     record.q[0], record.qd[0] = problem.q, problem.qd
     if not record.kept.types:  # all else that kernels are given here is made in one way

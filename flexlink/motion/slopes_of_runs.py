@@ -315,7 +315,8 @@ class _Runs:
         if not reason:
             return _run(end)
         return ArgumentError(
-            f"parameters: {truncated(self.paths[k])} = {float(self.x[k])!r} cannot be varied: {reason}"
+            f"parameters: {truncated(self.paths[k])} = {float(self.x[k])!r} cannot be varied: {reason}",
+            id="parameter-cannot-vary",
         )
 
 
@@ -329,10 +330,11 @@ def _run(end: object) -> Trajectory:
 def _number(scene: Scene, path: object) -> float:
     """The number at a path; those of a run change its steps and its samples."""
     if not isinstance(path, str):
-        raise ArgumentError(f"parameters: {truncated(path)}: expected a path such as 'tip.mass'")
+        raise ArgumentError(f"parameters: {truncated(path)}: expected a path such as 'tip.mass'", id="path-form")
     if parts_of(path)[:1] == ("run",) or path == "initial.time":
         raise ArgumentError(
-            f"parameters: {truncated(path)}: not a parameter; allowed are numbers of anything but the run"
+            f"parameters: {truncated(path)}: not a parameter; allowed are numbers of anything but the run",
+            id="not-a-parameter",
         )
     values = scene.values_at(path)
     try:

@@ -54,7 +54,8 @@ def settings(run: RunSettings, rule: Method, record: Record, largest: float) -> 
     if run.accuracy == "deflection" and not (record.chain.hinges["stiffness"] > 0).any():
         raise SceneError(
             f"run.accuracy = 'deflection': no link of {record.chain.name!r} bends, so there is no deflection to take "
-            "a fraction of; take accuracy = 'tip'"
+            "a fraction of; take accuracy = 'tip'",
+            id="nothing-bends",
         )
     least = record.least_tolerance
     absolute, part = least, run.relative_tolerance or 0.0  # of no deflection what rounding leaves
@@ -63,7 +64,8 @@ def settings(run: RunSettings, rule: Method, record: Record, largest: float) -> 
         if absolute < least:
             raise SceneError(
                 f"run.tolerance = {absolute:.3g} m: below the rounding error of an arm of {size:.3g} m at "
-                f"angles up to {np.abs(record.q[0]).max():.2g} rad; allowed are {least:.2g} m and more"
+                f"angles up to {np.abs(record.q[0]).max():.2g} rad; allowed are {least:.2g} m and more",
+                id="tolerance-below-rounding",
             )
     order = float(rule.order if rule.explicit else rule.stages + 1)
     long = rule.stages >= long_stages

@@ -21,7 +21,8 @@ def builder(module: str, page: str) -> ModuleType:
     except ImportError as error:
         raise MissingDependencyError(
             f"a {page} needs matplotlib and jinja2 ({error}); install them with: "
-            "python -m pip install 'flexlink[report]'"
+            "python -m pip install 'flexlink[report]'",
+            id="package-missing",
         ) from None
 
 

@@ -80,5 +80,7 @@ def output_format(path: Path) -> str:
 
 def _ending(path: Path, allowed: tuple[str, ...], what: str) -> str:
     if path.suffix not in allowed:
-        raise ArgumentError(f"{str(path)!r}: unknown format; {what} is saved as {' or '.join(allowed)}")
+        raise ArgumentError(
+            f"{str(path)!r}: unknown format; {what} is saved as {' or '.join(allowed)}", id="unknown-format"
+        )
     return path.suffix

@@ -56,9 +56,11 @@ def load_trajectory(path: str | Path) -> Trajectory:
     try:
         return _trajectory(arrays)
     except KeyError as error:
-        raise DataFileError(f"{path}: holds no run of this version of flexlink: {error.args[0]} is missing") from None
+        raise DataFileError(
+            f"{path}: holds no run of this version of flexlink: {error.args[0]} is missing", id="not-a-result"
+        ) from None
     except (ValueError, TypeError, IndexError, OverflowError, RecursionError, FlexlinkError) as error:
-        raise DataFileError(f"{path}: holds no run of this version of flexlink: {error}") from None
+        raise DataFileError(f"{path}: holds no run of this version of flexlink: {error}", id="not-a-result") from None
 
 
 def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:

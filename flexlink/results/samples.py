@@ -243,7 +243,8 @@ class RunSamples(Result):
     def _known_work(self) -> Array:
         if self.work is None:
             raise ArgumentError(
-                "imbalance: only for runs of flexlink's own engine; other engines do not integrate work"
+                "imbalance: only for runs of flexlink's own engine; other engines do not integrate work",
+                id="engine-does-not-support",
             )
         return self.work
 

@@ -86,7 +86,8 @@ def overshoot(run: Trajectory, *, target: ArrayLike) -> float:
     way = largest_distance(tip[:1], goal)
     if way == 0:
         raise ArgumentError(
-            f"target = {truncated(goal.tolist())}: equals the tip's start, so there is no travel to overshoot"
+            f"target = {truncated(goal.tolist())}: equals the tip's start, so there is no travel to overshoot",
+            id="no-travel",
         )
     return max(0.0, float(((tip - goal) @ (goal - tip[0]) / way).max()))
 
@@ -128,6 +129,7 @@ def _from(run: Trajectory, after: float, least: int = 1) -> tuple[Array, Array]:
     if kept.sum() < least:
         span = f"run from {t[0]:g} to {t[-1]:g} s" if len(t) else "run without samples"
         raise ArgumentError(
-            f"after = {truncated(after)}: a {span} has {kept.sum()} samples from that time on; needs at least {least}"
+            f"after = {truncated(after)}: a {span} has {kept.sum()} samples from that time on; needs at least {least}",
+            id="too-few-samples",
         )
     return t[kept], run.tip[kept]

@@ -29,13 +29,11 @@ class DivergenceError(FlexlinkError, ArithmeticError):
     True
     """
 
+    _id = "diverged"
+
     def __init__(self, message: str, trajectory: Trajectory, runs: Sequence[Trajectory] = ()) -> None:
         super().__init__(message)
         self.trajectory, self.runs = trajectory, runs
-
-    def __reduce__(self) -> tuple[type[DivergenceError], tuple[str, Trajectory, Sequence[Trajectory]]]:
-        """With all it holds through a process pool, which otherwise breaks on an error of two arguments."""
-        return type(self), (str(self), self.trajectory, self.runs)
 
 
 class EvaluationLimitError(DivergenceError):
@@ -49,6 +47,8 @@ class EvaluationLimitError(DivergenceError):
     ...     print(error.trajectory.t[-1] < 1.0)
     True
     """
+
+    _id = "too-many-evaluations"
 
 
 class Failure(NamedTuple):
@@ -86,13 +86,11 @@ class ControlError(FlexlinkError, ValueError):
     [0.]
     """
 
+    _id = "controller-failed"
+
     def __init__(self, message: str, trajectory: Trajectory) -> None:
         super().__init__(message)
         self.trajectory = trajectory
-
-    def __reduce__(self) -> tuple[type[ControlError], tuple[str, Trajectory]]:
-        """As `DivergenceError`."""
-        return ControlError, (str(self), self.trajectory)
 
 
 class InterruptedRunError(KeyboardInterrupt):
@@ -121,5 +119,5 @@ class InterruptedRunError(KeyboardInterrupt):
         self.trajectory, self.signal, self.where, self.runs = trajectory, number, where, runs
 
     def __reduce__(self) -> tuple[type[InterruptedRunError], tuple[Trajectory, int, str, Sequence[Trajectory]]]:
-        """As `DivergenceError`."""
+        """Keep the samples in a process pool, which otherwise rebuilds an error from its message alone."""
         return InterruptedRunError, (self.trajectory, self.signal, self.where, self.runs)

@@ -50,5 +50,6 @@ def _package(name: str) -> Any:
         return importlib.import_module(name)
     except ImportError:
         raise MissingDependencyError(
-            f"a run as a table of {name} needs {name}; install it with: python -m pip install 'flexlink[tables]'"
+            f"a run as a table of {name} needs {name}; install it with: python -m pip install 'flexlink[tables]'",
+            id="package-missing",
         ) from None

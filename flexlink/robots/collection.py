@@ -46,7 +46,9 @@ class KnownArm(Spec, frozen=True):
         """
         path = folder() / self.file
         if not path.exists():
-            raise MissingDependencyError(f"{PACKAGE} {importlib.metadata.version(PACKAGE)} has no robots/{self.file}")
+            raise MissingDependencyError(
+                f"{PACKAGE} {importlib.metadata.version(PACKAGE)} has no robots/{self.file}", id="package-missing"
+            )
         return path
 
 
@@ -62,12 +64,14 @@ def folder() -> Path:
     try:
         package = importlib.metadata.distribution(PACKAGE)
     except importlib.metadata.PackageNotFoundError:
-        raise MissingDependencyError(f"{PACKAGE} is not installed: python -m pip install 'flexlink[robots]'") from None
+        raise MissingDependencyError(
+            f"{PACKAGE} is not installed: python -m pip install 'flexlink[robots]'", id="package-missing"
+        ) from None
     for file in package.files or []:
         before, inside, _ = file.as_posix().partition(f"/{PACKAGE}/robots/")
         if inside:
             return Path(str(package.locate_file(before + inside)))
-    raise MissingDependencyError(f"{PACKAGE} {package.version} has no folder of robots")
+    raise MissingDependencyError(f"{PACKAGE} {package.version} has no folder of robots", id="package-missing")
 
 
 def known_arms() -> dict[str, KnownArm]:
@@ -93,7 +97,8 @@ def known_arm(name: str) -> KnownArm:
     if name not in arms:
         raise ArgumentError(
             f"robot = {truncated(name)}: no such file; known arms are {short_list(list(arms))}"
-            f"{did_you_mean(name, arms)}"
+            f"{did_you_mean(name, arms)}",
+            id="unknown-robot",
         )
     return arms[name]
 

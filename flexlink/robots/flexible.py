@@ -64,7 +64,7 @@ class FlexibleLink(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.section is None and self.frequency_hz is None:
-            raise SceneError("section: missing; give section or frequency_hz")
+            raise SceneError("section: missing; give section or frequency_hz", id="missing-key")
 
 
 class ImportedLink(NamedTuple):
@@ -124,7 +124,8 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
         raise ArgumentError(
             f"flexible: link {truncated(part.link)}: a beam of {mass:.4g} kg does not fit into its mass, "
             f"{part.body.mass:.4g} kg, and inertia; at most {rounded_down(largest)} kg fit; give mass, a lighter "
-            "section or another line"
+            "section or another line",
+            id="beam-heavier-than-link",
         )
     root, end = cut(part.body, _prism(section, mass, line), _pose(line), line.length)
     link = msgspec.structs.replace(

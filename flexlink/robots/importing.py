@@ -129,7 +129,9 @@ def import_urdf(
     """
     for key, table in {"posture": posture, "locked": locked, "flexible": flexible, "armature": armature}.items():
         if not isinstance(table, Mapping):
-            raise ArgumentError(f"{key} = {truncated(table)}: expected a dict, got {type(table).__name__}")
+            raise ArgumentError(
+                f"{key} = {truncated(table)}: expected a dict, got {type(table).__name__}", id="wrong-type"
+            )
     robot = path if isinstance(path, Robot) else read_robot(path)
     rotors = {joint for joint, inertia in armature.items() if finite(inertia)}
     way, lifeless = living_paths(robot, base, tip, posture, locked, free_base=free_base, rotors=rotors)
@@ -152,13 +154,19 @@ def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
         holders = [part.link for part in way.parts if link in part.folded]
         if holders:
             raise ArgumentError(
-                f"flexible: link {truncated(link)} is fixed to {truncated(holders[0])}; make that link flexible"
+                f"flexible: link {truncated(link)} is fixed to {truncated(holders[0])}; make that link flexible",
+                id="flexible-link-fixed",
             )
         if link not in [part.link for part in way.parts]:
             allowed = short_list([part.link for part in way.parts])
-            raise ArgumentError(f"flexible: link {truncated(link)} is not between base and tip; allowed are {allowed}")
+            raise ArgumentError(
+                f"flexible: link {truncated(link)} is not between base and tip; allowed are {allowed}",
+                id="unknown-link",
+            )
         if not isinstance(asked, FlexibleLink):
-            raise ArgumentError(f"flexible: {truncated(link)} = {truncated(asked)}: expected a FlexibleLink")
+            raise ArgumentError(
+                f"flexible: {truncated(link)} = {truncated(asked)}: expected a FlexibleLink", id="wrong-type"
+            )
 
 
 def _check_joints(way: Paths, armature: Mapping[str, float]) -> None:
@@ -166,10 +174,13 @@ def _check_joints(way: Paths, armature: Mapping[str, float]) -> None:
     for joint, value in armature.items():
         if joint not in free:
             raise ArgumentError(
-                f"armature: joint {truncated(joint)} does not move in this arm; allowed are {short_list(free)}"
+                f"armature: joint {truncated(joint)} does not move in this arm; allowed are {short_list(free)}",
+                id="unknown-joint",
             )
         if (number := finite(value)) is None or number < 0:
-            raise ArgumentError(f"armature: {truncated(joint)} = {truncated(value)}: expected a number >= 0 [kg m²]")
+            raise ArgumentError(
+                f"armature: {truncated(joint)} = {truncated(value)}: expected a number >= 0 [kg m²]", id="out-of-range"
+            )
 
 
 def _span(way: Paths) -> str:

@@ -103,11 +103,14 @@ class Robot:
 
     def __post_init__(self) -> None:
         if not self.links:
-            raise DataFileError("no link; a robot has at least one")
+            raise DataFileError("no link; a robot has at least one", id="no-link")
         for joint in self.joints.values():
             for link in (joint.parent, joint.child):
                 if link not in self.links:
-                    raise DataFileError(f"joint {truncated(joint.name)}: link {truncated(link)} does not exist")
+                    raise DataFileError(
+                        f"joint {truncated(joint.name)}: link {truncated(link)} does not exist",
+                        id="link-missing-in-file",
+                    )
         _check_roots(self)
         _check_mimics(self)
 
@@ -121,7 +124,8 @@ class Robot:
                 both = f"{truncated(other.name)} and {truncated(joint.name)}"
                 raise DataFileError(
                     f"link {truncated(joint.child)} is the child of two joints, {both}; closed loops are not "
-                    "supported: take one of the two joints out"
+                    "supported: take one of the two joints out",
+                    id="closed-loop",
                 )
         return parents
 
@@ -182,11 +186,16 @@ class Robot:
 def _check_roots(robot: Robot) -> None:
     roots = [link for link in robot.links if link not in robot.above]
     if len(roots) > 1:
-        raise DataFileError(f"{len(roots)} links have no parent joint, {short_list(roots)}; a robot has one root")
+        raise DataFileError(
+            f"{len(roots)} links have no parent joint, {short_list(roots)}; a robot has one root", id="several-roots"
+        )
     reached = set(robot.outward(roots[0])) if roots else set()
     circle = [link for link in robot.links if link not in reached]
     if circle:
-        raise DataFileError(f"links {short_list(circle)} form a loop; closed loops are not supported: take a joint out")
+        raise DataFileError(
+            f"links {short_list(circle)} form a loop; closed loops are not supported: take a joint out",
+            id="closed-loop",
+        )
 
 
 def _check_mimics(robot: Robot) -> None:
@@ -196,9 +205,13 @@ def _check_mimics(robot: Robot) -> None:
         while joint.mimic is not None and joint.name not in fine:
             leader = joint.mimic.leader
             if leader not in robot.joints:
-                raise DataFileError(f"joint {truncated(joint.name)}: mimics {truncated(leader)}, which does not exist")
+                raise DataFileError(
+                    f"joint {truncated(joint.name)}: mimics {truncated(leader)}, which does not exist", id="mimic"
+                )
             fine.add(joint.name)  # unless this way leads back to it
             joint = robot.joints[leader]
             if leader in way:
-                raise DataFileError(f"joint {truncated(leader)}: mimics itself, by way of {short_list(list(way))}")
+                raise DataFileError(
+                    f"joint {truncated(leader)}: mimics itself, by way of {short_list(list(way))}", id="mimic"
+                )
             way[leader] = None

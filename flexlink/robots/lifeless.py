@@ -41,11 +41,14 @@ def living_paths(
             return found, tuple(still)
         if tip is not None or len(lifeless) == len(found.parts):
             if not any(body.mass or body.inertia.any() for body in robot.links.values()):
-                raise DataFileError("no link of this file has mass; give the links that move their <inertial>")
+                raise DataFileError(
+                    "no link of this file has mass; give the links that move their <inertial>", id="no-mass"
+                )
             part = lifeless[-1]
             hint = f", as by --tip {part.joint.parent}" if part.parent else ""
             raise DataFileError(
-                f"link {truncated(part.link)}: nothing beyond its joint has inertia; choose a tip before it{hint}"
+                f"link {truncated(part.link)}: nothing beyond its joint has inertia; choose a tip before it{hint}",
+                id="no-mass",
             )
         still |= {part.joint.name: None for part in lifeless}
 

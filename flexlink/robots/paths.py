@@ -142,7 +142,9 @@ def paths(
     span = f"beyond {base!r}" if tips is None else f"between {base!r} and {short_list([repr(name) for name in tips])}"
     for name in locked:
         if robot.joints[name] not in way:
-            raise ArgumentError(f"locked: joint {truncated(name)} is not {span}; put it into posture")
+            raise ArgumentError(
+                f"locked: joint {truncated(name)} is not {span}; put it into posture", id="unknown-joint"
+            )
     loose = [joint for joint in way if joint.moves and joint.name not in locked and joint.name not in still]
     for joint in loose:
         if joint.mimic is None or tips is not None:
@@ -151,7 +153,7 @@ def paths(
     ways = {span: way} if tips is None else {f"between {base!r} and {end!r}": robot.path(base, end) for end in tips}
     for where, one in ways.items():
         if not any(joint.name in free for joint in one or []):
-            raise ArgumentError(f"no movable joint {where}; the arm needs at least one")
+            raise ArgumentError(f"no movable joint {where}; the arm needs at least one", id="no-movable-joint")
     positions = positions_of(robot, {**posture, **locked})
     place = _along(robot.path(robot.root, base) or [], positions)
     parts, places = _parts(robot, way, free, positions, {base: (0, HERE if free_base else place)})
@@ -166,7 +168,7 @@ def _named(robot: Robot, tip: str | Sequence[str]) -> list[str]:
     several = isinstance(tip, Sequence) and not isinstance(tip, str)
     names = [known("tip", name, robot.links) for name in (tip if several else [tip])]
     if not names:
-        raise ArgumentError(f"tip = {tip!r}: name a link, or leave it out for the whole robot")
+        raise ArgumentError(f"tip = {tip!r}: name a link, or leave it out for the whole robot", id="unknown-link")
     return list(dict.fromkeys(names))
 
 
@@ -179,7 +181,8 @@ def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]
         path = robot.path(base, tip)
         if path is None:
             raise ArgumentError(
-                f"tip = {truncated(tip)}: is not reached from base = {truncated(base)} outward; choose a link beyond it"
+                f"tip = {truncated(tip)}: not reached outward from base = {truncated(base)}; choose a link beyond it",
+                id="unknown-link",
             )
         wanted |= {joint.name: None for joint in path}
     if len(tips) == 1:
@@ -193,12 +196,14 @@ def _check_fit(joint: TreeJoint, span: str) -> None:
         base = f"--base {joint.child}{' --free-base' * (joint.kind == 'floating')}"
         raise ArgumentError(
             f"joint {truncated(joint.name)}, {span}, is {joint.kind}; only hinges and slides can move: begin beyond "
-            f"it, as by {base}, or name tips that are not beyond it"
+            f"it, as by {base}, or name tips that are not beyond it",
+            id="joint-type-in-file",
         )
     if joint.mimic is not None:
         raise ArgumentError(
             f"joint {truncated(joint.name)}, {span}, mimics {truncated(joint.mimic.leader)}; "
-            f"it cannot move by itself: fix it, as by --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}"
+            f"it cannot move by itself: fix it, as by --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}",
+            id="mimic",
         )
 
 

@@ -34,7 +34,9 @@ def check_stated(robot: Robot, posture: Mapping[str, float], locked: Mapping[str
             _check(robot, key, name, value)
     for name in locked:
         if name in posture:
-            raise ArgumentError(f"joint {truncated(name)}: is in posture and in locked; leave it out of posture")
+            raise ArgumentError(
+                f"joint {truncated(name)}: is in posture and in locked; leave it out of posture", id="both-given"
+            )
 
 
 def known(key: str, name: object, names: Mapping[str, object]) -> str:
@@ -47,7 +49,7 @@ def known(key: str, name: object, names: Mapping[str, object]) -> str:
     """
     if not isinstance(name, str) or name not in names:
         allowed = f"{short_list(list(names))}{did_you_mean(name, names)}"
-        raise ArgumentError(f"{key} = {truncated(name)}: unknown; allowed are {allowed}")
+        raise ArgumentError(f"{key} = {truncated(name)}: unknown; allowed are {allowed}", id="unknown-name")
     return name
 
 
@@ -62,20 +64,25 @@ def finite(value: object) -> float | None:
 def _check(robot: Robot, key: str, name: object, value: object) -> None:
     joint = robot.joints[known(key, name, robot.joints)]
     if joint.kind in {"fixed", "floating", "planar"}:
-        raise ArgumentError(f"{key}: joint {truncated(name)} is {joint.kind}; only hinges and slides have a position")
+        raise ArgumentError(
+            f"{key}: joint {truncated(name)} is {joint.kind}; only hinges and slides have a position",
+            id="joint-type-in-file",
+        )
     if joint.mimic is not None and key == "posture":
         raise ArgumentError(
-            f"{key}: joint {truncated(name)} mimics {truncated(joint.mimic.leader)}; give the position of that joint"
+            f"{key}: joint {truncated(name)} mimics {truncated(joint.mimic.leader)}; give the position of that joint",
+            id="mimic",
         )
     number = finite(value)
     if number is None:
         raise ArgumentError(
-            f"{key}: {truncated(name)} = {truncated(value)}: expected a finite number [rad; m for a slide]"
+            f"{key}: {truncated(name)} = {truncated(value)}: expected a finite number [rad; m for a slide]",
+            id="out-of-range",
         )
     lower, upper = joint.limits or (-math.inf, math.inf)
     if not lower <= number <= upper and lower < upper:
         given, low, high = (_said(joint, position) for position in (number, lower, upper))
-        raise ArgumentError(f"{key}: {truncated(name)} = {given}: must be between {low} and {high}")
+        raise ArgumentError(f"{key}: {truncated(name)} = {given}: must be between {low} and {high}", id="out-of-range")
 
 
 def _said(joint: TreeJoint, position: float) -> str:

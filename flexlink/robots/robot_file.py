@@ -60,18 +60,25 @@ def read_robot(path: str | Path) -> Robot:
 
 def _robot(root: ET.Element) -> Robot:
     if root.tag != "robot":
-        raise DataFileError(f"<{truncated(root.tag)[1:-1]}>: the root element of a URDF file is <robot>")
+        raise DataFileError(
+            f"<{truncated(root.tag)[1:-1]}>: the root element of a URDF file is <robot>", id="unknown-root-element"
+        )
     if root.find(".//flexlink") is not None:
-        raise DataFileError("<flexlink>: this file was exported by flexlink; load its scene instead")
+        raise DataFileError(
+            "<flexlink>: this file was exported by flexlink; load its scene instead", id="exported-by-flexlink"
+        )
     longest, most_links = 10_000, 5_000  # characters of an attribute: no path is longer; a humanoid has 130 links
     for element in root.iter():
         if "xacro" in element.tag.partition("}")[0]:  # the namespace
-            raise DataFileError(f"<xacro:{truncated(element.tag.partition('}')[2])[1:-1]}>: a macro")
+            raise DataFileError(f"<xacro:{truncated(element.tag.partition('}')[2])[1:-1]}>: a macro", id="xacro")
         if any(len(value) > longest for value in element.attrib.values()):
-            raise DataFileError(f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {longest} characters")
+            raise DataFileError(
+                f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {longest} characters",
+                id="file-too-large",
+            )
     elements = root.findall("link")
     if len(elements) > most_links:
-        raise DataFileError(f"{len(elements)} links; at most {most_links} are read")
+        raise DataFileError(f"{len(elements)} links; at most {most_links} are read", id="file-too-large")
     links: dict[str, SpatialInertia] = {}
     for element in elements:
         links[_new_name(element, links)] = _body(element)
@@ -92,9 +99,9 @@ def _robot(root: ET.Element) -> Robot:
 def _new_name(element: ET.Element, known: dict[str, SpatialInertia] | dict[str, TreeJoint]) -> str:
     name = element.get("name")
     if not name:
-        raise DataFileError(f"{element.tag} {len(known) + 1}: name: missing")
+        raise DataFileError(f"{element.tag} {len(known) + 1}: name: missing", id="missing-in-file")
     if name in known:
-        raise DataFileError(f"{_said(element)}: this name is used twice")
+        raise DataFileError(f"{_said(element)}: this name is used twice", id="name-twice")
     return name
 
 
@@ -106,21 +113,21 @@ def _said(element: ET.Element) -> str:
 def _one(parent: ET.Element, tag: str, about: str) -> ET.Element | None:
     elements = parent.findall(tag)
     if len(elements) > 1:
-        raise DataFileError(f"{about}: <{tag}> is given {len(elements)} times")
+        raise DataFileError(f"{about}: <{tag}> is given {len(elements)} times", id="element-twice")
     return elements[0] if elements else None
 
 
 def _needed(parent: ET.Element, tag: str, about: str) -> ET.Element:
     child = _one(parent, tag, about)
     if child is None:
-        raise DataFileError(f"{about}: <{tag}>: missing")
+        raise DataFileError(f"{about}: <{tag}>: missing", id="missing-in-file")
     return child
 
 
 def _text(element: ET.Element, key: str, about: str) -> str:
     text = element.get(key)
     if text is None:
-        raise DataFileError(f"{about}: <{element.tag} {key}>: missing")
+        raise DataFileError(f"{about}: <{element.tag} {key}>: missing", id="missing-in-file")
     return text
 
 
@@ -128,9 +135,9 @@ def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) ->
     values = safe_xml.numbers_of(text)
     if values is None or len(values) != count:
         wanted = "a finite number" if count == 1 else f"{count} finite numbers with blanks between"
-        raise DataFileError(f"{about} = {truncated(text)}: expected {wanted}")
+        raise DataFileError(f"{about} = {truncated(text)}: expected {wanted}", id="number-in-file")
     if max(map(abs, values)) > largest:
-        raise DataFileError(f"{about} = {truncated(text)}: must be at most {largest:g} (SI units)")
+        raise DataFileError(f"{about} = {truncated(text)}: must be at most {largest:g} (SI units)", id="number-in-file")
     return values
 
 
@@ -147,7 +154,7 @@ def _number(
 def _not_negative(element: ET.Element | None, key: str, about: str, default: float | None = None) -> float:
     value = _number(element, key, about, default)
     if value < 0 and element is not None:
-        raise DataFileError(f"{about}: <{element.tag} {key}> = {value!r}: must not be negative")
+        raise DataFileError(f"{about}: <{element.tag} {key}> = {value!r}: must not be negative", id="number-in-file")
     return value
 
 
@@ -199,7 +206,8 @@ def _kind(element: ET.Element, about: str) -> JointKind:
     kind, kinds = _text(element, "type", about), get_args(JointKind)
     if kind not in kinds:
         raise DataFileError(
-            f"{about}: type = {truncated(kind)}: allowed are {', '.join(kinds)}{did_you_mean(kind, kinds)}"
+            f"{about}: type = {truncated(kind)}: allowed are {', '.join(kinds)}{did_you_mean(kind, kinds)}",
+            id="joint-type-in-file",
         )
     return cast(JointKind, kind)
 
@@ -218,7 +226,9 @@ def _limits(element: ET.Element, kind: JointKind, about: str) -> tuple[float, fl
     limit = _needed(element, "limit", about)
     lower, upper = (_number(limit, key, about, 0.0, sys.float_info.max) for key in ("lower", "upper"))
     if lower > upper:
-        raise DataFileError(f"{about}: <limit> from {lower!r} to {upper!r}: lower must not exceed upper")
+        raise DataFileError(
+            f"{about}: <limit> from {lower!r} to {upper!r}: lower must not exceed upper", id="limits-order"
+        )
     return (lower, upper) if max(abs(lower), abs(upper)) <= LARGEST else None  # 1e16 is said for none
 
 

@@ -41,11 +41,13 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     young = material.young * (ratio * ratio)
     asked = f"flexible: link {truncated(link)}: frequency_hz = {hertz!r}"
     if not 0 < young < math.inf:
-        raise ArgumentError(f"{asked}: needs young = {young:g} Pa, which is outside the range of float64")
+        raise ArgumentError(
+            f"{asked}: needs young = {young:g} Pa, which is outside the range of float64", id="frequency-out-of-reach"
+        )
     stiff = msgspec.structs.replace(material, young=young)
     # not by a path: the name may hold any character
     stiffened = scene.varied({"material": scene.arm.materials | {name: stiff}})
     reached = clamped_frequency(stiffened, link)
     if not abs(reached / hertz - 1) <= 1e-6:
-        raise ArgumentError(f"{asked}: young = {young:.4g} Pa gives {reached:.9g} Hz")
+        raise ArgumentError(f"{asked}: young = {young:.4g} Pa gives {reached:.9g} Hz", id="frequency-out-of-reach")
     return stiffened

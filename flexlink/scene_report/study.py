@@ -84,7 +84,7 @@ class Study:
             There is none; `attempt` is why.
         """
         if isinstance(self.attempt, FlexlinkError):
-            raise FlexlinkError("no run: see “Motion”")
+            raise FlexlinkError("no run: see “Motion”", id="no-run")
         return self.attempt
 
     @cached_property

@@ -71,10 +71,13 @@ class Execution:
             raise
         except BrokenExecutor:
             raise EngineError(
-                "workers ended during their start; call sweep(workers=…) of a script below if __name__ == '__main__':"
+                "workers ended during their start; call sweep(workers=…) of a script below if __name__ == '__main__':",
+                id="workers-failed",
             ) from None
         except Exception as error:
-            raise EngineError(f"workers cannot run flexlink: {type(error).__name__}: {error}") from None
+            raise EngineError(
+                f"workers cannot run flexlink: {type(error).__name__}: {error}", id="workers-failed"
+            ) from None
 
     def _fill(self, missing: Iterator[int]) -> None:
         """Start tasks until all workers are busy; while there are suspects, one task at a time."""
@@ -109,7 +112,9 @@ class Execution:
         except BrokenExecutor:
             return self._after_death(numbers)
         except CancelledError:
-            raise EngineError("the cluster is gone; all rows are kept: repeat the command to continue") from None
+            raise EngineError(
+                "the cluster is gone; all rows are kept: repeat the command to continue", id="cluster-gone"
+            ) from None
         except Exception as error:  # any error of one member
             return self._after_failure(numbers, f"{type(error).__name__}: {error}")
         size = len(numbers) * TASK_SECONDS / max(seconds, 1e-6)
@@ -124,7 +129,9 @@ class Execution:
         lost_tasks = [numbers, *self.running.values()]
         self.running.clear()
         if not self.pool.replace():
-            raise EngineError("the executor is broken; all rows are kept: repeat the call with a new executor")
+            raise EngineError(
+                "the executor is broken; all rows are kept: repeat the call with a new executor", id="cluster-gone"
+            )
         if len(lost_tasks) > 1:
             self.suspects += lost_tasks
             return []

@@ -67,9 +67,11 @@ class SweepOutput(Spec, frozen=True):
                             ("target", self.target), ("tolerance", self.tolerance)):  # fmt: skip
             if value is not None and name not in known:
                 allowed = ", ".join(sorted(known)) or "no options"
-                raise SceneError(f"{name} = {truncated(value)}: quantity {self.of!r} takes {allowed}")
+                raise SceneError(
+                    f"{name} = {truncated(value)}: quantity {self.of!r} takes {allowed}", id="key-of-another-kind"
+                )
         if "tolerance" in known and self.tolerance is None:
-            raise SceneError(f"tolerance: missing; quantity {self.of!r} needs one [m]")
+            raise SceneError(f"tolerance: missing; quantity {self.of!r} needs one [m]", id="missing-key")
 
     def measure(self, run: Trajectory) -> float:
         """The number of a run.
@@ -93,7 +95,7 @@ class SweepOutput(Spec, frozen=True):
     def _reduced(self, t: Array, column: Array) -> Array:
         first = int(np.searchsorted(t, self.after)) if self.after > t[0] else 0
         if first == len(t):
-            raise ArgumentError(f"after = {self.after:g}: the run ends at {t[-1]:g} s")
+            raise ArgumentError(f"after = {self.after:g}: the run ends at {t[-1]:g} s", id="after-the-end")
         return REDUCTIONS[self.take or "final"](t[first:], column[..., first:])
 
     def place(self, run: Trajectory) -> Array:
@@ -121,7 +123,8 @@ def column_of(run: Trajectory, name: str) -> Array:
     if name not in columns:
         known = [*columns, DEFLECTION, *MEASURES]
         raise ArgumentError(
-            f"of = {truncated(name)}: no such quantity; allowed are {short_list(known)}{did_you_mean(name, known)}"
+            f"of = {truncated(name)}: no such quantity; allowed are {short_list(known)}{did_you_mean(name, known)}",
+            id="unknown-quantity",
         )
     return columns[name]
 
@@ -140,7 +143,9 @@ def columns_of(block: Block, name: str) -> Array:
 def _count(name: str) -> Callable[[SweepOutput, Trajectory], float]:
     def count(_: SweepOutput, run: Trajectory) -> float:
         if run.steps is None:
-            raise ArgumentError(f"of = {name!r}: only runs of flexlink's own engine count them")
+            raise ArgumentError(
+                f"of = {name!r}: only runs of flexlink's own engine count them", id="engine-does-not-support"
+            )
         return float(getattr(run.steps, {"steps": "taken"}.get(name, name)))
 
     return count

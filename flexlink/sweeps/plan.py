@@ -109,7 +109,7 @@ class Plan:
         engine = changes.pop("engine", "native")
         if engine not in ENGINES:
             allowed = ", ".join(ENGINES) + did_you_mean(engine, ENGINES)
-            raise SceneError(f"engine = {truncated(engine)}: unknown; allowed are {allowed}")
+            raise SceneError(f"engine = {truncated(engine)}: unknown; allowed are {allowed}", id="unknown-name")
         return self._variants.varied(changes), engine
 
     @functools.cached_property
@@ -160,20 +160,23 @@ class Plan:
     def _check(self) -> None:
         keys, wanted = self.sweep.keys, tuple(self.sweep.quantity)
         if not wanted:
-            raise SceneError("quantity: empty; name at least one output of each run")
+            raise SceneError("quantity: empty; name at least one output of each run", id="empty")
         twice = [key for key, count in Counter(keys).items() if count > 1]
         if twice:
-            raise SceneError(f"{twice[0]}: varies twice; name it in one of grid, together and sample")
+            raise SceneError(
+                f"{twice[0]}: varies twice; name it in one of grid, together and sample", id="varied-twice"
+            )
         columns = Counter(name.casefold() for name in (*ROW_COLUMNS, *keys, *wanted))
         for name in (*keys, *wanted):
             if columns[name.casefold()] > 1:
                 raise SceneError(
-                    f"{name}: two columns of the rows would have this name (upper and lower case are equal); rename one"
+                    f"{name}: two columns would have this name (upper and lower case are equal); rename one",
+                    id="column-twice",
                 )
             if not name or not name.isprintable():
-                raise SceneError(f"{truncated(name)}: is not a column name; use printable characters")
+                raise SceneError(f"{truncated(name)}: is not a column name; use printable characters", id="column-name")
         if self.members > MAX_MEMBERS:
-            raise SceneError(f"{self.members} members: a sweep has at most {MAX_MEMBERS}")
+            raise SceneError(f"{self.members} members: a sweep has at most {MAX_MEMBERS}", id="too-many-members")
 
 
 def load_sweep(path: str | Path) -> Sweep:

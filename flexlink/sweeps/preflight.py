@@ -36,7 +36,8 @@ def preflight(plan: Plan) -> None:
             if quantity.of not in known:
                 raise SceneError(
                     f"quantity.{name}.of = {truncated(quantity.of)}: no such quantity; allowed are {', '.join(known)}"
-                    f"{did_you_mean(quantity.of, known)}"
+                    f"{did_you_mean(quantity.of, known)}",
+                    id="unknown-quantity",
                 )
     chain = lump(plan.sweep.scene)
     for engine in plan.engines:

@@ -47,13 +47,18 @@ class Range(Spec, frozen=True):
         super().__post_init__()
         _check_ends(self.between, self.spacing)
         if (self.count is None) == (self.step is None):
-            raise SceneError("count, step: give exactly one of them, the number of values or their distance")
+            raise SceneError(
+                "count, step: give exactly one of them, the number of values or their distance", id="range-of-values"
+            )
         if self.step is not None and self.spacing == "log":
-            raise SceneError(f"step = {self.step!r}: has no effect with spacing = 'log'; give count instead")
+            raise SceneError(
+                f"step = {self.step!r}: has no effect with spacing = 'log'; give count instead", id="range-of-values"
+            )
         if self.step is not None and (self.between[1] - self.between[0]) / self.step >= MAX_MEMBERS:
             raise SceneError(
                 f"step = {self.step!r}: gives more than {MAX_MEMBERS} values between {list(self.between)}; give a "
-                "larger step"
+                "larger step",
+                id="range-of-values",
             )
 
     def __len__(self) -> int:
@@ -104,11 +109,18 @@ class Spread(Spec, frozen=True):
         super().__post_init__()
         normal = self.mean is not None and self.deviation is not None
         if (self.between is None) != normal or (self.mean is None) != (self.deviation is None):
-            raise SceneError("between: a spread takes between = [least, most], or mean and deviation; give one of them")
+            raise SceneError(
+                "between: a spread takes between = [least, most], or mean and deviation; give one of them",
+                id="range-of-values",
+            )
         if normal and (self.whole or self.spacing == "log"):
-            raise SceneError("mean: a normal distribution takes neither whole nor spacing; leave them out")
+            raise SceneError(
+                "mean: a normal distribution takes neither whole nor spacing; leave them out", id="range-of-values"
+            )
         if self.whole and self.spacing == "log":
-            raise SceneError("whole = True: not defined with spacing = 'log'; leave one of them out")
+            raise SceneError(
+                "whole = True: not defined with spacing = 'log'; leave one of them out", id="range-of-values"
+            )
         if self.between is not None:
             _check_ends(self.between, self.spacing)
 
@@ -146,7 +158,8 @@ class RandomDesign(Spec, frozen=True):
         if self.method == "latin" and self.count > most:
             raise SceneError(
                 f"count = {self.count}: a Latin hypercube is drawn as a whole, of {most} members at most; take "
-                "method = 'sobol' or 'random', whose members are drawn one by one"
+                "method = 'sobol' or 'random', whose members are drawn one by one",
+                id="range-of-values",
             )
 
 
@@ -180,7 +193,9 @@ def together_axis(table: Mapping[str, Any]) -> Axis:
     counts = {key: len(values) for key, values in lists.items()}
     if len(set(counts.values())) > 1:
         counted = truncated(counts)
-        raise SceneError(f"together: lists of different length, {counted}; give every key equally many values")
+        raise SceneError(
+            f"together: lists of different length, {counted}; give every key equally many values", id="range-of-values"
+        )
     columns = list(lists.values())
     return Axis(tuple(lists), len(columns[0]), lambda k: tuple(values[k] for values in columns))
 
@@ -188,7 +203,7 @@ def together_axis(table: Mapping[str, Any]) -> Axis:
 def sample_axis(sample: RandomDesign) -> Axis:
     """The axis of a sample; errors as above."""
     if not sample.keys:
-        raise SceneError("sample.keys: empty; name at least one key and its spread")
+        raise SceneError("sample.keys: empty; name at least one key and its spread", id="empty")
     spreads = [_spread(f"sample.keys.{key}", spread) for key, spread in sample.keys.items()]
 
     def at(k: int) -> tuple[Any, ...]:
@@ -203,9 +218,11 @@ def _listed(path: str, values: Any) -> Listed:
         return decode(values, Range, path)
     if not isinstance(values, list | tuple):
         got = truncated(values)
-        raise SceneError(f"{path} = {got}: expected a list of values, or {{ between = [a, b], count = n }}")
+        raise SceneError(
+            f"{path} = {got}: expected a list of values, or {{ between = [a, b], count = n }}", id="range-of-values"
+        )
     if not values:
-        raise SceneError(f"{path} = []: empty; a sweep needs at least one value of every key")
+        raise SceneError(f"{path} = []: empty; a sweep needs at least one value of every key", id="empty")
     return list(values)
 
 
@@ -219,6 +236,8 @@ def _spread(path: str, spread: Any) -> Callable[[float], Any]:
 def _check_ends(between: tuple[float, float], spacing: Spacing) -> None:
     low, high = between
     if not low <= high:
-        raise SceneError(f"between = {list(between)}: the range is empty; the first end must not be larger")
+        raise SceneError(
+            f"between = {list(between)}: the range is empty; the first end must not be larger", id="range-order"
+        )
     if spacing == "log" and low <= 0:
-        raise SceneError(f"between = {list(between)}: with spacing = 'log' both ends must be > 0")
+        raise SceneError(f"between = {list(between)}: with spacing = 'log' both ends must be > 0", id="range-of-values")

@@ -75,7 +75,8 @@ class Store:
         changed = differences(json.loads(there), json.loads(identity))
         if changed:
             raise ArgumentError(
-                f"{self.path}: holds rows of another sweep: {changed}; name another file, or start again (--fresh)"
+                f"{self.path}: holds rows of another sweep: {changed}; name another file, or start again (--fresh)",
+                id="rows-of-another-sweep",
             )
 
     def __enter__(self) -> Store:
@@ -159,7 +160,7 @@ class Store:
                 why = f"is not a database of a sweep ({text}), and stays unchanged; name another file"
             else:
                 why = f"cannot be written: {text}{then}"
-            raise OutputError(f"{self.path}: {why}") from None
+            raise OutputError(f"{self.path}: {why}", id="cannot-write") from None
 
 
 def _is_ours(db: sqlite3.Connection) -> bool:

@@ -101,5 +101,6 @@ def _package(name: str, needed: str) -> Any:
         return importlib.import_module(name)
     except ImportError:
         raise MissingDependencyError(
-            f"this table needs {name}; install it with: python -m pip install {needed}"
+            f"this table needs {name}; install it with: python -m pip install {needed}",
+            id="package-missing",
         ) from None

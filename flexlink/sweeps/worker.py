@@ -77,7 +77,8 @@ def handshake(text: bytes, theirs: str) -> None:
     """
     if theirs != version():
         raise EngineError(
-            f"a worker has flexlink {version()}, but the sweep was started by flexlink {theirs}; install one version"
+            f"a worker has flexlink {version()}, but the sweep was started by flexlink {theirs}; install one version",
+            id="versions-differ",
         )
     plan_of(text)
 

@@ -94,7 +94,9 @@ def pool_of(executor: Executor | Callable[[], Executor] | None, workers: int, da
     elif callable(executor):
         yield from _own(WorkerPool(executor, TASKS_PER_WORKER * (os.cpu_count() or 1), again=True))
     elif executor is not None:
-        raise ArgumentError(f"executor = {truncated(executor)}: expected a concurrent.futures.Executor, or a function")
+        raise ArgumentError(
+            f"executor = {truncated(executor)}: expected a concurrent.futures.Executor, or a function", id="wrong-type"
+        )
     elif dask is not None:
         yield from _on_cluster(dask)
     elif workers > 1:
@@ -129,17 +131,19 @@ def _on_cluster(address: str) -> Iterator[WorkerPool]:
         distributed = importlib.import_module("distributed")
     except ImportError:
         raise MissingDependencyError(
-            "a Dask cluster needs distributed; install it with: python -m pip install 'flexlink[dask]'"
+            "a Dask cluster needs distributed; install it with: python -m pip install 'flexlink[dask]'",
+            id="package-missing",
         ) from None
     try:
         client = distributed.Client(address, timeout=DASK_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise EngineError(f"{address}: no Dask scheduler answers: {error}") from None
+        raise EngineError(f"{address}: no Dask scheduler answers: {error}", id="no-scheduler") from None
     with client:
         try:
             client.wait_for_workers(1, timeout=DASK_TIMEOUT)
         except TimeoutError:
             raise EngineError(
-                f"{address}: the scheduler has no workers; start some with: dask worker {address}"
+                f"{address}: the scheduler has no workers; start some with: dask worker {address}",
+                id="no-scheduler",
             ) from None
         yield WorkerPool(client.get_executor, TASKS_PER_WORKER * max(4, sum(client.nthreads().values())))

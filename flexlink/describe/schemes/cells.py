@@ -99,7 +99,7 @@ def no_multiple(count: int, size: int) -> ArgumentError:
     """The error of `count` hinges where a rule takes `size` at a time."""
     below = count - count % size
     near = " or ".join(str(k + 1) for k in (below, below + size) if k)
-    return ArgumentError(f"needs a multiple of {size} hinges; the nearest are {near} segments")
+    return ArgumentError(f"needs a multiple of {size} hinges; the nearest are {near} segments", id="hinges-of-rule")
 
 
 @functools.cache

@@ -52,13 +52,15 @@ class Element(Spec, frozen=True):
         super().__post_init__()
         if not self.nodes or len(self.nodes) != len(self.weights):
             raise SceneError(
-                f"weights = {truncated(self.weights)}: must be as many as nodes, {len(self.nodes)}, and at least one"
+                f"weights = {truncated(self.weights)}: must be as many as nodes, {len(self.nodes)}, and at least one",
+                id="rule-weights",
             )
         if self.nodes[-1] > 1 or np.any(np.diff(self.nodes) <= 0):
-            raise SceneError(f"nodes = {truncated(self.nodes)}: must increase within [0, 1]")
+            raise SceneError(f"nodes = {truncated(self.nodes)}: must increase within [0, 1]", id="rule-nodes")
         if abs(sum(self.weights) - 1) > 1e-12:  # the rounding of weights written with 13 digits or more
             raise SceneError(
-                f"weights = {truncated(self.weights)}: must sum to 1; together they stand for the whole element"
+                f"weights = {truncated(self.weights)}: must sum to 1; together they stand for the whole element",
+                id="rule-weights",
             )
 
 
@@ -114,9 +116,12 @@ class LumpingRule(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if sum(kind is not None for kind in (self.grid, self.element, self.jacobi, self.cells)) != 1:
-            raise SceneError("grid, element, jacobi, cells: a rule has exactly one of the four")
+            raise SceneError("grid, element, jacobi, cells: a rule has exactly one of the four", id="rule-kind")
         if self.cells is not None and self.matched_twist:
-            raise SceneError("matched_twist = true: not with cells, which twist with order 4 without it; leave it out")
+            raise SceneError(
+                "matched_twist = true: not with cells, which twist with order 4 without it; leave it out",
+                id="rule-kind",
+            )
 
     def hinges(self, count: int) -> tuple[Array, Array]:
         """Nodes and weights of `count` hinges on [0, 1].
@@ -180,7 +185,7 @@ def _grid_hinges(grid: Grid, count: int) -> tuple[Array, Array]:
     corrected = len(grid.first_weights) + len(grid.last_weights)
     spaces = grid.first + count - 1 + grid.last
     if count < max(1, corrected) or spaces <= 0:
-        raise ArgumentError(f"needs at least {max(1, corrected) + 1} segments")
+        raise ArgumentError(f"needs at least {max(1, corrected) + 1} segments", id="segments-of-rule")
     weights = np.ones(count)
     weights[: len(grid.first_weights)] = grid.first_weights
     weights[count - len(grid.last_weights) :] = grid.last_weights[::-1]
@@ -191,7 +196,7 @@ def _jacobi_hinges(jacobi: Jacobi, count: int) -> tuple[Array, Array]:
     from scipy import special  # noqa: PLC0415  0.2 s that few scenes need
 
     if count > 1000:  # eigenvalues take O(N²)
-        raise ArgumentError("takes at most 1001 segments; rules such as gauss take any number")
+        raise ArgumentError("takes at most 1001 segments; rules such as gauss take any number", id="segments-of-rule")
     t, w = special.roots_jacobi(count, jacobi.tip, jacobi.root)  # on [−1, 1], for the weighted integrand
     x: Array = np.array((1 + t) / 2)
     weighted: Array = np.array(w / 2 ** (1 + jacobi.tip + jacobi.root))

@@ -167,16 +167,25 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
             A has no basis of eigenvectors, or an eigenvalue for which M + h λ D + h² λ² K is singular at some step.
         """
         if self.explicit:
-            raise ArgumentError(f"{self.about}: explicit; only implicit methods are solved by the eigenvectors of A")
+            raise ArgumentError(
+                f"{self.about}: explicit; only implicit methods are solved by the eigenvectors of A",
+                id="method-not-supported",
+            )
         exact, b, _ = self.exact
         A = float64(exact)
         λ, T = np.linalg.eig(A)
         if not np.linalg.cond(T) < 1e7:  # Newton's corrections pass through T and keep 9 digits
-            raise SceneError("A: too few eigenvectors, as with repeated diagonal elements; use another method")
+            raise SceneError(
+                "A: too few eigenvectors, as with repeated diagonal elements; use another method",
+                id="method-coefficients",
+            )
         wrong = λ[(λ.real < 0) | ((λ.real == 0) & (λ.imag != 0))]
         if wrong.size:
             first = wrong[0] if wrong[0].imag else wrong[0].real  # NumPy 2.5: always complex
-            raise SceneError(f"A: eigenvalue {first:.3g}: its real part must be positive, else some steps are singular")
+            raise SceneError(
+                f"A: eigenvalue {first:.3g}: its real part must be positive, else some steps are singular",
+                id="method-coefficients",
+            )
         Tinv = np.linalg.inv(T)
         real, pair = λ.imag == 0, λ.imag > 0
         columns = list(zip(*exact, strict=True))
@@ -202,7 +211,8 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
         """
         if self.explicit or not self.controlled:
             raise ArgumentError(
-                f"{self.about}: has no error estimate of an implicit method; Radau IIA with 3, 5, … stages has one"
+                f"{self.about}: has no error estimate of an implicit method; Radau IIA with 3, 5, … stages has one",
+                id="method-without-error",
             )
         γ = float(self.modes.real[0])
         return γ, -γ * float64(collocation.weights_at(self.exact[2], Fraction(0)))
@@ -210,64 +220,84 @@ class Method(Spec, frozen=True, dict=True):  # with a dict, for cached propertie
     def _check_family(self, family: str) -> None:
         for name in ("A", "b", "c"):
             if getattr(self, name) is not None:
-                raise SceneError(f"family, {name}: both are given; give either family, or A, b and c")
+                raise SceneError(f"family, {name}: both are given; give either family, or A, b and c", id="both-given")
         if not 1 <= self.stages <= MOST_STAGES:
-            raise SceneError(f"stages = {self.stages}: must be 1 … {MOST_STAGES} for family {family!r}")
+            raise SceneError(
+                f"stages = {self.stages}: must be 1 … {MOST_STAGES} for family {family!r}", id="method-stages"
+            )
         order = collocation.ORDER[family](self.stages)
         if self.order != order:
-            raise SceneError(f"order = {self.order}: {family} with {self.stages} stages has order {order}")
+            raise SceneError(
+                f"order = {self.order}: {family} with {self.stages} stages has order {order}", id="method-order"
+            )
 
     def _check_tableau(self) -> None:
         if self.A is None or self.b is None or self.c is None:
-            raise SceneError("family, A, b, c: give either family, or all of A, b and c")
+            raise SceneError("family, A, b, c: give either family, or all of A, b and c", id="both-given")
         stages = len(self.c)
         if self.stages not in {0, stages}:
-            raise SceneError(f"stages = {self.stages}: c has {stages}")
+            raise SceneError(f"stages = {self.stages}: c has {stages}", id="method-stages")
         lengths = [len(row) for row in self.A]
         if len(self.b) != stages or lengths not in (list(range(stages)), [stages] * stages):
             raise SceneError(
                 f"A, b, c: {stages} stages need {stages} numbers in b, and in the rows of A 0, 1, …, {stages - 1} "
-                f"(explicit) or {stages} each (implicit)"
+                f"(explicit) or {stages} each (implicit)",
+                id="method-coefficients",
             )
         for x in chain(self.b, self.c, *self.A):
             _check_number("A, b, c", x)
         msgspec.structs.force_setattr(self, "stages", stages)
         if stages > MOST_STAGES and not self.explicit:
-            raise SceneError(f"A, b, c: {stages} stages; an implicit method takes at most {MOST_STAGES}")
+            raise SceneError(
+                f"A, b, c: {stages} stages; an implicit method takes at most {MOST_STAGES}", id="method-stages"
+            )
         A, b, c = self.exact
         if abs(sum(b, Fraction(0)) - 1) > CLOSE:
-            raise SceneError(f"b = {truncated(self.b)}: must sum to 1")
+            raise SceneError(f"b = {truncated(self.b)}: must sum to 1", id="method-coefficients")
         for i, row in enumerate(A):
             if abs(sum(row, Fraction(0)) - c[i]) > CLOSE:
-                raise SceneError(f"A[{i}] = {truncated(self.A[i])}: must sum to c[{i}] = {truncated(self.c[i])}")
+                raise SceneError(
+                    f"A[{i}] = {truncated(self.A[i])}: must sum to c[{i}] = {truncated(self.c[i])}",
+                    id="method-coefficients",
+                )
 
     def _check_error(self) -> None:
         if self.error_rows and not self.explicit:
-            raise SceneError("error: only explicit methods take error weights; leave error out")
+            raise SceneError(
+                "error: only explicit methods take error weights; leave error out", id="method-error-weights"
+            )
         for i, row in enumerate(self.error_rows):
             if len(row) not in {self.stages, self.stages + 1}:
                 raise SceneError(
                     f"error[{i}] has {len(row)} weights: expected {self.stages}, one per stage, or one more for q̈ "
-                    "at the end of the step"
+                    "at the end of the step",
+                    id="method-error-weights",
                 )
             _check_differences(f"error[{i}]", row)
 
     def _check_dense(self) -> None:
         if self.dense_rows and not self.explicit:
-            raise SceneError("dense: only explicit methods take such weights, others have their own; leave dense out")
+            raise SceneError(
+                "dense: only explicit methods take such weights, others have their own; leave dense out",
+                id="method-dense-output",
+            )
         if self.dense_stages and not self.dense_rows:
-            raise SceneError("dense_stages: has no effect without dense; give dense, too")
+            raise SceneError("dense_stages: has no effect without dense; give dense, too", id="method-dense-output")
         before = self.stages + 1  # the slope at the end of the step is one
         for i, row in enumerate(self.dense_stages):
             if len(row) != before + i:
-                raise SceneError(f"dense_stages[{i}] has {len(row)} numbers: expected {before + i}, one a stage before")
+                raise SceneError(
+                    f"dense_stages[{i}] has {len(row)} numbers: expected {before + i}, one a stage before",
+                    id="method-dense-output",
+                )
             for x in row:
                 _check_number(f"dense_stages[{i}]", x)
         for i, row in enumerate(self.dense_rows):
             if len(row) != before + self.more_stages:
                 raise SceneError(
                     f"dense[{i}] has {len(row)} weights: expected {before + self.more_stages}, one per stage, one for "
-                    "q̈ at the end of the step, and one per row of dense_stages"
+                    "q̈ at the end of the step, and one per row of dense_stages",
+                    id="method-dense-output",
                 )
             _check_differences(f"dense[{i}]", row)
 
@@ -290,10 +320,13 @@ def _check_differences(name: str, row: tuple[str, ...]) -> None:
     for x in row:
         _check_number(name, x)
     if abs(sum(map(Fraction, row), Fraction(0))) > CLOSE:
-        raise SceneError(f"{name} = {truncated(row)}: must sum to 0")
+        raise SceneError(f"{name} = {truncated(row)}: must sum to 0", id="method-coefficients")
 
 
 def _check_number(where: str, x: str) -> None:
     # short exponents: a Fraction of "1e999999999" would take all the memory there is
     if not re.fullmatch(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)", x):
-        raise SceneError(f"{where}: {truncated(x)}: expected a decimal such as '1e-12', or a fraction such as '1/6'")
+        raise SceneError(
+            f"{where}: {truncated(x)}: expected a decimal such as '1e-12', or a fraction such as '1/6'",
+            id="method-coefficients",
+        )

@@ -49,12 +49,13 @@ class SensorOutputs:
     def __init__(self, scene: Scene, *names: str) -> None:
         self.scene, sensors = require_type("scene", scene, Scene), {sensor.name: sensor for sensor in scene.sensor}
         if not sensors:
-            raise ArgumentError(f"scene = {scene!r}: has no [[sensor]]")
+            raise ArgumentError(f"scene = {scene!r}: has no [[sensor]]", id="no-sensors")
         for name in names:
             if name not in sensors:
                 raise ArgumentError(
                     f"names = {truncated(name)}: no such sensor; allowed are {', '.join(sensors)}"
-                    f"{did_you_mean(name, sensors)}"
+                    f"{did_you_mean(name, sensors)}",
+                    id="unknown-sensor",
                 )
         self.sensors = tuple(sensors[name] for name in names or sensors)
 
@@ -78,7 +79,8 @@ class SensorOutputs:
         if sensor.kind in {"torque", "current"} and chain.hinges["prescribed"][joint_of(sensor, chain, scene)]:
             raise ArgumentError(
                 f"outputs: sensor {sensor.name!r}: the motion of its joint is prescribed, its acceleration an input; "
-                "what torque that takes is no output of a linear model"
+                "what torque that takes is no output of a linear model",
+                id="sensor-of-prescribed-joint",
             )
         here = SimpleNamespace(chain=chain, t=np.zeros(1), q=q[None], qd=qd[None], qdd=qdd[None], tau=tau[None])
         slopes = slopes_of(sensor, scene, chain, q, qd, qdd)

@@ -49,7 +49,8 @@ def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
     if not body:
         raise SceneError(
             f"sensor.{sensor.name}: sits on what is fixed in frame 0, where nothing moves; a place beyond the first "
-            "hinge does"
+            "hinge does",
+            id="sensor-on-fixed-part",
         )
     directions = wanted if sensor.kind == "position" else wanted @ axes.T @ R[body]
     return body - 1, place, directions

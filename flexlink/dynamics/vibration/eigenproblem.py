@@ -58,7 +58,9 @@ def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
         Numbers beyond float64.
     """
     if not all(np.isfinite(part).all() for part in (stiffness.K, stiffness.S, C)):
-        raise ArgumentError("stiffness, damping, loads or rates are so large that numbers overflow float64")
+        raise ArgumentError(
+            "stiffness, damping, loads or rates are so large that numbers overflow float64", id="overflow"
+        )
     modes = _conservative(M, L, stiffness)
     K = stiffness.K
     without_potential = np.zeros_like(K) if stiffness.conservative else (K - K.T) / 2
@@ -151,7 +153,9 @@ def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
     A[y[:m], x] -= μ[:m] / s
     A[x, y[:m]] = s
     if not np.isfinite(A).all():
-        raise ArgumentError("stiffness, damping, loads or rates are so large that accelerations overflow float64")
+        raise ArgumentError(
+            "stiffness, damping, loads or rates are so large that accelerations overflow float64", id="overflow"
+        )
     λ, right, rounding = _eigenvalues(A)
     if modes.falling == 0 and not without_potential.any() and _dissipative(C):
         λ.real, rounding = np.minimum(λ.real, 0.0), np.zeros(len(λ))  # energy ½ ȧ² + ½ μ a² ≥ 0 never grows
@@ -182,5 +186,7 @@ def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
     lower = [-scipy.linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
     A = np.block([[np.zeros_like(M), np.eye(len(M))], lower])
     if not np.isfinite(A).all():
-        raise ArgumentError("stiffness, damping, loads or rates are so large that accelerations overflow float64")
+        raise ArgumentError(
+            "stiffness, damping, loads or rates are so large that accelerations overflow float64", id="overflow"
+        )
     return A

@@ -154,7 +154,9 @@ def _moving(chain: Chain, rates: Mapping[str, float], locked: Joints) -> tuple[A
 def _rates(chain: Chain, rates: Mapping[str, float]) -> Array:
     """Rates of all joints (n,), of those that are not named 0."""
     if not isinstance(rates, Mapping) or not rates:
-        raise ArgumentError(f"rates = {truncated(rates)}: expected a dict such as {{'hub': 50.0}}, in rad/s")
+        raise ArgumentError(
+            f"rates = {truncated(rates)}: expected a dict such as {{'hub': 50.0}}, in rad/s", id="wrong-type"
+        )
     found = np.zeros(chain.n)
     for name, rate in rates.items():
         k = steady_joint(chain, name)
@@ -168,7 +170,10 @@ def _held(chain: Chain, turning: Array, rates: Mapping[str, float], locked: Join
     held = chain.joint_indices("locked", locked)
     for k in named:
         if k in held and turning[k]:
-            raise ArgumentError(f"locked: {chain.joint_name(k)!r} moves with a rate of {turning[k]:g}; leave it out")
+            raise ArgumentError(
+                f"locked: {chain.joint_name(k)!r} moves with a rate of {turning[k]:g}; leave it out",
+                id="locked-and-moving",
+            )
     return np.union1d(named, held).astype(np.intp)
 
 
@@ -183,11 +188,14 @@ def steady_joint(chain: Chain, name: str) -> int:
     k = chain.joint_index("rates", name, perhaps_locked=True)
     if k < 0:
         raise ArgumentError(
-            f"rates: {name!r} is locked in the scene; set its joint.locked to false, it is held at its rate"
+            f"rates: {name!r} is locked in the scene; set its joint.locked to false, it is held at its rate",
+            id="locked-and-moving",
         )
     if k not in chain.active and not chain.coordinates[k].of_base:
         driven = ", ".join(chain.joint_name(int(each)) for each in chain.active)
-        raise ArgumentError(f"rates: {name!r} is a hinge with a spring; allowed are driven joints: {driven}")
+        raise ArgumentError(
+            f"rates: {name!r} is a hinge with a spring; allowed are driven joints: {driven}", id="rate-of-hinge"
+        )
     return k
 
 
@@ -204,7 +212,8 @@ def _check_steady(chain: Chain, steady: LoadedState) -> None:
                 moving = ", ".join(chain.joint_name(int(k)) for k in np.flatnonzero(steady.qd))
                 raise ArgumentError(
                     f"rates: no steady motion: {what} what is free to move change as {moving} goes on, as with gravity "
-                    "or a load across a shaft; there are modes only about a motion that looks alike at all times"
+                    "or a load across a shaft; there are modes only about a motion that looks alike at all times",
+                    id="no-steady-motion",
                 )
 
 

@@ -233,7 +233,7 @@ def _outputs(source: str | OutputSource, chain: Chain, q: Array, qd: Array, qdd:
 def _checked(outputs: object) -> list[str | OutputSource]:
     wanted = sequence("outputs", outputs, "str")
     if not wanted:
-        raise ArgumentError(f"outputs = (): empty; allowed are {', '.join(OUTPUTS)}")
+        raise ArgumentError(f"outputs = (): empty; allowed are {', '.join(OUTPUTS)}", id="empty")
     for each in wanted:
         if not hasattr(each, "outputs"):
             require_one_of("outputs", each, OUTPUTS)

@@ -68,5 +68,5 @@ def pd_poles(
 def _gains(name: str, value: ArrayLike, size: int) -> Array:
     gains = vector(name, np.broadcast_to(value, (size,)) if np.ndim(value) == 0 else value, size)
     if np.any(gains < 0):
-        raise ArgumentError(f"{name}[{np.argmin(gains)}] = {gains.min()!r}: must be >= 0")
+        raise ArgumentError(f"{name}[{np.argmin(gains)}] = {gains.min()!r}: must be >= 0", id="out-of-range")
     return gains

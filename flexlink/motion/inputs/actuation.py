@@ -73,7 +73,8 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
         if not np.isfinite(piece).all():
             raise SceneError(
                 f"motion.{motion.link}.{motion.keys[0]}: its rate between two times overflows float64; expected a "
-                "slower motion"
+                "slower motion",
+                id="overflow",
             )
     knots = [np.array(motion.times) for motion in scene.motion]
     first = np.cumsum([0, *map(len, knots)], dtype=np.int64)

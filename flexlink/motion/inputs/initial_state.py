@@ -96,7 +96,10 @@ def _given(name: str, numbers: tuple[float, ...] | None, otherwise: Array) -> Ar
     if numbers is None:
         return otherwise
     if len(numbers) != len(otherwise):
-        raise SceneError(f"initial.{name} = {truncated(numbers)}: expected one number per joint, {len(otherwise)}")
+        raise SceneError(
+            f"initial.{name} = {truncated(numbers)}: expected one number per joint, {len(otherwise)}",
+            id="one-per-joint",
+        )
     return np.array(numbers)
 
 
@@ -112,5 +115,6 @@ def _check_followed(motion: MotionTable, scene: Scene, chain: Chain, q: Array, q
                 joint = chain.joint_name(int(k))
                 raise SceneError(
                     f"initial.{name}[{k}] = {state[k]!r}: joint {joint!r} follows its motion, which is at "
-                    f" {wanted[k]!r} {chain.joint_units[k]}{per} at t = {scene.initial.time:g} s"
+                    f" {wanted[k]!r} {chain.joint_units[k]}{per} at t = {scene.initial.time:g} s",
+                    id="start-differs-from-motion",
                 )

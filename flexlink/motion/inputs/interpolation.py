@@ -28,7 +28,8 @@ def pieces_of(name: str, times: Array, rows: Array, *, smooth: bool) -> Array:
     if not np.isfinite(coefficients).all():
         raise SceneError(
             f"{name}: the change from one time to the next overflows float64; give smaller changes, or times farther "
-            "apart"
+            "apart",
+            id="overflow",
         )
     return coefficients
 

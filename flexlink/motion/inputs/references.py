@@ -51,7 +51,8 @@ def check_start(scene: Scene, chain: Chain) -> None:
         if reference.starts_at_initial(slides=slides) and abs(starts - said) > close:
             raise SceneError(
                 f"drive.reference.{missing}: missing; for the joint of {chain.link_names[link]!r} initial.q gives "
-                f"{starts:.9g} {unit} and initial.{default} {said:.9g}"
+                f"{starts:.9g} {unit} and initial.{default} {said:.9g}",
+                id="missing-key",
             )
 
 

@@ -88,5 +88,6 @@ def _judge_by_eigenvalues(problem: InitialValueProblem) -> tuple[str, ...]:
             f"(--relative-tolerance 1e-3), or a step below {largest:.3g} s, or allow this one: unstable = 'allow' "
             "(--insist)",
             largest,
+            id="unstable-step",
         )
     return (f"{reason}; allowed by unstable = 'allow'",)

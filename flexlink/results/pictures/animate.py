@@ -105,7 +105,9 @@ def require_film(path: Path) -> None:
         matplotlib is not installed, or, for .mp4, ffmpeg.
     """
     if path.suffix not in FORMATS:
-        raise ArgumentError(f"{str(path)!r}: unknown format; a film is saved as {' or '.join(FORMATS)}")
+        raise ArgumentError(
+            f"{str(path)!r}: unknown format; a film is saved as {' or '.join(FORMATS)}", id="unknown-format"
+        )
     if path.suffix != ".html":
         _drawing()
     if path.suffix == ".mp4":
@@ -117,7 +119,8 @@ def _drawing() -> ModuleType:
         return importlib.import_module("flexlink.results.pictures.drawing")
     except ImportError:
         raise MissingDependencyError(
-            "a film needs matplotlib; install it with: python -m pip install 'flexlink[report]'; or take .html"
+            "a film needs matplotlib; install it with: python -m pip install 'flexlink[report]'; or take .html",
+            id="package-missing",
         ) from None
 
 

@@ -96,7 +96,7 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
     """
     if run.scene is None or not len(run.t):
         what = "scene = None: the picture needs it for" if len(run.t) else "samples = 0: there is nothing to draw of"
-        raise ArgumentError(f"{what} {run.chain.name!r}; expected a run of `simulate`")
+        raise ArgumentError(f"{what} {run.chain.name!r}; expected a run of `simulate`", id="wrong-type")
     scene: Scene = run.scene
     rows = _rows(run, fps, speed)
     shown = picked(run, rows)
@@ -137,7 +137,8 @@ def frame_count(lasts: float, fps: float, speed: float) -> int:
     if count > MOST_FRAMES:
         raise ArgumentError(
             f"fps = {fps:g}, speed = {speed:g}: {count} frames of {lasts:g} s; at most {MOST_FRAMES}, so a speed of at "
-            f"least {1.01 * lasts * fps / MOST_FRAMES:.3g}, or fewer frames a second"
+            f"least {1.01 * lasts * fps / MOST_FRAMES:.3g}, or fewer frames a second",
+            id="too-many-frames",
         )
     return count
 

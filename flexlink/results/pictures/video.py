@@ -43,7 +43,8 @@ def require_ffmpeg() -> str:
     if found is None:
         raise MissingDependencyError(
             "an .mp4 needs the program ffmpeg, which is not on the PATH; install it (ffmpeg.org, or your system's "
-            "package ffmpeg), or take .gif or .html"
+            "package ffmpeg), or take .gif or .html",
+            id="package-missing",
         )
     return found
 
@@ -68,7 +69,9 @@ def write_mp4(place: Path, images: Iterable[Image], size: tuple[int, int], fps: 
         output.seek(0)
         reason = " ".join(output.read().decode(errors="replace").split())
     if code:
-        raise EngineError(f"ffmpeg failed with exit code {code}: {reason[-300:]}; take .gif or .html")
+        raise EngineError(
+            f"ffmpeg failed with exit code {code}: {reason[-300:]}; take .gif or .html", id="ffmpeg-failed"
+        )
 
 
 def _fed(command: list[str], images: Iterable[Image], output: IO[bytes]) -> int:

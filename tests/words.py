@@ -1,0 +1,129 @@
+"""Texts that people read, kept for review in `tests/messages.txt`: tests compare ids and values, that file the words.
+
+A test passes a message to `reviewed`, or refuses with `refused`. `python -m tests.words` runs all tests, and writes the
+file anew from the texts that they meet: a change of words is one diff to review.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+FILE = Path(__file__).with_name("messages.txt")
+HEAD = """\
+# Messages, warnings, notes and outputs that the tests meet, by id. Written by `python -m tests.words`: review its diff.
+# Folders are left out; # stands for a number that is not compared. Other numbers may differ by 1 %: processors round.
+"""
+NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w*\()", re.IGNORECASE)
+FOLDER = re.compile(r"(?<![\w.])(?:[A-Z]:)?/(?:[^\s/:'\"<>,;()]+/)+")
+RECORDER = "FLEXLINK_WORDS"
+
+
+@contextlib.contextmanager
+def refused(kind: type[BaseException], id: str, *, values: bool = True) -> Iterator[pytest.ExceptionInfo]:
+    """Expect an error of this kind with this id, and its text in the reviewed file.
+
+    Parameters
+    ----------
+    kind
+        Class of the error.
+    id
+        Its id; of an error without ids the key of its texts in the file.
+    values
+        Whether the numbers in its text are compared.
+    """
+    with pytest.raises(kind) as caught:
+        yield caught
+    assert getattr(caught.value, "id", id) == id, str(caught.value)
+    reviewed(id, str(caught.value), values=values)
+
+
+def reviewed(key: str, text: str, *, values: bool = True) -> None:
+    """Check that the reviewed file holds this text under this key: the same words, and numbers within 1 %."""
+    shown = FOLDER.sub("", text).strip()
+    if not values:
+        shown = NUMBER.sub("#", shown)
+    if recorder := os.environ.get(RECORDER):
+        with Path(recorder, f"{os.getpid()}.jsonl").open("a", encoding="utf-8") as file:
+            file.write(json.dumps([key, shown]) + "\n")
+        return
+    words, numbers = split(shown)
+    known = known_texts().get(key, {})
+    near = any(all(map(close, numbers, others)) for others in known.get(words, ()))
+    assert near, f"not in {FILE.name} under {key!r}:\n{shown}\nknown:\n" + "\n".join(texts().get(key, ()))
+
+
+def split(text: str) -> tuple[str, tuple[float, ...]]:
+    """A text with # for its numbers, and the numbers."""
+    return NUMBER.sub("#", text), tuple(float(number.replace("−", "-")) for number in NUMBER.findall(text))
+
+
+def close(a: float, b: float) -> bool:
+    """Equal up to what another processor may round differently, in a number that is printed with few digits."""
+    return abs(a - b) <= 0.01 * max(abs(a), abs(b)) + 1e-10
+
+
+@functools.cache
+def texts() -> dict[str, list[str]]:
+    """Texts of the reviewed file by key."""
+    found: dict[str, list[str]] = {}
+    for block in FILE.read_text(encoding="utf-8").split("\n[")[1:]:
+        key, _, rest = block.partition("]\n")
+        found[key] = [item.replace("\n    ", "\n") for item in rest.rstrip("\n").removeprefix("- ").split("\n- ")]
+    return found
+
+
+@functools.cache
+def known_texts() -> dict[str, dict[str, list[tuple[float, ...]]]]:
+    """Numbers of the reviewed texts, by key and words."""
+    found: dict[str, dict[str, list[tuple[float, ...]]]] = {}
+    for key, several in texts().items():
+        for text in several:
+            words, numbers = split(text)
+            found.setdefault(key, {}).setdefault(words, []).append(numbers)
+    return found
+
+
+def written(met: dict[str, set[str]]) -> str:
+    """The reviewed file; of texts that differ by rounding alone one."""
+    blocks = []
+    for key in sorted(met):
+        kept: dict[str, list[tuple[float, ...]]] = {}
+        items = []
+        for text in sorted(met[key]):
+            words, numbers = split(text)
+            if any(all(map(close, numbers, others)) for others in kept.get(words, ())):
+                continue
+            kept.setdefault(words, []).append(numbers)
+            items.append("- " + text.replace("\n", "\n    "))
+        blocks.append(f"\n[{key}]\n" + "\n".join(items) + "\n")
+    return HEAD + "".join(blocks)
+
+
+def main(arguments: list[str]) -> int:
+    """Run the tests, or those named, and write the file; of a part of the tests, texts that they do not meet stay."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "pytest", "-q", "-n", "2", *arguments]
+        code = subprocess.run(command, env={**os.environ, RECORDER: folder}, check=False).returncode
+        part = bool(arguments)
+        met: dict[str, set[str]] = {key: set(several) for key, several in texts().items()} if part else {}
+        for file in Path(folder).glob("*.jsonl"):
+            for line in file.read_text(encoding="utf-8").splitlines():
+                key, text = json.loads(line)
+                met.setdefault(key, set()).add(text)
+    FILE.write_text(written(met), encoding="utf-8")
+    return code
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
