@@ -1,0 +1,109 @@
+"""Words to avoid in everything that people read: `python -m tests.language [FILE …]` lists them.
+
+The words are in `language.toml`. Texts are docstrings, comments and strings of Python, strings and comments of TOML,
+Markdown without its code, and names of tests.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import io
+import re
+import subprocess
+import sys
+import tokenize
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+WORDS = Path(__file__).with_name("language.toml")
+LEFT_OUT = (
+    "tests/language.toml",
+    "tests/messages.txt",
+    "models/",
+    "validation/reference/",
+    "reports/full",
+    "docs/inventories",
+)
+CODE = re.compile(r"`[^`]*`")
+
+
+@functools.cache
+def words() -> list[tuple[re.Pattern[str], str, re.Pattern[str] | None]]:
+    """Patterns with what is better and the contexts in which they are allowed."""
+    found = []
+    for word in tomllib.loads(WORDS.read_text(encoding="utf-8"))["word"]:
+        allowed = word.get("allowed")
+        context = re.compile("|".join(allowed), re.IGNORECASE) if allowed else None
+        flags = re.MULTILINE if "Of (" in word["pattern"] else re.IGNORECASE | re.MULTILINE
+        found.append((re.compile(word["pattern"], flags), word["better"], context))
+    return found
+
+
+def faults(text: str) -> Iterator[tuple[int, str, str]]:
+    """Offsets of words to avoid in a text, the words, and what is better."""
+    plain = CODE.sub(lambda code: "x" * len(code[0]), text)
+    for pattern, better, context in words():
+        for match in pattern.finditer(plain):
+            around = plain[max(0, match.start() - 40) : match.end() + 40]
+            if context is None or not context.search(around):
+                yield match.start(), match[0].strip(), better
+
+
+def texts(path: Path) -> Iterator[tuple[int, str]]:
+    """First lines and texts of what people read in a file."""
+    source = path.read_text(encoding="utf-8")
+    if path.suffix == ".py":
+        yield from _of_python(path, source)
+    elif path.suffix == ".md":
+        yield (
+            1,
+            re.sub(r"^```.*?^```", lambda code: re.sub(r"[^\n]", " ", code[0]), source, flags=re.MULTILINE | re.DOTALL),
+        )
+    elif path.suffix in {".toml", ".txt", ".cff"}:
+        yield from enumerate(source.splitlines(), 1)
+
+
+def _of_python(path: Path, source: str) -> Iterator[tuple[int, str]]:
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value.strip():
+            yield node.lineno, node.value
+        if isinstance(node, ast.FunctionDef) and path.name.startswith("test_") and node.name.startswith("test_"):
+            yield node.lineno, node.name.replace("_", " ")
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.start[0], token.string
+
+
+def files() -> list[Path]:
+    """Files of the project with texts."""
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split(
+        "\n"
+    )
+    kinds = {".py", ".md", ".toml", ".cff"}
+    return [
+        ROOT / name for name in listed
+        if Path(name).suffix in kinds and not name.startswith(LEFT_OUT) and (ROOT / name).is_file()
+    ]  # fmt: skip
+
+
+def listed(paths: list[Path]) -> list[str]:
+    """One line for every word to avoid: file, line, word and what is better."""
+    found = []
+    for path in paths:
+        for first, text in texts(path):
+            for at, word, better in faults(text):
+                line = first + text.count("\n", 0, at)
+                shown = " ".join(text[max(0, at - 40) : at + 50].split())
+                found.append(f"{path.resolve().relative_to(ROOT)}:{line}: {word!r}: {better}  | …{shown}…")
+    return found
+
+
+if __name__ == "__main__":
+    lines = listed([Path(name) for name in sys.argv[1:]] or files())
+    print("\n".join(lines))
+    print(f"{len(lines)} words to avoid")
+    sys.exit(bool(lines))
