@@ -123,7 +123,7 @@ def test_a_full_disk_loses_no_result(paper: str, tmp_path: Path, capsys, monkeyp
     monkeypatch.setattr(Path, "replace", full)
     assert main(["simulate", paper, "--duration", "0.05", "--out", str(tmp_path / "run.npz")]) == 2
     line = error_line(capsys)
-    kept = Path(line.split("the result is kept in ")[1])
+    kept = Path(line.split("the result is kept in ")[1].split("  [")[0])
     assert "No space left on device" in line
     assert np.load(kept)["q"].shape == (11, 10)
     kept.unlink()

@@ -170,7 +170,7 @@ def test_a_signal_at_any_moment_keeps_the_samples(number, ending, moment, tmp_pa
         "running": (progress.Progress, "__call__"),
         "saving": (sys.modules["flexlink.results.trajectory"], "write"),
         "before the file is there": (output.Path, "replace"),
-        "drawing": (simulate, "draw"),
+        "drawing": (simulate, "save_plot"),
         "summing up": (simulate, "_summary"),
     }[moment]
     at_first_call(monkeypatch, owner, name, number)

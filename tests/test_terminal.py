@@ -66,9 +66,9 @@ def test_progress_stays_in_one_line_of_a_narrow_terminal(monkeypatch) -> None:
     assert lines[-2].strip() == lines[-1] == ""
 
 
-def test_compiling_is_said_when_it_starts_with_the_time_it_takes(monkeypatch, tmp_path) -> None:
+def test_compiling_is_said_when_it_starts_with_the_time_it_takes(monkeypatch) -> None:
     screen = narrow(monkeypatch)
-    notice = Compiling(lambda: tmp_path / "cache")
+    notice = Compiling()
     for _ in range(2):
         notice.started()
         assert "compiling for this machine, once: 0:00" in screen.getvalue().split("\r")[-1]
@@ -77,25 +77,19 @@ def test_compiling_is_said_when_it_starts_with_the_time_it_takes(monkeypatch, tm
     assert "\n" not in screen.getvalue()
 
 
-def test_what_does_not_fit_is_cut(monkeypatch, tmp_path) -> None:
+def test_what_does_not_fit_is_cut(monkeypatch) -> None:
     screen = narrow(monkeypatch, 20)
-    notice = Compiling(lambda: tmp_path / "cache")
+    notice = Compiling()
     notice.started()
     notice.ended()
     assert max(map(len, screen.getvalue().split("\r"))) == 19
 
 
-def test_without_a_terminal_compiling_is_said_once_and_progress_not_at_all(capsys, tmp_path) -> None:
-    notice, bar = Compiling(lambda: tmp_path / "cache"), Progress("arm")
+def test_without_a_terminal_compiling_is_said_once_and_progress_not_at_all(capsys) -> None:
+    notice, bar = Compiling(), Progress("arm")
     for _ in range(2):
         notice.started()
         notice.ended()
     bar(0.5)
     bar.clear()
-    assert capsys.readouterr().err.splitlines() == [Compiling.TEXT]
-    Compiling(lambda: tmp_path / "cache").started()  # the next process, with the same cache
-    assert capsys.readouterr().err == ""
-    notice = Compiling(lambda: tmp_path / "cache" / "announced" / "no folder")  # where nothing can be kept
-    for _ in range(2):
-        notice.started()
     assert capsys.readouterr().err.splitlines() == [Compiling.TEXT]

@@ -9,8 +9,8 @@ from docs.generators.rest import directive, heading, prose
 from flexlink.cli.main import build_parser
 
 EXIT_CODES = """\
-Exit codes: 0 done; 1 engines disagree, or no model is good enough; 2 an error, told in one line; 130 Ctrl-C; 143
-SIGTERM.
+Exit codes: 0 done; 1 negative result, such as engines that disagree or no model within the tolerance; 2 error; 130
+Ctrl-C; 143 SIGTERM. An error is one line on stderr, which ends in its id: :doc:`messages`.
 """
 
 

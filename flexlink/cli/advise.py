@@ -10,7 +10,9 @@ import argparse
 from pathlib import Path
 
 from flexlink.advice.advise import advise
-from flexlink.cli.shared import prefix_errors, require_writable, varied_scene
+from flexlink.advice.verdict import Advice
+from flexlink.cli.json_output import add_json, print_json
+from flexlink.cli.shared import prefix_errors, print_path, require_writable, varied_scene
 from flexlink.common.output import write_or_keep, write_text
 
 
@@ -26,22 +28,32 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--budget", type=float, default=1.0, metavar="S", help="CPU time of one run's steps [s]; default: 1"
     )
+    add_json(command)
     command.add_argument("-o", "--out", type=Path, help="write the scene with this model, ready to run (.toml)")
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Find a model, say why it is this one, and write the scene where it is asked for; 1 if no model is good enough."""
+    """Find a model, print the reasons, and write the scene on request; exit with 1 if no model is good enough."""
     scene = varied_scene(options.scene, options)
     if options.out is not None:
         require_writable(options.out)
     tip = float(options.tip) if _is_number(options.tip) else options.tip
     with prefix_errors(options.scene):
         advice = advise(scene, tip, deflection=options.deflection, band=options.band, budget=options.budget)
-    print(advice)
+    if options.json:
+        print_json(_document(advice))
+    else:
+        print(advice)
     if options.out is not None:
         write_or_keep(options.out, lambda place: write_text(place, advice.scene.to_toml()))
-        print(f"scene: {options.out}")
+        print_path("scene", options.out)
     return 0 if advice.met else 1
+
+
+def _document(advice: Advice) -> dict[str, object]:
+    """Advice as plain numbers [m, s] and texts, with the scene as TOML."""
+    numbers = ("met", "error", "tolerance", "tip_travel", "run_time", "again_time", "horizon", "runs", "compute_time")
+    return {name: getattr(advice, name) for name in numbers} | {"lines": advice.lines, "scene": advice.scene.to_toml()}
 
 
 def _is_number(text: str) -> bool:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlink.chain.lumping import lump
+from flexlink.cli.json_output import add_json, print_json
 from flexlink.cli.shared import prefix_errors, print_lines, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.progress import Progress
@@ -21,7 +22,7 @@ from flexlink.diagnosis.comparison import Comparison, compare
 from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories, in_fixed_steps
 
 MANY_STEPS = 50_000
-"""Other engines take some seconds for so many."""
+"""Number of steps that takes other engines some seconds."""
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -39,16 +40,17 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--trajectory", action="store_true", help="compare a run of the scene with the same run of every engine"
     )
     command.add_argument("--duration", type=float, help="with --trajectory: simulated time [s]; default: the scene's")
+    add_json(command)
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Compare on a scene; 1 where engines or the file disagree by more than rounding explains."""
+    """Compare; exit with 1 if an engine or the file differs by more than rounding explains."""
     _refuse_without_effect(options)
     scene = varied_scene(options.scene, options)
     bar = Progress(scene.name)
     how: dict[str, Any] = {"engines": options.engines, "progress": bar}
     comparison: Comparison | TrajectoryComparison
-    with prefix_errors(options.scene) if options.file is None else contextlib.nullcontext():  # a file names itself
+    with prefix_errors(options.scene) if options.file is None else contextlib.nullcontext():
         if options.trajectory:
             print_lines("note", _long_runs(scene, options.duration))
             comparison = compare_trajectories(scene, duration=options.duration, **how)
@@ -56,12 +58,23 @@ def run_command(options: argparse.Namespace) -> int:
             samples = 200 if options.samples is None else options.samples
             comparison = compare(scene, file=options.file, samples=samples, seed=options.seed or 0, **how)
     bar.clear()
-    print(comparison)
+    if options.json:
+        print_json(_document(comparison))
+    else:
+        print(comparison)
     return 0 if comparison.passed else 1
 
 
+def _document(comparison: Comparison | TrajectoryComparison) -> dict[str, object]:
+    """A comparison as plain numbers and texts; one object per engine."""
+    if isinstance(comparison, Comparison):
+        return {"passed": comparison.passed, "scene": comparison.scene, "engines": comparison.diagnoses}
+    runs = [row._asdict() for row in comparison.rows]
+    return {"passed": comparison.passed, "scene": comparison.scene, "engines": runs, "refused": comparison.refused}
+
+
 def _long_runs(scene: Scene, duration: float | None) -> tuple[str, ...]:
-    """What every engine is about to do, where that takes seconds and more."""
+    """A note on the number of steps, if it takes every engine seconds or more."""
     scene = scene if duration is None else scene.varied({"run.duration": duration})
     fixed, steps = in_fixed_steps(scene, lump(scene))
     number = fixed.run.duration / fixed.run.fixed_step

@@ -13,7 +13,7 @@ from pathlib import Path
 from flexlink.chain.arguments import positive
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import prefix_errors, print_lines, require_writable, varied_scene
+from flexlink.cli.shared import prefix_errors, print_lines, require_writable, shown_path, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import make_folder, write_text
 from flexlink.common.types import Array
@@ -29,19 +29,19 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
     command.add_argument("--format", choices=FORMATS, action="append", help="may be repeated; default: all")
     command.add_argument(
-        "--out", type=Path, default=Path(), help="folder to write to, made if need be; default: the current one"
+        "--out", type=Path, default=Path(), help="output folder, created if missing; default: the current one"
     )
     command.add_argument(
-        "--strict", action="store_true", help="write nothing if a format cannot represent the whole scene"
+        "--strict", action="store_true", help="write nothing if a format cannot represent every feature of the scene"
     )
     command.add_argument(
         "--small-mass", type=float, metavar="KG",
-        help="mass of massless links [kg], which some programs refuse; prints the effect on the motion",
+        help="mass [kg] for massless links, which some programs refuse; prints the effect on the motion",
     )  # fmt: skip
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Write the chains of scenes, all or none of them, and say what their formats cannot hold."""
+    """Write the chains of all scenes, or none, and print what the formats cannot represent."""
     if options.small_mass is not None:
         positive("--small-mass", options.small_mass)
     texts: dict[Path, str] = {}
@@ -64,31 +64,31 @@ def run_command(options: argparse.Namespace) -> int:
         require_writable(path)
     for path, text in texts.items():
         write_text(path, text)
-        print(path)
+        print(shown_path(path))
     print_lines("note", notes)
     return 0
 
 
 def _formats(options: argparse.Namespace) -> list[str]:
-    """Names of the formats that are asked for."""
+    """Names of the requested formats."""
     return list(dict.fromkeys(options.format or FORMATS))
 
 
 def _chain_and_state(
     path: Path, scene: Scene, options: argparse.Namespace, notes: list[str]
 ) -> tuple[Chain, tuple[Array, Array] | None]:
-    """The chain, with small masses if they are asked for, and, where a format holds it, the initial state."""
+    """The chain, with small masses on request, and the initial state if a format stores it."""
     chain = lump(scene)
     keyframe = any(FORMATS[name].keyframe for name in _formats(options))
     state = initial_state(scene, chain) if keyframe or options.small_mass is not None else None
     if state is not None and options.small_mass is not None:
-        notes.append(_what_mass_does(path, chain, options.small_mass, state[0]))
+        notes.append(_effect_of_mass(path, chain, options.small_mass, state[0]))
         chain = with_small_mass(chain, mass=options.small_mass)
     return chain, state
 
 
 def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: bool) -> list[str]:
-    """A note on what a file cannot hold; an error if that is asked for."""
+    """A note on what a format cannot represent; with `--strict` an error."""
     missing = not_held(scene, chain, format=format)
     if missing and strict:
         raise ArgumentError(
@@ -98,10 +98,10 @@ def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: b
     return [f"{target}: {format} has no standard element for {features}"] if missing else []
 
 
-def _what_mass_does(path: Path, chain: Chain, mass: float, q: Array) -> str:
-    """A note on how far an arm with masses where there are none moves differently."""
+def _effect_of_mass(path: Path, chain: Chain, mass: float, q: Array) -> str:
+    """A note on how far the added masses change the motion."""
     added = added_inertia(chain, q, mass=mass)
     return (
-        f"{path}: every massless link gets {mass:g} kg; relative changes at the initial posture: mass matrix at most "
-        f"+{added:.2g}, frequencies at most −{1 - 1 / math.sqrt(1 + added):.2g}"
+        f"{path}: every massless link gets {mass:g} kg; relative changes in the initial configuration: "
+        f"mass matrix at most +{added:.2g}, frequencies at most −{1 - 1 / math.sqrt(1 + added):.2g}"
     )

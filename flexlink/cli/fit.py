@@ -1,4 +1,4 @@
-"""`flexlink fit`: Find numbers of a scene from measurements, and say how well the data hold them.
+"""`flexlink fit`: Identify parameters of a scene from measurements, with 95 % confidence intervals.
 
 flexlink fit problem.toml --check
 flexlink fit problem.toml --out fitted
@@ -15,9 +15,12 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from flexlink.cli.shared import prefix_errors, print_hints, print_lines, varied
+from flexlink.cli.json_output import add_json, print_json
+from flexlink.cli.shared import prefix_errors, print_hints, print_lines, shown_path, varied
 from flexlink.common.errors import IdentifiabilityError
 from flexlink.common.output import make_folder, or_keep
+from flexlink.common.wording import Diagnostic
+from flexlink.identification.checked_page import document
 from flexlink.identification.fit import check_fit, fit
 from flexlink.identification.fitted import Fitted, building
 from flexlink.identification.identifiability import WIDE, Check
@@ -29,27 +32,30 @@ def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `fit`."""
     command.add_argument("problem", type=Path, help="problem file (.toml)")
     command.add_argument(
-        "--check", action="store_true", help="only say what the data can tell: nothing is fitted; 1 if they cannot"
+        "--check", action="store_true", help="only check identifiability, without fitting; exit with 1 if it fails"
     )
     command.add_argument(
         "--out",
         type=Path,
         metavar="FOLDER",
-        help="folder for a page, fitted.toml, fit.json, tables; of a check, too",
+        help="folder for the report, fitted.toml, fit.json and tables; also with --check",
     )
-    command.add_argument("--starts", type=int, default=1, metavar="N", help="number of starts; default: 1")
+    command.add_argument("--starts", type=int, default=1, metavar="N", help="number of initial guesses; default: 1")
     command.add_argument(
-        "--profile", action="store_true", help="also find each interval with all other numbers fitted anew"
+        "--profile",
+        action="store_true",
+        help="profile likelihood: each interval with all other parameters refitted",
     )
+    add_json(command)
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Check, fit, and write; 1 where the data do not hold a number, or the fit is worse than the scene before."""
+    """Check, fit, and write; exit with 1 if a parameter is not identifiable, or the fit is worse than before."""
     problem = load_fit(options.problem)
     problem = replace(problem, scene=varied(options.problem, problem.scene, options.set))
     print_hints(problem.scene, options)
     if options.out is not None:
-        building()  # what is missing is said before the work
+        building()  # a missing package is reported before the work
         make_folder(options.out)
     with prefix_errors(options.problem):
         found: Check | Fitted
@@ -57,51 +63,57 @@ def run_command(options: argparse.Namespace) -> int:
             found = check_fit(problem)
         else:
             try:
-                found = fit(problem, starts=options.starts, profile=options.profile, progress=_tell)
+                found = fit(problem, starts=options.starts, profile=options.profile, progress=_line)
             except IdentifiabilityError as error:
                 assert isinstance(error.check, Check)
                 found = error.check
-        return _told(found, problem, options.out)
+        return _report(found, problem, options)
 
 
-def _told(found: Check | Fitted, problem: FitProblem, out: Path | None) -> int:
-    """Print what was found, and write its page."""
-    command = shlex.join(["flexlink", *sys.argv[1:]])
+def _report(found: Check | Fitted, problem: FitProblem, options: argparse.Namespace) -> int:
+    """Print the result, and write its page on request."""
+    command, out = shlex.join(["flexlink", *sys.argv[1:]]), options.out
     if isinstance(found, Fitted):
-        _print_fit(found)
+        if options.json:
+            print_json(found.document())
+        else:
+            _print_fit(found)
         page = None if out is None else or_keep(out, lambda folder: found.report(folder, command=command))
     else:
-        _print_check(found)
+        if options.json:
+            print_json(document(found))
+        else:
+            _print_check(found)
         page = None if out is None else building("checked_page").build_check(problem, found, out, command)
     if page is not None:
-        print(f"page: {page.page}")
+        print(f"page: {shown_path(page.page)}", file=sys.stderr if options.json else None)
     return 0 if found.passed else 1
 
 
-def _tell(line: str) -> None:
+def _line(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
 def _print_check(check: Check) -> None:
-    """What the data can tell."""
+    """Print the expected intervals and what is not identifiable."""
     for note in check.notes:
         print(note)
     width = max(map(len, check.names))
     for name, expected in zip(check.names, check.expected.tolist(), strict=True):
-        known = f"expected ± {100 * WIDE * expected:.2g} % (95 %)" if np.isfinite(expected) else "not held by the data"
+        known = f"expected ± {100 * WIDE * expected:.2g} % (95 %)" if np.isfinite(expected) else "not identifiable"
         print(f"{name:<{width}}  {known}")
     values = ", ".join(f"{s:.3g}" for s in check.singular_values)
-    print(f"singular values of the slopes over the noise: {values}")
+    print(f"singular values of the scaled Jacobian: {values}")
     for direction in check.directions:
-        print(f"{'refused' if direction.lost else 'weak'}: {direction.text}")
+        print(f"{'not identifiable' if direction.lost else 'weak'}: {direction.text}")
 
 
 def _print_fit(found: Fitted) -> None:
     width = max(len(one.name) for one in found.numbers)
     for one in found.numbers:
         unit = f" {one.unit}" if one.unit else ""
-        wider = ", wider than slopes say" if one.widened else ""
-        ends = f"95 %: {one.low:.6g} … {one.high:.6g}{wider}" if np.isfinite(one.half) else "not held by the data"
+        wider = ", wider than the linear estimate" if one.widened else ""
+        ends = f"95 %: {one.low:.6g} … {one.high:.6g}{wider}" if np.isfinite(one.half) else "not identifiable"
         print(f"{one.name:<{width}}  {one.value:.6g}{unit}  ({ends}), before {one.start:.6g}")
     for column in found.columns:
         off = f"RMS {column.off(column.before):.3g} → {column.off(column.after):.3g}"
@@ -110,4 +122,4 @@ def _print_fit(found: Fitted) -> None:
         print(f"{column.source}, {column.name} ({column.use}): {off}")
     print_lines("warning", found.warnings)
     if not found.better:
-        print_lines("warning", ["the fitted scene is further from the data than the one before"])
+        print_lines("warning", [Diagnostic("the fitted scene has larger residuals than the initial one", "fit-worse")])

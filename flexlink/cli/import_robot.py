@@ -1,4 +1,4 @@
-"""`flexlink import`: Make a scene of a robot's URDF, whole or the paths to some links, some of which bend.
+"""`flexlink import`: Convert a URDF robot, or the paths to some of its links, to a scene; links can be made flexible.
 
 flexlink import robot.urdf -o robot.toml
 flexlink import robot.urdf --base torso --tip left_hand --tip right_hand --locked torso_lift=0.2 -o arms.toml
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from flexlink.cli.shared import assignments, prefix_errors, print_lines, require_writable, varied
+from flexlink.cli.shared import assignments, prefix_errors, print_lines, require_writable, shown_path, varied
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
 from flexlink.describe.spec import decode
@@ -28,14 +28,14 @@ from flexlink.robots.robot_file import read_robot
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `import`."""
     command.add_argument("robot", help="URDF file, or the name of one that `flexlink robots` lists")
-    command.add_argument("-o", "--out", type=Path, help="scene file to write (.toml); default: only print the arm")
+    command.add_argument("-o", "--out", type=Path, help="scene file to write (.toml); default: print the arm only")
     command.add_argument("--base", help="link where the arm begins; default: the root of the robot")
     command.add_argument(
         "--tip",
         action="append",
-        help="link where a path ends, all else is rigid; may be repeated; default: the whole robot",
+        help="link where a path ends, the rest is rigid; may be repeated; default: the complete robot",
     )
-    command.add_argument("--free-base", action="store_true", help="the base floats, a rigid body with its own mass")
+    command.add_argument("--free-base", action="store_true", help="let the base float: a rigid body with mass")
     for option, form, text in (
         ("posture", "JOINT=DEG", "initial angle of a joint [deg], or position of a slide [m]"),
         ("locked", "JOINT=DEG", "lock a joint of the arm at this angle [deg], or a slide at this position [m]"),
@@ -46,16 +46,16 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Import a robot, say what was done, and write the scene where it is asked for."""
+    """Import a robot, print what was done, and write the scene on request."""
     if options.out is not None:
         require_writable(options.out)
     source = Path(options.robot)
     by_name = source.name == options.robot and not (source.suffix or source.is_file())
     known = known_arm(options.robot) if by_name else KnownArm(file=options.robot)
     robot = read_robot(known.path if by_name else source)
-    asked = _asked(robot, known, options)
+    arguments = _arguments(robot, known, options)
     with prefix_errors(source):
-        imported = import_urdf(robot, **asked)
+        imported = import_urdf(robot, **arguments)
     scene = varied(source, imported.scene, options.set)
     print(imported)
     print_lines("warning", imported.warnings)
@@ -63,12 +63,12 @@ def run_command(options: argparse.Namespace) -> int:
         print("no file written; add -o FILE.toml to write the scene")
     else:
         write_text(options.out, scene.to_toml())
-        print(options.out)
+        print(shown_path(options.out))
     return 0
 
 
-def _asked(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[str, Any]:
-    """Arguments of `import_urdf`: those of a known arm, and the command's own over them."""
+def _arguments(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[str, Any]:
+    """Arguments of `import_urdf`: those of a known arm, overridden by the command's options."""
     flexible = assignments("--flexible", options.flexible, "'forearm={ frequency_hz = 12 }'")
     return {
         "base": known.base if options.base is None else options.base,
@@ -82,7 +82,7 @@ def _asked(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[s
 
 
 def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, float]:
-    """Positions [rad, m] by joint of what is written in degrees and metres."""
+    """Positions by joint [rad, m], from texts in degrees and metres."""
     positions = {}
     for name, value in assignments(option, texts, "elbow=90").items():
         number = finite(value)

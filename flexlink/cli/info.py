@@ -2,6 +2,7 @@
 
 flexlink info models/paper_fig5.toml
 flexlink info models/paper_fig5.toml --set 'link.*.segments=9'
+flexlink info models/paper_fig5.toml --json
 """
 
 from __future__ import annotations
@@ -9,19 +10,23 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.modes import first_elastic, print_modes
+from flexlink.cli.json_output import add_json, print_json, with_ids
+from flexlink.cli.modes import as_document, elastic_hertz, first_elastic, print_modes
 from flexlink.cli.shared import prefix_errors, print_notes, varied_scene
-from flexlink.common.types import Array, Complex
+from flexlink.common.types import Complex
 from flexlink.common.wording import short_list
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
+from flexlink.dynamics.notes import defaults, notes
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
@@ -34,64 +39,88 @@ from flexlink.motion.inputs.tip_wrench import initial_wrench
 def add_options(command: argparse.ArgumentParser) -> None:
     """Options of `info`."""
     command.add_argument("scene", type=Path, help="scene file (.toml)")
+    add_json(command)
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Print what a scene's chain is like, and what it says without effect."""
+    """Print the model of a scene, and notes on keys without effect."""
     scene = varied_scene(options.scene, options)
     with prefix_errors(options.scene):
-        _show(scene)
-        print_notes(scene)
+        about, found = _examined(scene)
+        if options.json:
+            print_json(about)
+        else:
+            _show(about)
+            if found is not None:
+                print("structural damping in the initial configuration, with gravity:")
+                print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
+            print_notes(scene)
     return 0
 
 
-def _show(scene: Scene) -> None:
+def _examined(scene: Scene) -> tuple[dict[str, Any], Modes | None]:
+    """The model in its initial configuration as plain numbers and texts; its modes if it has structural damping.
+
+    Models of more than 300 joints have no modes: their time grows with the cube of the number of joints.
+    """
     chain = lump(scene)
-    q0, _ = initial_state(scene, chain)
-    print(f"{scene.name}: {scene.about}" if scene.about else scene.name)
-    print(f"{chain.n} degrees of freedom, {len(chain.active)} driven; mass {chain.bodies['mass'].sum():.6g} kg")
-    listed = 100
-    for k in range(min(chain.n, listed)):
-        print(f"  {k:4d}  {chain.joint_name(k):<16} {_kind(chain, k)}")
-    if chain.n > listed:
-        print(f"  … {chain.n - listed} more")
-    if scene.sensor:
-        print(f"sensors: {', '.join(column_names(scene.sensor, scene.arm))}")
+    q, _ = initial_state(scene, chain)
     if chain.n > 10_000:  # the largest eigenvalues take more than a few seconds
         print(f"computing the fastest modes of {chain.n} joints …", file=sys.stderr)
-    λ = fastest_eigenvalues(chain, q0)
-    found = None
-    if chain.n <= 300:  # O(n³)
+    λ, found = fastest_eigenvalues(chain, q), None
+    if chain.n <= 300:
         wrench, frame = initial_wrench(scene, chain)
-        found = modes(chain, q0, tip_wrench=wrench, frame=frame)
-    _show_frequencies(scene, chain, q0, λ, found)
+        found = modes(chain, q, tip_wrench=wrench, frame=frame)
+    slowest = slowest_frequency(chain, q) if found is None else float(2 * np.pi * found.first_elastic_hertz)
     bare = _without_structural_damping(chain)
-    free = λ if bare is chain else fastest_eigenvalues(bare, q0)
-    _show_steps(chain, machine_factor(problem_of(scene, chain)), λ, free)
-    if bare is not chain and found is not None:
-        print("structural damping about the start, with gravity:")
-        print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
+    undamped = λ if bare is chain else fastest_eigenvalues(bare, q)
+    return {
+        "scene": scene.name, "about": scene.about, "degrees_of_freedom": chain.n, "driven": len(chain.active),
+        "mass_kg": float(chain.bodies["mass"].sum()),
+        "joints": [{"name": chain.joint_name(k), "description": _kind(chain, k)} for k in range(chain.n)],
+        "sensors": list(column_names(scene.sensor, scene.arm)) if scene.sensor else [],
+        "modes": [] if found is None else as_document(found),
+        "first_elastic_hz": elastic_hertz(scene, chain, q) if found is not None else None,
+        "fastest_eigenvalue_per_s": float(np.abs(λ).max()), "slowest_elastic_rad_per_s": slowest,
+        "stable_steps": list(_stable_steps(scene, chain, λ, undamped)),
+        "notes": with_ids((*defaults(scene), *notes(scene))),
+    }, None if bare is chain else found  # fmt: skip
 
 
-def _show_frequencies(scene: Scene, chain: Chain, q0: Array, λ: Complex, found: Modes | None) -> None:
-    """Frequencies about the start by kind, the first elastic one at rest, and the stiffness ratio."""
-    if found is None:
-        slowest = slowest_frequency(chain, q0)
-    else:
-        slowest = 2 * np.pi * found.first_elastic_hertz
-        for kind in ("elastic", "pendulum"):
-            hertz = found.hertz[[k == kind for k in found.kinds]]
-            if len(hertz):
-                print(f"{kind} frequencies at the start, joints free [Hz]: {_some(hertz)}")
-        print(first_elastic(scene, chain, q0))
+def _show(about: Mapping[str, Any]) -> None:
+    """Print the model: joints, sensors, frequencies, stable steps."""
+    joints = about["joints"]
+    print(f"{about['scene']}: {about['about']}" if about["about"] else about["scene"])
+    print(f"{len(joints)} degrees of freedom, {about['driven']} driven; mass {about['mass_kg']:.6g} kg")
+    listed = 100
+    for k, joint in enumerate(joints[:listed]):
+        print(f"  {k:4d}  {joint['name']:<16} {joint['description']}")
+    if len(joints) > listed:
+        print(f"  … {len(joints) - listed} more")
+    if about["sensors"]:
+        print(f"sensors: {', '.join(about['sensors'])}")
+    _show_frequencies(about)
+    print("adaptive steps, the default, follow from the tolerance; largest stable fixed steps:")
+    for row in about["stable_steps"]:
+        print(f"  {row['method']:<6} {_step_text(row)}")
+
+
+def _show_frequencies(about: Mapping[str, Any]) -> None:
+    """Print frequencies by kind, the first elastic one with locked joints, and the stiffness ratio."""
+    for kind in ("elastic", "pendulum"):
+        hertz = [mode["frequency_hz"] for mode in about["modes"] if mode["kind"] == kind]
+        if hertz:
+            print(f"{kind} frequencies in the initial configuration, joints free [Hz]: {_some(hertz)}")
+    if about["modes"]:
+        print(first_elastic(about["first_elastic_hz"]))
+    fastest, slowest = about["fastest_eigenvalue_per_s"], about["slowest_elastic_rad_per_s"]
     if np.isfinite(slowest):
-        fastest = np.abs(λ).max()
         ends = f"fastest eigenvalue {fastest:.4g} 1/s, slowest elastic mode {slowest:.4g} rad/s with free joints"
         print(f"stiffness ratio {fastest / slowest:.3g}: {ends}")
 
 
 def _kind(chain: Chain, k: int) -> str:
-    """What a joint is: a spring, or driven, and within which limits."""
+    """Describe a joint: its spring, or that it is driven, and its limits."""
     slides = bool(chain.slides[k])
     if chain.coordinate(k).of_base:
         return "of the free base"
@@ -105,23 +134,35 @@ def _kind(chain: Chain, k: int) -> str:
     return f"{driven}, {lower} … {upper}" if np.isfinite(chain.hinges["lower"][k]) else driven
 
 
-def _show_steps(chain: Chain, factor: float, λ: Complex, free: Complex) -> None:
-    """Largest stable steps, also without structural damping, and their CPU time, `factor` times the listed one."""
+def _stable_steps(scene: Scene, chain: Chain, λ: Complex, undamped: Complex) -> Iterator[dict[str, Any]]:
+    """Largest stable step [s] of every method, inf if it is unlimited, and its cost.
+
+    The cost is the CPU time on this machine for one second of motion; without a limit it is the number of steps per
+    second that cost as much as RK4 at its stable step.
+    """
+    factor = machine_factor(problem_of(scene, chain))
     rk4 = step_cost(chain, "RK4") / stable_step_of(λ, "RK4")
-    print("with a tolerance, the default, steps follow from the error; fixed steps, by method:")
     for method in data_files.names("methods"):
-        h, cost, price = stable_step_of(λ, method), step_cost(chain, method), ""
-        if np.isfinite(h):
-            price = f", {factor * cost / h:.2g} s of CPU time for one second of motion"
-        elif rk4 > 0:
-            price = f", as cheap as RK4 with about {rk4 / cost:.0f} steps per second"
-        undamped = stable_step_of(free, method)
-        without = "" if undamped == h else f"; {_step(undamped)} without structural damping"
-        print(f"  {method:<6} {_step(h)}{price}{without}")
+        h, cost = stable_step_of(λ, method), step_cost(chain, method)
+        limited = bool(np.isfinite(h))
+        yield {
+            "method": method, "step_s": h, "cpu_s_per_s": factor * cost / h if limited else None,
+            "steps_per_s_at_rk4_cost": None if limited or rk4 <= 0 else rk4 / cost,
+            "step_without_structural_damping_s": stable_step_of(undamped, method),
+        }  # fmt: skip
+
+
+def _step_text(row: Mapping[str, Any]) -> str:
+    text, undamped = _step(row["step_s"]), row["step_without_structural_damping_s"]
+    if row["cpu_s_per_s"] is not None:
+        text += f", {row['cpu_s_per_s']:.2g} s of CPU time for one second of motion"
+    elif row["steps_per_s_at_rk4_cost"] is not None:
+        text += f", same cost as RK4 at {row['steps_per_s_at_rk4_cost']:.0f} steps per second"
+    return text if undamped == row["step_s"] else f"{text}; {_step(undamped)} without structural damping"
 
 
 def _without_structural_damping(chain: Chain) -> Chain:
-    """The chain with Kelvin-Voigt's law left out; the same chain where there is none."""
+    """The chain without Kelvin-Voigt damping; the same object if it has none."""
     hinges, couplings = chain.hinges.copy(), chain.couplings.copy()
     hinges["damping"][[k for k, c in enumerate(chain.coordinates) if c.axis]] = 0.0
     couplings["damping"] = 0.0
@@ -130,9 +171,9 @@ def _without_structural_damping(chain: Chain) -> Chain:
 
 
 def _step(h: float) -> str:
-    return f"at most {h:.4g} s" if np.isfinite(h) else "no limit"
+    return f"at most {h:.4g} s" if np.isfinite(h) else "unconditionally stable"
 
 
-def _some(values: Array) -> str:
-    shown = [f"{value:.4g}" if np.isfinite(value) else "none: it falls" for value in values]
+def _some(values: Sequence[float]) -> str:
+    shown = [f"{value:.4g}" if np.isfinite(value) else "none (unstable equilibrium)" for value in values]
     return ", ".join(shown if len(shown) <= 8 else [*shown[:4], "…", *shown[-2:]])

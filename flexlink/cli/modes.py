@@ -1,7 +1,7 @@
-"""`flexlink modes`: Natural frequencies and mode shapes about the initial posture, with gravity.
+"""`flexlink modes`: Find natural frequencies and mode shapes in the initial configuration, with gravity.
 
 flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
-flexlink modes models/t3_spatial.toml --count 20
+flexlink modes models/t3_spatial.toml --count 20 --json
 flexlink modes models/paper_fig5.toml --set link.waist.joint.locked=false --rate waist=60rpm --lock upper fore
 """
 
@@ -16,7 +16,8 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import draw, prefix_errors, require_picture, varied_scene
+from flexlink.cli.json_output import add_json, print_json
+from flexlink.cli.shared import prefix_errors, require_picture, save_plot, varied_scene
 from flexlink.common.errors import ArgumentError, ConvergenceError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
@@ -34,14 +35,15 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--lock", nargs="+", default=[], metavar="NAME", help="links or joints (boom.2.z) to lock")
     command.add_argument(
         "--rate", nargs="+", default=[], metavar="NAME=RATE",
-        help="joints that move steadily, about which modes are sought, such as hub=500rpm; rpm, deg/s, rad/s, m/s",
+        help="joints with a constant rate, such as hub=500rpm: modes about this motion; rpm, deg/s, rad/s, m/s",
     )  # fmt: skip
     command.add_argument("--count", type=int, default=8, help="number of modes, slowest first; default: 8")
     command.add_argument("--plot", type=Path, help="plot the mode shapes to this file (.png, .svg or .pdf)")
+    add_json(command)
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
-    """Frequency, damping ratio, kind, and the damping ratio that the links ask for at that frequency, η ω/2 or ζ."""
+    """Print frequency, damping ratio and kind of modes, and the links' damping ratios there: η ω/2, or constant ζ."""
     bending = [link for link in scene.arm.links if link.flex != "rigid"]
     constant = [link.damping.ratio for link in bending if link.damping is not None and link.damping.is_constant]
     η = [scene.arm.loss_time(link) for link in bending if link.damping is None or not link.damping.is_constant]
@@ -50,33 +52,45 @@ def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
     for k in which:
         hertz, ratio = f"{found.hertz[k]:.6g}", f"{found.damping_ratios[k]:.4g}"
         if np.isnan(found.hertz[k]):
-            hertz, ratio = "none: it falls", "–"
+            hertz, ratio = "none (unstable)", "–"
         line = f"{k + 1:4d}  {hertz:>14}  {ratio:>13}  {found.kinds[k]:<8}"
         ratios = [*(each * found.frequencies[k] / 2 for each in η), *constant]
         bounds = [f"{bound(ratios):.4g}" for bound in (min, max)] if asks else []
         print("  ".join([line, " … ".join(dict.fromkeys(bounds))]).rstrip())
 
 
-def first_elastic(scene: Scene, chain: Chain, q: Array) -> str:
-    """The first elastic frequency of the arm, as the report has it."""
+def as_document(found: Modes) -> list[dict[str, object]]:
+    """Frequency [Hz], damping ratio and kind of every mode, for JSON."""
+    rows = zip(found.hertz.tolist(), found.damping_ratios.tolist(), found.kinds, strict=True)
+    return [{"frequency_hz": hertz, "damping_ratio": ratio, "kind": kind} for hertz, ratio, kind in rows]
+
+
+def elastic_hertz(scene: Scene, chain: Chain, q: Array) -> float | None:
+    """The first elastic frequency at rest with the driven joints locked [Hz]; None without an equilibrium."""
     wrench, frame = initial_wrench(scene, chain)
     try:
-        hertz = first_elastic_frequency(chain, q, tip_wrench=wrench, frame=frame)
+        return first_elastic_frequency(chain, q, tip_wrench=wrench, frame=frame)
     except ConvergenceError:
+        return None
+
+
+def first_elastic(hertz: float | None) -> str:
+    """The first elastic frequency in words; None is unknown."""
+    if hertz is None:
         return "first elastic frequency: unknown; no equilibrium with the driven joints locked"
     value = f"{hertz:.6g} Hz" if np.isfinite(hertz) else "none"
     return f"first elastic frequency: {value}, at rest with the driven joints locked"
 
 
 def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
-    """Rates [rad/s, m/s] of joints by their names, of NAME=500rpm.
+    """Rates of joints by name [rad/s, m/s], from texts such as hub=500rpm.
 
     Raises
     ------
     ArgumentError
-        A text is none of that form, or its unit does not fit the joint.
+        A text does not have this form, or its unit does not fit the joint.
     """
-    # units of `--rate`, in rad/s, or m/s
+    # units of `--rate` in rad/s or m/s
     units = {"rpm": 2 * np.pi / 60, "deg/s": np.pi / 180, "rad/s": 1.0, "m/s": 1.0}
     rates = {}
     for text in texts:
@@ -98,7 +112,7 @@ def rates_of(chain: Chain, texts: Iterable[str]) -> dict[str, float]:
 
 
 def first_in_motion(found: Modes, texts: Iterable[str]) -> str:
-    """The lowest frequency about a steady motion, and what holds it: centrifugal loads hold most of a blade's flap."""
+    """The lowest frequency about a steady motion, and what restores it: for a blade's flap mostly centrifugal loads."""
     hertz, motion = found.first_elastic_hertz, f"with {', '.join(texts)}"
     elastic = f"{hertz:.6g} Hz" if np.isfinite(hertz) else "none among these modes"
     swings = np.flatnonzero(found.hertz > 0)
@@ -106,13 +120,13 @@ def first_in_motion(found: Modes, texts: Iterable[str]) -> str:
     if not len(swings) or found.kinds[first] == "elastic":
         return f"first elastic frequency: {elastic}, {motion}"
     return (
-        f"lowest frequency: {found.hertz[first]:.6g} Hz, held by loads ({found.kinds[first]}); "
-        f"lowest held by springs (elastic): {elastic}, {motion}"
+        f"lowest frequency: {found.hertz[first]:.6g} Hz, restored by loads ({found.kinds[first]}); "
+        f"lowest restored by springs (elastic): {elastic}, {motion}"
     )
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Print modes, slowest first, and draw them where that was asked for."""
+    """Print modes, slowest first, and plot them on request."""
     scene = varied_scene(options.scene, options)
     require_picture(options.plot)
     if options.count < 1:
@@ -129,9 +143,12 @@ def run_command(options: argparse.Namespace) -> int:
             first = first_in_motion(found, options.rate)
         else:
             found = modes(chain, posture, locked=locked, tip_wrench=wrench, frame=frame, count=options.count)
-            first = first_elastic(scene, chain, posture)
-    print_modes(scene, found, range(len(found.eigenvalues)))
-    print(first)
+            first = first_elastic(elastic_hertz(scene, chain, posture))
+    if options.json:
+        print_json({"scene": scene.name, "modes": as_document(found), "summary": first})
+    else:
+        print_modes(scene, found, range(len(found.eigenvalues)))
+        print(first)
     if options.plot is not None:
-        draw(plotting().plot_modes(found, chain, options.count), options.plot)
+        save_plot(plotting().plot_modes(found, chain, options.count), options.plot)
     return 0

@@ -1,4 +1,4 @@
-"""`flexlink report`: Write a page about a scene: model, agreement, accuracy, cost, statics, modes, loads.
+"""`flexlink report`: Write an HTML report on a scene: model, agreement, accuracy, cost, statics, modes, loads.
 
 flexlink report models/t3_spatial.toml --out t3_report
 flexlink report models/t3_spatial.toml --out t3_report --against theirs.xml
@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 import flexlink as fl
-from flexlink.cli.shared import prefix_errors, varied_scene
+from flexlink.cli.shared import prefix_errors, print_path, varied_scene
 from flexlink.common.output import make_folder
 from flexlink.pages.builders import require_pages
 
@@ -32,7 +32,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Write the report, a line a chapter on stderr; 1 if something in it is known to be wrong."""
+    """Write the report, print each finished chapter to stderr; exit with 1 if a verdict is negative."""
     scene = varied_scene(options.scene, options)
     require_pages("report")
     make_folder(options.out)
@@ -45,7 +45,7 @@ def run_command(options: argparse.Namespace) -> int:
         print(f"{verdict.about}: {verdict.word}. {verdict.text}")
     for failure in page.failures:
         print(f"not computed: {failure}")
-    print(f"report: {page.page}")
+    print_path("report", page.page)
     return 0 if page.passed else 1
 
 

@@ -1,4 +1,4 @@
-"""`flexlink robots`: List the arms and whole robots of example-robot-data that `flexlink import` takes by name.
+"""`flexlink robots`: List the arms and robots of example-robot-data that `flexlink import` accepts by name.
 
 flexlink robots --out models/robots
 """
@@ -19,16 +19,22 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Print every arm's name, joints, mass and file; write all scenes, or none, where it is asked for."""
+    """Print name, joints, mass and file of every arm; write all scenes, or none, on request."""
     targets = {name: options.out / f"{name}.toml" for name in known_arms()} if options.out else {}
     for target in targets.values():
         require_writable(target)
     arms = {name: import_known(name) for name in known_arms()}
     scenes = {name: varied(Path(name), arm.scene, options.set) for name, arm in arms.items()}
-    print(f"{'name':<27} joints  mass [kg]  file")
+    print(f"{'name':<27} joints  mass [kg]  file below robots/ of example-robot-data")
     for name, arm in arms.items():
         moving = sum(part.body.mass for part in arm.path.parts)
-        print(f"{name:<27} {len(arm.path.parts):6d} {moving:10.4g}  {known_arm(name).path}")
+        print(f"{name:<27} {len(arm.path.parts):6d} {moving:10.4g}  {_below_robots(known_arm(name).path)}")
     for name, target in targets.items():
         write_text(target, scenes[name].to_toml())
     return 0
+
+
+def _below_robots(path: Path) -> Path:
+    """The part of a path below the folder `robots`, which is short and does not depend on the installation."""
+    parts = path.parts
+    return Path(*parts[len(parts) - parts[::-1].index("robots") :]) if "robots" in parts else path

@@ -1,4 +1,4 @@
-"""What commands share: scenes, varied by --set, errors that name their file, places to write to, pictures."""
+"""Functions that commands share: scenes with `--set`, errors that name their file, outputs and plots."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.output import check_writable, write_or_keep
+from flexlink.common.wording import coloured, id_of
 from flexlink.describe.plausibility.hints import hints
 from flexlink.describe.scene import Scene
 from flexlink.describe.scene_file import load_scene
@@ -24,24 +25,21 @@ if TYPE_CHECKING:
 
 
 def varied_scene(path: Path, options: argparse.Namespace, own: Mapping[str, object] | None = None) -> Scene:
-    """The scene of a file with `--set PATH=VALUE`, then with what the command's own options say, values by path.
-
-    Numbers that are likely mistaken are told.
-    """
+    """Load a scene, apply `--set PATH=VALUE`, then the command's own options, and print hints on likely wrong units."""
     scene = varied(path, load_scene(path), options.set, own)
     print_hints(scene, options)
     return scene
 
 
 def varied(path: Path, scene: Scene, settings: Sequence[str], own: Mapping[str, object] | None = None) -> Scene:
-    """The scene of `path` with `--set PATH=VALUE`, then with what the command's own options say, values by path."""
+    """The scene of `path` with the changes of `--set PATH=VALUE`, then those of the command's own options."""
     changes = assignments("--set", settings, "run.step=1e-4 or 'link.*.segments=8'", "PATH=VALUE") | dict(own or {})
     with prefix_errors(path):
         return scene.varied(changes) if changes else scene
 
 
 def assignments(option: str, texts: Sequence[str], example: str, form: str = "NAME=VALUE") -> dict[str, Any]:
-    """Names and values of an option's NAME=VALUE; a value is TOML, and a bare word that is none stands for itself."""
+    """Names and values of an option's NAME=VALUE; a value is TOML, or else a text without quotes."""
     return dict(_assignment(option, text, example, form) for text in texts)
 
 
@@ -59,7 +57,7 @@ def _assignment(option: str, text: str, example: str, form: str) -> tuple[str, o
 
 @contextlib.contextmanager
 def prefix_errors(path: Path) -> Iterator[None]:
-    """Let what goes wrong with a scene after it was read name its file, too."""
+    """Put the file's path before the message of every error."""
     try:
         yield
     except FlexlinkError as error:
@@ -68,30 +66,40 @@ def prefix_errors(path: Path) -> Iterator[None]:
 
 
 def print_lines(word: str, texts: Iterable[str]) -> None:
-    """Notes or warnings on stderr, a line each."""
+    """Print notes or warnings to stderr, one per line, with their ids."""
     for text in texts:
-        print(f"{word}: {text}", file=sys.stderr, flush=True)
+        print(f"{coloured(word)}: {text}{id_of(text)}", file=sys.stderr, flush=True)
+
+
+def print_path(what: str, path: Path) -> None:
+    """Print where a result is: relative to the current folder if it is below it."""
+    print(f"{what}: {shown_path(path)}")
+
+
+def shown_path(path: Path) -> Path:
+    """A path relative to the current folder if it is below it."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def print_hints(scene: Scene, options: argparse.Namespace) -> None:
-    """Numbers that are likely given in another unit, unless nobody wants to know."""
+    """Warn of numbers that are likely given in another unit; not with `--quiet-hints`."""
     if not options.quiet_hints:
         print_lines("warning", hints(scene))
 
 
 def print_notes(scene: Scene) -> None:
-    """What is to be known of a scene before it runs: defaults that decide, and what has no effect."""
+    """Print notes on a scene: defaults that determine the result, and keys without effect."""
     print_lines("note", (*defaults(scene), *notes(scene)))
 
 
-def draw(figure: Figure, path: Path) -> None:
-    """Write a picture to its file."""
+def save_plot(figure: Figure, path: Path) -> None:
+    """Write a plot to its file."""
     write_or_keep(path, lambda place: figure.savefig(place, dpi=150))
-    print(f"plot: {path}")
+    print_path("plot", path)
 
 
 def require_writable(path: Path) -> None:
-    """Know before the work that the folder is there and takes files, and that no folder has the file's name."""
+    """Check before the work that the folder exists and is writable, and that the path is not a folder."""
     if not path.parent.is_dir():
         raise ArgumentError(f"{path}: the folder {str(path.parent)!r} does not exist", id="no-such-folder")
     if path.is_dir():
@@ -100,7 +108,7 @@ def require_writable(path: Path) -> None:
 
 
 def require_picture(path: Path | None) -> None:
-    """Know before the work that a picture can be drawn and written."""
+    """Check before the work that a plot can be drawn and written."""
     if path is not None:
         picture_format(path)
         require_writable(path)

@@ -1,4 +1,4 @@
-"""`flexlink show`: Simulate a scene and show the arm in motion: .gif, .mp4, or a page (.html).
+"""`flexlink show`: Simulate a scene and show the motion: .gif, .mp4, or a page (.html).
 
 flexlink show models/paper_fig5.toml --magnify 50 -o fall.gif
 flexlink show models/t3_spatial.toml --colour strain --speed 0.25
@@ -12,7 +12,7 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from flexlink.cli.shared import prefix_errors, print_lines, print_notes, require_writable, varied_scene
+from flexlink.cli.shared import prefix_errors, print_lines, print_notes, print_path, require_writable, varied_scene
 from flexlink.common.progress import Progress
 from flexlink.motion.simulate import simulate
 from flexlink.results.pictures.animate import COLOURS, FORMATS, animate, shot
@@ -24,7 +24,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("scene", type=Path, help="scene file (.toml)")
     command.add_argument(
         "-o", "--out", type=Path,
-        help=f"file to write ({', '.join(FORMATS)}); default: a page named after the scene, which is then opened",
+        help=f"file to write ({', '.join(FORMATS)}); default: a page named after the scene, opened in the browser",
     )  # fmt: skip
     command.add_argument("--magnify", type=float, default=1.0, metavar="X", help="magnify deflections; default: 1")
     command.add_argument("--colour", default="moment", help=f"colour by {' or '.join(COLOURS)}; default: moment")
@@ -37,7 +37,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Run a scene and draw it; nothing is run that cannot be drawn."""
+    """Run a scene and draw it; check that it can be drawn before the run."""
     out = options.out or Path(options.scene.with_suffix(".html").name)
     wanted = shot(out, **{name: getattr(options, name) for name in ("magnify", "colour", "fps", "speed", "width")})
     require_writable(out)
@@ -48,12 +48,12 @@ def run_command(options: argparse.Namespace) -> int:
         run = simulate(scene, progress=Progress(scene.name))
     print_lines("warning", run.warnings)
     animate(run, wanted, Progress(out.name))
-    print(f"film: {out}")
+    print_path("film", out)
     if options.out is None and has_screen():
         webbrowser.open(out.resolve().as_uri())
     return 0
 
 
 def has_screen() -> bool:
-    """Whether a browser would have a window: elsewhere one in the terminal would take the place of the prompt."""
+    """Whether a browser can open a window; without a screen a text browser would block the terminal."""
     return sys.platform in {"darwin", "win32"} or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -17,12 +17,13 @@ from pathlib import Path
 import numpy as np
 
 from flexlink.cli.shared import (
-    draw,
     prefix_errors,
     print_lines,
     print_notes,
+    print_path,
     require_picture,
     require_writable,
+    save_plot,
     varied_scene,
 )
 from flexlink.common.interruption import deferred, finish
@@ -41,7 +42,7 @@ from flexlink.results.trajectory import Trajectory
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
-    """Options of `simulate`; those left out have the scene's values."""
+    """Options of `simulate`; the scene's values are the defaults."""
     methods, solvers = ", ".join(data_files.names("methods")), ", ".join(SOLVERS)
     command.add_argument("scene", type=Path, help="scene file (.toml)")
     command.add_argument("--method", help=f"integrator: auto, {methods}, or a file (.toml)")
@@ -69,12 +70,12 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--plot",
         type=Path,
-        help="plot angles [deg], tip [m] and energy [J] to this file (.png, .svg or .pdf)",
+        help="plot angles [deg], tip [m], drive torques [N m] and energy [J] to this file (.png, .svg or .pdf)",
     )
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Run a scene, show how far it is, deliver what was asked for."""
+    """Run a scene with a progress bar, write outputs, print a summary."""
     settings = {f"run.{name}": getattr(options, name) for name in RunSettings.__struct_fields__}
     changes = {path: value for path, value in settings.items() if value is not None}
     scene = varied_scene(options.scene, options, changes)
@@ -83,7 +84,7 @@ def run_command(options: argparse.Namespace) -> int:
         require_writable(options.out)
     require_picture(options.plot)
     with prefix_errors(options.scene):
-        ready = SingleRun(problem_of(scene))  # compiled: a signal need not wait, and no run is timed by it
+        ready = SingleRun(problem_of(scene))  # compiled here: signals act at once, and times exclude it
         print_notes(scene)
     with deferred() as stop, contextlib.ExitStack() as last:
         last.callback(finish)
@@ -96,35 +97,35 @@ def run_command(options: argparse.Namespace) -> int:
         except (DivergenceError, InterruptedRunError) as error:
             bar.clear()
             _deliver(error.trajectory, options)
-            error.args = (f"{error}{_place(options)}",)
+            error.args = (f"{error}{_kept_in(options)}",)
             raise
         bar.clear()
         _deliver(run, options)
         _summary(scene, run, seconds)
         if stop.signal is not None:
-            raise InterruptedRunError(run, stop.signal, _place(options))
+            raise InterruptedRunError(run, stop.signal, _kept_in(options))
     return 0
 
 
 def _warn(bar: Progress, text: str) -> None:
-    """What cannot wait for the end of the run."""
+    """Print a warning during the run."""
     bar.clear()
     print_lines("warning", [text])
 
 
 def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
-    """All that was asked for of the samples that are there."""
+    """Print warnings, write the samples and the plot."""
     print_lines("warning", run.warnings)
     if run.scene is not None:
         print_lines("note", coarse_samples(run.scene, run))
     if options.out is not None:
         write_or_keep(options.out, run.writer(options.out))
-        print(f"samples: {options.out}")
+        print_path("samples", options.out)
     if options.plot is not None:
-        draw(run.plot(), options.plot)
+        save_plot(run.plot(), options.plot)
 
 
-def _place(options: argparse.Namespace) -> str:
+def _kept_in(options: argparse.Namespace) -> str:
     return f" in {options.out}" if options.out else "; not saved: no --out"
 
 
@@ -133,12 +134,12 @@ def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
     total = np.asarray(run.energy.total)
     past = run.t[-1] - run.t[0]
     if past == 0:
-        print(f"{scene.name}: run.duration = 0 s, so the start alone; give a duration, such as --duration 1")
+        print(f"{scene.name}: run.duration = 0 s: only the initial state; specify a duration, such as --duration 1")
     else:
         print(f"{scene.name}: {past:g} s simulated in {seconds:.3g} s ({past / seconds:.3g} × real time)")
     print(f"steps: {run.steps}")
-    print(f"tip at the end: x = {x:.6f}, y = {y:.6f}, z = {z:.6f} m (frame 0)")
-    print(f"energy: {total[0]:.9g} J at the start, {total[-1]:.9g} J at the end")
+    print(f"final tip position: x = {x:.6f}, y = {y:.6f}, z = {z:.6f} m (frame 0)")
+    print(f"energy: {total[0]:.9g} J initially, {total[-1]:.9g} J finally")
     worst, exchanged = float(np.abs(run.imbalance).max()), float(run.exchanged[-1])
     share = f", {worst / exchanged:.2g} of the {exchanged:.4g} J exchanged" if exchanged > 0 else ""
     print(f"power balance: E − E(0) − W at most {worst:.2g} J{share}")

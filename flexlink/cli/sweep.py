@@ -1,4 +1,4 @@
-"""`flexlink sweep`: Run all variants of a scene that a sweep file names, into a database.
+"""`flexlink sweep`: Run all members of a sweep, variants of one scene, and store their results in a database.
 
 flexlink sweep sweep.toml --out sweep.db
 flexlink sweep sweep.toml --workers 4 --export csv
@@ -8,14 +8,13 @@ flexlink sweep sweep.toml --dask tcp://10.0.0.1:8786 --fresh
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from pathlib import Path
 
 from msgspec.structs import replace
 
 from flexlink.chain.arguments import integer
-from flexlink.cli.shared import assignments, prefix_errors, print_hints, require_writable
+from flexlink.cli.shared import assignments, prefix_errors, print_hints, print_lines, print_path, require_writable
 from flexlink.common.progress import Progress, clock
 from flexlink.sweeps.fingerprint import fingerprint
 from flexlink.sweeps.plan import Plan, load_sweep
@@ -32,20 +31,20 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--out",
         type=Path,
-        help="database of the rows; an existing one is continued; default: SWEEP.db in the current folder",
+        help="database of the results; an existing one is continued; default: SWEEP.db in the current folder",
     )
     command.add_argument("--workers", type=int, default=1, metavar="N", help="number of processes; default: 1")
     command.add_argument("--dask", metavar="ADDRESS", help="run the members on the workers of this Dask scheduler")
     command.add_argument(
         "--export",
         choices=("csv", "parquet"),
-        help="also write all rows to a file of this format, next to the database",
+        help="also write all results to a file of this format, next to the database",
     )
-    command.add_argument("--fresh", action="store_true", help="delete the rows of the database and start again")
+    command.add_argument("--fresh", action="store_true", help="delete the stored results and start again")
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Run the members that have no row yet, say what became of them, export all rows; 1 if every member failed."""
+    """Run the members without a result, print a summary, export all results; exit with 1 if every member failed."""
     plan = _planned(options)
     out = options.out or Path(options.sweep.stem + ".db")
     require_writable(out)
@@ -63,12 +62,12 @@ def run_command(options: argparse.Namespace) -> int:
         if options.export:
             place = out.with_suffix(f".{options.export}")
             export(place, *store.table())
-            print(f"table: {place}")
+            print_path("table", place)
         return int(store.failures()[0] == plan.members)
 
 
 def _planned(options: argparse.Namespace) -> Plan:
-    """The plan of a file that can be carried out, with what `--set` sets for all members."""
+    """The checked plan of a file, with the values of `--set` for all members."""
     sweep = load_sweep(options.sweep)
     changes = assignments("--set", options.set, "run.step=1e-4", "PATH=VALUE")
     with prefix_errors(options.sweep):
@@ -81,8 +80,8 @@ def _planned(options: argparse.Namespace) -> Plan:
 def _summary(store: Store, before: int, seconds: float) -> None:
     count, first = store.failures()
     if count:
-        print(f"warning: {count} of {store.plan.members} members failed; {first}", file=sys.stderr)
+        print_lines("warning", [f"{count} of {store.plan.members} members failed; {first}"])
     new = store.plan.members - before
     there = f", {before} stored before" if before else ""
     print(f"{store.plan.sweep.scene.name}: {new} members run in {clock(seconds)}{there}")
-    print(f"rows: {store.path}")
+    print(f"results: {store.path}")

@@ -1,4 +1,4 @@
-"""What the command line shows beside its results: compilation, and warnings in one line."""
+"""What the command line shows besides results: compilation, and warnings in one line."""
 
 from __future__ import annotations
 
@@ -7,39 +7,31 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 
 from flexlink.common.progress import Line, clock
-from flexlink.kernels.tools.code_files import cache_folder
 from flexlink.kernels.tools.compiler import watched
 
 
 class Compiling(Line):
-    """Says that machine code is being made: once a cache folder, and on a terminal whenever and for how long.
+    """Shows that machine code is being compiled: a running clock on a terminal, else one line per process."""
 
-    Parameters
-    ----------
-    folder
-        Says where the code is kept; asked when something is compiled.
-    """
+    TEXT = "compiling for this machine; the result is stored, later runs start at once …"
 
-    TEXT = "compiling the solver for this machine (once, up to a minute; other kinds of runs add to it) …"
-
-    def __init__(self, folder: Callable[[], Path] = cache_folder) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self._folder, self._seconds = folder, 0.0
-        self._unkept = False
+        self._announced, self._seconds = False, 0.0
         self._over = threading.Event()
         self._ticker: threading.Thread | None = None
 
     def started(self) -> None:
-        """Something is about to be compiled."""
+        """Begin to show a compilation."""
         if not self.shown:
-            if not self._was_said():
+            if not self._announced:
                 print(self.TEXT, file=sys.stderr, flush=True)
+            self._announced = True
             return
         self._since = time.perf_counter()
         self._over = threading.Event()
@@ -47,22 +39,8 @@ class Compiling(Line):
         self._ticker = threading.Thread(target=self._tick_on, args=(self._over,), daemon=True)
         self._ticker.start()
 
-    def _was_said(self) -> bool:
-        """Whether some process has said so for this folder; from now on it has."""
-        folder = self._folder()
-        said = folder / "announced"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            said.touch(exist_ok=False)
-        except FileExistsError:
-            return True
-        except OSError:  # where nothing can be kept, every process compiles, and says so once
-            before, self._unkept = self._unkept, True
-            return before
-        return False
-
     def ended(self) -> None:
-        """It is there; further pieces may follow."""
+        """Clear the line; more functions may follow."""
         if self._ticker is not None:
             self._over.set()
             self._ticker.join()
@@ -80,7 +58,7 @@ class Compiling(Line):
 
 @contextlib.contextmanager
 def announced() -> Iterator[None]:
-    """Say when machine code is being made, put every warning into one line, and none of NumPy's.
+    """Announce compilations, and print every Python warning in one line; NumPy's floating-point warnings are off.
 
     Numbers beyond float64 are refused where they arise.
     """

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import os
+import sys
 from collections.abc import Iterable, Sequence
 from typing import Self
 
@@ -26,6 +28,23 @@ class Diagnostic(str):
     def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
         """For pickles: text and id."""
         return str(self), self.id
+
+
+def id_of(text: object) -> str:
+    """The id of an error or a diagnostic as it is printed: two blanks and [id]; empty without one."""
+    name = getattr(text, "id", "")
+    return f"  [{name}]" if name else ""
+
+
+def coloured(word: str) -> str:
+    """A word of severity in colour: red for errors, yellow for warnings, cyan for notes.
+
+    Without colour if stderr is no terminal, or NO_COLOR is set.
+    """
+    codes = {"warning": 33, "note": 36, "flexlink": 31}
+    if word not in codes or os.environ.get("NO_COLOR") or not sys.stderr.isatty():
+        return word
+    return f"\033[1;{codes[word]}m{word}\033[0m"
 
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:

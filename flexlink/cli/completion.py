@@ -1,0 +1,31 @@
+"""`flexlink completion`: Print a script that completes commands and options in a shell.
+
+flexlink completion bash > ~/.local/share/bash-completion/completions/flexlink
+flexlink completion zsh > ~/.zfunc/_flexlink
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from flexlink.common.errors import MissingDependencyError
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `completion`."""
+    command.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="shell that reads the script")
+
+
+def run_command(options: argparse.Namespace) -> int:
+    """Print the completion script of a shell."""
+    from flexlink.cli.main import build_parser  # noqa: PLC0415  which loads this module
+
+    try:
+        import shtab  # noqa: PLC0415  optional
+    except ImportError:
+        raise MissingDependencyError(
+            "shell completion needs shtab; install it with: python -m pip install 'flexlink[completion]'",
+            id="package-missing",
+        ) from None
+    print(shtab.complete(build_parser(), shell=options.shell))
+    return 0

@@ -1,0 +1,34 @@
+"""`--json`: print the result of a command as one JSON document, for scripts."""
+
+from __future__ import annotations
+
+import argparse
+
+import msgspec
+import numpy as np
+
+from flexlink.common.wording import Diagnostic
+
+
+def add_json(command: argparse.ArgumentParser) -> None:
+    """Add the option `--json`."""
+    command.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def print_json(document: object) -> None:
+    """Print a document: SI units, null for numbers that are not finite, [re, im] for complex ones."""
+    print(msgspec.json.format(msgspec.json.encode(document, enc_hook=_plain), indent=1).decode())
+
+
+def with_ids(texts: tuple[str, ...]) -> list[dict[str, str]]:
+    """Diagnostics as objects with id and text."""
+    return [{"id": text.id if isinstance(text, Diagnostic) else "", "text": str(text)} for text in texts]
+
+
+def _plain(value: object) -> object:
+    """Convert what msgspec does not know: arrays, NumPy's numbers, complex numbers."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, complex):
+        return value.real, value.imag
+    raise NotImplementedError(type(value).__name__)
