@@ -109,7 +109,7 @@ def write(
     make_folder(out)
     shown, definitions = figures_of(study, out)
     chapters = tuple(_chapters(study, out, shown, whole))
-    verdicts = verdict.correct(study), verdict.fast(study)
+    verdicts = tuple(filter(None, (verdict.verification(study), verdict.validation(study), verdict.fast(study))))
     write_text(out / "all_checks.csv", rows_csv(study.rows))
     write_text(out / "verdict.csv", _verdict_csv(study))
     write_text(out / "speed.csv", speed_limits.csv_text(study, beside))
@@ -118,6 +118,7 @@ def write(
         compared=verdict.compared(study),
         measured=verdict.measured(study),
         verdicts=verdicts,
+        speed_verdict=verdicts[-1],
         facts=verdict.numbers_that_matter(study, contents().number),
         paper=contents().paper,
         arm=[one for one in shown.get(SUMMARY, []) if one.name == ARM],
@@ -209,10 +210,10 @@ def _findings(results: Results, out: Path) -> Iterator[tuple[str, Table]]:
 def _chapters(
     results: Results, out: Path, shown: Mapping[str, list[Shown]], whole: stored_full.Stored | None
 ) -> Iterator[StudyChapter]:
-    chapter_of, inferred = chapter_of_kinds(), list(_findings(results, out))
+    chapter_of, inferred, verdicts = chapter_of_kinds(), list(_findings(results, out)), verdict.case_verdicts(results)
     for section in sections():
         blocks = tuple(
-            _case_block(case, rows, results, out)
+            _case_block(case, results.plan[case].about, rows, verdicts[case], out)
             for case, rows in results.cases.items()
             if chapter_of[rows[0].kind] == section.id
         )
@@ -259,10 +260,9 @@ def _stored_chapter(section: Section, whole: stored_full.Stored, out: Path) -> S
     )  # fmt: skip
 
 
-def _case_block(case: str, rows: tuple[JudgedRow, ...], results: Results, out: Path) -> CaseBlock:
+def _case_block(case: str, about: str, rows: Sequence[JudgedRow], found: verdict.CaseVerdict, out: Path) -> CaseBlock:
     write_text(out / f"{case}.csv", rows_csv(rows))
-    about = results.plan[case].about.strip()
-    return CaseBlock(case, rows[0].title, about, verdict.case_verdict(rows), *checks(rows), tuple(meanings(rows)))
+    return CaseBlock(case, rows[0].title, about.strip(), found, *checks(rows), tuple(meanings(rows)))
 
 
 def _verdict_csv(results: Results) -> str:
@@ -270,7 +270,7 @@ def _verdict_csv(results: Results) -> str:
     lines = [
         (case, rows[0].title, v.state, v.judged, v.failed, v.informing, v.worst and used(v.worst),
          v.worst and f"{v.worst.quantity}, {v.worst.where}", v.speed, sum(row.seconds for row in rows))
-        for case, rows, v in ((case, rows, verdict.case_verdict(rows)) for case, rows in results.cases.items())
+        for case, rows, v in ((case, results.cases[case], v) for case, v in verdict.case_verdicts(results).items())
     ]  # fmt: skip
     missing = [(each.case, each.title, each.why, *[None] * 7) for each in results.missing]
     return table_csv(heads, [*lines, *missing])

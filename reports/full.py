@@ -160,8 +160,6 @@ def _readme(study: Results, report: StudyReport, folder: Path) -> str:
         facts=verdict.numbers_that_matter(study, contents().number),
         scenes=scene_names(study),
         given_up=given_up(study),
-        correct=verdict.correct(study),
-        fast=verdict.fast(study),
         failed=[row for row in study.rows if row.state == "FAIL"],
         missing=study.missing,
         report=report,

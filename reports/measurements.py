@@ -1,8 +1,8 @@
-"""What measurements say of the model, a line a group of quantities: the table of the first screen."""
+"""Validation: the model against measurements, one line per group of quantities, for the first screen."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,17 +18,17 @@ from validation.store import Series
 WHAT = "measured"  # series of the kind `measured`
 HEADS = ("measured", "quantities", "error E / D", "uncertainty u_val / D", *VERDICTS)
 WORDS = (
-    "E = S − D is the error of the model S against the measurement D. u_val² = u_num² + u_input² + u_D²: hinges (grid "
-    "convergence index), tolerances of what is stated about the specimen, and the measurement itself. Nothing is "
-    "fitted, but of the laboratory's arm two roots, a damping, the tilt of its axes, the second axis' place, and "
-    "gains and zeros of the strains. Validated to u_val: |E| ≤ 2 u_val. Not validated: the model, or what is known "
-    "of the specimen, is wrong by more than that. Cannot be told: 2 u_val "
-    "is more than the accuracy that is asked for."
+    "E = S − D is the error of the simulation S against the measurement D. The validation uncertainty is "
+    "u_val² = u_num² + u_input² + u_D²: discretization (grid convergence index), tolerances of the specimen, and the "
+    "measurement. Nothing was fitted, except for the laboratory arm: two root stiffnesses, a damping, the tilt of its "
+    "axes, the position of the second axis, and gains and offsets of the strain gauges. Validated: |E| ≤ 2 u_val. Not "
+    "validated: the discrepancy exceeds 2 u_val; the model, or the data of the specimen, are wrong by more than that. "
+    "Cannot be decided: 2 u_val is larger than the required accuracy."
 )
 
 
 class Group(NamedTuple):
-    """Quantities of one case that are judged together."""
+    """Quantities of one case with a common line."""
 
     case: str
     title: str
@@ -48,23 +48,76 @@ class Group(NamedTuple):
         return found
 
 
+class Counts(NamedTuple):
+    """How many measured quantities are validated, not validated, and undecided."""
+
+    validated: int
+    not_validated: int
+    undecided: int
+
+    @property
+    def all(self) -> int:
+        """Number of quantities."""
+        return sum(self)
+
+    @property
+    def all_validated(self) -> bool:
+        """Whether every quantity is validated."""
+        return self.validated == self.all
+
+    @property
+    def brief(self) -> str:
+        """The counts in a few words."""
+        return f"{self.validated} of {self.all} validated"
+
+    @property
+    def sentence(self) -> str:
+        """The counts in a sentence."""
+        return (
+            f"{self.validated} of {self.all} measured quantities agree with the model within the uncertainty, "
+            f"{self.not_validated} do not, and {self.undecided} cannot be decided: their "
+            "uncertainty exceeds the required accuracy."
+        )
+
+
+def counts_of(verdicts: Iterable[str]) -> Counts | None:
+    """Counts of verdicts in the order of `VERDICTS`; None if there are none."""
+    found = list(verdicts)
+    return Counts(*(found.count(verdict) for verdict in VERDICTS)) if found else None
+
+
+def total(results: Results) -> Counts | None:
+    """Counts over all measured cases; None without any."""
+    return counts_of(verdict for group in groups(results) for verdict in group.columns["verdict"].tolist())
+
+
+def by_case(results: Results) -> dict[str, Counts]:
+    """Counts by case."""
+    verdicts: dict[str, list[str]] = {}
+    for group in groups(results):
+        verdicts.setdefault(group.case, []).extend(group.columns["verdict"].tolist())
+    return {case: counts for case, found in verdicts.items() if (counts := counts_of(found))}
+
+
 def groups(results: Results) -> Iterator[Group]:
-    """All that the study holds."""
+    """All groups of the study."""
     for case, series in results.showing(WHAT):
         yield from groups_of(case, results.cases[case][0].title, series)
 
 
 def groups_of(case: str, title: str, series: Series) -> Iterator[Group]:
-    """The groups of a case, in the order in which it has them."""
+    """The groups of a case, in their order."""
     of = series.columns["group"]
     for name in dict.fromkeys(of.tolist()):
         yield Group(case, title.partition(":")[0], name, {key: c[of == name] for key, c in series.columns.items()})
 
 
 def table(results: Results) -> Table | None:
-    """A line a group; None where the study holds none."""
+    """One line per group; None if the study has no measured case."""
     lines = tuple(_line(group) for group in groups(results))
-    return Table("measurements", "Against measurements", HEADS, lines, (WORDS,)) if lines else None
+    return (
+        Table("measurements", "Validation: the model against measurements", HEADS, lines, (WORDS,)) if lines else None
+    )
 
 
 def _line(group: Group) -> tuple[str | float, ...]:
@@ -74,6 +127,6 @@ def _line(group: Group) -> tuple[str | float, ...]:
 
 
 def span(percent: Array) -> str:
-    """Smallest to largest."""
+    """Smallest … largest."""
     low, high = (f"{number(float(each), 2)} %" for each in (percent.min(), percent.max()))
     return low if low == high else f"{low} … {high}"

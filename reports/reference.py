@@ -10,7 +10,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import make_folder, write_text
 from flexlink.pages.tables import table_csv
 from reports.results import Results
-from reports.verdict import PASS, correct, measured
+from reports.verdict import PASS, measured, verification
 from validation.facts import in_words
 from validation.judgement import JudgedRow, correctness, crowd, speed
 from validation.store import Row
@@ -48,7 +48,7 @@ def save(results: Results, folder: Path = FOLDER) -> Path:
     FlexlinkError
         The study is not whole, not right, or was timed on a busy machine; or the folder cannot be written.
     """
-    verdict, fast = correct(results), speed(results.rows)
+    verdict, fast = verification(results), speed(results.rows)
     if verdict.word != PASS:
         raise FlexlinkError(f"{results.store.path}: no reference run: {verdict.text}")
     if fast.unmeasured:

@@ -1,4 +1,4 @@
-"""The full study that is checked in, as `reports/full.py` wrote it: what the default report shows and says of it.
+"""The full study that is checked in, as `reports/full.py` wrote it, for the default report and the site.
 
 chapters.json    `FullStudy`: verdicts, commit, and of every chapter its sentences, figures and cases
 sources.csv      digests of the files that it was measured with
@@ -24,7 +24,6 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_whole
 from flexlink.describe.spec import Spec
 from flexlink.pages.chapter import Shown
-from flexlink.pages.numbers import plural
 from flexlink.pages.tables import Table
 from reports.chapters import Section
 from validation.sources import changed
@@ -35,7 +34,7 @@ CHAPTERS, SOURCES = "chapters.json", "sources.csv"
 
 
 class StoredFinding(Spec, frozen=True):
-    """A finding without its table, which is its CSV."""
+    """A finding; its table is a CSV file."""
 
     name: str
     title: str
@@ -43,7 +42,7 @@ class StoredFinding(Spec, frozen=True):
 
 
 class StoredFigure(Spec, frozen=True):
-    """What the page says about a PNG."""
+    """Title and caption of a PNG."""
 
     name: str
     title: str
@@ -51,7 +50,7 @@ class StoredFigure(Spec, frozen=True):
 
 
 class StoredCase(Spec, frozen=True):
-    """A case in a line."""
+    """A case in one line."""
 
     case: str
     title: str
@@ -70,12 +69,12 @@ class StoredChapter(Spec, frozen=True):
 
     @property
     def says(self) -> bool:
-        """Whether there is more in it than cases."""
+        """Whether it has headlines or findings."""
         return bool(self.headlines or self.findings)
 
 
 class FullStudy(Spec, frozen=True):
-    """The whole of it: when and on what it was measured, the verdict on correctness, chapters."""
+    """Date, machine and commit of the full study, its verification verdict, and its chapters."""
 
     measured: str
     commit: str
@@ -83,15 +82,8 @@ class FullStudy(Spec, frozen=True):
     chapters: tuple[StoredChapter, ...] = ()
 
     def chapter(self, name: str) -> StoredChapter:
-        """The chapter of that id; an empty one where the study has none."""
+        """The chapter with this id; an empty one if the study has none."""
         return next((chapter for chapter in self.chapters if chapter.id == name), StoredChapter(name))
-
-
-class Since(NamedTuple):
-    """What has changed in the checkout since a study was measured: a sentence, and the files."""
-
-    text: str
-    files: tuple[str, ...]
 
 
 class Stored(NamedTuple):
@@ -101,14 +93,14 @@ class Stored(NamedTuple):
     study: FullStudy
 
     def findings(self, chapter: str) -> Iterator[Table]:
-        """Those of a chapter, with the tables that they stand on."""
+        """Findings of a chapter with their tables."""
         for finding in self.study.chapter(chapter).findings:
             heads, *lines = csv.reader(io.StringIO(self._data(finding.name).decode(), newline=""))
             table = tuple(tuple(_cell(text) for text in line) for line in lines)
             yield Table(finding.name, finding.title, tuple(heads), table, finding.sentences, to_look_up=True)
 
     def figures(self, section: Section, out: Path) -> Iterator[Shown]:
-        """Those of a chapter that stand unfolded, as part of the page; PNG and CSV are copied to `out`."""
+        """Figures of a chapter that are shown unfolded; PNG and CSV are copied to `out`."""
         for figure in self.study.chapter(section.id).figures:
             if any(fnmatch(figure.name, pattern) for pattern in section.open):
                 png, data = (self.folder / f"{figure.name}.png").read_bytes(), self._data(figure.name)
@@ -121,11 +113,11 @@ class Stored(NamedTuple):
 
     @property
     def cases(self) -> int:
-        """How many it holds."""
+        """Number of its cases."""
         return sum(len(chapter.cases) for chapter in self.study.chapters)
 
-    def since(self) -> Since:
-        """What has changed in this checkout since it was measured."""
+    def since(self) -> str:
+        """Whether the code has changed since the study was measured."""
         return since(self.study.commit, read_sources(self.folder))
 
     def _data(self, name: str) -> bytes:
@@ -134,7 +126,7 @@ class Stored(NamedTuple):
 
 
 def _cell(text: str) -> str | float | None:
-    """A number as one, nothing as None."""
+    """A cell as a number, a text, or None if it is empty."""
     try:
         return float(text) if text else None
     except ValueError:
@@ -142,12 +134,12 @@ def _cell(text: str) -> str | float | None:
 
 
 def read(folder: Path = FOLDER) -> Stored | None:
-    """The full study that is checked in; None where there is none.
+    """The full study that is checked in; None if there is none.
 
     Raises
     ------
     FlexlinkError
-        Its files cannot be understood.
+        Its files cannot be read.
     """
     file = folder / CHAPTERS
     if not file.is_file():
@@ -167,14 +159,11 @@ def read_sources(folder: Path = FOLDER) -> dict[str, str]:
         return {line["file"]: line["digest"] for line in csv.DictReader(text)}
 
 
-def since(commit: str, measured: Mapping[str, str]) -> Since:
-    """Which files of flexlink/ and validation/ are not those that were measured at a commit, by their digests."""
-    at = f"measured at commit {commit}" if commit else "measured outside a repository"
+def since(commit: str, measured: Mapping[str, str]) -> str:
+    """Whether flexlink/ or validation/ have changed since the study was measured at a commit, in one sentence."""
+    at = f"Measured at commit {commit}" if commit else "Measured outside a repository"
     if not measured:
-        return Since(f"It was {at}; changes since then are unknown.", ())
-    files = tuple(changed(measured))
-    if not files:
-        return Since(f"It was {at}; no file that affects the results has changed since.", ())
-    return Since(
-        f"It was {at}; {plural(len(files), 'file')} that may affect the results changed since.", files,
-    )  # fmt: skip
+        return f"{at}; later changes are unknown."
+    if not any(True for _ in changed(measured)):
+        return f"{at}; the code that affects the results has not changed since."
+    return f"{at}; code that may affect the results has changed since. To measure again: {COMMAND}."

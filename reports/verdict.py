@@ -1,4 +1,4 @@
-"""What the first screen says: what was compared, when and on what, two verdicts, and the numbers that matter."""
+"""First screen of the report: what was compared, when and on which machine, the verdicts, and the key numbers."""
 
 from __future__ import annotations
 
@@ -11,19 +11,21 @@ from flexlink.pages.numbers import amount, plural
 from flexlink.pages.verdict import State, Verdict
 from reports.chapters import Number, Wanted
 from reports.claims import CONFIRMED, judging, standing
+from reports.measurements import Counts, by_case, total
 from reports.results import Results, used
 from reports.tables import share
 from validation.judgement import JudgedRow, correctness, speed
 from validation.store import Row
 
 PASS = "PASS"
+VERIFICATION, VALIDATION = "Verification", "Validation"
 NAMES = {package: engine_name(package) for package in ("pin", "mujoco", "drake", "exudyn")}
-"""Package → engine that was compared with."""
+"""Engine names by package."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Fact:
-    """A number of the first screen: its values, each with what must be said beside it."""
+    """A key number: its label, and its values with remarks."""
 
     label: str
     values: tuple[tuple[str, str], ...]
@@ -31,29 +33,31 @@ class Fact:
 
 @dataclasses.dataclass(frozen=True)
 class CaseVerdict:
-    """A case in a line: how many checks of correctness pass, what its limits of time came to, the closest check."""
+    """A case in one line: passed checks, closest check, time limits, and what it found out about claims or a model."""
 
     judged: int
     failed: int
     informing: int
     speed: str
-    worst: Row | None  # the check of correctness that uses most of its limit
-    claims: tuple[str, ...] = ()  # of somebody's claims that it judges, what became of each
+    worst: Row | None  # the check that uses the largest part of its limit
+    claims: tuple[str, ...] = ()  # outcomes of published claims
+    validated: str = ""  # outcome of a comparison with measurements; empty for other cases
+    all_validated: bool = False
 
     @property
     def word(self) -> str:
-        """The state; of a case that judges claims what became of them, which its checks reproduce."""
-        return "; ".join(self.claims) if self.claims and self.state == "pass" else self.state
+        """The state; if all checks pass, the outcome of claims or of the validation."""
+        return (self.validated or "; ".join(self.claims) or self.state) if self.state == "pass" else self.state
 
     @property
     def look(self) -> str:
-        """CSS class of the word: a claim that is refuted, or holds in part, is never green."""
-        doubted = self.claims and self.state == "pass" and set(self.claims) != {CONFIRMED.word}
-        return "doubt" if doubted else self.state.lower()
+        """CSS class of the word; green only if every claim is confirmed and every measured quantity validated."""
+        doubted = (self.claims and set(self.claims) != {CONFIRMED.word}) or (self.validated and not self.all_validated)
+        return "doubt" if doubted and self.state == "pass" else self.state.lower()
 
     @property
     def state(self) -> str:
-        """'FAIL' or 'pass'; of a case without a check of correctness 'timed' or 'info'."""
+        """'FAIL' or 'pass'; without a check 'timed' or 'info'."""
         return "FAIL" if self.failed else "pass" if self.judged else "timed" if self.speed else "info"
 
     @property
@@ -71,18 +75,26 @@ class CaseVerdict:
         return "; ".join(parts)
 
 
-def case_verdict(rows: Sequence[JudgedRow]) -> CaseVerdict:
-    """The line of a case."""
+def case_verdict(rows: Sequence[JudgedRow], validated: Counts | None = None) -> CaseVerdict:
+    """The line of a case; `validated` counts its measured quantities."""
     right, fast = correctness(rows), speed(rows)
     judged = [row for row in rows if row.passed is not None and not row.timed]
     worst = max(judged, key=lambda row: used(row) or 0.0, default=None)
     informing = sum(row.passed is None for row in rows)
     claims = tuple(dict.fromkeys(standing(row).word for row in judging(rows)))
-    return CaseVerdict(right.judged, len(right.failed), informing, fast.brief(), worst, claims)
+    outcome = validated.brief if validated else ""
+    all_validated = validated is not None and validated.all_validated
+    return CaseVerdict(right.judged, len(right.failed), informing, fast.brief(), worst, claims, outcome, all_validated)
+
+
+def case_verdicts(results: Results) -> dict[str, CaseVerdict]:
+    """The line of every case."""
+    counts = by_case(results)
+    return {case: case_verdict(rows, counts.get(case)) for case, rows in results.cases.items()}
 
 
 def compared(results: Results) -> str:
-    """What was compared with what, in sentences."""
+    """Sentences on what was compared with what."""
     versions = results.environment.versions
     ours = f"flexlink {versions.get('flexlink', '')}".strip()
     engines = [f"{name} {versions[package]}" for package, name in NAMES.items() if versions.get(package)]
@@ -93,7 +105,7 @@ def compared(results: Results) -> str:
 
 
 def measured(results: Results) -> str:
-    """When, on which machine, with what."""
+    """Date, machine, versions and commit."""
     environment = results.environment
     machines = "; ".join(dict.fromkeys(done.machine for done in results.finished.values())) or environment.processor
     cores = plural(environment.cores, "core") if environment.cores else ""
@@ -113,33 +125,42 @@ def _when(results: Results) -> str:
     return f"{first:%Y-%m-%d, %H:%M} to {end} UTC"
 
 
-def correct(results: Results) -> Verdict:
-    """Whether everything is right; what is missing is never passed over."""
+def verification(results: Results) -> Verdict:
+    """Whether the equations are solved correctly: all checks except time limits; missing cases are named."""
     judged, failed = correctness(results.rows)
     checks = plural(judged, "check")
     if failed:
-        text = f"{len(failed)} of {checks} FAIL; see below."
+        text = f"{len(failed)} of {checks} fail; see below."
     elif not judged:
-        text = f"Nothing was judged: {plural(len(results.rows), 'number')}, none with a limit."
+        text = f"No checks: {plural(len(results.rows), 'number')}, none with a limit."
     elif results.missing:
         text = f"No failure in {checks}, but {_missing(results)}."
     else:
-        text = f"{judged} of {checks} pass ({plural(len(results.cases), 'case')})."
+        text = f"{judged} of {checks} pass in {plural(len(results.cases), 'case')}: the equations are solved correctly."
     if results.missing and (failed or not judged):
         text += f" {_missing(results)}."
     given_up = {(row.case, row.quantity) for row in results.rows if row.given_up}
     if given_up:
         text += f" {plural(len(given_up), 'limit')} withdrawn: see “Known limitations”."
     state: State = "fail" if failed else "incomplete" if results.missing or not judged else "pass"
-    return Verdict("Correctness", state, state.upper(), text)
+    return Verdict(VERIFICATION, state, state.upper(), text)
 
 
 def _missing(results: Results) -> str:
     return f"{len(results.missing)} of {plural(len(results.plan), 'case')} are missing"
 
 
+def validation(results: Results) -> Verdict | None:
+    """How well the model predicts measurements; None without measured cases. Green only if all are validated."""
+    counts = total(results)
+    if counts is None:
+        return None
+    state: State = "pass" if counts.all_validated else "doubt"
+    return Verdict(VALIDATION, state, f"{counts.validated} of {counts.all} validated", counts.sentence)
+
+
 def fast(results: Results) -> Verdict:
-    """Whether the limits of time are met; a busy machine says nothing about them."""
+    """Whether the time limits are met; on a busy machine they are not checked."""
     found = speed(results.rows)
     state: State = "missed" if found.missed else "not-measured" if found.unmeasured or not found.met else "met"
     text = found.sentence()
@@ -147,7 +168,7 @@ def fast(results: Results) -> Verdict:
 
 
 def numbers_that_matter(results: Results, wanted: Iterable[Number]) -> list[Fact]:
-    """Those that the study holds."""
+    """The key numbers that the study contains."""
     found = []
     for each in wanted:
         first = worst(results, each.value[0])
@@ -159,7 +180,7 @@ def numbers_that_matter(results: Results, wanted: Iterable[Number]) -> list[Fact
 
 
 def headlines(results: Results, wanted: Iterable[Wanted]) -> list[str]:
-    """A sentence for each wanted quantity that the study holds; one that misses its limit says so."""
+    """A sentence for each wanted quantity in the study, with a remark if it misses its limit."""
     found = []
     for want in wanted:
         row = worst(results, want)
@@ -176,14 +197,14 @@ def _sentence(want: Wanted, row: Row) -> str:
 
 
 def _remark(row: JudgedRow) -> str:
-    """What must be said beside a number: that it breaks its limit, or was timed on a busy machine."""
+    """A remark on a number that misses its limit, or was timed on a busy machine."""
     if row.busy:
         return "machine busy"
     return {"FAIL": "fails its limit", "missed": "misses its limit"}.get(row.state, "")
 
 
 def worst(results: Results, want: Wanted, beside: Row | None = None) -> JudgedRow | None:
-    """The row of the worst value that fits, if any does; `beside` another one, of its scene and settings."""
+    """The row with the worst value among those that match; with `beside`, only of its scene and settings."""
     rows = [
         row
         for row in results.rows

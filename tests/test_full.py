@@ -68,7 +68,7 @@ def test_words_that_many_rows_share_stand_once_and_every_number_is_there(tmp_pat
 def test_the_readme_has_both_verdicts_what_fails_what_is_missing_and_leads_to_every_file(tmp_path: Path):
     folder = save(stored(tmp_path / "results", row(value=1.0, title="a | b"), timed(0.5), planned=("never_ran",)))
     text = (folder / "README.md").read_text(encoding="utf-8")
-    assert "Correctness: **FAIL**" in text
+    assert "Verification: **FAIL**" in text
     assert "- terms: M, paper_fig5, mujoco" in text
     assert "- never_ran: not measured" in text
     assert r"| terms | a \| b | FAIL: 0 of 1 pass |" in text

@@ -66,5 +66,5 @@ def test_a_study_stopped_in_the_middle_is_reported_as_such(tmp_path: Path) -> No
     missing = {each.case for each in Results.read(results).missing}
     assert missing == planned - whole
     said = first_screen(words_from(results, tmp_path))
-    assert "Correctness: INCOMPLETE" in said
+    assert "Verification: INCOMPLETE" in said
     assert all(case in said for case in missing)

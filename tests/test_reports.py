@@ -74,7 +74,7 @@ def test_the_report_needs_no_engine_and_no_simulation(tmp_path: Path) -> None:
 
 def test_failing_rows_stand_at_the_very_top(tmp_path: Path) -> None:
     page = words_of(tmp_path, row("fine"), row("broken", value=3e-9, quantity="T_GC"))
-    parts = ["1 of 2 checks FAIL", "Failing checks", REASON.replace("<", "&lt;"), 'id="agreement"', "Title of fine"]
+    parts = ["1 of 2 checks fail", "Failing checks", REASON.replace("<", "&lt;"), 'id="agreement"', "Title of fine"]
     places = [page.index(part.replace("& ", "&amp; ")) for part in parts]
     assert places == sorted(places)
     assert page.index('id="case-broken"') < page.index('id="case-fine"'), "failing cases lead their chapter"
@@ -110,7 +110,7 @@ def test_passing_tables_are_folded_and_failing_ones_are_open(tmp_path: Path) -> 
 
 def test_a_value_that_could_not_be_had_fails_and_is_said(tmp_path: Path) -> None:
     page = words_of(tmp_path, row(value=None))
-    assert "1 of 1 check FAIL" in page
+    assert "1 of 1 check fail" in page
     assert "No value" in page[page.index('id="limitations"') :]
 
 

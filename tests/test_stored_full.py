@@ -12,7 +12,7 @@ from studies import row, stored
 from flexlink.common.errors import FlexlinkError
 from reports import full, stored_full
 from reports.build import build
-from tests.words import refused
+from tests.words import refused, reviewed
 from validation import sources
 from validation.store import Store
 
@@ -73,7 +73,7 @@ def test_the_page_names_the_command_of_the_full_study(tmp_path: Path, folder: Pa
     text = page(tmp_path, folder if held else None, row())
     head = text.partition('<section class="glance"')[0]
     assert "python -m validation --full" in head
-    assert ("is stored in reports/full: PASS" in head) == held
+    assert ("is stored in reports/full: verification PASS" in head) == held
 
 
 def test_a_study_says_which_files_have_changed_since_without_git(tmp_path: Path, monkeypatch) -> None:
@@ -84,16 +84,15 @@ def test_a_study_says_which_files_have_changed_since_without_git(tmp_path: Path,
         "validation/runner.py",
         "validation/cases/pointwise.toml",
     } <= measured.keys()
-    assert stored_full.since("abc", measured).files == ()
-    assert "at commit abc; no file that affects the results has changed since" in (
-        stored_full.since("abc", measured).text
-    )
-    older = measured | {"flexlink/kernels/bodies/rne.py": "another", "flexlink/gone.py": "any"}
-    del older["validation/runner.py"]
-    found = stored_full.since("abc", older)
-    assert found.files == ("flexlink/gone.py", "flexlink/kernels/bodies/rne.py", "validation/runner.py")
-    assert "3 files that may affect the results changed since" in found.text
-    assert "unknown" in stored_full.since("", {}).text
+    unchanged = stored_full.since("abc", measured)
+    edited = measured | {"flexlink/kernels/bodies/rne.py": "another"}
+    gone = measured | {"flexlink/gone.py": "any"}
+    added = {file: digest for file, digest in measured.items() if file != "validation/runner.py"}
+    changed = {stored_full.since("abc", files) for files in (edited, gone, added)}
+    unknown = stored_full.since("abc", {})
+    assert len(changed) == 1 and len({unchanged, unknown, *changed}) == 3
+    for key, text in {"unchanged": unchanged, "changed": changed.pop(), "unknown": unknown}.items():
+        reviewed(f"study since: {key}", text)
 
 
 def test_what_was_measured_with_is_stored_and_the_readme_says_what_changed(tmp_path: Path) -> None:
@@ -112,8 +111,7 @@ def test_what_was_measured_with_is_stored_and_the_readme_says_what_changed(tmp_p
         "**PASS**. 1 of 1",
     )
     assert all(word in first for word in words)
-    assert "measured at commit 0123456789ab; 1 file that may affect the results changed since" in text
-    assert "<details><summary>Files changed since: 1</summary>\n\nflexlink/kernels/bodies/rne.py\n" in text
+    assert stored_full.since("0123456789ab", now) in text
 
 
 def test_limits_given_up_stand_in_the_readme_with_their_reasons(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ def test_the_first_screen_says_what_was_compared_when_and_on_what(tmp_path: Path
     paper = "Dynamic Simulation of Nonrigid Link Manipulators (Nonlinear Dynamics, Chaos, Control"
     versions = "Compared: flexlink 0.1.0 with Pinocchio 4.1.0, MuJoCo 4.0.0, published and exact solutions of beams"
     machine = "A processor · 2 cores · Linux x86_64 · Python 3.11.7 · numpy 2.4"
-    verdicts = ("Correctness: PASS 1 of 1 check pass (1 case)", "Speed: not measured")
+    verdicts = ("Verification: PASS 1 of 1 check pass in 1 case", "Speed: not measured")
     for words in (paper, versions, "2026-07-01, 10:30 to 10:30 UTC", machine, "commit 0123456789ab", *verdicts):
         assert words in said
 
@@ -76,7 +76,7 @@ def test_the_contents_are_well_formed_and_name_kinds_that_exist() -> None:
 
 def test_a_missed_limit_of_time_leaves_the_verdict_on_correctness_alone(tmp_path: Path) -> None:
     said = first_screen(words_from(stored(tmp_path / "results", row(), timed(2.0), conditions=QUIET), tmp_path))
-    assert "Correctness: PASS 1 of 1 check pass" in said
+    assert "Verification: PASS 1 of 1 check pass" in said
     assert "Speed: missed 1 missed on this machine." in said
     assert "Failing checks" not in said
 
@@ -85,7 +85,7 @@ def test_a_missed_limit_of_time_leaves_the_verdict_on_correctness_alone(tmp_path
 def test_on_a_busy_machine_the_page_says_so_instead_of_met_or_missed(tmp_path: Path, value: float) -> None:
     page = words_from(stored(tmp_path / "results", row(), timed(value), conditions=BUSY), tmp_path)
     said = first_screen(page)
-    assert "Correctness: PASS" in said
+    assert "Verification: PASS" in said
     assert "1 not measured because the machine was busy (other processes used 1.8 of 2 cores" in said
     with (tmp_path / "report" / "speed.csv").open(encoding="utf-8", newline="") as file:
         (line,) = csv.DictReader(file)
@@ -144,7 +144,7 @@ def killed(path: Path) -> Path:
 def test_half_a_study_never_reads_like_a_whole_one(tmp_path: Path) -> None:
     page = words_from(killed(tmp_path / "results"), tmp_path)
     said = first_screen(page)
-    assert "Correctness: INCOMPLETE No failure in 1 check, but 2 of 3 cases are missing." in said
+    assert "Verification: INCOMPLETE No failure in 1 check, but 2 of 3 cases are missing." in said
     assert not re.search(r"\ball\b[^.]*\bpass", said, re.IGNORECASE)
     assert "second ( Title of second ): stopped in the middle" in said.replace(
         "(Title of second)", "( Title of second )"
@@ -158,7 +158,7 @@ def test_a_study_killed_in_its_first_case_passes_nothing(tmp_path: Path) -> None
     results = stored(tmp_path / "results", planned=("only",))
     Store(results).append(row("only"))
     said = first_screen(words_from(results, tmp_path))
-    assert "Correctness: INCOMPLETE Nothing was judged" in said
+    assert "Verification: INCOMPLETE No checks" in said
     assert "only (Title of only): stopped in the middle" in said
 
 
