@@ -3,7 +3,7 @@
 python -m docs            all of it; gallery pages whose example has not changed are not run again
 python -m docs --quick    without running any code of pages and gallery
 python -m docs --links    check every link to other sites, too (needs a network)
-python -m docs --readme   write the README's tables from the stored study
+python -m docs --readme   write the README's figures and badges from the stored study
 """
 
 from __future__ import annotations
@@ -29,15 +29,17 @@ def main() -> int:
     )
     parser.add_argument("--quick", action="store_true", help="do not run code of pages and gallery")
     parser.add_argument("--links", action="store_true", help="check links to other sites (needs a network)")
-    parser.add_argument("--readme", action="store_true", help="write the README's tables from the stored study, only")
+    parser.add_argument(
+        "--readme", action="store_true", help="only write figures and badges of the README"
+    )
     parser.add_argument("--out", type=Path, default=HERE / "_site", help="folder of the pages; default: docs/_site")
     options = parser.parse_args()
     if options.readme:
-        readme.README.write_text(readme.with_tables(readme.README.read_text(encoding="utf-8")), encoding="utf-8")
+        readme.write()
         return 0
     os.environ.setdefault("MPLBACKEND", "agg")
     builder = "linkcheck" if options.links else "html"
-    words = ["-W", "-n", "-q", "-b", builder, "-d", str(HERE / "_doctrees")]
+    words = ["-W", "-n", *([] if sys.stdout.isatty() else ["-q"]), "-b", builder, "-d", str(HERE / "_doctrees")]
     words += ["-D", "plot_gallery=0"] if options.quick else []
     with tempfile.TemporaryDirectory() as folder:
         if not options.quick:

@@ -1,62 +1,81 @@
-"""Tables of the README: numbers of the full study, never typed; `python -m docs --readme` writes them anew."""
+"""Figures of the README from the full study, never typed; `python -m docs --readme` writes them anew."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
-from docs.generators import study
+from docs.generators import badges, study
 
 README = Path(__file__).parents[2] / "README.md"
 
 PROOF = [
-    ("mass matrix against Pinocchio and MuJoCo, random states", "the mass matrix from Pinocchio and MuJoCo"),
-    ("torque terms, the same", "largest difference of the torque terms"),
-    ("accelerations, the same", "largest difference of the accelerations"),
-    ("joint angles after 5 s of the paper's figure 5, three engines", "in the 5 s of the paper's figure 5"),
-    ("whole motions in Drake and Exudyn, their own springs and steps", "whole motions by Drake and Exudyn"),
-    ("chains of few segments against exact solutions", "against exact solutions for such chains"),
-    ("a driven link of 10 hinges against the continuous beam", "against the continuous beam"),
-    ("at the extremes of stiffness, mass, load and rate", "wrong without a warning"),
-]
+    ("Given our exported file, Pinocchio and MuJoCo compute the same mass matrix at random states: the largest "
+     "difference is {} (1 or less means equal to within rounding).", "the mass matrix from Pinocchio and MuJoCo"),
+    ("Their torque terms differ from ours by at most {}, their accelerations by at most {}.",
+     "largest difference of the torque terms", "largest difference of the accelerations"),
+    ("Five seconds of the paper's figure 5 in the three programs: joint angles agree to {}.",
+     "in the 5 s of the paper's figure 5"),
+    ("Drake and Exudyn, with their own springs and integrators: joint angles agree to {}.",
+     "whole motions by Drake and Exudyn"),
+    ("Chains of few segments against exact solutions: {} at most.", "against exact solutions for such chains"),
+    ("A driven link with 10 hinges against the continuous beam: the tip error is {}.", "against the continuous beam"),
+    ("At the extremes of stiffness, mass, load and rate, runs that were wrong without a warning: {}.",
+     "wrong without a warning"),
+]  # fmt: skip
 SPEED = [
-    ("a run with a tip error of 10⁻⁴ of the motion, MuJoCo", "MuJoCo, for a tip error"),
-    ("the same, Pinocchio's dynamics in a loop", "Pinocchio, for the same error"),
-    ("one forward dynamics, n = 10 … 400, compiled loop", "forward dynamics of planar chains in a compiled loop"),
-    ("the same, as a checked call from Python", "the same as a checked call from Python"),
-    ("the paper's figure 5, RK4 at its own step", "the paper's figure 5 on one core"),
-]
-"""Rows: what was measured, and words of the study's sentence that has the number before its first colon."""
+    ("A simulation with a tip error of 10⁻⁴ of the motion takes MuJoCo {}.", "MuJoCo, for a tip error"),
+    ("The same simulation with Pinocchio's dynamics in a loop takes {}.", "Pinocchio, for the same error"),
+    ("One forward dynamics in a compiled loop, 10 to 400 joints: {}.",
+     "forward dynamics of planar chains in a compiled loop"),
+    ("The same as a checked call from Python: {} (below 1 is slower).", "the same as a checked call from Python"),
+    ("The paper's figure 5 with RK4 at its own step: {}.", "the paper's figure 5 on one core"),
+]  # fmt: skip
+"""Sentences with {} for each number, and words of the study's headline that begins with this number."""
 
 
 def proof() -> str:
-    """The study's verdict."""
-    told = study.counts()
-    verdict = f"**{told['passed']:,} of {told['checks']:,} checks pass**, in {told['cases']} cases"
-    return f"{_table('compared', 'largest difference', PROOF)}\n\n{verdict}."
+    """What the study found, with its date and commit."""
+    counts = study.counts()
+    return (
+        f"{_when()}: **{counts['passed']:,} of {counts['checks']:,} checks pass** in {counts['cases']} cases.\n\n"
+        f"{_list(PROOF)}"
+    )
 
 
 def speed() -> str:
-    """CPU times beside other engines."""
-    return _table("job", "time of others", SPEED)
+    """CPU times of other programs, with date and commit."""
+    return f"{_when()}, where flexlink does worst:\n\n{_list(SPEED)}"
 
 
 def with_tables(text: str) -> str:
-    """The README with both tables as the stored study has them."""
-    for name, table in (("proof", proof()), ("speed", speed())):
-        begin, end = f"<!-- {name}: python -m docs --readme writes this table -->\n", f"\n<!-- end of {name} -->"
+    """The README with both lists as the stored study has them."""
+    for name, found in (("proof", proof()), ("speed", speed())):
+        begin, end = f"<!-- {name}: python -m docs --readme writes this list -->\n", f"\n<!-- end of {name} -->"
         before, _, rest = text.partition(begin)
-        text = before + begin + table + end + rest.partition(end)[2]
+        text = before + begin + found + end + rest.partition(end)[2]
     return text
 
 
-def _table(left: str, right: str, rows: list[tuple[str, str]]) -> str:
-    lines = [f"| {label} | {_number(words)} |" for label, words in rows]
-    return "\n".join([f"| {left} | {right} |", "|---|---|", *lines])
+def write() -> None:
+    """Write the lists and the badges."""
+    README.write_text(with_tables(README.read_text(encoding="utf-8")), encoding="utf-8")
+    badges.write()
+
+
+def _when() -> str:
+    date, commit = str(study.stored()["measured"])[:10], str(study.stored()["commit"])[:8]
+    return f"Measured {date} at commit {commit}"
+
+
+def _list(sentences: Sequence[tuple[str, ...]]) -> str:
+    return "\n".join(f"- {text.format(*map(_number, words))}" for text, *words in sentences)
 
 
 def _number(words: str) -> str:
-    """What stands before the words in the one sentence that has them; "0 runs … were" if it has no colon."""
-    sentences: list[str] = [each for chapter in study.stored()["chapters"] for each in chapter["headlines"]]
-    (sentence,) = (each for each in sentences if words in each)
-    value, colon, _ = sentence.partition(":")
-    return value.replace("\xa0", " ") if colon else sentence.removesuffix(".")
+    """The number at the beginning of the one headline with these words."""
+    headlines: list[str] = [each for chapter in study.stored()["chapters"] for each in chapter["headlines"]]
+    (headline,) = (each for each in headlines if words in each)
+    value, colon, _ = headline.partition(":")
+    return value.replace("\xa0", " ") if colon else re.match(r"\d+", headline)[0]  # type: ignore[index]

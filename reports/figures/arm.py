@@ -1,4 +1,4 @@
-"""The arm of the paper's figure 5 on the first screen: where its two links are while it falls."""
+"""The arm of the paper's figure 5 on the first screen: its two links during the first second of the fall."""
 
 from __future__ import annotations
 
@@ -20,10 +20,14 @@ from reports.results import Results
 SECTION = "summary"
 TAKES: tuple[str, ...] = ()
 ELBOW, HAND = "joint-3", "hand"
-SCENES = {"paper_fig5_raised": "upright, one reading of the paper's angle", "paper_fig5": "the vertical"}
-"""Where the arm starts, by scene; the first that the study holds is drawn."""
-UNTIL, POSTURES = 1.0, 6  # s; in this time so many are drawn
-CAPTION = "Two flexible links of 1.25 m fall from rest, 10° from {}: from light to dark in 1 s."
+SCENES = {
+    "paper_fig5": "hanging 10° from the vertical (scene paper_fig5)",
+    "paper_fig5_raised": "10° from upright (scene paper_fig5_raised, the other reading of the paper's angle)",
+}
+"""Initial configuration by scene; the first scene of the study is drawn."""
+UNTIL = 1.0  # s
+POSTURES = 6  # configurations drawn in this time
+CAPTION = "Two flexible links of 1.25 m fall from rest, {}: light to dark in 1 s."
 TITLE = "The arm of the paper's figure 5"
 
 
@@ -42,7 +46,7 @@ def _picture(motion: Motion) -> Picture:
     _, hand = _path(motion, HAND)
     end = int(np.searchsorted(time, UNTIL, side="right"))
     chosen = np.unique(np.linspace(0, max(end - 1, 0), POSTURES).astype(int))
-    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    figure = Figure(figsize=(0.7 * WIDTH, 3.6), layout="constrained")
     axes = figure.subplots()
     axes.plot(hand[:end, 0], hand[:end, 1], color=GREY, linewidth=0.8)
     for k, part in zip(chosen, np.linspace(0.0, 1.0, len(chosen)), strict=True):
@@ -52,14 +56,14 @@ def _picture(motion: Motion) -> Picture:
     axes.plot(0.0, 0.0, "s", color=INK, markersize=9)
     axes.plot(0.0, 0.0, "o", color=VERMILION, markersize=5)
     axes.set(xlabel="x [m]", ylabel="z, downwards [m]")
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal")
     axes.invert_yaxis()
     ring = {"marker": "o", "color": VERMILION, "linestyle": ""}
     key = {
         "flexible link": Line2D([], [], color=colour_along(1.0), linewidth=2.4), "free joint": Line2D([], [], **ring),
         "path of the hand": Line2D([], [], color=GREY, linewidth=0.8),
     }  # fmt: skip
-    figure.legend(key.values(), key.keys(), loc="outside upper left", ncols=3, frameon=False, columnspacing=1.0)
+    figure.legend(key.values(), key.keys(), loc="outside upper left", ncols=2, frameon=False, columnspacing=1.0)
     lines = [(float(time[k]), *elbow[k].tolist(), *hand[k].tolist()) for k in range(end)]
     heads = ("time [s]", "elbow x [m]", "elbow z [m]", "hand x [m]", "hand z [m]")
     return Picture("arm", TITLE, figure, CAPTION.format(SCENES[motion.scene]), table_csv(heads, lines))
