@@ -29,9 +29,7 @@ def main() -> int:
     )
     parser.add_argument("--quick", action="store_true", help="do not run code of pages and gallery")
     parser.add_argument("--links", action="store_true", help="check links to other sites (needs a network)")
-    parser.add_argument(
-        "--readme", action="store_true", help="only write figures and badges of the README"
-    )
+    parser.add_argument("--readme", action="store_true", help="only write figures and badges of the README")
     parser.add_argument("--out", type=Path, default=HERE / "_site", help="folder of the pages; default: docs/_site")
     options = parser.parse_args()
     if options.readme:

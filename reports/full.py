@@ -33,6 +33,7 @@ from reports.stored_full import (
     StoredChapter,
     StoredFigure,
     StoredFinding,
+    StoredVerdict,
     since,
 )
 from reports.tables import meanings, rows_csv
@@ -142,7 +143,10 @@ def _whole(study: Results, report: StudyReport) -> FullStudy:
         )
         for chapter in report.chapters
     )
-    return FullStudy(verdict.measured(study), study.environment.commit, report.verdicts[0].word, tuple(chapters))
+    verdicts = tuple(StoredVerdict(one.about, one.word, one.text) for one in report.verdicts)
+    return FullStudy(
+        verdict.measured(study), study.environment.commit, report.verdicts[0].word, tuple(chapters), verdicts
+    )
 
 
 def _readme(study: Results, report: StudyReport, folder: Path) -> str:

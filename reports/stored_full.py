@@ -73,6 +73,14 @@ class StoredChapter(Spec, frozen=True):
         return bool(self.headlines or self.findings)
 
 
+class StoredVerdict(Spec, frozen=True):
+    """A verdict of the first screen."""
+
+    about: str
+    word: str
+    text: str
+
+
 class FullStudy(Spec, frozen=True):
     """Date, machine and commit of the full study, its verification verdict, and its chapters."""
 
@@ -80,6 +88,7 @@ class FullStudy(Spec, frozen=True):
     commit: str
     state: str
     chapters: tuple[StoredChapter, ...] = ()
+    verdicts: tuple[StoredVerdict, ...] = ()
 
     def chapter(self, name: str) -> StoredChapter:
         """The chapter with this id; an empty one if the study has none."""

@@ -40,37 +40,74 @@ def counts() -> dict[str, int]:
     }
 
 
+def verdicts() -> list[tuple[str, str, str]]:
+    """Verification and validation of the stored study: name, word, sentence."""
+    found = [(one["about"], one["word"], one["text"]) for one in stored().get("verdicts", ())]
+    if found:
+        return found
+    of = counts()
+    text = (
+        f"{of['passed']:,} of {of['checks']:,} checks pass in {of['cases']} cases: the equations are solved correctly."
+    )
+    return [
+        ("Verification", stored()["state"], text),
+        (
+            "Validation",
+            "not measured",
+            "The stored study contains no comparison with measurements; `python -m validation` does.",
+        ),
+    ]
+
+
 def page(_: Path) -> str:
-    """Verdict, then chapter by chapter: findings, figures, cases."""
-    told = counts()
+    """Verdicts and a table of chapters; then every chapter, with findings, figures and cases folded."""
+    chapters = [chapter for chapter in stored()["chapters"] if chapter["figures"] or chapter["cases"]]
     titles = {
         section["id"]: section["title"] for section in tomllib.loads(SECTIONS.read_text(encoding="utf-8"))["section"]
     }
+    rows = [(f":ref:`{titles[one['id']]} <study-{one['id']}>`", *_summary(one)) for one in chapters]
     parts = [
         heading("Results of the study"),
-        f"**{told['passed']} of {told['checks']} checks pass**, in {told['cases']} cases. "
-        f"{prose(stored()['measured'])}.\n",
-        "To run it yourself: ``python -m validation --full``; whether yours are the published numbers:\n"
-        "``python -m validation --same reports/full``. How the study judges: :doc:`../../explanation/study`.\n",
+        *(f"**{about}: {word}.** {prose(text)}\n" for about, word, text in verdicts()),
+        f"Measured {prose(stored()['measured'])}. To run it yourself: ``python -m validation --full``; to compare\n"
+        "your results with these: ``python -m validation --same reports/full``. How the study works:\n"
+        ":doc:`../../explanation/study`.\n",
+        table(("chapter", "cases", "checks passed", "main result"), rows, "25 8 12 55"),
     ]
-    for chapter in stored()["chapters"]:
-        if chapter["figures"] or chapter["cases"] or chapter["findings"]:
-            parts += [heading(titles[chapter["id"]], 1), *_chapter(chapter)]
+    for chapter in chapters:
+        parts += [f".. _study-{chapter['id']}:\n", heading(titles[chapter["id"]], 1), *_chapter(chapter)]
     return "\n".join(parts)
 
 
+def _summary(chapter: dict[str, Any]) -> tuple[str, str, str]:
+    """Number of cases, passed checks and the first headline of a chapter."""
+    cases = {case["case"] for case in chapter["cases"]}
+    judged = [row["passed"] for row in checks() if row["case"] in cases and row["passed"] and row["timed"] == "False"]
+    passed = f"{judged.count('True'):,} of {len(judged):,}" if judged else "–"
+    return str(len(cases)), passed, prose(chapter["headlines"][0]) if chapter["headlines"] else "–"
+
+
 def _chapter(chapter: dict[str, Any]) -> list[str]:
-    parts = []
-    for finding in chapter["findings"]:
-        sentences = " ".join(prose(sentence) for sentence in finding["sentences"])
-        parts.append(f"**{prose(finding['title'])}.** {sentences}\n")
-    for figure in chapter["figures"]:
-        path = f"../../../reports/full/{figure['name']}.png"
-        parts.append(directive("figure", path, prose(f"{figure['title']}. {figure['caption']}"), alt=figure["title"]))
+    """Headlines of a chapter; findings, figures and cases folded."""
+    parts = [f"- {prose(headline)}" for headline in chapter["headlines"]] + [""]
+    findings = [
+        f"**{prose(finding['title'])}.** {' '.join(prose(sentence) for sentence in finding['sentences'])}\n"
+        for finding in chapter["findings"]
+    ]
+    figures = [
+        directive(
+            "figure", f"../../../reports/full/{figure['name']}.png",
+            prose(f"{figure['title']}. {figure['caption']}"), alt=figure["title"],
+        )
+        for figure in chapter["figures"]
+    ]  # fmt: skip
     rows = [
         (literal(case["case"]), prose(case["title"]), prose(f"{case['state']}: {case['text']}"))
         for case in chapter["cases"]
     ]
-    if rows:
-        parts.append(table(("case", "what it measures", "result"), rows, "20 45 35"))
+    cases = [table(("case", "what it measures", "result"), rows, "20 45 35")] if rows else []
+    for name, inside in (("finding", findings), ("figure", figures), ("case", cases)):
+        if inside:
+            number = len(rows) if name == "case" else len(inside)
+            parts.append(directive("dropdown", f"{number} {name}{'s' * (number > 1)}", "\n".join(inside)))
     return parts

@@ -19,10 +19,7 @@ ALSO = "; also "
 class FlexlinkError(Exception):
     """Base class of all errors that flexlink raises on purpose; the command line prints each in one line.
 
-    Attributes
-    ----------
-    id
-        Stable name of the mistake, such as `"unknown-key"`. The page "Messages" of the documentation explains it.
+    `error.id` is a stable name of the mistake, such as `"unknown-key"`; the page "Messages" explains all of them.
 
     Examples
     --------
@@ -42,7 +39,7 @@ class FlexlinkError(Exception):
 
     @property
     def id(self) -> str:
-        """Own id, or that of the error which this one quotes: raised while the other was handled."""
+        """Stable name of the mistake; by default that of the error which was being handled when this one was raised."""
         return self._id or getattr(self.__cause__ or self.__context__, "id", "")
 
     @property
