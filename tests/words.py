@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import html
 import json
 import os
 import re
@@ -61,6 +62,34 @@ def reviewed(key: str, text: str, *, values: bool = True) -> None:
     known = known_texts().get(key, {})
     near = any(all(map(close, numbers, others)) for others in known.get(words, ()))
     assert near, f"not in {FILE.name} under {key!r}:\n{shown}\nknown:\n" + "\n".join(texts().get(key, ()))
+
+
+def refused_line(stderr: str, id: str, *, values: bool = True) -> str:
+    """Expect one error of the command line with this id, reviewed; returns its text without the id.
+
+    Lines of notes, warnings and compilation before it are skipped; further mistakes ("also: …") belong to it.
+    """
+    lines = stderr.splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("flexlink"))
+    text = "\n".join(lines[first:]).strip()
+    assert text.endswith(f"[{id}]"), stderr
+    text = text.removesuffix(f"[{id}]").rstrip()
+    reviewed(id, text, values=values)
+    return text
+
+
+def line(text: str, *parts: str) -> str:
+    """The only line of a text that contains all parts: names, ids or values, not prose."""
+    (found,) = (each for each in text.splitlines() if all(part in each for part in parts))
+    return found
+
+
+def sentence(page: str, *parts: str) -> str:
+    """The only sentence of an HTML page that contains all parts."""
+    shown = html.unescape(re.sub(r"<[^>]+>", " ", re.sub(r"<(script|style|svg)\b.*?</\1>", " ", page, flags=re.DOTALL)))
+    sentences = re.split(r"(?<=[.:!?])\s+(?=[A-Z“„\d])", " ".join(shown.split()))
+    (found,) = dict.fromkeys(each for each in sentences if all(part in each for part in parts))
+    return found
 
 
 def split(text: str) -> tuple[str, tuple[float, ...]]:

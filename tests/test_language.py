@@ -1,0 +1,43 @@
+"""What people read is plain English, and tests leave its words free to change."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests import language
+
+TESTS = Path(__file__).parent
+MOST_ASSERTS_ON_PROSE = 40
+WORD = re.compile(r"[A-Za-z]{2,}")
+
+
+def test_no_text_uses_a_word_to_avoid() -> None:
+    assert language.listed(language.files()) == []
+
+
+def test_the_words_to_avoid_are_found() -> None:
+    assert [word for _, word, _ in language.faults("The run says so, and what is left is told, too.")] == [
+        "told", "says", "what is left", ", too",
+    ]  # fmt: skip
+
+
+def asserts_on_prose(path: Path) -> Iterator[int]:
+    """Lines of asserts, and of `match=`, that compare with three words or more: a change of words would break them."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Assert):
+            yield from [node.lineno] if any(map(_is_prose, ast.walk(node.test))) else []
+        elif isinstance(node, ast.Call):
+            matches = [given.value for given in node.keywords if given.arg == "match"]
+            yield from (node.lineno for match in matches if any(map(_is_prose, ast.walk(match))))
+
+
+def _is_prose(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str) and len(WORD.findall(node.value)) >= 3
+
+
+def test_few_tests_assert_on_prose() -> None:
+    found = [f"{path.name}:{line}" for path in sorted(TESTS.rglob("*.py")) for line in asserts_on_prose(path)]
+    assert len(found) <= MOST_ASSERTS_ON_PROSE, found
