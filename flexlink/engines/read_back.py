@@ -55,7 +55,8 @@ class ReadBack:
     frames
         Rotation into frame 0 of the frame in which the file gives each axis, shape (n, 3, 3).
     masses, centers, inertias
-        Masses [kg], (n,); centres of mass [m], (n, 3), the joint's point if massless; central inertias [kg m²], (n, 3, 3).
+        Masses [kg], (n,), centres of mass [m], (n, 3), and central inertias [kg m²], (n, 3, 3). The centre of a
+        massless body is the joint's point.
     parts
         The inertias of the single bodies.
     stiffness, rest, damping, coulomb, coulomb_width, armature
@@ -198,8 +199,8 @@ def require_joints(joints: Sequence[tuple[str, str]]) -> None:
     for name, kind in joints:
         if kind:
             raise ArgumentError(
-                f"joint {name!r} has type {kind}; supported are revolute and prismatic joints and a floating base; make "
-                "it fixed",
+                f"joint {name!r} has type {kind}; supported are revolute and prismatic joints and a floating base; "
+                "make it fixed",
                 id="joint-type-in-file",
             )
     if not joints:
