@@ -12,6 +12,7 @@ import numpy as np
 
 from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
+from flexlink.common.files import shown_path
 from flexlink.common.wording import Diagnostic
 from flexlink.describe.initial import BaseState
 from flexlink.describe.scene import Scene
@@ -114,14 +115,14 @@ def not_held(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
 
 
 def storage_note(target: Path, missing: Mapping[str, str], *, format: str) -> Diagnostic:
-    """Return a note on file `target` that lists the features in `missing`, from `not_held`, and what happens instead."""
+    """Return a note on the features of file `target` that `not_held` lists, and what happens instead."""
     groups: dict[str, list[str]] = {}
     for name, instead in missing.items():
         if name != "drive torques" or "control law" not in missing:
             groups.setdefault(instead, []).append(name)
     parts = [f"{_and(features)}: {instead}" for instead, features in groups.items()]
-    sentences = ". It cannot store ".join(parts)
-    return Diagnostic(f"{target}: {format.upper()} cannot store {sentences}", "format-cannot-store")
+    sentences = ". It cannot store the ".join(parts)
+    return Diagnostic(f"{shown_path(target)}: {format.upper()} cannot store the {sentences}", "format-cannot-store")
 
 
 def _and(items: list[str]) -> str:

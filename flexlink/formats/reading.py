@@ -249,4 +249,4 @@ def _require_sound(hinge: Hinge) -> None:
     if hinge.numbers["prescribed"] not in {0, 1}:
         raise hinge.node.error(f"prescribed = {hinge.numbers['prescribed']!r}: must be 0 or 1")
     if hinge.body is not None and (hinge.body[0] < 0 or np.linalg.eigvalsh(hinge.body[2])[0] < -ROUNDING):
-            raise hinge.node.error(f"mass {hinge.body[0]!r} or a moment of inertia attached to it is negative")
+        raise hinge.node.error(f"mass {hinge.body[0]!r} or a moment of inertia attached to it is negative")
