@@ -64,7 +64,7 @@ def groups_of(case: str, title: str, series: Series) -> Iterator[Group]:
 def table(results: Results) -> Table | None:
     """A line a group; None where the study holds none."""
     lines = tuple(_line(group) for group in groups(results))
-    return Table("measurements", "Against measurements", HEADS, lines, (WORDS,)) if lines else None
+    return Table("measurements", "Prediction errors and uncertainty", HEADS, lines, (WORDS,)) if lines else None
 
 
 def _line(group: Group) -> tuple[str | float, ...]:
