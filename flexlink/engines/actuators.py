@@ -83,7 +83,7 @@ def _limited(ours: ReadBack, k: int, effort: Array) -> str:
 
 
 def limits(effort: Array, *, slides: bool) -> str:
-    """Smallest and largest torque in words; force for a prismatic joint."""
+    """Format the smallest and largest torque (force for a prismatic joint) with its unit."""
     (least, most), unit = effort.tolist(), "N" if slides else "N m"
     if np.isinf([least, most]).all():
         return "none"

@@ -64,7 +64,7 @@ class Engine(Protocol):
         Raises
         ------
         DivergenceError
-            The state is no longer finite; the error contains the samples before.
+            The state is no longer finite; the error contains the samples up to then.
         ArgumentError
             The engine does not support the scene's method, inputs or prescribed motions.
         UnstableStepError
@@ -171,7 +171,7 @@ def wrench_function(problem: InitialValueProblem) -> TipWrench | None:
 
 
 def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
-    """Refuse inputs that an engine does not support if it steps by itself or always starts at t = 0.
+    """Refuse inputs that engines with their own time stepping, which always starts at t = 0, do not support.
 
     Raises
     ------
@@ -256,7 +256,7 @@ def allocate_samples(problem: InitialValueProblem) -> Samples:
 
 
 def divergence_error(engine: str, problem: InitialValueProblem, samples: Samples, row: int) -> DivergenceError:
-    """Return the error of a run whose sample `row` is the first that is not finite; it contains the samples before."""
+    """Return the error of a run whose sample `row` is the first that is not finite; it contains all earlier samples."""
     time = f"t = {samples[0][row]:.6g} s"
     message = f"{problem.scene.name}: the state in {engine} is no longer finite at {time}; {row} samples were saved"
     return DivergenceError(message, trajectory_from_states(problem, *(array[:row].copy() for array in samples)))

@@ -1,4 +1,4 @@
-"""Functions and complete engines in a child process: if it crashes or hangs, an error is raised here.
+"""Run functions and complete engines in a child process: a crash or a hang there raises an error here.
 
 The child is a new Python interpreter: it neither copies this process nor runs its main script again. Calls go to its
 standard input and results come from its standard output on every system; what it prints goes to a temporary file. The

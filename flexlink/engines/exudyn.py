@@ -46,7 +46,7 @@ from flexlink.engines.rotation_springs import excess_of
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import loaded_tip, places
 
-METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}  # by flexlink's names
+METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}  # keys: flexlink's names
 TorqueFunction = Callable[..., Array]
 LoadFunction = Callable[..., Array]
 
@@ -181,7 +181,7 @@ class _System:
         self.moment = mbs.AddLoad(LoadTorqueVector(markerNumber=marker, loadVector=np.zeros(3)))
         mbs.Assemble()
         settings = _settings()
-        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False  # without masses there are none
+        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False  # the massless tree has none
         self.solver = exu.MainSolverImplicitSecondOrder()
         self.solver.InitializeSolver(mbs, settings)
 

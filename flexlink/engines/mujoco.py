@@ -290,7 +290,7 @@ class MujocoEngine:
 
 
 def _ignore(_: str) -> None:
-    """Ignore MuJoCo's warnings, which it otherwise writes to a file here; divergence raises an error instead."""
+    """Ignore MuJoCo's warnings, which would go to a file in the current folder; divergence raises an error."""
 
 
 def quiet() -> contextlib.AbstractContextManager[None]:

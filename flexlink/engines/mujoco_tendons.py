@@ -38,7 +38,7 @@ def add_tendons(model: Any, joints: dict[str, Array]) -> dict[str, Any]:
 
 
 def slack_elsewhere(model: Any) -> bool:
-    """Whether a two-joint tendon is slack at other angles than the springs of its joints."""
+    """Whether a two-joint tendon is slack at angles other than the rest angles of its joints."""
     return bool(_apart(model).any())
 
 

@@ -113,7 +113,7 @@ class PinocchioEngine:
                 "supported; use another engine or fewer segments",
                 id="too-many-joints",
             )
-        self.data, self.n = pin.Data(model), model.nv  # createData copies it
+        self.data, self.n = pin.Data(model), model.nv  # `createData` would copy the model
         degrees = pinocchio_reader.degrees_of_freedom(model)
         self.names = tuple(names or degrees)
         order = np.array([degrees[name] for name in self.names])

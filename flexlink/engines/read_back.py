@@ -27,7 +27,14 @@ Indices = NDArray[np.intp]
 
 AXIS_FIELDS = ("axes", "points")
 BODY_FIELDS = ("masses", "centers", "inertias")
-JOINT_FIELDS = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")  # a chain's hinges have these
+JOINT_FIELDS = (
+    "stiffness",
+    "rest",
+    "damping",
+    "coulomb",
+    "coulomb_width",
+    "armature",
+)  # also fields of `HINGE`
 ACTUATOR_FIELDS = ("gear", "servo_stiffness", "servo_damping", "constant_torque", "effort")
 
 
@@ -58,7 +65,7 @@ class ReadBack:
         Masses [kg], (n,), centres of mass [m], (n, 3), and central inertias [kg m²], (n, 3, 3). The centre of a
         massless body is the joint's point.
     parts
-        The inertias of the single bodies.
+        Inertias of the individual bodies, before merging.
     stiffness, rest, damping, coulomb, coulomb_width, armature
         As in `HINGE`, shape (n,); 0 where a setting disables springs or dampers.
     coupled_stiffness, coupled_damping

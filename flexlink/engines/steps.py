@@ -36,7 +36,7 @@ def run_in_steps(
     Raises
     ------
     DivergenceError
-        The state is no longer finite; the error contains the samples before.
+        The state is no longer finite; the error contains the samples up to then.
     """
     samples = t, q, qd = allocate_samples(problem)
     reference = theirs.reference

@@ -16,7 +16,7 @@ class Format(NamedTuple):
 
     write: Callable[..., str]  # chain → text
     read: Callable[..., Chain] | None  # text written by `write` → chain; None: MuJoCo reads all of the format
-    ending: str  # of file names
+    ending: str  # suffix of file names
     keyframe: bool = False  # whether `write` also accepts the state `initial`
 
 

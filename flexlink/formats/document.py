@@ -115,7 +115,7 @@ def couplings(chain: Chain, joints: Sequence[str]) -> Iterator[dict[str, str]]:
 
 
 def rotation_springs(chain: Chain) -> dict[str, str]:
-    """Return which hinges have rotation-vector springs, as pairs "first of three hinges:kind", with kinds of `BODY`."""
+    """Return the hinges with rotation-vector springs as pairs "first hinge of three:kind"; `BODY` defines the kinds."""
     triples = chain.bodies[chain.bodies["springs"] != 0]
     pairs = " ".join(f"{first}:{kind}" for first, kind in zip(triples["first"], triples["springs"], strict=True))
     return {ROTATION_SPRINGS: pairs} if pairs else {}

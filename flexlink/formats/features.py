@@ -18,7 +18,7 @@ from flexlink.describe.initial import BaseState
 from flexlink.describe.scene import Scene
 
 Feature = tuple[Callable[[Scene, Chain], bool], dict[str, str]]
-"""Test whether a scene has the feature; by format, what happens instead. No entry: the format represents it."""
+"""A test for the feature in a scene, and, for each format without it, what happens instead."""
 
 
 def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:

@@ -2,7 +2,7 @@
 
 MuJoCo rejects moving bodies without mass. The hinges of a massless body (a free waist of length zero) are written in
 the next body with mass, with their position and axis at zero angles. The motion is the same, because every hinge moves
-everything after it; but no branch may begin there. MuJoCo also rejects bodies without inertia. Bodies that slide and
+all bodies after it, but no branch may begin there. MuJoCo also rejects bodies without inertia. Bodies that slide and
 never rotate therefore get an inertia, which has no effect.
 
 MuJoCo models dry friction as a constraint, which the file disables. `frictionloss` only stores the Coulomb torque c,

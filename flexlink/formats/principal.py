@@ -59,8 +59,8 @@ SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL
 def _principal(body: np.void) -> tuple[Array, Array]:
     """Return principal moments and axes, accurate to 2e-15; MuJoCo's `fullinertia` has errors of 1e-14.
 
-    MuJoCo rounds axes within 1e-6 of the body's, and a centre within 1e-6 m of its origin, to these. In the axis order
-    Y, Z, X it does not.
+    MuJoCo rounds axes within 1e-6 of the body's, and a centre within 1e-6 m of its origin, to these values,
+    but not if the axes are in the order Y, Z, X.
     """
     I, center = body["inertia"], np.abs(body["center"]).max()
     moments, axes = (np.diag(I), np.eye(3)) if np.array_equal(I, np.diag(np.diag(I))) else principal_axes(I)

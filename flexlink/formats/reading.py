@@ -109,7 +109,7 @@ def chain_of(
     ------
     DataFileError
         There is no hinge or no tip, two hinges have the same coordinate, the parent of a hinge or tip does not
-        precede it, a mass, moment, spring or damper is negative, or springs between hinges are stiffer than theirs.
+        precede it, a mass, moment, spring or damper is negative, or springs between hinges exceed the hinges' own.
     """
     floats = own.element.get(f"{prefix}{BASE}") is not None
     attitude = own.rotation(f"{prefix}{BASE}") if floats else None

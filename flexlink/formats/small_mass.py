@@ -86,7 +86,7 @@ def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
 
     The two bodies of a floating base are unchanged, because they are one joint in files.
     """
-    radius = 0.1  # of gyration [m]
+    radius = 0.1  # radius of gyration [m]
     light = SpatialInertia(mass, np.zeros(3), mass * radius**2 * np.eye(3))
     bodies, numbers, own = list[Body](), [0], base_joints(chain)
     for body in chain.bodies:

@@ -1,4 +1,4 @@
-"""Common parts of the readers: elements that report their location, strict numbers, and no ignored content.
+"""Common parts of the readers: elements that report their location, strict numbers, and a check for ignored content.
 
 The readers read files of flexlink's writers whose numbers may have been edited. The chain that was read is written
 again. Any difference from the file beyond rounding is refused by name: an unknown element, another structure, a

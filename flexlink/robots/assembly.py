@@ -32,7 +32,7 @@ def assembled(
     armature: Mapping[str, float],
     gravity: Vector3,
 ) -> tuple[Scene, list[ImportedLink]]:
-    """Return the scene and its imported links; Young's moduli are still those of the materials.
+    """Return the scene and its imported links; Young's moduli are not yet tuned to frequencies.
 
     Raises
     ------

@@ -75,7 +75,7 @@ def folder() -> Path:
 
 
 def known_arms() -> dict[str, KnownArm]:
-    """Return all arms of the table by name; arms with flexible links are also listed rigid."""
+    """Return all arms of the table by name; an arm with flexible links also has a rigid entry."""
     table: dict[str, KnownArm] = decode(read_toml(Path(__file__).parent / "data" / "arms.toml"), dict[str, KnownArm])
     arms: dict[str, KnownArm] = {}
     for name, arm in table.items():

@@ -73,7 +73,7 @@ def import_urdf(
 ) -> ImportResult:
     """Read a robot from a URDF file and make a scene of all of it, or of the paths to some of its links.
 
-    All revolute and prismatic joints become joints of the scene, each after its parent, path by path in the file's
+    All hinges and sliding joints become joints of the scene, each after its parent, path by path in the file's
     order. If a link has several children, they name it with `on`. Fixed joints are folded; mass, centre and inertia are
     preserved. If `tip` is given, only joints on the way there move. Everything attached to that path, such as side
     branches and grippers, is rigid in the given configuration. Joints that mimic other joints are always rigid.
@@ -90,14 +90,14 @@ def import_urdf(
         Whether the base floats. Its link and everything fixed to it become the scene's `base`; links not beyond it are
         ignored.
     posture
-        Positions by joint [rad; m if prismatic]: initial positions of free joints, constant positions of others.
+        Positions by joint [rad; m if sliding]: initial positions of free joints, constant positions of others.
         Default 0, or the middle of the limits if they exclude 0. Mimicking joints follow their leader.
     locked
-        Positions of joints on the path that are locked, by joint [rad; m if prismatic].
+        Positions of joints on the path that are locked, by joint [rad; m if sliding].
     flexible
         Flexible links on the path, by name; children of such a link are attached to the end of its beam.
     armature
-        Rotor inertias by joint, reflected to the joint [kg m²; kg if prismatic]; URDF has none.
+        Rotor inertias by joint, reflected to the joint [kg m²; kg if sliding]; URDF has none.
     gravity
         Gravitational acceleration [m/s²] in the root's frame, whose Z points up.
 

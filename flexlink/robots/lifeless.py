@@ -1,4 +1,4 @@
-"""Joints with no inertia attached, which would make M singular; in an import of all of a robot they are fixed."""
+"""Joints with no inertia attached, which would make M singular; an import without named tips fixes them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def living_paths(
             if not any(body.mass or body.inertia.any() for body in robot.links.values()):
                 raise DataFileError("no link of this file has mass; give the moving links an <inertial>", id="no-mass")
             part = lifeless[-1]
-            hint = f", as by --tip {part.joint.parent}" if part.parent else ""
+            hint = f", for example --tip {part.joint.parent}" if part.parent else ""
             raise DataFileError(
                 f"link {truncated(part.link)}: nothing beyond its joint has inertia; choose a tip before it{hint}",
                 id="no-mass",
@@ -66,7 +66,7 @@ def _lifeless(way: Paths, rotors: Collection[str]) -> list[Part]:
 
 
 def _moved(part: Part) -> float:
-    """Return the mass [kg] that a prismatic joint moves, or the inertia [kg m²] about a hinge."""
+    """Return the mass [kg] that a sliding joint moves, or the inertia [kg m²] about a hinge."""
     try:
         body = payload(part.body)
     except SceneError:  # reported when the part becomes a link

@@ -168,7 +168,7 @@ def _named(robot: Robot, tip: str | Sequence[str]) -> list[str]:
     several = isinstance(tip, Sequence) and not isinstance(tip, str)
     names = [known("tip", name, robot.links) for name in (tip if several else [tip])]
     if not names:
-        raise ArgumentError(f"tip = {tip!r}: name a link, or leave it out for the whole robot", id="unknown-link")
+        raise ArgumentError(f"tip = {tip!r}: name a link, or leave it out for the complete robot", id="unknown-link")
     return list(dict.fromkeys(names))
 
 
@@ -196,13 +196,13 @@ def _check_fit(joint: TreeJoint, span: str) -> None:
         base = f"--base {joint.child}{' --free-base' * (joint.kind == 'floating')}"
         raise ArgumentError(
             f"joint {truncated(joint.name)}, {span}, is {joint.kind}; only hinges and slides can move: begin beyond "
-            f"it, as by {base}, or name tips that are not beyond it",
+            f"it, for example with {base}, or name tips that are not beyond it",
             id="joint-type-in-file",
         )
     if joint.mimic is not None:
         raise ArgumentError(
-            f"joint {truncated(joint.name)}, {span}, mimics {truncated(joint.mimic.leader)} and cannot move by itself; "
-            f"lock it, as by --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}",
+            f"joint {truncated(joint.name)}, {span}, mimics {truncated(joint.mimic.leader)}; it cannot move by itself: "
+            f"lock it, for example with --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}",
             id="mimic",
         )
 

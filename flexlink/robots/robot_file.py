@@ -134,7 +134,7 @@ def _text(element: ET.Element, key: str, about: str) -> str:
 def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) -> list[float]:
     values = safe_xml.numbers_of(text)
     if values is None or len(values) != count:
-        wanted = "a finite number" if count == 1 else f"{count} finite numbers with blanks between"
+        wanted = "a finite number" if count == 1 else f"{count} finite numbers separated by blanks"
         raise DataFileError(f"{about} = {truncated(text)}: expected {wanted}", id="number-in-file")
     if max(map(abs, values)) > largest:
         raise DataFileError(f"{about} = {truncated(text)}: must be at most {largest:g} (SI units)", id="number-in-file")

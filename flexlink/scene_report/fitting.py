@@ -1,4 +1,4 @@
-"""Find the parameter of a scene that best explains the difference between its run and a measurement: one at a time.
+"""Fit a scene's parameters to a measurement one at a time, to find the one that best explains the difference.
 
     min over x of Σ r(x)²        r = (run − measured) / scale of the column, at all times
 

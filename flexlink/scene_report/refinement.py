@@ -28,7 +28,7 @@ FACTORS = (0.5, 2.0, 4.0)
 """Numbers of hinges of the other discretisations, as multiples of the scene's."""
 
 ENOUGH = 0.01
-"""Fraction of the tip's travel: the largest acceptable error of a model, and uncertainty of the limit."""
+"""Fraction of the tip's travel: largest acceptable model error, and largest uncertainty of the limit."""
 
 
 class Choice(NamedTuple):
@@ -153,7 +153,7 @@ class Refinement:
         steps = self.run.steps
         seconds = self.scale * run_cost(self.chain, steps.method, steps.evaluations) if steps else math.nan
         outcome = Outcome(self.run.tip, seconds, self.run, self.stepping(1.0))
-        return Choice("this scene", self.chain.n, self._stepping_text(outcome), outcome, self.error(self.run.tip), seconds)
+        return Choice("this scene", self.chain.n, self._steps_text(outcome), outcome, self.error(self.run.tip), seconds)
 
     def choices(self) -> list[Choice]:
         """Return the scene's run, followed by the alternatives."""
@@ -182,9 +182,9 @@ class Refinement:
         outcome = self.runner.run(model, stepping)
         n = outcome.run.chain.n if outcome.run is not None else 0
         error = self.error(outcome.tip) if outcome.completed else math.nan
-        return Choice(label, n, self._stepping_text(outcome), outcome, error, self.scale * outcome.seconds)
+        return Choice(label, n, self._steps_text(outcome), outcome, error, self.scale * outcome.seconds)
 
-    def _stepping_text(self, outcome: Outcome) -> str:
+    def _steps_text(self, outcome: Outcome) -> str:
         if outcome.stepping.step is not None:
             return f"{outcome.stepping.method}, {outcome.stepping.step:g} s"
         steps = outcome.run.steps if outcome.run is not None else None

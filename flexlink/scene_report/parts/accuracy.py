@@ -1,4 +1,4 @@
-"""Accuracy of the chosen model relative to finer ones, and accuracy and cost of cheaper and dearer alternatives."""
+"""Accuracy of the chosen model relative to finer ones, and accuracy and cost of its alternatives."""
 
 from __future__ import annotations
 
