@@ -83,14 +83,14 @@ class Coordinates:
         )
         return found
 
-    def own_torques(self, q: Array, tau: Array) -> Array:
+    def our_torques(self, q: Array, tau: Array) -> Array:
         """Return flexlink's torques, Tᵀ τ_e."""
         found = np.array(tau if self.plain else tau[self.order])
         if self._own:
             found[:JOINTS] = self._turn(q).T @ tau[:JOINTS]
         return found
 
-    def own_matrix(self, q: Array, M: Array) -> Array:
+    def our_matrix(self, q: Array, M: Array) -> Array:
         """Return Tᵀ M_e T, symmetric like M_e."""
         found = np.array(M if self.plain else M[np.ix_(self.order, self.order)])
         if self._own:
@@ -100,7 +100,7 @@ class Coordinates:
             found = (found + found.T) / 2
         return found
 
-    def own_accelerations(self, q: Array, qd: Array, a: Array) -> Array:
+    def our_accelerations(self, q: Array, qd: Array, a: Array) -> Array:
         """Return q̈ = T⁻¹ (v̇ − Ṫ q̇)."""
         drift = self.drift(q, qd)
         found = np.array(a if self.plain else a[self.order])

@@ -30,7 +30,7 @@ def to_matrices(couplings: NDArray[np.void], n: int) -> dict[str, Array]:
 
 
 def of_matrices(fields: Mapping[str, Array]) -> NDArray[np.void]:
-    """Return the list of couplings of the matrices `COUPLED_FIELDS`."""
+    """Return the couplings in the matrices `COUPLED_FIELDS` as a list."""
     K, D = (fields[field] for field in COUPLED_FIELDS)
     inner, outer = np.nonzero(np.triu((K != 0) | (D != 0), 1))
     couplings = np.zeros(len(inner), COUPLING)

@@ -151,7 +151,7 @@ class DrakeEngine:
     def mass_matrix(self, q: Array) -> Array:
         """Return M(q) from composite rigid bodies (`CalcMassMatrix`)."""
         self._place(q, np.zeros(self.n))
-        return self.coordinates.own_matrix(q, self.plant.CalcMassMatrix(self.context))
+        return self.coordinates.our_matrix(q, self.plant.CalcMassMatrix(self.context))
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
         """Return T_GC: `CalcBiasTerm` minus gravity and Jᵀ F."""
@@ -166,12 +166,12 @@ class DrakeEngine:
             torque -= J[3:].T @ tip_wrench[:3] + J[:3].T @ tip_wrench[3:]
         if (drift := self.coordinates.drift(q, qd)) is not None:
             torque += plant.CalcMassMatrix(context) @ drift
-        return self.coordinates.own_torques(q, torque)
+        return self.coordinates.our_torques(q, torque)
 
     def gravity_torque(self, q: Array) -> Array:
         """Return T_G: `CalcGravityGeneralizedForces` with the opposite sign."""
         self._place(q, np.zeros(self.n))
-        return -self.coordinates.own_torques(q, self.plant.CalcGravityGeneralizedForces(self.context))
+        return -self.coordinates.our_torques(q, self.plant.CalcGravityGeneralizedForces(self.context))
 
     def elastic_torque(self, q: Array) -> Array:
         """Return T_FL: minus the forces of Drake's force elements at zero rates, plus springs between joints."""
@@ -194,7 +194,7 @@ class DrakeEngine:
         plant.get_applied_generalized_force_input_port().FixValue(context, torque)
         force = self.tip_force(np.zeros(6) if tip_wrench is None else tip_wrench)
         plant.get_applied_spatial_force_input_port().FixValue(context, [force])
-        return theirs.own_accelerations(q, qd, plant.get_generalized_acceleration_output_port().Eval(context))
+        return theirs.our_accelerations(q, qd, plant.get_generalized_acceleration_output_port().Eval(context))
 
     def integrate(self, scene: Scene) -> base.Samples:
         """Run `Simulator.AdvanceTo` with Drake's own Runge-Kutta method at fixed steps."""
@@ -262,7 +262,7 @@ class DrakeEngine:
         self._place(q, qd)
         forces = MultibodyForces(self.plant)
         self.plant.CalcForceElementsContribution(self.context, forces)
-        return self.coordinates.own_torques(q, forces.generalized_forces())
+        return self.coordinates.our_torques(q, forces.generalized_forces())
 
     def tip_force(self, wrench: Array) -> ExternallyAppliedSpatialForce:
         """Return force and moment on the tip in axes of frame 0."""

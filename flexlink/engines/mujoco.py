@@ -149,7 +149,7 @@ class MujocoEngine:
     def mass_matrix(self, q: Array) -> Array:
         """Return M(q) from composite rigid bodies (`mj_makeM`, `mj_fullM`)."""
         self._place(q, np.zeros(self.n))
-        return self.coordinates.own_matrix(q, self._mass_matrix())
+        return self.coordinates.our_matrix(q, self._mass_matrix())
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
         """Return T_GC: `qfrc_bias` minus the joint torques of the wrench from `mj_applyFT`."""
@@ -160,7 +160,7 @@ class MujocoEngine:
             mujoco.mj_applyFT(self.model, self.data, force, moment, origin, self.tip, torque)
         torque = self.data.qfrc_bias - torque
         drift = self.coordinates.drift(q, qd)
-        return self.coordinates.own_torques(q, torque if drift is None else torque + self._mass_matrix() @ drift)
+        return self.coordinates.our_torques(q, torque if drift is None else torque + self._mass_matrix() @ drift)
 
     def gravity_torque(self, q: Array) -> Array:
         """Return T_G: `qfrc_bias` with zero rates."""
@@ -170,13 +170,13 @@ class MujocoEngine:
         """Return T_FL: minus `qfrc_spring`, plus the extra torque of rotation-vector springs."""
         self._place(q, np.zeros(self.n))
         between = self._between("stiffness", q - self.rest) + self._beyond(q)
-        return np.array(between - self.coordinates.own_torques(q, self.data.qfrc_spring))
+        return np.array(between - self.coordinates.our_torques(q, self.data.qfrc_spring))
 
     def friction_torque(self, qd: Array) -> Array:
         """Return T_FR: minus `qfrc_damper`, plus the Coulomb law with the file's constants."""
         q = np.zeros(self.n)
         self._place(q, qd)
-        damping = self.coordinates.own_torques(q, self.data.qfrc_damper)
+        damping = self.coordinates.our_torques(q, self.data.qfrc_damper)
         return np.array(self._coulomb(qd) + self._between("damping", qd) - damping)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
@@ -188,7 +188,7 @@ class MujocoEngine:
         data.xfrc_applied[self.tip] = 0.0 if tip_wrench is None else tip_wrench
         with quiet():
             mujoco.mj_forward(self.model, data)
-        return theirs.own_accelerations(q, qd, data.qacc)
+        return theirs.our_accelerations(q, qd, data.qacc)
 
     def integrate(self, scene: Scene) -> base.Samples:
         """Run `mj_step` with MuJoCo's RK4; with a floating base or drag, the scene's method over `mj_forward`."""

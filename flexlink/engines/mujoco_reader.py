@@ -1,4 +1,4 @@
-"""Record of a compiled MuJoCo model, with the settings that act in it or that changed values of the file."""
+"""Record of a compiled MuJoCo model, with settings that act in it or that changed values during compilation."""
 
 from __future__ import annotations
 

@@ -158,7 +158,7 @@ class PinocchioEngine:
     def mass_matrix(self, q: Array) -> Array:
         """Return M(q) from composite rigid bodies (`crba`)."""
         theirs = self.coordinates
-        return theirs.own_matrix(q, pin.crba(self.model, self.data, theirs.position(q)))
+        return theirs.our_matrix(q, pin.crba(self.model, self.data, theirs.position(q)))
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
         """Return T_GC from `nle` (`rnea` with a floating base) minus Jᵀ F."""
@@ -168,12 +168,12 @@ class PinocchioEngine:
             torque = pin.nle(self.model, self.data, place, v)
         else:
             torque = pin.rnea(self.model, self.data, place, v, drift)
-        return np.array(theirs.own_torques(q, torque) - self._wrench_torque(q, tip_wrench))
+        return np.array(theirs.our_torques(q, torque) - self._wrench_torque(q, tip_wrench))
 
     def gravity_torque(self, q: Array) -> Array:
         """Return T_G from `computeGeneralizedGravity`."""
         theirs = self.coordinates
-        return theirs.own_torques(q, pin.computeGeneralizedGravity(self.model, self.data, theirs.position(q)))
+        return theirs.our_torques(q, pin.computeGeneralizedGravity(self.model, self.data, theirs.position(q)))
 
     def elastic_torque(self, q: Array) -> Array:
         """Return T_FL from the springs in the file."""
@@ -213,7 +213,7 @@ class PinocchioEngine:
             theirs = self.coordinates
             state = theirs.position(q), theirs.rates(q, qd)
             a = pin.aba(self.model, self.data, *state, theirs.torques(q, total))
-            return theirs.own_accelerations(q, qd, a)
+            return theirs.our_accelerations(q, qd, a)
         f, M = self._free, self.mass_matrix(q)
         qdd, rhs = prescribed.copy(), total - self.bias_torque(q, qd) - M[:, p] @ prescribed[p]
         qdd[f] = np.linalg.solve(M[np.ix_(f, f)], rhs[f])
@@ -226,7 +226,7 @@ class PinocchioEngine:
         frame = pin.ReferenceFrame.LOCAL if follows else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         theirs = self.coordinates
         J = pin.computeFrameJacobian(self.model, self.data, theirs.position(q), self.tip, frame)
-        return theirs.own_torques(q, J.T @ wrench)
+        return theirs.our_torques(q, J.T @ wrench)
 
 
 def _own(elements: Sequence[ET.Element | None], key: str) -> Array:

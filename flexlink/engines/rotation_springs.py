@@ -16,12 +16,12 @@ from flexlink.kernels.forces.rotation_springs import excess_torque
 Excess = Callable[[Array], Array]
 
 
-def excess_of(chain: Chain, held_by: Callable[[], Chain]) -> Excess | None:
+def excess_of(chain: Chain, read: Callable[[], Chain]) -> Excess | None:
     """Return a function from angles (n,) to extra torques (n,) of the chain in the file; None without such springs."""
     if not chain.has_rotation_springs:
         return None
-    held = held_by()
-    return lambda q: np.array(excess_torque(held.bodies, held.hinges, held.couplings, np.array(q)))
+    loaded = read()
+    return lambda q: np.array(excess_torque(loaded.bodies, loaded.hinges, loaded.couplings, np.array(q)))
 
 
 def refuse_in_files(engine: str, path: Path) -> None:

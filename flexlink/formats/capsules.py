@@ -62,7 +62,7 @@ def capsules(chain: Chain) -> Iterator[Capsule | None]:
 
 
 def capsules_behind(chain: Chain) -> dict[int, list[Capsule]]:
-    """Return the capsules by joint; a body belongs to its last hinge."""
+    """Return the capsules of each joint; those of a body belong to its last hinge."""
     parents = chain.bodies["parent"][chain.bodies["parent"] > 0]
     found = dict[int, list[Capsule]]()
     for k, capsule in zip((chain.bodies["stop"][parents - 1] - 1).tolist(), capsules(chain), strict=True):

@@ -101,7 +101,7 @@ def _parent_hinges(chain: Chain) -> list[int]:
     return [int(stop) - 1 for stop in stops[chain.bodies["parent"]]]
 
 
-def own_values(chain: Chain, k: int, standard: Iterable[str]) -> dict[str, str]:
+def custom_values(chain: Chain, k: int, standard: Iterable[str]) -> dict[str, str]:
     """Return custom attributes of a joint: its coordinate, and the fields without a `standard` element."""
     hinge = chain.hinges[k]
     numbers = {name: decimals([hinge[name]]) for name in chain.hinges.dtype.names or () if name not in standard}
@@ -126,7 +126,7 @@ def limits(hinge: np.void) -> dict[str, str]:
     return {name: decimals([hinge[name]]) for name in ("lower", "upper") if np.isfinite(hinge[name])}
 
 
-def own_rotation(rotation: Array) -> dict[str, str]:
+def exact_rotation(rotation: Array) -> dict[str, str]:
     """Return R row by row, because angles or a quaternion would round it; empty for the identity."""
     return {} if np.array_equal(rotation, np.eye(3)) else {"rotation": decimals(rotation.flat)}
 

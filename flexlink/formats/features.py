@@ -22,7 +22,7 @@ Feature = tuple[Callable[[Scene, Chain], bool], dict[str, str]]
 
 
 def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:
-    """Whether a run starts with angles or rates other than zero; the placements include locked joints."""
+    """Whether a run starts with angles or rates other than zero; angles of locked joints do not count."""
     initial, free = scene.initial, [chain.coordinates[k].link - 1 for k in chain.active]
     places = scene.joint_positions[free] if initial.q is None else np.array(initial.q)
     rates = scene.joint_rates[free] if initial.qd is None else np.array(initial.qd)

@@ -166,7 +166,7 @@ def _base_bodies(attitude: Array | None, mass: Mass | None) -> list[Body]:
 
 
 def _bodies(ends: Sequence[End], hinges: Sequence[Hinge], base: Sequence[Body]) -> tuple[list[Body], dict[int, int]]:
-    """Return the bodies, each link's before its tip, and the body numbers of the tips, from 0, by link number."""
+    """Return the bodies, each link's before its tip, and by link number the body number of its tip."""
     bodies, on, numbers = [*base], {"": len(base)}, dict[int, int]()
     stop = bodies[-1].stop if bodies else 0
     begins = [k for k in range(len(hinges)) if k == 0 or not hinges[k].follows(hinges[k - 1])]

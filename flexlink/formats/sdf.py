@@ -29,12 +29,12 @@ from flexlink.formats.document import (
     UPPER_TRIANGLE,
     base_joints,
     couplings,
+    custom_values,
     decimals,
+    exact_rotation,
     joint_places,
     limits,
     links_text,
-    own_rotation,
-    own_values,
     rotation_springs,
     text,
     tips,
@@ -138,7 +138,7 @@ def _values(parent: ET.Element, values: Mapping[str, str]) -> None:
 
 
 def _pose(parent: ET.Element, translation: Array, rotation: Array, attributes: Mapping[str, str]) -> None:
-    own = {f"flexlink:{name}": value for name, value in own_rotation(rotation).items()}
+    own = {f"flexlink:{name}": value for name, value in exact_rotation(rotation).items()}
     pose = ET.SubElement(parent, "pose", {**attributes, **own})
     pose.text = decimals([*translation, *rpy_from_matrix(rotation)])
 
@@ -167,7 +167,7 @@ def _shape(link: ET.Element, capsule: Capsule, name: str) -> None:
 
 def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, str]) -> None:
     hinge = chain.hinges[k]
-    own = {f"flexlink:{key}": value for key, value in own_values(chain, k, STANDARD_FIELDS).items()}
+    own = {f"flexlink:{key}": value for key, value in custom_values(chain, k, STANDARD_FIELDS).items()}
     kind = "prismatic" if chain.slides[k] else "revolute"
     joint = ET.SubElement(model, "joint", {"name": name, "type": kind, **own})
     _values(joint, dict(zip(("parent", "child"), ends, strict=True)))

@@ -1,4 +1,4 @@
-"""Small masses for massless links, for programs that refuse those, and the size of their effect.
+"""Small masses for massless links, for programs that refuse massless links, and the size of their effect.
 
 A point with several hinges has a massless link between each pair. It gets a mass m and inertia m r², r = 0.1 m.
 """

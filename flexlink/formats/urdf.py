@@ -27,12 +27,12 @@ from flexlink.formats.document import (
     UPPER_TRIANGLE,
     WIDE,
     couplings,
+    custom_values,
     decimals,
+    exact_rotation,
     joint_places,
     limits,
     links_text,
-    own_rotation,
-    own_values,
     rotation_springs,
     text,
     tips,
@@ -96,14 +96,14 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
         kind = "prismatic" if chain.slides[k] else "revolute"
         joint = _joint(robot, joints[k], kind, (links[parent + 1], links[k + 1]), (translation, rotation))
         _hinge(joint, chain, k)
-        ET.SubElement(joint, "flexlink", own_values(chain, k, STANDARD_FIELDS) | own_rotation(rotation))
+        ET.SubElement(joint, "flexlink", custom_values(chain, k, STANDARD_FIELDS) | exact_rotation(rotation))
         _contents(ET.SubElement(robot, "link", name=links[k + 1]), body, shown.get(k, []))
     ends = tips(chain)
     names = unique([*joints, "tip_joint", *(f"{tip.name}_joint" for tip in ends[:-1])])[chain.n :]
     for tip, name in zip(ends, [*names[1:], names[0]], strict=True):
         fixed = _joint(robot, name, "fixed", (links[tip.parent + 1], tip.name), (tip.translation, tip.rotation))
         number = {} if tip is ends[-1] else {"link": str(tip.link)}
-        ET.SubElement(fixed, "flexlink", number | own_rotation(tip.rotation))
+        ET.SubElement(fixed, "flexlink", number | exact_rotation(tip.rotation))
         ET.SubElement(robot, "link", name=tip.name)
     for k in chain.active:
         _motor(robot, joints[k])

@@ -50,7 +50,7 @@ def read_robot(path: str | Path) -> Robot:
     """
     path = require_path("path", path)
     data = read_regular(path, largest=safe_xml.LARGEST, error=DataFileError)
-    root = safe_xml.parse(data, str(path))
+    root = safe_xml.parse(data, shown_path(path))
     try:
         return _robot(root)
     except DataFileError as error:

@@ -19,7 +19,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part | None:
-    """Return the chapter."""
+    """Build the chapter."""
     if study.scene.run.duration == 0 or not study.moves:
         return None
     about = Refinement(study)
@@ -55,8 +55,8 @@ def _hinge_error(about: Refinement) -> list[str]:
     order = f"observed order {number(limit.order, 2)}, " if math.isfinite(limit.order) else ""
     return [
         f"Tip error from the number of hinges: {_length(error)}, {number(error / about.study.travel)} of the tip’s "
-        f"travel, relative to the converged model ({order}known to ±{_length(limit.error, '')}). The data "
-        "of joints, loads and materials are not checked; only measurements can do that.",
+        f"travel, relative to the converged model ({order}known to ±{_length(limit.error, '')}). Data of "
+        "joints, loads and materials are not checked here; that requires measurements.",
     ]
 
 

@@ -21,7 +21,7 @@ STATES = 60  # number of states at which terms are compared
 
 
 def made(study: Study) -> Part:
-    """Return the chapter."""
+    """Build the chapter."""
     diagnoses, missing = _diagnoses(study)
     runs, about_runs, why = _runs(study)
     sentences = [

@@ -18,7 +18,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part | None:
-    """Return the chapter."""
+    """Build the chapter."""
     run = study.run
     if len(run.t) < 2:
         return None

@@ -17,7 +17,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part:
-    """Return the chapter."""
+    """Build the chapter."""
     run, chain = study.run, study.chain
     bending = np.linalg.norm(run.loads.moment[:, :-1, 1:], axis=2)
     row, body = np.unravel_index(int(bending.argmax()), bending.shape)

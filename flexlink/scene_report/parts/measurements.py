@@ -19,7 +19,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part | None:
-    """Return the chapter."""
+    """Build the chapter."""
     if study.against is None or not study.measurements:
         return None
     measured = read_measured(study.against, study.run.columns)

@@ -22,7 +22,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part:
-    """Return the chapter."""
+    """Build the chapter."""
     chain, scene = study.chain, study.scene
     springs = int((chain.stiffness > 0).sum())
     mass = float(chain.bodies["mass"].sum())

@@ -21,7 +21,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part:
-    """Return the chapter."""
+    """Build the chapter."""
     if isinstance(study.attempt, FlexlinkError):
         reason = str(study.attempt)
         return Part((f"The run failed: {reason}.",), (Verdict("Run", "fail", "failed", f"{reason}."),))

@@ -13,7 +13,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part:
-    """Return the chapter."""
+    """Build the chapter."""
     date = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     lines: list[tuple[Cell, ...]] = [
         ("made", date.isoformat()), ("system", system()), ("processor", processor()),

@@ -24,7 +24,7 @@ TOLERANCES = (1e-2, 1e-3, 1e-4)
 
 
 def made(study: Study) -> Part | None:
-    """Return the chapter."""
+    """Build the chapter."""
     goal = _goal(study)
     if goal is None:
         return None
@@ -69,7 +69,7 @@ def _goal(study: Study) -> tuple[Array, float] | None:
 
 
 def _table(study: Study, target: Array, end: float) -> Table:
-    heads = ("tolerance [m]", "fraction of the travel", "settling time [s]")
+    heads = ("tolerance [m]", "part of the travel", "settling time [s]")
     lines = []
     for part in TOLERANCES:
         time = settling_time(study.run, target=target, tolerance=part * study.travel, after=end)

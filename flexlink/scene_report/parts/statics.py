@@ -24,7 +24,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part:
-    """Return the chapter."""
+    """Build the chapter."""
     chain, q = study.chain, study.start[0]
     if not study.bends:
         wrench, frame = initial_wrench(study.scene, chain)

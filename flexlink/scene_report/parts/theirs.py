@@ -11,7 +11,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part | None:
-    """Return the chapter."""
+    """Build the chapter."""
     if study.against is None or study.measurements:
         return None
     states = 100

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure  # isort: skip
 
 
 def made(study: Study) -> Part | None:
-    """Return the chapter."""
+    """Build the chapter."""
     if not study.bends:
         return None
     chain, rest = study.chain, study.rest
