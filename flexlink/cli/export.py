@@ -19,7 +19,7 @@ from flexlink.common.output import make_folder, write_text
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.formats import FORMATS
-from flexlink.formats.features import not_held
+from flexlink.formats.features import not_held, storage_note
 from flexlink.formats.small_mass import added_inertia, with_small_mass
 from flexlink.motion.inputs.initial_state import initial_state
 
@@ -94,8 +94,7 @@ def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: b
         raise ArgumentError(
             f"--strict: {format} cannot represent {', '.join(missing)}; no file written", id="not-representable"
         )
-    features = "; ".join(f"{feature} ({instead})" for feature, instead in missing.items())
-    return [f"{target}: {format} has no standard element for {features}"] if missing else []
+    return [storage_note(target, missing, format=format)] if missing else []
 
 
 def _effect_of_mass(path: Path, chain: Chain, mass: float, q: Array) -> str:

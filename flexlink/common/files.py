@@ -8,6 +8,14 @@ from pathlib import Path
 from flexlink.common.errors import FlexlinkError
 
 
+def shown_path(path: str | Path) -> str:
+    """Return a path for a message, relative to the current folder if it is below it, else unchanged."""
+    try:
+        return str(Path(path).absolute().relative_to(Path.cwd()))
+    except (OSError, ValueError):
+        return str(path)
+
+
 def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> bytes:
     """The bytes of a regular file.
 

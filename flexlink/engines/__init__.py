@@ -1,4 +1,4 @@
-"""Adapters of other multibody codes to one protocol; each loads the exported file, so that the export is tested."""
+"""Adapters that give other multibody codes one interface; each loads the exported file, which tests the export."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexlink.engines.child_process import IsolatedEngine
 class Adapter(NamedTuple):
     """Module and class of an engine, the extra that installs it, and whether it runs in a child process.
 
-    `between_joints`: whether springs and dampers between two joints are the engine's own; else they are computed by us.
+    `between_joints`: whether the engine has springs and dampers between two joints; if not, flexlink computes them.
     """
 
     module: str
@@ -43,7 +43,7 @@ def load(name: str, chain: Chain) -> Engine:
     Parameters
     ----------
     name
-        One of `ENGINES`; its module is imported by this call.
+        One of `ENGINES`; this call imports its module.
     chain
         The chain; engines other than "native" load it as the text of an exported file.
 
@@ -54,19 +54,19 @@ def load(name: str, chain: Chain) -> Engine:
     MissingDependencyError
         The engine is not installed.
     EngineError
-        The child process of the engine ended.
+        The engine's child process ended.
     """
     isolated = require_one_of("engine", name, ENGINES).isolated
     require_type("chain", chain, Chain)
     if name != "native":
-        refuse_states(chain, "other engines do not know it")
+        refuse_states(chain, "other engines do not support it")
     if isolated:
         return IsolatedEngine(name, chain)
     return load_here(name, chain)
 
 
 def load_here(name: str, source: Chain | ForeignFile) -> Engine:
-    """As `load`, also for a foreign file, and always in this process."""
+    """Build a chain or a foreign file in an engine, like `load`, but always in this process."""
     adapter = require_one_of("engine", name, ENGINES)
     try:
         module = importlib.import_module(adapter.module)

@@ -1,4 +1,4 @@
-"""A scene's drive as a record of actuators, and what the actuators of a file leave unspecified."""
+"""A scene's drive as an actuator record, and the actuator fields that a file leaves unspecified."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexlink.motion.inputs.drives import effort_of, of_joints
 
 
 def with_drive(read: ReadBack, scene: Scene | None, chain: Chain) -> ReadBack:
-    """Add a scene's drive to the record of its chain: motors of gear 1, gains of a PD drive, torque limits."""
+    """Add a scene's drive to the record of its chain: motors with gear 1, gains of a PD drive, torque limits."""
     fields: dict[str, Any] = no_actuators(chain.n)
     joints = chain.active
     fields["gear"][joints] = 1.0
@@ -32,7 +32,7 @@ def with_drive(read: ReadBack, scene: Scene | None, chain: Chain) -> ReadBack:
 
 
 def _drive_range(scene: Scene, chain: Chain) -> Array:
-    """Smallest and largest commanded torque of every driven joint; unbounded for control laws and smooth tables."""
+    """Smallest and largest commanded torque of every driven joint; unbounded for controllers and smooth tables."""
     drive = scene.drive
     rows = drive.torques or ((drive.torque,) if drive.torque else ())
     if not rows or drive.smooth:
@@ -42,7 +42,7 @@ def _drive_range(scene: Scene, chain: Chain) -> Array:
 
 
 def mark_unspecified(read: ReadBack) -> ReadBack:
-    """Add to `unspecified` of a file's record what no actuator of it has: a gear, a servo, a torque limit."""
+    """Add to `unspecified` the fields that no actuator of a file specifies: gear, servo, torque limit."""
     servo = ("servo_stiffness", "servo_damping", "constant_torque")
     unspecified = set() if read.gear.any() else {"gear"}
     unspecified |= set() if any(getattr(read, field).any() for field in servo) else set(servo)
@@ -51,7 +51,7 @@ def mark_unspecified(read: ReadBack) -> ReadBack:
 
 
 def taken_from_scene(ours: ReadBack, read: ReadBack) -> frozenset[str]:
-    """Actuator fields that the file does not specify and the scene does."""
+    """Actuator fields that the scene specifies and the file does not."""
     nothing = no_actuators(ours.n)
     return frozenset(
         field
@@ -61,14 +61,14 @@ def taken_from_scene(ours: ReadBack, read: ReadBack) -> frozenset[str]:
 
 
 def not_compared(ours: ReadBack, read: ReadBack, order: Indices) -> str:
-    """The actuators of a file in words, if the scene has no drive to compare them with; "" if they are plain motors.
+    """Describe the actuators of a file if the scene has no drive to compare them with; "" if they are plain motors.
 
-    `order` are the joints of the file in our order.
+    `order` lists the joints of the file in flexlink's order.
     """
     if "gear" not in ours.unspecified:
         return ""
     gear, effort, actuators = read.gear[order], read.effort[order], []
-    plain = bool((gear == 1).all())  # some formats put a motor at every joint
+    plain = bool((gear == 1).all())  # some file formats put a motor at every joint
     geared = np.flatnonzero((gear != 0) & (gear != ours.gear) & (not plain))
     if len(geared):
         actuators.append("motors at " + _listed([f"{ours.names[k]!r} (gear {gear[k]:g})" for k in geared]))
@@ -83,7 +83,7 @@ def _limited(ours: ReadBack, k: int, effort: Array) -> str:
 
 
 def limits(effort: Array, *, slides: bool) -> str:
-    """Smallest and largest torque, of a joint that slides force, in words."""
+    """Format the smallest and largest torque (force for a prismatic joint) with its unit."""
     (least, most), unit = effort.tolist(), "N" if slides else "N m"
     if np.isinf([least, most]).all():
         return "none"

@@ -1,9 +1,9 @@
-"""What an engine must answer, and what the adapters share.
+"""The interface of an engine, and the code that the adapters share.
 
     M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX
 
-Units, signs and order of the joints are those of `flexlink.dynamics`; arrays are float64 of shape (n,). The tip wrench
-(f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame, in axes of frame 0.
+Units, signs and joint order are those of `flexlink.dynamics`; arrays are float64 of shape (n,). The tip wrench
+(f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame and is given in axes of frame 0.
 """
 
 from __future__ import annotations
@@ -30,41 +30,41 @@ from flexlink.motion.inputs.tip_wrench import wrench_at
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.stop_reasons import DivergenceError
 
-Samples = tuple[Array, Array, Array]  # t (samples,), q and q̇ (samples, n)
+Samples = tuple[Array, Array, Array]  # t of shape (samples,); q and q̇ of shape (samples, n)
 
 
 class Engine(Protocol):
-    """A chain loaded in one engine; made by `flexlink.engines.load`."""
+    """A chain loaded into an engine by `flexlink.engines.load`."""
 
     name: str
     version: str
     n: int
 
     def mass_matrix(self, q: Array) -> Array:
-        """M(q), full and symmetric, armature on the diagonal, shape (n, n)."""
+        """Full symmetric M(q) with the armature on the diagonal, shape (n, n)."""
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
         """T_GC = RNE(q, q̇, 0) − Jᵀ F."""
 
     def gravity_torque(self, q: Array) -> Array:
-        """T_G, T_GC with q̇ = 0 and no wrench."""
+        """T_G: T_GC with q̇ = 0 and no wrench."""
 
     def elastic_torque(self, q: Array) -> Array:
-        """T_FL = K (θ − θ₀), springs between joints included."""
+        """T_FL = K (θ − θ₀), including springs between joints."""
 
     def friction_torque(self, qd: Array) -> Array:
-        """T_FR = D q̇ + c tanh(q̇ / w), dampers between joints included."""
+        """T_FR = D q̇ + c tanh(q̇ / w), including dampers between joints."""
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
-        """q̈ from the equation of motion."""
+        """Return q̈ from the equation of motion."""
 
     def integrate(self, scene: Scene) -> Samples:
-        """Run the scene with this engine's dynamics, with the scene's method and fixed step.
+        """Run the scene with this engine's dynamics and the scene's method and fixed step.
 
         Raises
         ------
         DivergenceError
-            The state is no longer finite; the error holds the samples before.
+            The state is no longer finite; the error contains the samples up to then.
         ArgumentError
             The engine does not support the scene's method, inputs or prescribed motions.
         UnstableStepError
@@ -72,17 +72,17 @@ class Engine(Protocol):
         """
 
     def read_back(self) -> ReadBack:
-        """The arm as this engine has read it."""
+        """Return the arm as this engine has read it."""
 
 
 class FileEngine(Engine, Protocol):
-    """An engine with a foreign file."""
+    """An engine that has loaded a foreign file."""
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
-        """Set fields of `ReadBack` that the file does not specify."""
+        """Set the fields of `ReadBack` that the file does not specify."""
 
     def neutralize_settings(self) -> None:
-        """Disable all that acts beside gravity, springs and dampers."""
+        """Disable everything that acts in addition to gravity, springs and dampers."""
 
 
 class ForeignFile(NamedTuple):
@@ -90,16 +90,16 @@ class ForeignFile(NamedTuple):
 
     path: Path
     format: str  # "mjcf", "urdf" or "sdf"
-    base: Array | None = None  # rotation, at angles of zero, of the base that is to float, of a scene that has one
+    base: Array | None = None  # rotation of a floating base at zero angles; None: the scene's base is fixed
 
 
 class DriveTorque:
-    """The scene's drive as a function T_EX(t, q, q̇), shape (n,).
+    """The scene's drive as a function T_EX(t, q, q̇) that returns an array of shape (n,).
 
     Attributes
     ----------
     middle
-        Midpoint of the current step [s], at which a zero-order hold is evaluated; None: at t itself.
+        Midpoint of the current step [s], at which a zero-order hold is evaluated; None: evaluate at t.
     """
 
     def __init__(self, drive: Drive, n: int) -> None:
@@ -107,39 +107,39 @@ class DriveTorque:
         self._drive, self._tau = drive, np.zeros(n)
 
     def begin(self, number: int, h: float, q: Array, qd: Array) -> None:
-        """Begin the step from t = number · h in state q, q̇; a sampled law is evaluated at its sampling times."""
+        """Begin the step from t = number · h in state q, q̇; evaluate a sampled controller at its sampling times."""
         self.middle = (number + 0.5) * h
         sample_law(self._drive, number * h, self.middle, q, qd, self._tau)
 
     def __call__(self, t: float, q: Array, qd: Array) -> Array:
-        """T_EX; the array is overwritten by the next call."""
+        """Return T_EX; the next call overwrites the array."""
         drive_torque(self._drive, t, t if self.middle is None else self.middle, q, qd, self._tau)
         return self._tau
 
 
 def drive_function(problem: InitialValueProblem) -> DriveTorque | None:
-    """The drive as a function, or None if there is none."""
+    """Return the drive as a function, or None if there is none."""
     drive = problem.inputs.drive
     return DriveTorque(drive, problem.chain.n) if len(drive.joints) else None
 
 
 def drag_function(problem: InitialValueProblem) -> Callable[[Array, Array], Array] | None:
-    """The drag of the scene's links as T_DRAG(q, q̇), by flexlink, which engines take as torques; None without any."""
+    """Return the drag of the scene's links as T_DRAG(q, q̇), computed by flexlink; None without drag."""
     chain = problem.chain
     return (lambda q, qd: drag_torque(chain, q, qd)) if len(chain.drag) else None
 
 
 class TipWrench:
-    """The scene's tip wrench as a function of time, force and moment (6,) in axes of frame 0 or of the tip.
+    """The scene's tip wrench as a function of time: force and moment (6,) in axes of frame 0 or of the tip.
 
     Attributes
     ----------
     follows
-        Whether it is given in axes of the tip frame; the engine rotates it, by its own kinematics.
+        Whether it is given in axes of the tip frame; the engine rotates it with its own kinematics.
     constant
-        Whether it does not change in time.
+        Whether it is constant in time.
     middle
-        As in `DriveTorque`.
+        Midpoint of the current step [s], as in `DriveTorque`.
     """
 
     def __init__(self, problem: InitialValueProblem) -> None:
@@ -150,33 +150,33 @@ class TipWrench:
         self.constant = problem.scene.wrench.times is None
 
     def begin(self, number: int, h: float, q: Array, qd: Array) -> None:
-        """As in `DriveTorque`."""
+        """Begin the step from t = number · h; the state is not used."""
         self.middle = (number + 0.5) * h
 
     def __call__(self, t: float) -> Array:
-        """Force and moment; the array is overwritten by the next call."""
+        """Return force and moment; the next call overwrites the array."""
         if self._loads is not None:
             put_given(self._loads, t, t if self.middle is None else self.middle, self._now)
         return self._now
 
 
 def rotate_wrench(rotation: Array, wrench: Array) -> Array:
-    """R F and R M of force and moment (6,)."""
+    """Return R F and R M of a force and moment (6,)."""
     return (wrench.reshape(2, 3) @ rotation.T).ravel()
 
 
 def wrench_function(problem: InitialValueProblem) -> TipWrench | None:
-    """The tip wrench as a function of time, or None if there is none."""
+    """Return the tip wrench as a function of time, or None if there is none."""
     return TipWrench(problem) if problem.scene.wrench.acts else None
 
 
 def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
-    """For an engine whose steps run without us, or that starts at t = 0.
+    """Refuse inputs that engines with their own time stepping, which always starts at t = 0, do not support.
 
     Raises
     ------
     ArgumentError
-        An input is held between samples, the reference has jumps, or the run starts at another time.
+        An input uses a zero-order hold, the reference has jumps, or the run does not start at t = 0.
     """
     unsupported = [f"{name}.hold = True" for name in ("drive", "wrench") if getattr(scene, name).hold]
     unsupported += [] if scene.drive.rate is None else [f"drive.rate = {scene.drive.rate!r}"]
@@ -191,7 +191,7 @@ def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
 
 
 def refuse_method(engine: str, method: str, known: Collection[str]) -> None:
-    """For an engine that has only some Runge-Kutta methods.
+    """Refuse a method that the engine does not have.
 
     Raises
     ------
@@ -200,13 +200,13 @@ def refuse_method(engine: str, method: str, known: Collection[str]) -> None:
     """
     if method not in known:
         raise ArgumentError(
-            f"method = {method!r}: {engine} has only {' and '.join(map(repr, known))}; set run.method",
+            f"method = {method!r}: {engine} supports only {' and '.join(map(repr, known))}; set run.method",
             id="engine-method",
         )
 
 
 def refuse_prescribed_motion(engine: str, chain: Chain) -> None:
-    """For an engine without prescribed motions.
+    """Refuse a chain with prescribed motions for an engine that does not support them.
 
     Raises
     ------
@@ -223,19 +223,19 @@ def refuse_prescribed_motion(engine: str, chain: Chain) -> None:
 
 
 def fixed_steps_problem(scene: Scene) -> InitialValueProblem:
-    """The problem of a scene whose run other engines can follow.
+    """Return the problem of a scene that other engines can also integrate.
 
     Raises
     ------
     ArgumentError
-        The run does not have fixed steps of an explicit method, or the chain has force elements other than drag.
+        The run does not use fixed steps of an explicit method, or the chain has force elements other than drag.
     UnstableStepError
         The step exceeds the stability limit, and `run.unstable` does not allow it.
     """
     problem = problem_of(scene)
     if unknown := problem.chain.forces.keys() - {"drag"}:
         raise ArgumentError(
-            f"{scene.name}: other engines know no {', '.join(sorted(unknown))}; leave them out",
+            f"{scene.name}: other engines do not support {', '.join(sorted(unknown))}; remove it from the scene",
             id="arguments-not-counted",
         )
     if not problem.explicit:
@@ -248,7 +248,7 @@ def fixed_steps_problem(scene: Scene) -> InitialValueProblem:
 
 
 def allocate_samples(problem: InitialValueProblem) -> Samples:
-    """Times and states of all samples; row 0 holds the initial state, the other rows are uninitialized."""
+    """Allocate times and states of all samples; row 0 is the initial state, the other rows are uninitialized."""
     run = problem.run
     q, qd = np.empty((2, run.samples, problem.chain.n))
     q[0], qd[0] = problem.q, problem.qd
@@ -256,7 +256,7 @@ def allocate_samples(problem: InitialValueProblem) -> Samples:
 
 
 def divergence_error(engine: str, problem: InitialValueProblem, samples: Samples, row: int) -> DivergenceError:
-    """The error of a run whose sample `row` is the first that is not finite; it holds the samples before."""
+    """Return the error of a run whose sample `row` is the first that is not finite; it contains all earlier samples."""
     time = f"t = {samples[0][row]:.6g} s"
-    message = f"{problem.scene.name}: the state in {engine} is no longer finite at {time}; {row} samples kept"
+    message = f"{problem.scene.name}: the state in {engine} is no longer finite at {time}; {row} samples were saved"
     return DivergenceError(message, trajectory_from_states(problem, *(array[:row].copy() for array in samples)))

@@ -1,10 +1,10 @@
-"""Functions, and whole engines, in a child process: a crash or a hang there raises an error here.
+"""Run functions and complete engines in a child process: a crash or a hang there raises an error here.
 
-The child is a new Python: it neither copies this process nor runs its main script again. Calls go to its standard
-input, results come from its standard output, as on every system, and what the child prints goes into a temporary file.
-The child is killed with its `ChildProcess`, or if a call takes too long, whatever it does; and it ends with this
-process, however that ends: its standard input is closed then. A child whose engine is no longer used waits for the next
-one of that name: to start and import takes a second or two.
+The child is a new Python interpreter: it neither copies this process nor runs its main script again. Calls go to its
+standard input and results come from its standard output on every system; what it prints goes to a temporary file. The
+child is killed together with its `ChildProcess`, or if a call takes too long. It also ends when this process ends for
+any reason, because its standard input is then closed. A child that is no longer used is reused by the next engine of
+the same name, because starting and importing takes a second or two.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from flexlink.describe.scene import Scene
 from flexlink.engines.base import Engine, FileEngine, ForeignFile, Samples
 
 CALL_TIMEOUT = 300.0
-"""Longest time of a call [s]. A call takes milliseconds, but a first run may have to compile our kernels."""
-TIMEOUT_PER_STEP = 0.01  # added for every step of a run [s]
-HEAD = 8  # bytes that say how many follow
+"""Time limit of a call [s]. A call takes milliseconds, but a first run may have to compile flexlink's kernels."""
+TIMEOUT_PER_STEP = 0.01  # extra time per step of a run [s]
+HEAD = 8  # bytes of the length prefix of a call
 
 
 class ChildProcess:
@@ -42,7 +42,7 @@ class ChildProcess:
     Attributes
     ----------
     process
-        The child, for its number and exit code.
+        The child; use it for the process id and the exit code.
     """
 
     def __init__(self) -> None:
@@ -56,8 +56,8 @@ class ChildProcess:
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         self._calls, self._results = self.process.stdin, self.process.stdout
-        self._seen = 0  # bytes of output from before
-        self._late = False  # whether it was killed, as a call took too long
+        self._seen = 0  # bytes of output from earlier calls
+        self._late = False  # whether the child was killed because a call took too long
         self._kill = weakref.finalize(self, _kill, self.process, self._output)
 
     def call(self, what: str, seconds: float, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
@@ -66,18 +66,18 @@ class ChildProcess:
         Parameters
         ----------
         what
-            The call in words, for messages.
+            Description of the call, for messages.
         seconds
             Time limit [s]; 0: none.
         function, arguments, named
-            The function, which the child imports by name, and its arguments, which are pickled like the result.
+            The function, which the child imports by name, and its arguments. Arguments and result are pickled.
 
         Raises
         ------
         FlexlinkError
-            What the function raises.
+            The function raises it.
         EngineError
-            It raises another error, its process crashes, or it does not return in time.
+            The function raises another error, the process crashes, or the call does not return in time.
         """
         if self._calls.closed:
             raise self._failure(what, seconds)
@@ -89,7 +89,7 @@ class ChildProcess:
                 result = pickle.load(self._results)
         except (EOFError, OSError, pickle.UnpicklingError):
             raise self._failure(what, seconds) from None
-        except BaseException:  # Ctrl-C: nobody waits for the result any more
+        except BaseException:  # Ctrl-C: the result is no longer needed
             self._kill()
             raise
         if isinstance(result, Exception):
@@ -98,7 +98,7 @@ class ChildProcess:
 
     @contextlib.contextmanager
     def _limited(self, seconds: float) -> Iterator[None]:
-        """Kill the child if the block takes longer; 0: never."""
+        """Kill the child if the block takes longer than `seconds`; 0: no limit."""
         timer = Timer(seconds, self._end_late)
         timer.daemon = True
         if seconds:
@@ -114,25 +114,25 @@ class ChildProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether it can be called."""
+        """Whether the child can be called."""
         return self.process.poll() is None
 
     def forget_output(self) -> None:
-        """Let `output` begin here."""
+        """Make `output` start from here."""
         self._seen = os.fstat(self._output.fileno()).st_size
 
     def output(self) -> list[str]:
-        """The lines that the child has printed so far, stdout and stderr."""
+        """Return the lines that the child has printed so far to stdout and stderr."""
         if self._output.closed:
             return []
         self._output.seek(self._seen)
         return [line.strip() for line in self._output.read().decode(errors="replace").split("\n")]
 
     def _failure(self, what: str, seconds: float) -> BaseException:
-        """Why there is no result."""
+        """Return the error that explains why there is no result."""
         code = self.process.wait()
         if code == -signal.SIGINT:
-            return KeyboardInterrupt()  # a terminal sends it to both processes
+            return KeyboardInterrupt()  # a terminal sends the signal to both processes
         if self._late:
             return EngineError(
                 f"{what}: no result within {seconds:g} s; the child process was killed", id="engine-timeout"
@@ -147,16 +147,16 @@ def _kill(process: subprocess.Popen[bytes], output: IO[bytes]) -> None:
     process.wait()
     for file in (process.stdin, process.stdout, output):
         if file is not None:
-            with contextlib.suppress(OSError):  # of a call that it has not read
+            with contextlib.suppress(OSError):  # stdin may hold a call that the child has not read
                 file.close()
 
 
 def _serve() -> None:
     """Run the calls of the parent: the main loop of the child."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends the child at once, whatever code it is in
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the child at once, even inside compiled code
     results = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what is printed goes where errors go
+    os.dup2(2, 1)  # redirect printed text to stderr
     calls = SimpleQueue[bytes]()
     Thread(target=_listen, args=(sys.stdin.buffer, calls), daemon=True).start()
     while True:
@@ -172,14 +172,14 @@ def _serve() -> None:
 
 
 def _listen(stdin: IO[bytes], calls: SimpleQueue[bytes]) -> None:
-    """Hand over every call, whatever the child does meanwhile; end it when the parent has ended."""
+    """Queue every call as it arrives, even during another call; end the child when the parent has ended."""
     while head := stdin.read(HEAD):
         calls.put(stdin.read(int.from_bytes(head, "little")))
     os._exit(1)
 
 
 def _in_child(method: Any) -> Any:
-    """The method of an `IsolatedEngine` that calls the method of the engine in the child."""
+    """Wrap a method of `Engine` to call the same method of the engine in the child."""
 
     @functools.wraps(method)
     def call(engine: Any, *arguments: Any, **named: Any) -> Any:
@@ -189,12 +189,12 @@ def _in_child(method: Any) -> Any:
 
 
 class IsolatedEngine:
-    """The engine `name` with a chain or a file, as the protocol `Engine`; every method runs in a child process.
+    """Engine `name` with a chain or a file; implements `Engine` and runs every method in a child process.
 
     Raises
     ------
     FlexlinkError
-        What the engine raises.
+        The engine raises it.
     EngineError
         The engine raises another error, its process crashes, or it does not answer in time.
     """
@@ -226,7 +226,7 @@ class IsolatedEngine:
 
     @property
     def stderr_errors(self) -> list[str]:
-        """Errors that the engine has printed so far."""
+        """Return the errors that the engine has printed so far."""
         errors = (line.partition("Error:")[2].strip() for line in self._child.output() if line.startswith("Error:"))
         return list(dict.fromkeys(errors))
 
@@ -235,7 +235,7 @@ class IsolatedEngine:
         return self._child.call(words, CALL_TIMEOUT + more, function, *arguments, **named)
 
 
-_idle: dict[tuple[str, int], ChildProcess] = {}  # by the name of an engine, and by process: a fork has its own
+_idle: dict[tuple[str, int], ChildProcess] = {}  # key: engine name and process id, because a fork has its own children
 
 
 def _child_for(name: str) -> ChildProcess:
@@ -251,7 +251,7 @@ def _keep(name: str, child: ChildProcess) -> None:
         _idle.setdefault((name, os.getpid()), child)
 
 
-_loaded: dict[str, Any] = {}  # of the child: its engine
+_loaded: dict[str, Any] = {}  # in the child: its engine
 
 
 def _load(name: str, source: Chain | ForeignFile) -> tuple[str, int]:

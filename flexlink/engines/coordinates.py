@@ -1,7 +1,7 @@
-"""How an engine's coordinates follow from ours: another order of joints, and another way to say where a free base is.
+"""Map flexlink's coordinates to an engine's: other joint order, and other coordinates of a floating base.
 
-We say it by a place in frame 0 and three angles, engines by a place and a quaternion, velocity and spin. Rates of the
-engine are v = T(q) q̇, where T reorders, and turns what is the base's:
+flexlink describes a floating base by a position in frame 0 and three angles. Engines use a position, a quaternion, a
+velocity and a spin. The engine's rates are v = T(q) q̇, where T reorders the joints and maps the base:
 
     M = Tᵀ M_e T        T_GC = Tᵀ (T_GC,e + M_e Ṫ q̇)        τ = Tᵀ τ_e        q̈ = T⁻¹ (v̇ − Ṫ q̇)
 """
@@ -19,36 +19,36 @@ from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import BASE
 
 BASE_JOINTS = tuple(f"{BASE}.{name}" for name in NAMES)
-"""Names of ours of a free base's joints."""
+"""flexlink's names of the joints of a floating base."""
 
 
 class Floating(NamedTuple):
-    """How an engine says where a free base is and how it moves, before all other joints."""
+    """An engine's convention for the pose and velocity of a floating base, which precedes all other joints."""
 
-    velocity_in_base: bool  # in axes of the base, not of frame 0
-    spin_in_base: bool
-    turn_first: bool  # quaternion and spin before place and velocity
-    scalar_first: bool  # w, x, y, z, not x, y, z, w
+    velocity_in_base: bool  # velocity in axes of the base, else of frame 0
+    spin_in_base: bool  # spin in axes of the base, else of frame 0
+    turn_first: bool  # quaternion and spin come before position and velocity
+    scalar_first: bool  # quaternion is w, x, y, z, else x, y, z, w
 
 
 class Coordinates:
-    """Of an engine with a chain or a file.
+    """The map between flexlink's coordinates and those of an engine with a loaded chain or file.
 
     Attributes
     ----------
     order
-        The engine's degree of freedom of each of our joints, shape (n,).
+        The engine's degree of freedom for each of flexlink's joints, shape (n,).
     reference
-        Rotation of a free base at angles of zero; None: the base stands on the ground.
+        Rotation of a floating base at zero angles; None: the base is fixed.
     """
 
     def __init__(self, order: Indices, reference: Array | None = None, floating: Floating | None = None) -> None:
         self.order, self.reference, self._floating = order, reference, floating
-        self._own = 0 if reference is None else JOINTS  # of the base
+        self._own = 0 if reference is None else JOINTS  # number of joints of the base
         self.plain = reference is None and np.array_equal(order, np.arange(len(order)))
 
     def position(self, q: Array) -> Array:
-        """The engine's coordinates."""
+        """Return the engine's coordinates."""
         if self.plain:
             return q
         base = self._place(q)
@@ -58,21 +58,21 @@ class Coordinates:
         return place
 
     def rates(self, q: Array, qd: Array) -> Array:
-        """v = T q̇."""
+        """Return v = T q̇."""
         v = self._theirs(qd)
         if self._own:
             v[:JOINTS] = self._turn(q) @ qd[:JOINTS]
         return v
 
     def torques(self, q: Array, tau: Array) -> Array:
-        """The engine's torques, T⁻ᵀ τ."""
+        """Return the engine's torques, T⁻ᵀ τ."""
         found = self._theirs(tau)
         if self._own:
             found[:JOINTS] = np.linalg.solve(self._turn(q).T, tau[:JOINTS])
         return found
 
     def drift(self, q: Array, qd: Array) -> Array | None:
-        """Ṫ q̇ in the engine's order; None where T is constant."""
+        """Return Ṫ q̇ in the engine's order; None if T is constant."""
         if not self._own:
             return None
         found, R, S = np.zeros(len(q)), self._rotation(q), rates_matrices(q[3:JOINTS])
@@ -83,15 +83,15 @@ class Coordinates:
         )
         return found
 
-    def own_torques(self, q: Array, tau: Array) -> Array:
-        """Our torques, Tᵀ τ_e."""
+    def our_torques(self, q: Array, tau: Array) -> Array:
+        """Return flexlink's torques, Tᵀ τ_e."""
         found = np.array(tau if self.plain else tau[self.order])
         if self._own:
             found[:JOINTS] = self._turn(q).T @ tau[:JOINTS]
         return found
 
-    def own_matrix(self, q: Array, M: Array) -> Array:
-        """Tᵀ M_e T, symmetric as M_e is."""
+    def our_matrix(self, q: Array, M: Array) -> Array:
+        """Return Tᵀ M_e T, symmetric like M_e."""
         found = np.array(M if self.plain else M[np.ix_(self.order, self.order)])
         if self._own:
             T = np.eye(len(M))
@@ -100,8 +100,8 @@ class Coordinates:
             found = (found + found.T) / 2
         return found
 
-    def own_accelerations(self, q: Array, qd: Array, a: Array) -> Array:
-        """q̈ = T⁻¹ (v̇ − Ṫ q̇)."""
+    def our_accelerations(self, q: Array, qd: Array, a: Array) -> Array:
+        """Return q̈ = T⁻¹ (v̇ − Ṫ q̇)."""
         drift = self.drift(q, qd)
         found = np.array(a if self.plain else a[self.order])
         if drift is not None:
@@ -114,7 +114,7 @@ class Coordinates:
         return self._floating
 
     def _theirs(self, values: Array) -> Array:
-        """Numbers of joints in the engine's order."""
+        """Return joint values in the engine's order."""
         if self.plain:
             return values
         found = np.empty(len(values))
@@ -126,14 +126,14 @@ class Coordinates:
         return product(self.reference, rotations_of(q[3:JOINTS]))
 
     def _place(self, q: Array) -> Array:
-        """Place and quaternion of the base."""
+        """Return position and quaternion of the base."""
         if not self._own:
             return np.zeros(0)
         w, *xyz = quaternion_from_matrix(self._rotation(q))
         return self._sorted(q[:3], np.array([w, *xyz] if self._layout.scalar_first else [*xyz, w]))
 
     def _turn(self, q: Array) -> Array:
-        """T of the base, shape (6, 6)."""
+        """Return T of the base, shape (6, 6)."""
         R, S, nothing = self._rotation(q), rates_matrices(q[3:JOINTS]), np.zeros((3, 3))
         move = R.T if self._layout.velocity_in_base else np.eye(3)
         spin = S if self._layout.spin_in_base else R @ S

@@ -1,6 +1,6 @@
-"""Springs and dampers between two joints as an engine has read them: as matrices of a record, and as a list.
+"""Springs and dampers between two joints as an engine has read them: as matrices of a record, or as a list.
 
-The list is an array of dtype `COUPLING`, whose numbers of joints are the engine's.
+The list is an array of dtype `COUPLING` with the engine's joint numbers.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from flexlink.common.types import Array
 from flexlink.kernels.layout import COUPLING
 
 COUPLED_FIELDS = {"coupled_stiffness": "stiffness", "coupled_damping": "damping"}
-"""Fields of `ReadBack`: fields of the coupling, and of the hinge."""
+"""Maps fields of `ReadBack` to fields of couplings and hinges."""
 
 
 def to_matrices(couplings: NDArray[np.void], n: int) -> dict[str, Array]:
-    """`COUPLED_FIELDS` of n joints: K_ij and D_ij, symmetric, 0 on the diagonal, shape (n, n)."""
+    """Return `COUPLED_FIELDS` of n joints: symmetric K_ij and D_ij with zero diagonal, shape (n, n)."""
     fields = {field: np.zeros((n, n)) for field in COUPLED_FIELDS}
     for field, matrix in fields.items():
         i, j = couplings["inner"], couplings["outer"]
@@ -30,7 +30,7 @@ def to_matrices(couplings: NDArray[np.void], n: int) -> dict[str, Array]:
 
 
 def of_matrices(fields: Mapping[str, Array]) -> NDArray[np.void]:
-    """The list of `COUPLED_FIELDS`."""
+    """Return the couplings in the matrices `COUPLED_FIELDS` as a list."""
     K, D = (fields[field] for field in COUPLED_FIELDS)
     inner, outer = np.nonzero(np.triu((K != 0) | (D != 0), 1))
     couplings = np.zeros(len(inner), COUPLING)
@@ -40,12 +40,12 @@ def of_matrices(fields: Mapping[str, Array]) -> NDArray[np.void]:
 
 
 def of_elements(elements: Iterable[ET.Element], joints: Sequence[str]) -> NDArray[np.void]:
-    """The list that our own elements in a file with these joints say; of the same two joints they add up.
+    """Return the couplings that flexlink's custom elements in a file specify; those of the same joint pair add up.
 
     Raises
     ------
     ArgumentError
-        An element names no two joints of the file, or a number of it is missing or not one.
+        An element does not name two joints of the file, or a constant is missing or not a number.
     """
     number, found = {name: k for k, name in enumerate(joints)}, dict[tuple[int, int], Array]()
     for element in elements:
@@ -64,7 +64,7 @@ def of_elements(elements: Iterable[ET.Element], joints: Sequence[str]) -> NDArra
 
 
 def torque(couplings: NDArray[np.void], field: str, φ: Array) -> Array:
-    """Σ_j K_ij φ_j, `field` "stiffness", or Σ_j D_ij φ_j, "damping", of couplings alone, shape (n,)."""
+    """Return Σ_j K_ij φ_j for `field` "stiffness" or Σ_j D_ij φ_j for "damping", couplings only, shape (n,)."""
     total = np.zeros(len(φ))
     add_products(total, couplings, couplings[field], φ)
     return total

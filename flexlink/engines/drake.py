@@ -1,13 +1,12 @@
-"""Drake, from the exported SDF; it runs in a child process, because some files abort it (`engines.child_process`).
+"""Drake loads the exported SDF. It runs in a child process, because some files abort it (`engines.child_process`).
 
-M, T_GC, springs, dampers, rotors and q̈ are Drake's own. Drake ignores the gravity and the dry friction of the file, and
-has no springs between joints. Gravity is set; the smooth Coulomb law c tanh(q̇/w), the torques of springs and dampers
-between joints, and of springs of rotation vectors, which are computed by us, and the drive are an output of a
-`LeafSystem`, which Drake's integrators evaluate at every stage. The tip wrench is an external force on the last link,
-another output of it.
+M, T_GC, springs, dampers, rotors and q̈ are computed by Drake. Drake ignores gravity and dry friction in the file and
+has no springs between joints. The adapter sets gravity. A `LeafSystem` outputs the drive and the terms that flexlink
+computes: the smooth Coulomb law c tanh(q̇/w), springs and dampers between joints, and rotation-vector springs. Drake's
+integrators evaluate it at every stage. Its second output is the tip wrench, an external force on the last link.
 
-A free base is Drake's floating base with a quaternion, whose coordinates are turned into ours (`coordinates`); an arm
-with one runs in our coordinates, by the scene's Runge-Kutta method over Drake's accelerations.
+A floating base is Drake's floating base with a quaternion, whose coordinates are converted (`coordinates`). An arm with
+a floating base runs in flexlink's coordinates: the scene's Runge-Kutta method integrates Drake's accelerations.
 """
 
 from __future__ import annotations
@@ -53,13 +52,13 @@ class DrakeEngine:
     text
         The exported file.
     plant, context
-        Drake's own.
+        Drake's plant and its context.
     coordinates
-        How they follow from ours.
+        Map between flexlink's and Drake's coordinates.
     rest, coulomb, coulomb_width
-        As read from the file, shape (n,).
+        Read from the file, shape (n,).
     couplings
-        Springs and dampers between joints, of dtype `COUPLING`, as read from our own elements.
+        Springs and dampers between joints, of dtype `COUPLING`, read from flexlink's custom elements.
     unspecified
         Fields of `ReadBack` that the file does not specify.
     """
@@ -76,7 +75,7 @@ class DrakeEngine:
             frame = [tip.link for tip in tips(chain)].index(loaded_tip(chain).link)
             self._parse(exported, names[: chain.n], names[2 * chain.n + frame])
         except RuntimeError as error:
-            reason = " ".join(str(error).split())  # in one line
+            reason = " ".join(str(error).split())  # on one line
             raise ArgumentError(
                 f"Drake cannot load {chain.name!r}: {reason}; use another engine", id="engine-cannot-load"
             ) from error
@@ -89,7 +88,7 @@ class DrakeEngine:
         Raises
         ------
         ArgumentError
-            Drake refuses the file, or it has joints of other types than ours.
+            Drake refuses the file, or it has joint types that flexlink does not support.
         """
         engine, text = cls.__new__(cls), file.path.read_text(encoding="utf-8")
         refuse_in_files("Drake", file.path)
@@ -100,7 +99,7 @@ class DrakeEngine:
         return engine
 
     def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", reference: Array | None = None) -> None:
-        """Load a document, with joints in the order of their names, Drake's by default."""
+        """Load a document with joints in the order of `names`, by default in Drake's order."""
         floating = Floating(velocity_in_base=False, spin_in_base=False, turn_first=True, scalar_first=True)
         self.text, root = text, ET.fromstring(text)
         width, model = f"{OWN}coulomb_width", root.find(".//model")
@@ -119,9 +118,9 @@ class DrakeEngine:
         )
         self.unspecified = frozenset(name for name, there in specified.items() if not there)
         self.n, self.context = self.plant.num_velocities(), self.plant.CreateDefaultContext()
-        floats, said = BASE_JOINTS[0] in degrees, "" if model is None else model.get(f"{OWN}base", "")
+        floats, rotation = BASE_JOINTS[0] in degrees, "" if model is None else model.get(f"{OWN}base", "")
         if reference is None:
-            reference = np.reshape([float(x) for x in said.split()], (3, 3)) if said else np.eye(3)
+            reference = np.reshape([float(x) for x in rotation.split()], (3, 3)) if rotation else np.eye(3)
         order = np.array([degrees[name] for name in self.names])
         self.coordinates = Coordinates(order, reference if floats else None, floating)
         self.couplings = couplings.of_elements(root.iter(f"{OWN}coupling"), self.names)
@@ -131,13 +130,13 @@ class DrakeEngine:
         self.tip = self.plant.GetFrameByName(tip or frames[-1].attrib["name"]) if frames else last
 
     def read_back(self) -> ReadBack:
-        """The arm as Drake has read it."""
+        """Return the arm as Drake has read it."""
         own = {"coulomb": self.coulomb, "coulomb_width": self.coulomb_width}
         own |= couplings.to_matrices(self.couplings, self.n)
         return drake_reader.read(self.plant, self.context, self.coordinates, self.names, own, self.unspecified)
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
-        """Set fields of `ReadBack` that the file does not specify."""
+        """Set the fields of `ReadBack` that the file does not specify."""
         self.coulomb_width = fields.get("coulomb_width", self.coulomb_width)
         if couplings.COUPLED_FIELDS.keys() <= fields.keys():
             self.couplings = couplings.of_matrices(fields)
@@ -147,15 +146,15 @@ class DrakeEngine:
             self.context = self.plant.CreateDefaultContext()
 
     def neutralize_settings(self) -> None:
-        """Nothing to do: at given states nothing else acts than what Drake has read."""
+        """Do nothing: at a given state only what Drake has read acts."""
 
     def mass_matrix(self, q: Array) -> Array:
-        """M(q) by composite rigid bodies (`CalcMassMatrix`)."""
+        """Return M(q) from composite rigid bodies (`CalcMassMatrix`)."""
         self._place(q, np.zeros(self.n))
-        return self.coordinates.own_matrix(q, self.plant.CalcMassMatrix(self.context))
+        return self.coordinates.our_matrix(q, self.plant.CalcMassMatrix(self.context))
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
-        """T_GC: `CalcBiasTerm`, less gravity and Jᵀ F."""
+        """Return T_GC: `CalcBiasTerm` minus gravity and Jᵀ F."""
         self._place(q, qd)
         plant, context = self.plant, self.context
         torque = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
@@ -167,15 +166,15 @@ class DrakeEngine:
             torque -= J[3:].T @ tip_wrench[:3] + J[:3].T @ tip_wrench[3:]
         if (drift := self.coordinates.drift(q, qd)) is not None:
             torque += plant.CalcMassMatrix(context) @ drift
-        return self.coordinates.own_torques(q, torque)
+        return self.coordinates.our_torques(q, torque)
 
     def gravity_torque(self, q: Array) -> Array:
-        """T_G: `CalcGravityGeneralizedForces`, which has the opposite sign."""
+        """Return T_G: `CalcGravityGeneralizedForces` with the opposite sign."""
         self._place(q, np.zeros(self.n))
-        return -self.coordinates.own_torques(q, self.plant.CalcGravityGeneralizedForces(self.context))
+        return -self.coordinates.our_torques(q, self.plant.CalcGravityGeneralizedForces(self.context))
 
     def elastic_torque(self, q: Array) -> Array:
-        """T_FL: the forces of Drake's force elements on the joints at rest, negative, and springs between joints."""
+        """Return T_FL: minus the forces of Drake's force elements at zero rates, plus springs between joints."""
         torque = -self._joint_forces(q, np.zeros(self.n))
         if len(self.couplings):
             torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
@@ -184,21 +183,21 @@ class DrakeEngine:
         return torque
 
     def friction_torque(self, qd: Array) -> Array:
-        """T_FR: what they are more at rates, negative, and what we add with the file's numbers."""
+        """Return T_FR: minus the forces of Drake's dampers, plus the friction and dampers that the adapter adds."""
         return self.added_torque(self.rest, qd) - self._joint_forces(self.rest, qd)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
-        """q̈ by the articulated-body algorithm (`get_generalized_acceleration_output_port`)."""
+        """Return q̈ from the articulated-body algorithm (`get_generalized_acceleration_output_port`)."""
         self._place(q, qd)
         plant, context, theirs = self.plant, self.context, self.coordinates
         torque = theirs.torques(q, tau - self.added_torque(q, qd))
         plant.get_applied_generalized_force_input_port().FixValue(context, torque)
         force = self.tip_force(np.zeros(6) if tip_wrench is None else tip_wrench)
         plant.get_applied_spatial_force_input_port().FixValue(context, [force])
-        return theirs.own_accelerations(q, qd, plant.get_generalized_acceleration_output_port().Eval(context))
+        return theirs.our_accelerations(q, qd, plant.get_generalized_acceleration_output_port().Eval(context))
 
     def integrate(self, scene: Scene) -> base.Samples:
-        """`Simulator.AdvanceTo` with Drake's own Runge-Kutta method at fixed steps."""
+        """Run `Simulator.AdvanceTo` with Drake's own Runge-Kutta method at fixed steps."""
         run, order = scene.run, self.coordinates.order
         problem = base.fixed_steps_problem(scene)
         base.refuse_prescribed_motion("Drake", problem.chain)
@@ -219,7 +218,7 @@ class DrakeEngine:
             try:
                 simulator.AdvanceTo(t[row])
             except RuntimeError as error:
-                if re.search("NaN|hinge inertia", str(error)):  # Drake's errors of a state that is not finite
+                if re.search("NaN|hinge inertia", str(error)):  # Drake's errors for a state that is not finite
                     raise base.divergence_error(self.name, problem, samples, row) from error
                 raise
             q[row], qd[row] = plant.GetPositions(state)[order], plant.GetVelocities(state)[order]
@@ -242,7 +241,7 @@ class DrakeEngine:
         return plant
 
     def _simulator(self, problem: InitialValueProblem) -> tuple[Simulator, MultibodyPlant]:
-        """A simulator of a plant with the scene's drive and tip wrench and with Coulomb friction, and that plant."""
+        """Return a simulator with drive, tip wrench and Coulomb friction, and its plant."""
         builder = DiagramBuilder()
         plant = self._load(builder.AddSystem(MultibodyPlant(time_step=0.0)))
         drive, wrench = base.drive_function(problem), base.wrench_function(problem)
@@ -259,14 +258,14 @@ class DrakeEngine:
         self.plant.SetPositionsAndVelocities(self.context, np.concatenate([theirs.position(q), theirs.rates(q, qd)]))
 
     def _joint_forces(self, q: Array, qd: Array) -> Array:
-        """Generalized forces of springs and dampers, shape (n,)."""
+        """Return the generalized forces of springs and dampers, shape (n,)."""
         self._place(q, qd)
         forces = MultibodyForces(self.plant)
         self.plant.CalcForceElementsContribution(self.context, forces)
-        return self.coordinates.own_torques(q, forces.generalized_forces())
+        return self.coordinates.our_torques(q, forces.generalized_forces())
 
     def tip_force(self, wrench: Array) -> ExternallyAppliedSpatialForce:
-        """Force and moment on the tip, in axes of frame 0."""
+        """Return force and moment on the tip in axes of frame 0."""
         force = ExternallyAppliedSpatialForce()
         force.body_index = self.tip.body().index()
         force.p_BoBq_B = self.tip.GetFixedPoseInBodyFrame().translation()
@@ -275,12 +274,12 @@ class DrakeEngine:
         return force
 
     def tip_rotation(self, q: Array) -> Array:
-        """Rotation of the tip frame into frame 0."""
+        """Return the rotation from the tip frame into frame 0."""
         self._place(q, np.zeros(self.n))
         return np.array(self.tip.CalcPoseInWorld(self.context).rotation().matrix())
 
     def added_torque(self, q: Array, qd: Array) -> Array:
-        """What Drake does not have, with the numbers of the file: c tanh(q̇/w), springs and dampers between joints."""
+        """Return the torques that Drake lacks, with the file's constants: c tanh(q̇/w), couplings, rotation springs."""
         torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
         if len(self.couplings):
             torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
@@ -291,7 +290,7 @@ class DrakeEngine:
 
 
 class _Inputs(LeafSystem):  # type: ignore[misc]  # pydrake is not type-checked
-    """Drive less what Drake does not have, and the force on the tip."""
+    """The drive minus the torques that Drake lacks, and the force on the tip."""
 
     def __init__(self, engine: DrakeEngine, drive: base.DriveTorque | None, wrench: base.TipWrench | None) -> None:
         super().__init__()

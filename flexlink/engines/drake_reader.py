@@ -25,12 +25,12 @@ ONE_AXIS = (RevoluteJoint, PrismaticJoint)
 
 
 def moving_joints(plant: Any) -> list[Any]:
-    """The joints that move, in Drake's order.
+    """Return the joints that can move, in Drake's order.
 
     Raises
     ------
     ArgumentError
-        A joint is of another type than `require_joints` allows.
+        A joint is of a type that `require_joints` does not allow.
     """
     known = (*ONE_AXIS, QuaternionFloatingJoint)
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
@@ -40,7 +40,7 @@ def moving_joints(plant: Any) -> list[Any]:
 
 
 def degrees_of_freedom(plant: Any) -> dict[str, int]:
-    """Drake's number of each joint, by name; a floating base has six, spin first, by our names."""
+    """Map joint names to Drake's numbers; a floating base has six, rotation first, under flexlink's names."""
     found = dict[str, int]()
     for joint in moving_joints(plant):
         floats = isinstance(joint, QuaternionFloatingJoint)
@@ -53,7 +53,7 @@ def read(
     plant: Any, context: Any, theirs: Coordinates, names: Sequence[str], own: Mapping[str, Any],
     unspecified: frozenset[str],
 ) -> ReadBack:  # fmt: skip
-    """The record of a plant, joints in the order of `names`, with the fields `own` that the adapter keeps."""
+    """Return the record of a plant with joints in the order of `names`; `own` are fields that the adapter stores."""
     joints = [joint for joint in moving_joints(plant) for _ in range(joint.num_velocities())]
     n = len(joints)
     plant.SetPositions(context, theirs.position(np.zeros(n)))
@@ -63,7 +63,7 @@ def read(
     slides = np.array([isinstance(joint, PrismaticJoint) for joint in joints])
     floats = theirs.reference is not None
     axes = np.array([turned @ _axis(joint) for turned, joint in zip(R, joints, strict=True)])
-    if floats:  # our three slides and three turns, in Drake's order
+    if floats:  # flexlink's three slides and three rotations, in Drake's order
         slides[3:6], axes[:3], axes[3:6] = True, R[0].T, np.eye(3)
     behind = _behind(plant, joints)
     springs = {spring.joint().name(): spring for spring in _springs(plant)}
@@ -71,7 +71,7 @@ def read(
     most = np.array([limits.get(joint.name(), np.inf) for joint in joints])
     driven = np.array(
         [float(joint.name() in limits) for joint in joints]
-    )  # the input of an actuator is the joint's torque
+    )  # the input of an actuator is the joint torque
     rotors = {actuator.joint().name(): actuator.default_reflected_inertia() for actuator in _actuators(plant)}
     values: dict[str, Any] = {
         "stiffness": [_stiffness(springs[j.name()]) if j.name() in springs else 0.0 for j in joints],
@@ -84,7 +84,7 @@ def read(
     before = np.array([behind[int(joint.parent_body().index())] for joint in joints])
     first = np.array([k == 0 or joint is not joints[k - 1] for k, joint in enumerate(joints)])
     parents = np.where(first, before, np.arange(n) - 1)
-    if floats:  # turns hang on slides
+    if floats:  # rotations are attached to slides
         parents[3:6], parents[:3] = [-1, 3, 4], [5, 0, 1]
     fields |= _bodies(plant, context, behind, points)
     record = ReadBack(
@@ -96,7 +96,7 @@ def read(
 
 
 def _axis(joint: Any) -> Array:
-    """In the joint's frame; of a floating base none."""
+    """Return the axis in the joint's frame; zero for a floating base."""
     if isinstance(joint, RevoluteJoint):
         return np.asarray(joint.revolute_axis())
     return np.asarray(joint.translation_axis()) if isinstance(joint, PrismaticJoint) else np.zeros(3)
@@ -112,7 +112,7 @@ def _rest(spring: Any) -> float:
 
 
 def _behind(plant: Any, joints: list[Any]) -> Indices:
-    """The last degree of freedom that moves each body, −1 for fixed bodies; of a floating base the last turn."""
+    """Return the last degree of freedom that moves each body: −1 if it is fixed, the last rotation if it floats."""
     carrier = {int(joint.child_body().index()): k for k, joint in enumerate(joints)}
     carrier |= {int(joint.child_body().index()): 2 for joint in joints if isinstance(joint, QuaternionFloatingJoint)}
     every = [plant.get_joint(index) for index in plant.GetJointIndices()]

@@ -1,15 +1,15 @@
-"""Exudyn, as a KinematicTree. Exudyn reads no files: the tree is built from the exported URDF, read by our reader.
+"""Exudyn uses a KinematicTree. It reads no files, so flexlink reads the exported URDF and builds the tree from it.
 
-M, T_GC, springs, dampers and q̈ are Exudyn's own: springs and dampers are the tree's P and D control; armatures are the
-mass matrix of a second object on the same coordinates, springs and dampers between joints its stiffness and damping
-matrices; the tip wrench is two loads on a marker. The smooth Coulomb law c tanh(q̇/w), what springs of rotation vectors
-take beyond those of angles, both computed by us, and the drive come from a user function, which its Runge-Kutta methods
-call at every stage.
+M, T_GC, springs, dampers and q̈ are computed by Exudyn. Springs and dampers are the P and D control of the tree. A
+second object on the same coordinates adds armatures through its mass matrix, and springs and dampers between joints
+through its stiffness and damping matrices. The tip wrench is two loads on a marker. A user function adds the drive and
+two terms that flexlink computes: the smooth Coulomb law c tanh(q̇/w) and the extra torque of rotation-vector springs.
+Exudyn's Runge-Kutta methods call it at every stage.
 
-A free base is six joints of the tree, three that slide and three that turn, as it is ours.
+A floating base is six joints of the tree, three prismatic and three revolute, as in flexlink.
 
-Exudyn returns f = M q̈, the sum of all torques. The single terms come from two more trees: one without springs and
-dampers (f = −T_GC), one without masses (f = −T_FL − d q̇).
+Exudyn returns f = M q̈, the sum of all torques. Two more trees give the single terms: one without springs and dampers
+(f = −T_GC), and one without masses (f = −T_FL − d q̇).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from flexlink.engines.rotation_springs import excess_of
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import loaded_tip, places
 
-METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}  # of those that we have
+METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}  # keys: flexlink's names
 TorqueFunction = Callable[..., Array]
 LoadFunction = Callable[..., Array]
 
@@ -57,7 +57,7 @@ class ExudynEngine:
     Attributes
     ----------
     read
-        The chain as read from the exported file.
+        The chain read from the exported file.
     """
 
     name = "exudyn"
@@ -74,36 +74,36 @@ class ExudynEngine:
         self._springs = _System(_without(self.read, hinges=("armature",), bodies=("mass", "inertia")))
 
     def read_back(self) -> ReadBack:
-        """The arm as Exudyn gets it."""
+        """Return the arm as Exudyn gets it."""
         return of_chain(self.read)
 
     def mass_matrix(self, q: Array) -> Array:
-        """M(q) by Exudyn's composite rigid bodies."""
+        """Return M(q) from Exudyn's composite rigid bodies."""
         return self._bodies.mass_matrix(q)
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
-        """T_GC: the torques of the tree without springs, negative."""
+        """Return T_GC: minus the torques of the tree without springs."""
         return -self._bodies.torques(q, qd, tip_wrench)
 
     def gravity_torque(self, q: Array) -> Array:
-        """T_G: the same at rest."""
+        """Return T_G: T_GC with zero rates."""
         return self.bias_torque(q, np.zeros(self.n))
 
     def elastic_torque(self, q: Array) -> Array:
-        """T_FL: the torques of the tree without masses at rest, negative."""
+        """Return T_FL: minus the torques of the massless tree with zero rates."""
         return self._beyond(q) - self._springs.torques(q, np.zeros(self.n))
 
     def friction_torque(self, qd: Array) -> Array:
-        """T_FR: those with slack springs, negative, and the Coulomb law with the file's numbers."""
+        """Return T_FR: Coulomb friction minus the torques of the massless tree with relaxed springs."""
         return self._coulomb(qd) - self._springs.torques(self.read.rest, qd)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
-        """q̈ by Exudyn's solver, as at the start of a run."""
+        """Return q̈ from Exudyn's solver, as at the start of a run."""
         return self._whole.accelerations(q, qd, tau - self._coulomb(qd) - self._beyond(q), tip_wrench)
 
     def integrate(self, scene: Scene) -> base.Samples:
-        """Exudyn's own Runge-Kutta method, sample by sample."""
-        # of a free base about any of its three angles [rad]; about Y they are at an end at 90°
+        """Run Exudyn's own Runge-Kutta method sample by sample."""
+        # largest angle of a floating base [rad]; the angle about Y is singular at 90°
         largest_turn = 1.2
         run = scene.run
         problem = base.fixed_steps_problem(scene)
@@ -122,7 +122,7 @@ class ExudynEngine:
                 if problem.base is not None and np.abs(q[row, ANGLES]).max() > largest_turn:
                     raise ArgumentError(
                         f"{scene.name}: the base has turned by more than {np.degrees(largest_turn):.0f}° at t = "
-                        f"{t[row]:.6g} s, where Exudyn's three angles no longer say how; use another engine, or a "
+                        f"{t[row]:.6g} s, close to the singularity of Exudyn's three angles; use another engine or a "
                         "shorter run",
                         id="base-turned-too-far",
                     )
@@ -134,33 +134,33 @@ class ExudynEngine:
         return torque
 
     def _beyond(self, q: Array) -> Array:
-        """What springs of rotation vectors take beyond those of angles."""
+        """Return the extra torque of rotation-vector springs compared with springs of angles."""
         return np.zeros(self.n) if self._excess is None else self._excess(q)
 
     def _torque_function(self, problem: InitialValueProblem) -> TorqueFunction | None:
-        """Drive less Coulomb friction and drag with Exudyn's signature, or None if there is neither."""
+        """Return drive minus Coulomb friction and drag with Exudyn's signature, or None if none of them acts."""
         drive, drag = base.drive_function(problem), base.drag_function(problem)
         if drive is None and drag is None and not self.read.hinges["coulomb"].any() and self._excess is None:
             return None
 
         def torques(_mbs: object, t: float, _number: object, q: Sequence[float], qd: Sequence[float]) -> Array:
             angles, rates = np.array(q), np.array(qd)
-            lost = self._coulomb(rates) + self._beyond(angles)
+            opposing = self._coulomb(rates) + self._beyond(angles)
             if drag is not None:
-                lost = lost + drag(angles, rates)
-            return -lost if drive is None else drive(t, angles, rates) - lost
+                opposing = opposing + drag(angles, rates)
+            return -opposing if drive is None else drive(t, angles, rates) - opposing
 
         return torques
 
 
 class _System:
-    """One tree and its loads in an Exudyn system."""
+    """A tree and its loads in an Exudyn system."""
 
     def __init__(self, chain: Chain) -> None:
         self.n = n = chain.n
         self._box = exu.SystemContainer()  # owns the system
         self.mbs = mbs = self._box.AddSystem()
-        zero, self.slack = np.zeros(n), np.array(chain.rest)  # from where the coordinates of the node are counted
+        zero, self.slack = np.zeros(n), np.array(chain.rest)  # the node's coordinates are relative to `slack`
         node = mbs.AddNode(
             NodeGenericODE2(
                 referenceCoordinates=self.slack, initialCoordinates=zero, initialCoordinates_t=zero,
@@ -175,47 +175,45 @@ class _System:
         if tip.parent >= 0:
             place = {"linkNumber": tip.parent, "localPosition": tip.translation}
             marker = mbs.AddMarker(MarkerKinematicTreeRigid(objectNumber=self.tree, **place))
-        else:  # the wrench acts on the ground
+        else:  # the wrench acts on the fixed base
             marker = mbs.AddMarker(MarkerBodyRigid(bodyNumber=mbs.AddObject(ObjectGround())))
         self.force = mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=np.zeros(3)))
         self.moment = mbs.AddLoad(LoadTorqueVector(markerNumber=marker, loadVector=np.zeros(3)))
         mbs.Assemble()
         settings = _settings()
-        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = (
-            False  # they do not exist without masses
-        )
+        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False  # the massless tree has none
         self.solver = exu.MainSolverImplicitSecondOrder()
         self.solver.InitializeSolver(mbs, settings)
 
     def load(self, tau: Array, wrench: Array | None) -> None:
-        """Torques of the joints, force and moment on the tip."""
+        """Set joint torques, and force and moment on the tip."""
         force, moment = np.split(np.zeros(6) if wrench is None else wrench, 2)
         self.mbs.SetObjectParameter(self.tree, "jointForceVector", tau)
         self.mbs.SetLoadParameter(self.force, "loadVector", force)
         self.mbs.SetLoadParameter(self.moment, "loadVector", moment)
 
     def mass_matrix(self, q: Array) -> Array:
-        """M, shape (n, n)."""
+        """Return M, shape (n, n)."""
         self._set_state(q, np.zeros(self.n), exu.ConfigurationType.Current)
         self.solver.ComputeMassMatrix(self.mbs)
         return np.array(self.solver.GetSystemMassMatrix())
 
     def torques(self, q: Array, qd: Array, wrench: Array | None = None) -> Array:
-        """M q̈, shape (n,)."""
+        """Return M q̈, shape (n,)."""
         self.load(np.zeros(self.n), wrench)
         self._set_state(q, qd, exu.ConfigurationType.Current)
         self.solver.ComputeODE2RHS(self.mbs)
         return np.array(self.solver.GetSystemResidual())
 
     def accelerations(self, q: Array, qd: Array, tau: Array, wrench: Array | None) -> Array:
-        """q̈, shape (n,)."""
+        """Return q̈, shape (n,)."""
         self.load(tau, wrench)
         self._set_state(q, qd, exu.ConfigurationType.Initial)
         exu.MainSolverImplicitSecondOrder().InitializeSolver(self.mbs, _settings())
         return np.array(self.mbs.systemData.GetODE2Coordinates_tt())
 
     def advance(self, q: Array, qd: Array, begin: float, run: RunSettings) -> tuple[Array, Array]:
-        """The state one sample later; not finite if Exudyn stops."""
+        """Return the state one sample later; it is not finite if Exudyn stops."""
         self._set_state(q, qd, exu.ConfigurationType.Initial)
         settings = _settings()
         time = settings.timeIntegration
@@ -227,7 +225,7 @@ class _System:
 
     @contextlib.contextmanager
     def driven(self, torques: TorqueFunction | None, wrench: base.TipWrench | None) -> Iterator[None]:
-        """Let Exudyn evaluate drive torques and a tip wrench at every stage."""
+        """Make Exudyn evaluate drive torques and a tip wrench at every stage."""
         try:
             self.mbs.SetObjectParameter(self.tree, "forceUserFunction", torques or 0)
             for load, part in ((self.force, slice(3)), (self.moment, slice(3, 6))):
@@ -244,7 +242,7 @@ class _System:
         self.mbs.SetLoadParameter(load, "loadVectorUserFunction", function or 0)
 
     def _part(self, wrench: base.TipWrench, part: slice) -> LoadFunction:
-        """Force or moment with Exudyn's signature; of a wrench that follows the tip, in axes of the last link."""
+        """Return force or moment with Exudyn's signature; a wrench that follows the tip is in axes of the last link."""
         rotation = self.tip_rotation if wrench.follows else np.eye(3)
         return lambda _mbs, t, _vector: base.rotate_wrench(rotation, wrench(t))[part]
 
@@ -254,7 +252,7 @@ class _System:
 
 
 def _without(chain: Chain, *, hinges: Sequence[str] = (), bodies: Sequence[str] = ()) -> Chain:
-    """The chain with some numbers of all its hinges, of couplings of the same name, and of bodies set to 0."""
+    """Return the chain with the given fields of all hinges, couplings and bodies set to 0."""
     hinge, body, coupling = chain.hinges.copy(), chain.bodies.copy(), chain.couplings.copy()
     shared = [field for field in hinges if field in (coupling.dtype.names or ())]
     for array, fields in ((hinge, hinges), (coupling, shared), (body, bodies)):
@@ -264,7 +262,7 @@ def _without(chain: Chain, *, hinges: Sequence[str] = (), bodies: Sequence[str] 
 
 
 def _between_joints(chain: Chain) -> dict[str, Array]:
-    """Matrices of springs and dampers between joints."""
+    """Return the matrices of springs and dampers between joints."""
     if not len(chain.couplings):
         return {}
     K, D = to_matrices(chain.couplings, chain.n).values()
@@ -291,7 +289,7 @@ def _kinematic_tree(chain: Chain, node: Any) -> Any:
 
 
 def _settings() -> Any:
-    """Fixed steps, no files; Eigen's LU, because Exudyn's own solver multiplies by M⁻¹, which loses two digits of q̈."""
+    """Return settings: fixed steps, no files, Eigen's LU (Exudyn's own solver multiplies by M⁻¹: two digits worse)."""
     settings = exu.SimulationSettings()
     settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
     settings.solution.file.write = settings.solution.sensors.active = False

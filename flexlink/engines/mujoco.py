@@ -1,12 +1,12 @@
-"""MuJoCo, from the exported MJCF.
+"""MuJoCo loads the exported MJCF.
 
-Springs and dampers are MuJoCo's own, those between joints fixed tendons, all in `qfrc_passive`. A callback adds the
-smooth Coulomb law c tanh(q̇/w) and what springs of rotation vectors take more, computed by us, another the drive and a
-tip wrench that changes, so that every stage of MuJoCo's RK4 sees them. The tip wrench is an external force on the
-massless body of the tip, whose centre is its origin; MuJoCo, too, applies it at every stage.
+MuJoCo computes springs and dampers, all in `qfrc_passive`; those between joints are fixed tendons. One callback adds
+the smooth Coulomb law c tanh(q̇/w) and the extra torque of rotation-vector springs, which flexlink computes. A second
+callback adds the drive and a variable tip wrench. MuJoCo's RK4 calls both at every stage. The tip wrench is an external
+force on the massless tip body, whose centre of mass is its origin; MuJoCo also applies it at every stage.
 
-MuJoCo numbers joints depth first, and a free base is its `freejoint`: both are turned into ours (`coordinates`).
-An arm with a free base runs in our coordinates, by the scene's Runge-Kutta method over MuJoCo's accelerations.
+MuJoCo numbers joints depth first, and a floating base is its `freejoint`; `coordinates` converts both. An arm with a
+floating base runs in flexlink's coordinates: the scene's Runge-Kutta method integrates MuJoCo's accelerations.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ class MujocoEngine:
     Attributes
     ----------
     model, data
-        MuJoCo's own.
+        MuJoCo's model and its data.
     coordinates
-        How they follow from ours.
+        Map between flexlink's and MuJoCo's coordinates.
     tip
-        Index of the body of the tip at which the wrench acts.
+        Index of the tip body at which the wrench acts.
     coulomb, coulomb_width
-        As read from the file, shape (n,).
+        Read from the file, shape (n,).
     couplings
-        Springs and dampers between joints that the file, a URDF, does not specify, of dtype `COUPLING`.
+        Springs and dampers between joints, of dtype `COUPLING`, that a URDF does not specify.
     record
         The arm as MuJoCo has read it.
     """
@@ -74,7 +74,7 @@ class MujocoEngine:
         self._excess = excess_of(chain, lambda: self._with_springs(chain))
 
     def _with_springs(self, chain: Chain) -> Chain:
-        """The chain with the springs that MuJoCo has read."""
+        """Return the chain with the spring constants that MuJoCo has read."""
         hinges, couplings = chain.hinges.copy(), chain.couplings.copy()
         hinges["stiffness"], hinges["rest"] = self.record.stiffness, self.record.rest
         couplings["stiffness"] = self.record.coupled_stiffness[couplings["inner"], couplings["outer"]]
@@ -82,16 +82,16 @@ class MujocoEngine:
 
     @classmethod
     def from_file(cls, file: base.ForeignFile) -> Self:
-        """Load a foreign MJCF or URDF file, with the files that it includes.
+        """Load a foreign MJCF or URDF file and the files that it includes.
 
         Raises
         ------
         ArgumentError
-            MuJoCo refuses the file, or it has joints of other types than ours.
+            MuJoCo refuses the file, or it has joint types that flexlink does not support.
         """
         refuse_in_files("MuJoCo", file.path)
         try:
-            with quiet(), warnings.catch_warnings(action="ignore"):  # about deprecated attributes
+            with quiet(), warnings.catch_warnings(action="ignore"):  # ignore deprecated attributes
                 spec = mujoco.MjSpec.from_file(str(file.path))
                 model = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
@@ -104,7 +104,7 @@ class MujocoEngine:
             )
             record = dataclasses.replace(record, unspecified=unspecified, integrator="", step=None)
         engine._use(model, record, reference=file.base)
-        # torques and accelerations at given states are compared; actuators and steps are compared in the record
+        # only torques and accelerations at given states are computed; actuators and steps are compared in the record
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
         return engine
@@ -112,7 +112,7 @@ class MujocoEngine:
     def _use(
         self, model: Any, record: ReadBack, names: Sequence[str] = (), tip: str = "", reference: Array | None = None
     ) -> None:
-        """A model and its record, with joints in the order of their names, that of the model by default."""
+        """Store a model and its record with joints in the order of `names`, by default in the model's order."""
         self.model, self.data, self.n = model, mujoco.MjData(model), model.nv
         order = np.array([record.names.index(name) for name in names or record.names], dtype=np.intp)
         self.record = record = record.in_order(order)
@@ -122,11 +122,11 @@ class MujocoEngine:
         self.couplings = np.zeros(0, COUPLING)
 
     def read_back(self) -> ReadBack:
-        """The arm as MuJoCo has read it."""
+        """Return the arm as MuJoCo has read it."""
         return self.record
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
-        """Set fields of `ReadBack` that the file does not specify."""
+        """Set the fields of `ReadBack` that the file does not specify."""
         model = self.model
         arrays = {
             "gravity": model.opt.gravity, "coulomb_width": self.coulomb_width,
@@ -140,19 +140,19 @@ class MujocoEngine:
             self.couplings = couplings.of_matrices(fields)
 
     def neutralize_settings(self) -> None:
-        """Disable all that acts beside gravity, springs and dampers."""
-        mujoco_tendons.disable_others(self.model)  # while their limits and friction act
+        """Disable everything that acts in addition to gravity, springs and dampers."""
+        mujoco_tendons.disable_others(self.model)  # first, because it looks at active limits and friction
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.model.opt.density = self.model.opt.viscosity = 0
         self.model.body_gravcomp[:] = 0
 
     def mass_matrix(self, q: Array) -> Array:
-        """M(q) by composite rigid bodies (`mj_makeM`, `mj_fullM`)."""
+        """Return M(q) from composite rigid bodies (`mj_makeM`, `mj_fullM`)."""
         self._place(q, np.zeros(self.n))
-        return self.coordinates.own_matrix(q, self._mass_matrix())
+        return self.coordinates.our_matrix(q, self._mass_matrix())
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
-        """T_GC: `qfrc_bias`, less the joint torques of the wrench by `mj_applyFT`."""
+        """Return T_GC: `qfrc_bias` minus the joint torques of the wrench from `mj_applyFT`."""
         self._place(q, qd)
         torque, origin = np.zeros(self.n), self.data.xpos[self.tip]
         if tip_wrench is not None:
@@ -160,27 +160,27 @@ class MujocoEngine:
             mujoco.mj_applyFT(self.model, self.data, force, moment, origin, self.tip, torque)
         torque = self.data.qfrc_bias - torque
         drift = self.coordinates.drift(q, qd)
-        return self.coordinates.own_torques(q, torque if drift is None else torque + self._mass_matrix() @ drift)
+        return self.coordinates.our_torques(q, torque if drift is None else torque + self._mass_matrix() @ drift)
 
     def gravity_torque(self, q: Array) -> Array:
-        """T_G: `qfrc_bias` at rest."""
+        """Return T_G: `qfrc_bias` with zero rates."""
         return self.bias_torque(q, np.zeros(self.n))
 
     def elastic_torque(self, q: Array) -> Array:
-        """T_FL: `qfrc_spring`, which has the opposite sign, and what springs of rotation vectors take more."""
+        """Return T_FL: minus `qfrc_spring`, plus the extra torque of rotation-vector springs."""
         self._place(q, np.zeros(self.n))
         between = self._between("stiffness", q - self.rest) + self._beyond(q)
-        return np.array(between - self.coordinates.own_torques(q, self.data.qfrc_spring))
+        return np.array(between - self.coordinates.our_torques(q, self.data.qfrc_spring))
 
     def friction_torque(self, qd: Array) -> Array:
-        """T_FR: `qfrc_damper`, which has the opposite sign, and the Coulomb law with the file's numbers."""
+        """Return T_FR: minus `qfrc_damper`, plus the Coulomb law with the file's constants."""
         q = np.zeros(self.n)
         self._place(q, qd)
-        damping = self.coordinates.own_torques(q, self.data.qfrc_damper)
+        damping = self.coordinates.our_torques(q, self.data.qfrc_damper)
         return np.array(self._coulomb(qd) + self._between("damping", qd) - damping)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
-        """q̈ by `mj_forward`."""
+        """Return q̈ from `mj_forward`."""
         data, theirs = self.data, self.coordinates
         data.qpos[:], data.qvel[:] = theirs.position(q), theirs.rates(q, qd)
         between = self._between("stiffness", q - self.rest) + self._between("damping", qd)
@@ -188,10 +188,10 @@ class MujocoEngine:
         data.xfrc_applied[self.tip] = 0.0 if tip_wrench is None else tip_wrench
         with quiet():
             mujoco.mj_forward(self.model, data)
-        return theirs.own_accelerations(q, qd, data.qacc)
+        return theirs.our_accelerations(q, qd, data.qacc)
 
     def integrate(self, scene: Scene) -> base.Samples:
-        """`mj_step` with MuJoCo's RK4; with a free base or drag the scene's method, as a loop over `mj_forward`."""
+        """Run `mj_step` with MuJoCo's RK4; with a floating base or drag, the scene's method over `mj_forward`."""
         if self.coordinates.reference is not None or scene.arm.has_drag:
             problem = base.fixed_steps_problem(scene)
             base.refuse_prescribed_motion("MuJoCo", problem.chain)
@@ -221,7 +221,7 @@ class MujocoEngine:
                             function.begin(first_step + number, run.fixed_step, data.qpos[order], data.qvel[order])
                         mujoco.mj_step(model, data)
                 restarted = abs(data.time - t[row]) > run.fixed_step / 2
-                finite = np.isfinite([data.qpos, data.qvel]).all()  # MuJoCo's warnings look at the step before
+                finite = np.isfinite([data.qpos, data.qvel]).all()  # MuJoCo's warnings refer to the previous step
                 if restarted or data.warning.number.any() or not finite:
                     raise base.divergence_error(self.name, problem, samples, row)
                 q[row], qd[row] = data.qpos[order], data.qvel[order]
@@ -236,13 +236,13 @@ class MujocoEngine:
         return self.forward_dynamics(q, qd, tau, tip_wrench=wrench)
 
     def _mass_matrix(self) -> Array:
-        """In MuJoCo's own coordinates, at the state that is placed."""
+        """Return M in MuJoCo's coordinates at the state set by `_place`."""
         M = np.zeros((self.n, self.n))
         mujoco.mj_fullM(self.model, self.data, M)
         return M
 
     def _place(self, q: Array, qd: Array) -> None:
-        """Compute what depends on position and rate: frames, M, bias and passive torques."""
+        """Compute everything that depends on position and rate: frames, M, bias and passive torques."""
         theirs = self.coordinates
         self.data.qpos[:], self.data.qvel[:] = theirs.position(q), theirs.rates(q, qd)
         with quiet():
@@ -254,11 +254,11 @@ class MujocoEngine:
         return torque
 
     def _between(self, field: str, φ: Array) -> Array | float:
-        """Torques of springs or dampers between joints that are not in the model."""
+        """Return the torques of springs or dampers between joints that are not in the MuJoCo model."""
         return couplings.torque(self.couplings, field, φ) if len(self.couplings) else 0.0
 
     def _beyond(self, q: Array) -> Array | float:
-        """What springs of rotation vectors take beyond those of angles."""
+        """Return the extra torque of rotation-vector springs compared with springs of angles."""
         return 0.0 if self._excess is None else self._excess(q)
 
     def _passive_callback(self) -> Callback:
@@ -273,7 +273,7 @@ class MujocoEngine:
         return passive
 
     def _control_callback(self, drive: base.DriveTorque | None, wrench: base.TipWrench | None) -> Callback:
-        """Drive and wrench; MuJoCo calls it at every stage, after its kinematics."""
+        """Return a callback for drive and wrench; MuJoCo calls it at every stage, after its kinematics."""
         if drive is None and wrench is None:
             return None
 
@@ -290,11 +290,11 @@ class MujocoEngine:
 
 
 def _ignore(_: str) -> None:
-    """Without it, MuJoCo writes warnings into a file in the working folder; divergence raises an error instead."""
+    """Ignore MuJoCo's warnings, which would go to a file in the current folder; divergence raises an error."""
 
 
 def quiet() -> contextlib.AbstractContextManager[None]:
-    """Keep MuJoCo from writing a file of warnings, for instance of an ill-conditioned M."""
+    """Keep MuJoCo from writing a warnings file, for example about an ill-conditioned M."""
     return _installed({"mju_user_warning": _ignore})
 
 

@@ -1,10 +1,10 @@
-"""The actuators of a compiled MuJoCo model as `ACTUATOR_FIELDS` of its joints.
+"""Actuators of a compiled MuJoCo model as `ACTUATOR_FIELDS` of its joints.
 
-An actuator with gear r on a joint, gain g and bias b₀ + b₁ l + b₂ l̇ of the length l = r q, gives
+An actuator at a joint with gear r, gain g and bias b₀ + b₁ l + b₂ l̇, where l = r q is its length, exerts
 
-    T = r (g u + b₀) + r² b₁ q + r² b₂ q̇        within r · forcerange, at a joint within its actuatorfrcrange
+    T = r (g u + b₀) + r² b₁ q + r² b₂ q̇        limited to r · forcerange and to the joint's actuatorfrcrange
 
-A motor has no bias: u is a torque, if r g = 1. A servo's u is an angle (or a rate), if r g = −r² b₁ (or −r² b₂).
+A motor has no bias; its command u is a torque if r g = 1. A servo's u is an angle if r g = −r² b₁, a rate if −r² b₂.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ AT_JOINTS = {mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT}
 
 
 def at_joints(model: Any) -> dict[str, Any]:
-    """`ACTUATOR_FIELDS`: all motors and servos at joints, summed joint by joint; of a floating base none."""
+    """Return `ACTUATOR_FIELDS`: motors and servos summed per joint, except those at a floating base."""
     fields: dict[str, Array] = {name: np.zeros(model.nv) for name in ACTUATOR_FIELDS if name != "effort"}
     fields["effort"] = no_limits(model.nv)
     limits = [list[Array]() for _ in range(model.nv)]
@@ -50,7 +50,7 @@ def at_joints(model: Any) -> dict[str, Any]:
 
 
 def added(model: Any, name: str) -> Array:
-    """Armature or damping that actuators add to their joints, r² times their own; zero before MuJoCo 3.5."""
+    """Return r² times the armature or damping of actuators, summed per joint; zero before MuJoCo 3.5."""
     total, own = np.zeros(model.nv), getattr(model, f"actuator_{name}", ())
     for number in range(len(own)):
         if mujoco.mjtTrn(model.actuator_trntype[number]) in AT_JOINTS:
@@ -60,7 +60,7 @@ def added(model: Any, name: str) -> Array:
 
 
 def others(model: Any) -> Iterator[str]:
-    """The other actuators, which are neither motors nor servos at a joint, in words."""
+    """Describe the actuators that are neither motors nor servos at a joint."""
     for number in _acting(model):
         if kind := _kind(model, number):
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, number) or f"actuator {number}"
@@ -70,13 +70,13 @@ def others(model: Any) -> Iterator[str]:
 def _acting(model: Any) -> Iterator[int]:
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
         return
-    for number, group in enumerate(model.actuator_group):  # groups from 31 on cannot be disabled
+    for number, group in enumerate(model.actuator_group):  # groups >= 31 cannot be disabled
         if not (0 <= group < 31 and model.opt.disableactuator >> int(group) & 1):
             yield number
 
 
 def _kind(model: Any, number: int) -> str:
-    """Why an actuator is not compared, in MuJoCo's words; "" for a motor or servo at a joint."""
+    """Return why an actuator is not compared, as MuJoCo's keyword; "" for a motor or servo at a joint."""
     named = (
         ("trntype", mujoco.mjtTrn, AT_JOINTS), ("dyntype", mujoco.mjtDyn, {mujoco.mjtDyn.mjDYN_NONE}),
         ("gaintype", mujoco.mjtGain, {mujoco.mjtGain.mjGAIN_FIXED}),
@@ -97,7 +97,7 @@ def _bias(model: Any, number: int) -> tuple[float, float, float]:
 
 
 def _limit(model: Any, number: int, r: float, gain: float | None) -> Array:
-    """Smallest and largest torque of one actuator; a motor is also limited by its control range."""
+    """Return smallest and largest torque of an actuator; the control range also limits a motor."""
     limit: Array = no_limits(1)[0]
     if model.actuator_forcelimited[number]:
         limit = _narrower(limit, np.sort(r * model.actuator_forcerange[number]))
@@ -107,5 +107,5 @@ def _limit(model: Any, number: int, r: float, gain: float | None) -> Array:
 
 
 def _narrower(one: Array, other: Array) -> Array:
-    """The intersection of two ranges; nan stays nan."""
+    """Return the intersection of two ranges; nan stays nan."""
     return np.array([np.maximum(one[0], other[0]), np.minimum(one[1], other[1])])

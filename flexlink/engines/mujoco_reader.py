@@ -1,4 +1,4 @@
-"""The record of a compiled MuJoCo model, and the settings that act in it or that have changed numbers of the file."""
+"""Record of a compiled MuJoCo model, with settings that act in it or that changed values during compilation."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from flexlink.engines.read_back import ReadBack, merge_bodies, require_joints
 
 
 def coordinates(model: Any, order: Indices, reference: Array | None = None) -> Coordinates:
-    """How those of a model follow from ours, its joints in this order.
+    """Return the map between flexlink's and the model's coordinates, for joints in this order.
 
-    A free base turns from its `reference`, by default from how it starts.
+    `reference` is the rotation of a floating base at zero angles, by default its initial rotation.
     """
     floating = Floating(velocity_in_base=False, spin_in_base=True, turn_first=False, scalar_first=True)
     if not floats(model):
@@ -29,25 +29,25 @@ def coordinates(model: Any, order: Indices, reference: Array | None = None) -> C
 
 
 def floats(model: Any) -> bool:
-    """Whether the first joint is that of a free base."""
+    """Whether the first joint is that of a floating base."""
     return bool(model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE)
 
 
 def joint_names(model: Any) -> tuple[str, ...]:
-    """Names of all degrees of freedom; ours for those of a free base."""
+    """Return the names of all degrees of freedom, with flexlink's names for a floating base."""
     base = BASE_JOINTS if floats(model) else ()
     return (*base, *(_joint(model, k) for k in range(floats(model), model.njnt)))
 
 
 def rest_angles(model: Any) -> Array:
-    """Where springs are slack, shape (nv,); 0 for a free base."""
+    """Return the rest angles of the springs, shape (nv,); 0 for a floating base."""
     rest = np.zeros(model.nv)
     rest[model.jnt_dofadr[floats(model) :]] = model.qpos_spring[model.jnt_qposadr[floats(model) :]]
     return rest
 
 
 def fill(model: Any, theirs: Coordinates, fields: Mapping[str, Array]) -> None:
-    """Set stiffness, rest and armature, where they are given, of joints in our order."""
+    """Set stiffness, rest angle and armature, if given, of joints in flexlink's order."""
     joints = model.dof_jntid[theirs.order]
     moving = model.jnt_type[joints] != mujoco.mjtJoint.mjJNT_FREE
     if "armature" in fields:
@@ -59,7 +59,7 @@ def fill(model: Any, theirs: Coordinates, fields: Mapping[str, Array]) -> None:
 
 
 def read(model: Any, spec: Any = None, reference: Array | None = None) -> ReadBack:
-    """The record of a model; its MjSpec, if there is one, tells which settings have changed numbers."""
+    """Return the record of a model; with its MjSpec, also the settings that changed values."""
     _require_joints(model)
     data, joints = mujoco.MjData(model), model.dof_jntid
     zero = coordinates(model, np.arange(model.nv), reference)
@@ -107,7 +107,7 @@ def _require_joints(model: Any) -> None:
 
 
 def _first(values: Array) -> Array:
-    """Constant part of a coefficient that may be a polynomial."""
+    """Return the constant part of coefficients that may be polynomials."""
     return np.array(values.reshape(len(values), -1)[:, 0])
 
 
@@ -120,7 +120,7 @@ def _joint(model: Any, k: int) -> str:
 
 
 def _behind(model: Any) -> Indices:
-    """The joint that moves each body, −1 if none: the last of its own, or of the nearest parent that has any."""
+    """Return the last joint that moves each body, its own or that of the nearest moving parent; −1 if fixed."""
     last = np.full(model.nbody, -1, dtype=np.intp)
     for b in range(1, model.nbody):
         own = model.body_dofnum[b]
@@ -144,7 +144,7 @@ def _tip(model: Any, data: Any) -> Array | None:
 
 
 def _active_settings(model: Any) -> Iterator[tuple[str, str]]:
-    """Settings that act when the model runs, by the names in `diagnosis/data/mistakes.toml`."""
+    """Yield settings that act when the model runs, with the names of `diagnosis/data/mistakes.toml`."""
     opt = model.opt
     if _on(model, "CONSTRAINT"):
         yield from _active_constraints(model)
@@ -171,7 +171,7 @@ def _active_constraints(model: Any) -> Iterator[tuple[str, str]]:
     colliding = int(((model.geom_contype != 0) | (model.geom_conaffinity != 0)).sum())
     if _on(model, "CONTACT") and colliding > 1:
         yield "contacts", f"{colliding} geoms"
-    wide = 1e6  # rad: URDF requires limits, also for joints without any
+    wide = 1e6  # rad; URDF requires limits, even for unlimited joints
     limited = int(((model.jnt_limited != 0) & (np.abs(model.jnt_range).min(axis=1) < wide)).sum())
     if _on(model, "LIMIT") and limited:
         yield "limits", f"{limited} joints"
@@ -183,7 +183,7 @@ def _active_constraints(model: Any) -> Iterator[tuple[str, str]]:
 
 
 def _changing_settings(model: Any, spec: Any) -> Iterator[tuple[str, str]]:
-    """Settings that change numbers between file and model, by the names in `diagnosis/data/mistakes.toml`."""
+    """Yield settings that change values between file and model, with the names of `diagnosis/data/mistakes.toml`."""
     if not _on(model, "SPRING"):
         yield "no springs", ""
     if not _on(model, "DAMPER"):

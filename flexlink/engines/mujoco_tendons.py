@@ -1,11 +1,11 @@
-"""Fixed tendons over two hinges of a compiled MuJoCo model, as springs and dampers between joints.
+"""Fixed tendons over two hinges of a compiled MuJoCo model, read as springs and dampers between joints.
 
-A tendon of length L = c·q, slack at L₀, with stiffness s and damping d has the torques
+A tendon of length L = c·q, slack length L₀, stiffness s and damping d exerts the torques
 
     −s c (c·q − L₀) − d c (c·q̇)
 
-It adds s c cᵀ to K and d c cᵀ to D. Rest angles of all springs together, K θ₀ = Σ k_i θ_i + Σ s c L₀, are those of the
-joints, unless a tendon is slack elsewhere than the springs of its joints.
+It adds s c cᵀ to K and d c cᵀ to D. The rest angles of all springs together follow from K θ₀ = Σ k_i θ_i + Σ s c L₀.
+They equal the joints' rest angles, unless a tendon is slack at other angles.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flexlink.engines.couplings import COUPLED_FIELDS
 
 
 def add_tendons(model: Any, joints: dict[str, Array]) -> dict[str, Any]:
-    """Stiffness, damping and rest angles of joints with those of tendons over two of them, and `COUPLED_FIELDS`."""
+    """Return stiffness, damping and rest angles of joints including two-joint tendons, and `COUPLED_FIELDS`."""
     matrices = {field: np.diag(joints[field]) for field in COUPLED_FIELDS.values()}
     constants = {field: _coefficients(model, field)[0] for field in matrices}
     torque, rest, apart = np.zeros(model.nv), joints["rest"], _apart(model)
@@ -38,13 +38,13 @@ def add_tendons(model: Any, joints: dict[str, Array]) -> dict[str, Any]:
 
 
 def slack_elsewhere(model: Any) -> bool:
-    """Whether a tendon over two joints is slack elsewhere than the springs of its joints."""
+    """Whether a two-joint tendon is slack at angles other than the rest angles of its joints."""
     return bool(_apart(model).any())
 
 
 def _apart(model: Any) -> Array:
-    """L₀ less the length at the rest angles of the joints, of tendons over two of them, shape (tendons,) [rad]."""
-    # of the length of a tendon at the rest angles of its joints
+    """Return L₀ minus the length at the joints' rest angles of two-joint tendons, shape (tendons,) [rad]."""
+    # relative rounding error of a tendon's length at the rest angles
     rounding = 8 * float(np.finfo(np.float64).eps)
     apart = np.zeros(model.ntendon)
     for number in np.flatnonzero(_between_two(model)):
@@ -57,12 +57,12 @@ def _apart(model: Any) -> Array:
 
 
 def others(model: Any) -> Iterator[int]:
-    """Tendons that act otherwise than by a linear spring and damper between two joints."""
+    """Yield tendons that are more than a linear spring and damper between two joints."""
     yield from np.flatnonzero((_acting(model)[0] | _more(model)) & ~_between_two(model)).tolist()
 
 
 def disable_others(model: Any) -> None:
-    """Take springs, dampers and inertia of these tendons out of the model; limits and friction are constraints."""
+    """Set springs, dampers and inertia of these tendons to zero; their limits and friction are constraints."""
     numbers = list(others(model))
     for name in (*COUPLED_FIELDS.values(), "armature"):
         for values in _constants(model, name):
@@ -70,12 +70,12 @@ def disable_others(model: Any) -> None:
 
 
 def name_of(model: Any, number: int) -> str:
-    """The name of a tendon."""
+    """Return the name of a tendon."""
     return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TENDON, number) or f"tendon {number}"
 
 
 def _coefficients(model: Any, name: str) -> tuple[Array, Any]:
-    """Of all tendons the coefficient "stiffness" or "damping", and whether it depends on length or speed."""
+    """Return the "stiffness" or "damping" of all tendons, and whether it depends on length or speed."""
     if not model.ntendon:
         return np.zeros(0), np.zeros(0, dtype=bool)
     columns = np.hstack([values.reshape(len(values), -1) for values in _constants(model, name)])
@@ -83,19 +83,19 @@ def _coefficients(model: Any, name: str) -> tuple[Array, Any]:
 
 
 def _constants(model: Any, name: str) -> list[Array]:
-    """The model's own arrays of a coefficient, constant part first; an older MuJoCo has no other."""
+    """Return the model's arrays of a coefficient, constant part first; an older MuJoCo has only that part."""
     return [getattr(model, key) for key in (f"tendon_{name}", f"tendon_{name}poly") if hasattr(model, key)]
 
 
 def _acting(model: Any) -> tuple[Any, Any]:
-    """Which tendons have a spring or a damper, and which of them have linear ones."""
+    """Return which tendons have a spring or damper, and which have only linear ones."""
     found = [_coefficients(model, name) for name in COUPLED_FIELDS.values()]
     curved = np.logical_or.reduce([polynomial for _, polynomial in found])
     return np.logical_or.reduce([values != 0 for values, _ in found]) | curved, ~curved
 
 
 def _more(model: Any) -> Any:
-    """Which tendons have inertia, or a limit or dry friction that acts."""
+    """Return which tendons have inertia, or an active limit or dry friction."""
     more, off = model.tendon_armature != 0, model.opt.disableflags
     for bit, values in (("LIMIT", model.tendon_limited), ("FRICTIONLOSS", model.tendon_frictionloss)):
         flags = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | getattr(mujoco.mjtDisableBit, f"mjDSBL_{bit}")
@@ -105,7 +105,7 @@ def _more(model: Any) -> Any:
 
 
 def _between_two(model: Any) -> Any:
-    """Which tendons are linear springs and dampers between two joints, and no more."""
+    """Return which tendons are only linear springs and dampers between two joints."""
     acts, linear = _acting(model)
     found = acts & linear & ~_more(model)
     for number in range(model.ntendon):
@@ -117,11 +117,11 @@ def _between_two(model: Any) -> Any:
 
 
 def _part(model: Any, number: int | np.intp) -> slice:
-    """What a tendon runs along, in the model's list."""
+    """Return the slice of a tendon's elements in the model's `wrap` arrays."""
     return slice(model.tendon_adr[number], model.tendon_adr[number] + model.tendon_num[number])
 
 
 def _ends(model: Any, number: np.intp) -> tuple[Indices, Array]:
-    """The degrees of freedom of the two joints of a tendon, and its coefficients."""
+    """Return the degrees of freedom of a tendon's two joints, and its coefficients."""
     part = _part(model, number)
     return model.jnt_dofadr[model.wrap_objid[part]], model.wrap_prm[part]

@@ -1,12 +1,12 @@
-"""Pinocchio, from the exported URDF.
+"""Pinocchio loads the exported URDF.
 
-Pinocchio has no springs, and its `aba` ignores damping and dry friction: −T_FL − T_FR, computed by us, join the joint
-torques, those of springs and dampers between joints, and of springs of rotation vectors, included. The armature is in
-its M, its recursive Newton-Euler and its `aba` alike, but not in URDF, so it is read from our element.
+Pinocchio has no springs, and its `aba` ignores damping and dry friction. flexlink therefore computes −T_FL − T_FR,
+including springs and dampers between joints and rotation-vector springs, and adds it to the joint torques. Pinocchio's
+M, recursive Newton-Euler algorithm and `aba` include the armature; URDF cannot store it, so a custom element does.
 
-A free base is Pinocchio's `JointModelFreeFlyer`, whose coordinates are turned into ours (`coordinates`).
+A floating base is Pinocchio's `JointModelFreeFlyer`, whose coordinates are converted (`coordinates`).
 
-Joints whose motion is prescribed, p, leave the rows of the others, f, to be solved (Featherstone 2008, section 9.2):
+With prescribed joints p, the equations of the free joints f remain (Featherstone 2008, section 9.2):
 
     M_ff q̈_f = (T_EX − T_FL − T_FR − T_GC)_f − M_fp q̈_p
 """
@@ -43,19 +43,19 @@ class PinocchioEngine:
     Attributes
     ----------
     model, data
-        Pinocchio's own, gravity and armature set.
+        Pinocchio's model and its data, with gravity and armature set.
     coordinates
-        How they follow from ours.
+        Map between flexlink's and Pinocchio's coordinates.
     tip
-        Index of the frame of the tip at which the wrench acts.
+        Index of the tip frame at which the wrench acts.
     stiffness, rest, damping, coulomb, coulomb_width, gear
-        As read from the file, shape (n,).
+        Read from the file, shape (n,).
     couplings
-        Springs and dampers between joints, of dtype `COUPLING`, as read from our own elements.
+        Springs and dampers between joints, of dtype `COUPLING`, read from flexlink's custom elements.
     unspecified
         Fields of `ReadBack` that the file does not specify.
     prescribed
-        Joints with a prescribed motion, which is not in the file.
+        Joints with a prescribed motion, which the file does not contain.
     """
 
     name = "pinocchio"
@@ -76,7 +76,7 @@ class PinocchioEngine:
         Raises
         ------
         ArgumentError
-            Pinocchio refuses the file, or it has joints of other types than ours.
+            Pinocchio refuses the file, or it has joint types that flexlink does not support.
         """
         refuse_in_files("Pinocchio", file.path)
         robot = ET.parse(file.path).getroot()
@@ -92,28 +92,28 @@ class PinocchioEngine:
         return engine
 
     def _parse(self, text: str, names: Sequence[str] = (), tip: str = "", base: Array | None = None) -> None:
-        """Load a document, with joints in the order of their names, that of the model by default.
+        """Load a document with joints in the order of `names`, by default in the model's order.
 
-        A base floats that is given, or of which the document says so.
+        The base floats if `base` is given or the document specifies its rotation.
         """
-        # attributes of our own elements
+        # attributes of flexlink's custom elements
         not_in_urdf = ("stiffness", "rest", "coulomb_width", "armature")
         floating = Floating(velocity_in_base=True, spin_in_base=True, turn_first=False, scalar_first=False)
         robot = ET.fromstring(text)
         own_element = robot.find("flexlink")
-        said = "" if own_element is None else own_element.get(BASE, "")
-        if base is None and said:
-            base = np.reshape([float(x) for x in said.split()], (3, 3))
+        rotation = "" if own_element is None else own_element.get(BASE, "")
+        if base is None and rotation:
+            base = np.reshape([float(x) for x in rotation.split()], (3, 3))
         floats = () if base is None else (pin.JointModelFreeFlyer(),)
         self.model = model = pin.buildModelFromXML(text, *floats)
         pinocchio_reader.require_joints_of(model)
-        if model.nv > 600:  # pinocchio.Data holds four arrays of n³ numbers, for second derivatives: 7 GB
+        if model.nv > 600:  # pinocchio.Data allocates four n³ arrays for second derivatives: 7 GB
             raise ArgumentError(
                 f"{model.nv} joints: Pinocchio's data would take {32e-9 * model.nv**3:.0f} GB; at most 600 joints are "
                 "supported; use another engine or fewer segments",
                 id="too-many-joints",
             )
-        self.data, self.n = pin.Data(model), model.nv  # createData copies it
+        self.data, self.n = pin.Data(model), model.nv  # `createData` would copy the model
         degrees = pinocchio_reader.degrees_of_freedom(model)
         self.names = tuple(names or degrees)
         order = np.array([degrees[name] for name in self.names])
@@ -135,13 +135,13 @@ class PinocchioEngine:
         self.tip = model.getFrameId(tip or robot.findall("link")[-1].attrib["name"], pin.FrameType.BODY)
 
     def read_back(self) -> ReadBack:
-        """The arm as Pinocchio has read it, with springs of our own elements and the transmissions of the file."""
+        """Return the arm as Pinocchio has read it, with the springs and transmissions that the file specifies."""
         own = {name: getattr(self, name) for name in ("stiffness", "rest", "coulomb_width", "gear")}
         own |= couplings.to_matrices(self.couplings, self.n)
         return pinocchio_reader.read(self.model, self.coordinates, self.names, own, self.unspecified)
 
     def fill_missing(self, fields: Mapping[str, Array]) -> None:
-        """Set fields of `ReadBack` that the file does not specify."""
+        """Set the fields of `ReadBack` that the file does not specify."""
         for field, values in fields.items():
             if field == "gravity":
                 self.model.gravity.linear = values
@@ -153,30 +153,30 @@ class PinocchioEngine:
             self.couplings = couplings.of_matrices(fields)
 
     def neutralize_settings(self) -> None:
-        """Nothing to do: Pinocchio has no such settings."""
+        """Do nothing: Pinocchio has no such settings."""
 
     def mass_matrix(self, q: Array) -> Array:
-        """M(q) by composite rigid bodies (`crba`)."""
+        """Return M(q) from composite rigid bodies (`crba`)."""
         theirs = self.coordinates
-        return theirs.own_matrix(q, pin.crba(self.model, self.data, theirs.position(q)))
+        return theirs.our_matrix(q, pin.crba(self.model, self.data, theirs.position(q)))
 
     def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
-        """T_GC by `nle`, of a free base by `rnea`, less Jᵀ F."""
+        """Return T_GC from `nle` (`rnea` with a floating base) minus Jᵀ F."""
         theirs = self.coordinates
         place, v, drift = theirs.position(q), theirs.rates(q, qd), theirs.drift(q, qd)
         if drift is None:
             torque = pin.nle(self.model, self.data, place, v)
         else:
             torque = pin.rnea(self.model, self.data, place, v, drift)
-        return np.array(theirs.own_torques(q, torque) - self._wrench_torque(q, tip_wrench))
+        return np.array(theirs.our_torques(q, torque) - self._wrench_torque(q, tip_wrench))
 
     def gravity_torque(self, q: Array) -> Array:
-        """T_G by `computeGeneralizedGravity`."""
+        """Return T_G from `computeGeneralizedGravity`."""
         theirs = self.coordinates
-        return theirs.own_torques(q, pin.computeGeneralizedGravity(self.model, self.data, theirs.position(q)))
+        return theirs.our_torques(q, pin.computeGeneralizedGravity(self.model, self.data, theirs.position(q)))
 
     def elastic_torque(self, q: Array) -> Array:
-        """T_FL, from the springs in the file."""
+        """Return T_FL from the springs in the file."""
         torque: Array = self.stiffness * (q - self.rest)
         if len(self.couplings):
             torque += couplings.torque(self.couplings, "stiffness", q - self.rest)
@@ -185,7 +185,7 @@ class PinocchioEngine:
         return torque
 
     def friction_torque(self, qd: Array) -> Array:
-        """T_FR, from the damping and dry friction in the file."""
+        """Return T_FR from the damping and dry friction in the file."""
         torque: Array = self.damping * qd
         if len(self.couplings):
             torque += couplings.torque(self.couplings, "damping", qd)
@@ -194,17 +194,17 @@ class PinocchioEngine:
         return torque
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
-        """q̈ by the articulated-body algorithm (`aba`); a joint whose motion is prescribed keeps its rate."""
+        """Return q̈ from the articulated-body algorithm (`aba`); prescribed joints keep their rates."""
         return self._accelerations(q, qd, tau, tip_wrench, follows=False, prescribed=np.zeros(self.n))
 
     def integrate(self, scene: Scene) -> Samples:
-        """The scene's Runge-Kutta method, as a plain loop over `aba`."""
+        """Run the scene's Runge-Kutta method as a plain loop over `aba`."""
         return run_in_steps(self.name, fixed_steps_problem(scene), self._accelerations, self.coordinates)
 
     def _accelerations(
         self, q: Array, qd: Array, tau: Array, wrench: Array | None, *, follows: bool, prescribed: Array
     ) -> Array:
-        """q̈, for prescribed joints as in `prescribed`."""
+        """Return q̈, with the accelerations `prescribed` at prescribed joints."""
         pushed = tau if wrench is None else tau + self._wrench_torque(q, wrench, follows=follows)
         total = pushed - self.elastic_torque(q)
         total -= self.friction_torque(qd)
@@ -213,22 +213,22 @@ class PinocchioEngine:
             theirs = self.coordinates
             state = theirs.position(q), theirs.rates(q, qd)
             a = pin.aba(self.model, self.data, *state, theirs.torques(q, total))
-            return theirs.own_accelerations(q, qd, a)
+            return theirs.our_accelerations(q, qd, a)
         f, M = self._free, self.mass_matrix(q)
         qdd, rhs = prescribed.copy(), total - self.bias_torque(q, qd) - M[:, p] @ prescribed[p]
         qdd[f] = np.linalg.solve(M[np.ix_(f, f)], rhs[f])
         return qdd
 
     def _wrench_torque(self, q: Array, wrench: Array | None, *, follows: bool = False) -> Array:
-        """Jᵀ F with the Jacobian of the tip's origin in axes of frame 0 or of the tip, linear part first."""
+        """Return Jᵀ F with the Jacobian of the tip origin in axes of frame 0 or of the tip, linear part first."""
         if wrench is None:
             return np.zeros(self.n)
         frame = pin.ReferenceFrame.LOCAL if follows else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         theirs = self.coordinates
         J = pin.computeFrameJacobian(self.model, self.data, theirs.position(q), self.tip, frame)
-        return theirs.own_torques(q, J.T @ wrench)
+        return theirs.our_torques(q, J.T @ wrench)
 
 
 def _own(elements: Sequence[ET.Element | None], key: str) -> Array:
-    """An attribute of our own elements, joint by joint; 0 where there is none."""
+    """Return an attribute of flexlink's custom elements, joint by joint; 0 if there is none."""
     return np.array([0.0 if element is None else float(element.get(key, 0)) for element in elements])

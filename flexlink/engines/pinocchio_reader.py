@@ -1,4 +1,4 @@
-"""The record of a Pinocchio model; springs and what else URDF cannot express come from our own elements."""
+"""Record of a Pinocchio model; springs and other values that URDF cannot store come from flexlink's custom elements."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FREE_FLYER = "JointModelFreeFlyer"
 
 
 def require_joints_of(model: Any) -> None:
-    """Refuse a model with other joints than hinges, slides and a floating base; see `require_joints`."""
+    """Refuse a model with joints other than hinges, slides and a floating base; see `require_joints`."""
     kinds = []
     for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
         kind = joint.shortname()
@@ -30,7 +30,7 @@ def require_joints_of(model: Any) -> None:
 
 
 def degrees_of_freedom(model: Any) -> dict[str, int]:
-    """The model's number of each joint, by name; a floating base has six, by our names."""
+    """Map joint names to the model's numbers; a floating base has six, under flexlink's names."""
     found = dict[str, int]()
     for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
         names = BASE_JOINTS if joint.shortname() == FREE_FLYER else (name,)
@@ -39,7 +39,7 @@ def degrees_of_freedom(model: Any) -> dict[str, int]:
 
 
 def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:
-    """Reduction of the <transmission> of every joint, 0 where there is none, shape (n,).
+    """Return the reduction of every joint's <transmission>, 0 if it has none, shape (n,).
 
     Raises
     ------
@@ -63,11 +63,11 @@ def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:
 def read(
     model: Any, theirs: Coordinates, names: Sequence[str], own: Mapping[str, Any], unspecified: frozenset[str]
 ) -> ReadBack:
-    """The record of a model, joints in the order of `names`, with the fields `own` that the adapter keeps."""
+    """Return the record of a model with joints in the order of `names`; `own` are fields that the adapter stores."""
     data = pin.Data(model)
     pin.computeJointJacobians(model, data, theirs.position(np.zeros(model.nv)))
     n, moving = model.nv, list(model.joints)[1:]
-    joints = np.repeat(np.arange(1, model.njoints), [joint.nv for joint in moving])  # of every degree of freedom
+    joints = np.repeat(np.arange(1, model.njoints), [joint.nv for joint in moving])  # joint of each degree of freedom
     last = np.array([-1, *(joint.idx_v + joint.nv - 1 for joint in moving)])
     first = np.array([joint.idx_v for joint in moving])
     parents = np.arange(n) - 1
@@ -76,7 +76,7 @@ def read(
     slides = ~J[3:].any(axis=0)
     axes = np.where(slides, J[:3], J[3:]).T
     if theirs.reference is not None:
-        axes[:3] = np.eye(3)  # as ours are, along those of frame 0
+        axes[:3] = np.eye(3)  # along the axes of frame 0, as in flexlink
     places = [np.array([getattr(place, part) for place in data.oMi]) for part in ("translation", "rotation")]
     inertias = [np.array([getattr(link, part) for link in model.inertias]) for part in ("mass", "lever", "inertia")]
     (p, R), (masses, levers, I) = places, inertias
@@ -98,7 +98,7 @@ def read(
 
 
 def _parts(model: Any, R: Array, last: Indices) -> Parts:
-    """Inertias of the links welded to each joint's link, which fixed frames keep, and of that link without them."""
+    """Return inertias of the links welded to each joint's link, kept by fixed frames, and of the link without them."""
     parts, rest = list[tuple[int, Any]](), list(model.inertias)
     for frame in model.frames:
         if frame.type == pin.FrameType.FIXED_JOINT and frame.inertia.mass and frame.parentJoint:

@@ -1,7 +1,7 @@
-"""The arm as an engine has read it, in frame 0 at zero angles: independent of the body frames of the file.
+"""The arm as an engine has read it, in frame 0 at zero angles: independent of the file's body frames.
 
-Two descriptions of one arm have the same record, but for the order of the joints, and for where on its axis the point
-of a joint lies.
+Two descriptions of one arm have the same record, except for the order of the joints and the position of each joint's
+point along its axis.
 """
 
 from __future__ import annotations
@@ -27,12 +27,19 @@ Indices = NDArray[np.intp]
 
 AXIS_FIELDS = ("axes", "points")
 BODY_FIELDS = ("masses", "centers", "inertias")
-JOINT_FIELDS = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")  # also of a chain's hinges
+JOINT_FIELDS = (
+    "stiffness",
+    "rest",
+    "damping",
+    "coulomb",
+    "coulomb_width",
+    "armature",
+)  # also fields of `HINGE`
 ACTUATOR_FIELDS = ("gear", "servo_stiffness", "servo_damping", "constant_torque", "effort")
 
 
 class Parts(NamedTuple):
-    """Bodies that are welded together: the joint that moves each, and its inertia in frame 0, shape (b, 3, 3)."""
+    """Bodies welded together: the joint that moves each, and its inertia in axes of frame 0, shape (b, 3, 3)."""
 
     owner: Indices
     inertias: Array
@@ -40,24 +47,25 @@ class Parts(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class ReadBack:
-    """Joints and bodies in an engine; body k is all that is rigidly attached behind joint k, up to the next joints.
+    """Joints and bodies in an engine; body k is everything rigidly attached to joint k.
 
     Attributes
     ----------
     names
-        Names of the joints, in the engine's order.
+        Joint names in the engine's order.
     parents
-        The joint that each hangs on, −1 for the base, shape (n,).
+        Parent joint of each joint, −1 for the base, shape (n,).
     slides
-        Which joints slide along their axes, shape (n,); the base's, if it floats, are the first six.
+        Which joints are prismatic, shape (n,); those of a floating base are the first six.
     axes, points
-        Unit vectors, and points on the axes [m], shape (n, 3).
+        Unit vectors of the axes and points on them [m], shape (n, 3).
     frames
-        Rotation into frame 0 of the frame that the file gives each axis in, shape (n, 3, 3).
+        Rotation into frame 0 of the frame in which the file gives each axis, shape (n, 3, 3).
     masses, centers, inertias
-        [kg], shape (n,); [m], (n, 3), the joint's point where there is no mass; about the centres [kg m²], (n, 3, 3).
+        Masses [kg], (n,), centres of mass [m], (n, 3), and central inertias [kg m²], (n, 3, 3). The centre of a
+        massless body is the joint's point.
     parts
-        The inertias body by body.
+        Inertias of the individual bodies, before merging.
     stiffness, rest, damping, coulomb, coulomb_width, armature
         As in `HINGE`, shape (n,); 0 where a setting disables springs or dampers.
     coupled_stiffness, coupled_damping
@@ -68,21 +76,21 @@ class ReadBack:
     servo_stiffness, servo_damping, constant_torque
         −∂T/∂q [N m/rad], −∂T/∂q̇ [N m s/rad] and T [N m] of the actuators without a command, shape (n,).
     effort
-        Smallest and largest torque [N m], shape (n, 2); infinite where there is no limit.
+        Smallest and largest torque [N m], shape (n, 2); infinite without a limit.
     gravity
-        [m/s²], shape (3,).
+        Gravity [m/s²], shape (3,).
     tip
-        Origin of the frame called "tip" [m], shape (3,), None if there is none.
+        Origin of the frame named "tip" [m], shape (3,); None if there is none.
     tip_on
-        The joint that it hangs on, of a chain; None: the last.
+        Joint to which the tip of a chain is attached; None: the last joint.
     unspecified
-        Fields that the file does not specify, such as the springs of a URDF; they are not compared.
+        Fields that the file does not specify, for example springs in a URDF; they are not compared.
     settings
-        Active settings, by the names in `diagnosis/data/mistakes.toml`, and their values in words.
+        Active settings, with the names of `diagnosis/data/mistakes.toml`, and their values in words.
     integrator, step
-        Integrator of the file, by MuJoCo's names, and its time step [s]; None if the file has none.
+        Integrator of the file, with MuJoCo's name, and its time step [s]; None if the file has none.
     drive_range
-        For a scene, the smallest and the largest torque that its drive may command [N m], shape (n, 2).
+        Smallest and largest torque that the drive of a scene may command [N m], shape (n, 2).
     """
 
     names: tuple[str, ...]
@@ -126,9 +134,9 @@ class ReadBack:
         return len(self.names)
 
     def in_order(self, order: Indices) -> ReadBack:
-        """The record with joint `order[k]` as joint k, and body k behind it."""
+        """Return the record with joint and body `order[k]` as joint and body k."""
         of_joints = (*AXIS_FIELDS, "frames", "slides", *BODY_FIELDS, *JOINT_FIELDS, *ACTUATOR_FIELDS)
-        place = np.append(np.argsort(order), -1)  # of −1, the base: −1
+        place = np.append(np.argsort(order), -1)  # the base, −1, stays −1
         fields: dict[str, Any] = {field: getattr(self, field)[order] for field in of_joints}
         fields |= {field: getattr(self, field)[np.ix_(order, order)] for field in COUPLED_FIELDS}
         fields["parts"] = self.parts._replace(owner=place[self.parts.owner])
@@ -136,7 +144,7 @@ class ReadBack:
         return dataclasses.replace(self, names=names, parents=place[self.parents[order]], **fields)
 
     def require_sound(self) -> None:
-        """Refuse values that the engine has read but that are not valid.
+        """Check that the values the engine has read are valid.
 
         Raises
         ------
@@ -173,33 +181,33 @@ class ReadBack:
 
 
 def no_limits(n: int) -> Array:
-    """`effort` of joints without torque limits."""
+    """Return `effort` of joints without torque limits."""
     return np.tile([-np.inf, np.inf], (n, 1))
 
 
 def no_actuators(n: int) -> dict[str, Any]:
-    """`ACTUATOR_FIELDS` of joints without actuators."""
+    """Return `ACTUATOR_FIELDS` of joints without actuators."""
     return {field: np.zeros(n) for field in ACTUATOR_FIELDS[:-1]} | {"effort": no_limits(n)}
 
 
 def require_joints(joints: Sequence[tuple[str, str]]) -> None:
-    """Refuse other joints than hinges, slides and that of a floating base.
+    """Refuse joints other than hinges, slides and that of a floating base.
 
     Parameters
     ----------
     joints
-        Name and type of every movable joint; type "" for one of these.
+        Name of every movable joint, and its type if it is not supported, else "".
 
     Raises
     ------
     ArgumentError
-        A joint is of another type, or there is none.
+        A joint has an unsupported type, or there is no joint.
     """
     for name, kind in joints:
         if kind:
             raise ArgumentError(
-                f"joint {name!r} is of type {kind}: supported are revolute and prismatic ones, and a free base; make "
-                "it fixed",
+                f"joint {name!r} has type {kind}; supported are revolute and prismatic joints and a floating base; "
+                "make it fixed",
                 id="joint-type-in-file",
             )
     if not joints:
@@ -207,7 +215,7 @@ def require_joints(joints: Sequence[tuple[str, str]]) -> None:
 
 
 def merge_bodies(owner: Indices, masses: Array, centers: Array, inertias: Array, points: Array) -> dict[str, Any]:
-    """`BODY_FIELDS` and `parts`: the bodies that joint `owner` moves (−1: the base does) merged into one.
+    """Merge the bodies that each joint moves into one, as `BODY_FIELDS` and `parts`; owner −1 is the base.
 
     m = Σ mᵢ, c = Σ mᵢ cᵢ / m, I = Σ (Iᵢ + mᵢ (dᵢ² 1 − dᵢ dᵢᵀ)), dᵢ = cᵢ − c
     """
@@ -223,13 +231,13 @@ def merge_bodies(owner: Indices, masses: Array, centers: Array, inertias: Array,
 
 
 def parallel_axis(m: Array, d: Array) -> Array:
-    """m (d² 1 − d dᵀ), of (b,) masses and (b, 3) distances."""
+    """Return m (d² 1 − d dᵀ) for masses (b,) and distances (b, 3)."""
     square = np.einsum("bi,bi->b", d, d)[:, None, None] * np.eye(3)
     return np.asarray(m[:, None, None] * (square - d[:, :, None] * d[:, None, :]))
 
 
 def of_chain(chain: Chain) -> ReadBack:
-    """The record of a chain, exact up to the rounding of rotations into frame 0."""
+    """Return the record of a chain, exact up to the rounding of rotations into frame 0."""
     at_zero = frames(chain, np.zeros(chain.n))
     R, p = at_zero.rotations, at_zero.points
     bodies = chain.bodies
@@ -252,9 +260,9 @@ def of_chain(chain: Chain) -> ReadBack:
 
 
 def to_chain(read: ReadBack, like: Chain) -> Chain:
-    """The chain of a record with the joints of `like`: each turns about Z of a frame of its own, or slides along it."""
+    """Return the chain of a record with the joints of `like`; each rotates about, or slides along, its frame's Z."""
     bodies = np.zeros(read.n + len(like.tips), BODY)
-    frames_of, points = [np.eye(3)], [np.zeros(3)]  # of the base, and of every joint
+    frames_of, points = [np.eye(3)], [np.zeros(3)]  # frames and origins of the base and of every joint
     for k, body in enumerate(bodies[: read.n]):
         axes, on = _frame(read.axes[k]), int(read.parents[k]) + 1
         R, p = frames_of[on], points[on]
@@ -286,7 +294,7 @@ def to_chain(read: ReadBack, like: Chain) -> Chain:
 
 
 def _frame(axis: Array) -> Array:
-    """A rotation whose Z is the axis."""
+    """Return a rotation matrix whose Z axis is `axis`."""
     x = cross(np.eye(3)[np.argmin(np.abs(axis))], axis)
     x /= np.linalg.norm(x)
     return np.stack([x, cross(axis, x), axis], axis=1)

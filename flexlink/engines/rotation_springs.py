@@ -1,4 +1,4 @@
-"""What springs of rotation vectors take beyond K (θ − θ₀): no engine has them; computed by us from the file."""
+"""Extra torque of rotation-vector springs over K (θ − θ₀), computed by flexlink because no engine has such springs."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from flexlink.kernels.forces.rotation_springs import excess_torque
 Excess = Callable[[Array], Array]
 
 
-def excess_of(chain: Chain, held_by: Callable[[], Chain]) -> Excess | None:
-    """Torques (n,) of angles (n,), of the chain that the file holds; None of one without such springs."""
+def excess_of(chain: Chain, read: Callable[[], Chain]) -> Excess | None:
+    """Return a function from angles (n,) to extra torques (n,) of the chain in the file; None without such springs."""
     if not chain.has_rotation_springs:
         return None
-    held = held_by()
-    return lambda q: np.array(excess_torque(held.bodies, held.hinges, held.couplings, np.array(q)))
+    loaded = read()
+    return lambda q: np.array(excess_torque(loaded.bodies, loaded.hinges, loaded.couplings, np.array(q)))
 
 
 def refuse_in_files(engine: str, path: Path) -> None:
-    """Refuse a file that says that springs hold rotation vectors, which only chains of ours bring along.
+    """Refuse a file with rotation-vector springs, which only chains built by flexlink support.
 
     Raises
     ------
     ArgumentError
-        It does.
+        The file has such springs.
     """
     if ROTATION_SPRINGS.encode() in path.read_bytes():
         raise ArgumentError(
-            f"the file has springs of rotation vectors, which {engine} would take for springs of angles; compare the "
+            f"the file has rotation-vector springs, which {engine} would read as springs of angles; compare the "
             "scene itself, or export it with a rule of springs = 'angles'",
             id="rotation-springs-in-file",
         )

@@ -1,4 +1,4 @@
-"""A scene's Runge-Kutta method as a plain loop over the accelerations that an engine finds."""
+"""A scene's Runge-Kutta method as a plain loop over the accelerations that an engine computes."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from flexlink.engines.coordinates import Coordinates
 from flexlink.kernels.inputs.drive_torque import follow
 
 Accelerations = Callable[..., Array]
-"""What finds accelerations (n,), those of prescribed joints as in `prescribed`: a function of q, q̇, torques of joints,
-and force and moment (6,) on the tip, or None, in axes of frame 0, or, if it `follows`, in the tip's."""
+"""Function of q, q̇, joint torques and tip wrench (6,) or None that returns accelerations (n,). Prescribed joints get
+`prescribed`; the wrench is in axes of frame 0, or of the tip if it `follows`."""
 
 
 def run_in_steps(
     engine: str, problem: InitialValueProblem, accelerations: Accelerations, theirs: Coordinates
 ) -> Samples:
-    """The samples of a run with fixed steps, of a free base in the coordinates of its start.
+    """Return the samples of a run with fixed steps; a floating base is given in its initial coordinates.
 
-    Where it has turned far, steps go on in other coordinates, as flexlink's own do, and as the engine is told.
+    After a large rotation the steps continue in new base coordinates, which the engine also receives, as in flexlink.
 
     Raises
     ------
     DivergenceError
-        The state is no longer finite; the error holds the samples before.
+        The state is no longer finite; the error contains the samples up to then.
     """
     samples = t, q, qd = allocate_samples(problem)
     reference = theirs.reference
@@ -50,7 +50,7 @@ def run_in_steps(
 def _fill(
     engine: str, problem: InitialValueProblem, accelerations: Accelerations, theirs: Coordinates, samples: Samples
 ) -> None:
-    """All samples but the first."""
+    """Compute all samples but the first."""
     run, n, step = problem.run, problem.chain.n, _step_function(problem, accelerations)
     (t, q, qd), base, every = samples, problem.base, run.steps_per_sample
     first_step = round(problem.start / run.fixed_step)
@@ -69,7 +69,7 @@ def _fill(
 
 
 def _step_function(problem: InitialValueProblem, accelerations: Accelerations) -> Callable[[int, Array], Array]:
-    """A function that returns the state (q, q̇) at (number + 1) h from the one at number · h."""
+    """Return a function that advances the state (q, q̇) from number · h to (number + 1) h."""
     n, h, wrench = problem.chain.n, problem.run.fixed_step, wrench_function(problem)
     A, b, c = method(problem.run.method).arrays
     drive, drag, motion = drive_function(problem), drag_function(problem), problem.inputs.motion

@@ -1,4 +1,4 @@
-"""The same arm as files for other programs: a writer for each format, readers of those that are no engine's own."""
+"""The arm as files for other programs: a writer for each format, and readers of the files that flexlink writes."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -15,9 +15,9 @@ class Format(NamedTuple):
     """A file format."""
 
     write: Callable[..., str]  # chain → text
-    read: Callable[..., Chain] | None  # text, written by `write` → chain; None: MuJoCo reads it whole
-    ending: str  # of file names
-    keyframe: bool = False  # whether `write` also takes the state `initial`
+    read: Callable[..., Chain] | None  # text written by `write` → chain; None: MuJoCo reads all of the format
+    ending: str  # suffix of file names
+    keyframe: bool = False  # whether `write` also accepts the state `initial`
 
 
 FORMATS = {

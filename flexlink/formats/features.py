@@ -1,25 +1,28 @@
-"""What each format cannot represent: a table of features by format, and those that a scene has.
+"""What each format cannot represent: a table of features by format, and the features that a scene has.
 
-All formats represent what is not in the table: bodies, placements, axes, viscous damping, names.
+All formats represent everything else: bodies, placements, axes, viscous damping, names.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 
 from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
+from flexlink.common.files import shown_path
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.initial import BaseState
 from flexlink.describe.scene import Scene
 
 Feature = tuple[Callable[[Scene, Chain], bool], dict[str, str]]
-"""Whether a scene has it; by format what its file has instead: without an entry the format represents it."""
+"""A test for the feature in a scene, and, for each format without it, what happens instead."""
 
 
 def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:
-    """Whether a run starts with angles or rates other than zero; locked joints are part of the placements."""
+    """Whether a run starts with angles or rates other than zero; angles of locked joints do not count."""
     initial, free = scene.initial, [chain.coordinates[k].link - 1 for k in chain.active]
     places = scene.joint_positions[free] if initial.q is None else np.array(initial.q)
     rates = scene.joint_rates[free] if initial.qd is None else np.array(initial.qd)
@@ -28,7 +31,10 @@ def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:
 
 
 def _features() -> dict[str, Feature]:
-    ignored = "written in elements that other programs ignore"
+    custom = "in custom elements that other programs ignore"
+    ignored = "flexlink writes custom elements that other programs ignore"
+    at_zero = "all coordinates start at zero"
+    width = "the width w of c tanh(q̇/w)"
 
     def feature(there: Callable[[Scene, Chain], bool], everywhere: str = "", **instead: str) -> Feature:
         return there, (dict.fromkeys(("urdf", "mjcf", "sdf"), everywhere) if everywhere else instead)
@@ -37,43 +43,43 @@ def _features() -> dict[str, Feature]:
         "gravity": feature(lambda scene, _: any(scene.gravity), urdf=ignored),
         "free base": feature(
             lambda _, chain: chain.has_free_base,
-            urdf=f"a root link without a joint; that it floats, and its attitude, is {ignored}",
+            urdf=f"the root link has no joint; that it floats, and its attitude, is {custom}",
         ),
         "springs": feature(lambda _, chain: bool(chain.stiffness.any()), urdf=ignored),
         "springs between hinges": feature(lambda _, chain: len(chain.couplings) > 0, urdf=ignored, sdf=ignored),
         "springs of rotation vectors": feature(
             lambda _, chain: chain.has_rotation_springs,
-            f"springs of the angles; which of them hold rotation vectors is {ignored}",
+            f"they become springs of angles; which of them are rotation-vector springs is {custom}",
         ),
         "rotor inertia": feature(
             lambda _, chain: bool(chain.hinges["armature"].any()),
-            urdf=ignored, sdf="in drake:rotor_inertia, which only Drake reads",
+            urdf=ignored, sdf="flexlink writes drake:rotor_inertia, which only Drake reads",
         ),
         "dry friction": feature(
             lambda _, chain: bool(chain.hinges["coulomb"].any()),
-            urdf=f"the torque c in <dynamics friction>; the width w of c tanh(q̇/w) {ignored}",
-            mjcf="the torque c in frictionloss, which is disabled; the width w of c tanh(q̇/w) in user",
-            sdf=f"the torque c in <friction>, which Drake ignores; the width w of c tanh(q̇/w) {ignored}",
+            urdf=f"the torque c is in <dynamics friction>; {width} is {custom}",
+            mjcf=f"the torque c is in frictionloss, which is disabled; {width} is in user",
+            sdf=f"the torque c is in <friction>, which Drake ignores; {width} is {custom}",
         ),
         "drag": feature(
             lambda _, chain: len(chain.drag) > 0,
-            "none: links meet no air; the fluid of MuJoCo's own, by boxes or ellipsoids, has another law",
+            "links have no drag; MuJoCo's fluid model for boxes or ellipsoids follows a different law",
         ),
-        "quadratic dampers": feature(lambda _, chain: "dampers" in chain.forces, "none: the joint turns without them"),
-        "lagging friction": feature(lambda _, chain: len(chain.internal) > 0, "none: such a scene is refused"),
+        "quadratic dampers": feature(lambda _, chain: "dampers" in chain.forces, "joints are exported without them"),
+        "lagging friction": feature(lambda _, chain: len(chain.internal) > 0, "such a scene is refused"),
         "elastic gear": feature(
             lambda scene, _: any(link.joint.gear_stiffness is not None for link in scene.arm.links),
-            "two joints of one axis, first the motor, then the gear",
+            "it becomes two joints about one axis, first the motor, then the gear",
         ),
-        "prescribed motion": feature(lambda scene, _: bool(scene.motion), "no motion: the joint moves freely"),
-        "drive torques": feature(lambda scene, _: scene.drive.kind != "none", "a motor without a torque"),
+        "prescribed motion": feature(lambda scene, _: bool(scene.motion), "the joint moves freely"),
+        "drive torques": feature(lambda scene, _: scene.drive.kind != "none", "motors are exported without commands"),
         "control law": feature(
             lambda scene, _: scene.drive.kind in {"pd", "computed_torque"} or scene.drive.rate is not None,
-            "none: reference, gains and rate are left out",
+            "motors are exported without gains or reference",
         ),
-        "torque limits": feature(lambda scene, _: scene.drive.effort is not None, "none: torques are unlimited"),
-        "tip wrench": feature(lambda scene, _: scene.wrench.acts, "none"),
-        "initial state": feature(_starts_elsewhere, urdf="all zero", sdf="all zero"),
+        "torque limits": feature(lambda scene, _: scene.drive.effort is not None, "torques are unlimited"),
+        "tip wrench": feature(lambda scene, _: scene.wrench.acts, "no wrench acts"),
+        "initial state": feature(_starts_elsewhere, urdf=at_zero, sdf=at_zero),
     }  # fmt: skip
 
 
@@ -81,7 +87,7 @@ FEATURES = _features()
 
 
 def not_held(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
-    """Features of a scene that a format cannot represent, and what its file has instead.
+    """Return the features of a scene that a format cannot represent, and what happens instead.
 
     Parameters
     ----------
@@ -93,7 +99,7 @@ def not_held(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
     Returns
     -------
     dict
-        Feature: what the file has instead; empty if the file represents the whole scene.
+        Feature: what happens instead. Empty if the file represents all of the scene.
 
     Raises
     ------
@@ -106,3 +112,18 @@ def not_held(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
         for name, (there, instead) in FEATURES.items()
         if format in instead and there(scene, chain)
     }
+
+
+def storage_note(target: Path, missing: Mapping[str, str], *, format: str) -> Diagnostic:
+    """Return a note on the features of file `target` that `not_held` lists, and what happens instead."""
+    groups: dict[str, list[str]] = {}
+    for name, instead in missing.items():
+        if name != "drive torques" or "control law" not in missing:
+            groups.setdefault(instead, []).append(name)
+    parts = [f"{_and(features)}: {instead}" for instead, features in groups.items()]
+    sentences = ". It cannot store the ".join(parts)
+    return Diagnostic(f"{shown_path(target)}: {format.upper()} cannot store the {sentences}", "format-cannot-store")
+
+
+def _and(items: list[str]) -> str:
+    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)

@@ -1,17 +1,17 @@
-"""Chain → MJCF: one body per rigid segment with its hinges, the first listed nearest the base.
+"""Chain → MJCF: one body per rigid segment with its hinges, ordered from the base outwards.
 
 MuJoCo rejects moving bodies without mass. The hinges of a massless body (a free waist of length zero) are written in
-the next body with mass, with their position and axis at zero angles: every hinge moves all that follows it, so the
-motion is the same. Branches cannot begin there. Nor does MuJoCo take bodies without inertia: those that slide and never
-turn get one that moves nothing.
+the next body with mass, with their position and axis at zero angles. The motion is the same, because every hinge moves
+all bodies after it, but no branch may begin there. MuJoCo also rejects bodies without inertia. Bodies that slide and
+never rotate therefore get an inertia, which has no effect.
 
-MuJoCo's dry friction is a constraint, which is disabled; `frictionloss` only stores the Coulomb torque c, and the first
-`user` number of a joint the width w of c tanh(q̇/w). A program that runs the file must add that torque.
+MuJoCo models dry friction as a constraint, which the file disables. `frictionloss` only stores the Coulomb torque c,
+and a joint's first `user` number stores the width w of c tanh(q̇/w). A program that runs the file must add that torque.
 
-Springs and dampers between hinges are fixed tendons, see `tendons`.
+Springs and dampers between hinges are fixed tendons; see `tendons`.
 
-What MJCF rounds or cannot represent is in `user` numbers of the joints, named by the text `flexlink.user`, and in
-custom numbers: placements that are rotated or merged, inertias that are not diagonal, K_ii and D_ii of coupled springs.
+What MJCF rounds or cannot represent is stored in `user` numbers of the joints, listed in the text `flexlink.user`, and
+in custom numbers: rotated or merged placements, non-diagonal inertias, K_ii and D_ii of coupled springs.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from flexlink.formats.document import (
     rotation_springs,
     text,
     tips,
-    tree_said,
+    tree_attributes,
     valid,
     xml_joint_names,
     xml_link_names,
@@ -66,12 +66,12 @@ JOINT_ATTRIBUTES = {
     "stiffness": "stiffness", "springref": "rest", "damping": "damping", "armature": "armature",
     "frictionloss": "coulomb",
 }  # fmt: skip
-"""Attribute of <joint>: field of the hinge."""
+"""Maps attributes of <joint> to fields of the hinge."""
 USER_FIELDS = sorted(
     {*(HINGE.names or ())} - {*JOINT_ATTRIBUTES.values(), "lower", "upper"},
     key=lambda name: (name != "coulomb_width", name),
 )
-"""Fields of the hinge in `user`, the width of dry friction first; the coordinate follows them."""
+"""Fields of the hinge in `user`, starting with the width of dry friction; the coordinate follows them."""
 
 
 def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, ArrayLike] | None = None) -> str:
@@ -89,19 +89,19 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     Returns
     -------
     str
-        The document. Joints are in sequential order, those of a tree branch by branch, and named as in
-        `Chain.joint_names`; driven joints have a motor of that name. A free base is a body with `freejoint`. Body and
-        site `tip` are the tip frame; those of other branches are called as the links that end there. Numbers read back
-        exactly, but MuJoCo normalizes quaternions.
+        The document. Joints are in sequential order, branch by branch in a tree, with the names of
+        `Chain.joint_names`. Each driven joint has a motor of the same name. A floating base is a body with
+        `freejoint`. Body and site `tip` are the tip frame; tips of other branches are named after the links that end
+        there. Numbers read back exactly, except that MuJoCo normalizes quaternions.
 
     Raises
     ------
     ArgumentError
-        The chain has more bodies than MuJoCo's parser can nest, its last joints move no mass, branches begin at a point
-        that moves and has none, or MuJoCo refuses the mass or inertia of a segment; springs of a joint to others of its
-        cell are stiffer together than its own; `initial` has the wrong shape.
+        The chain nests more bodies than MuJoCo's parser accepts, its last joints move no mass, branches begin at a
+        moving point without mass, MuJoCo refuses the mass or inertia of a segment, a joint's springs to others of its
+        cell are together stiffer than its own, or `initial` has the wrong shape.
     SingularMassError
-        A coordinate moves no inertia of its own.
+        A coordinate has no inertia attached.
 
     Examples
     --------
@@ -123,15 +123,15 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     }  # fmt: skip
     ET.SubElement(root, "compiler", compiler)
     option = ET.SubElement(root, "option", integrator="RK4", gravity=decimals(chain.gravity))
-    # only gravity, springs and dampers may act, and a run that diverges must not restart by itself
+    # only gravity, springs and dampers may act, and a diverging run must not restart by itself
     disabled = ("constraint", "contact", "limit", "frictionloss", "equality", "autoreset")
     ET.SubElement(option, "flag", dict.fromkeys(disabled, "disable"))
     ET.SubElement(root, "size", nuser_jnt=str(len(USER_FIELDS) + len(Coordinate._fields)))
     own = ET.SubElement(root, "custom")
     ET.SubElement(own, "text", name="flexlink.links", data=links_text(chain))
     ET.SubElement(own, "text", name="flexlink.user", data=" ".join([*USER_FIELDS, "coordinate"]))
-    for key, said in (rotation_springs(chain) | tree_said(chain)).items():
-        ET.SubElement(own, "text", name=f"flexlink.{key}", data=said)
+    for key, value in (rotation_springs(chain) | tree_attributes(chain)).items():
+        ET.SubElement(own, "text", name=f"flexlink.{key}", data=value)
     if require_bool("shapes", shapes):
         asset = ET.SubElement(root, "asset")
         for name, rgba in colours(chain):
@@ -149,7 +149,7 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
 
 
 def depth_first(chain: Chain) -> Indices:
-    """The joints branch by branch, as MuJoCo numbers them: of branches at one body first the one that comes first."""
+    """Return the joints branch by branch, as MuJoCo numbers them; branches at one body keep their order."""
     branches: dict[int, list[int]] = {}
     for number, parent in enumerate(chain.bodies["parent"].tolist(), 1):
         branches.setdefault(parent, []).append(number)
@@ -163,7 +163,7 @@ def depth_first(chain: Chain) -> Indices:
 
 
 def _nested(chain: Chain) -> int:
-    """How many bodies hang one on another, at most."""
+    """Return the largest nesting depth of the bodies."""
     depth = [0]
     for parent in chain.bodies["parent"].tolist():
         depth.append(1 + depth[parent])
@@ -171,9 +171,9 @@ def _nested(chain: Chain) -> int:
 
 
 def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
-    """Bodies and tips, nested; `own` gets the exact values of what MJCF rounds."""
+    """Write nested bodies and tips; `own` gets the exact values of numbers that MJCF rounds."""
     joints, links, shown = xml_joint_names(chain), xml_link_names(chain), capsules_behind(chain) if shapes else {}
-    hinges, ends = _beside_tendons(chain), dict(zip(chain.tips.values(), tips(chain), strict=True))
+    hinges, ends = _without_tendons(chain), dict(zip(chain.tips.values(), tips(chain), strict=True))
     for k in sorted({*chain.couplings["inner"].tolist(), *chain.couplings["outer"].tolist()}):
         _exact(own, f"springs.{joints[k]}", *(chain.hinges[k][field] for field in SHARED))
     opened, floats, axes = [(world, HERE, list[_Hinge]())], base_joints(chain), chain.hinges["axis"] % SLIDES
@@ -186,7 +186,7 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
             _tip(parent, own, ends[b], of_arm=b == len(chain.bodies) - 1)
             opened.append(opened[0])
             continue
-        if body["stop"] < floats:  # the slides of a free base: `freejoint` is both its bodies' joints
+        if body["stop"] < floats:  # slides of a floating base: `freejoint` replaces the joints of both its bodies
             opened.append(opened[0])
             continue
         is_base = 0 < floats == body["stop"]
@@ -203,7 +203,7 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
             if not turns[b] and moments.min() < SMALLEST:
                 moments, principal = stand_in(body["mass"]), np.eye(3)
             _require_loadable(chain, body, moments)
-            moments = np.minimum(moments, _largest_possible(moments))  # removes rounding of the moments of a disc
+            moments = np.minimum(moments, _largest_possible(moments))  # removes the rounding error of a disc's moments
             _inertial(parent, body, moments, principal)
             if not np.array_equal(I := body["inertia"], np.diag(moments)):
                 _exact(own, f"inertia.{last}", *(I[place] for place in UPPER_TRIANGLE.values()))
@@ -218,7 +218,7 @@ def _bodies(world: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> N
 
 
 def _turning(chain: Chain) -> list[bool]:
-    """Which bodies turn, and do not only slide."""
+    """Return which bodies can rotate, not only slide."""
     turns, slides = [False], chain.slides
     for body in chain.bodies:
         turns.append(bool(turns[body["parent"]] or not slides[body["first"] : body["stop"]].all()))
@@ -226,12 +226,12 @@ def _turning(chain: Chain) -> list[bool]:
 
 
 def stand_in(mass: float) -> Array:
-    """Moments of inertia, for a body that has none and does not turn [kg m²]."""
+    """Return arbitrary moments of inertia [kg m²] for a body that has none and does not rotate."""
     return np.full(3, float(mass) * 0.01)
 
 
 def _require_one_way(chain: Chain, body: np.void, waiting: list[_Hinge]) -> None:
-    """Refuse hinges that wait for a body with mass if there is none, or more than one."""
+    """Refuse hinges that wait for a body with mass if no body, or more than one, follows."""
     if not waiting:
         return
     name = xml_joint_names(chain)[waiting[0].k]
@@ -241,20 +241,19 @@ def _require_one_way(chain: Chain, body: np.void, waiting: list[_Hinge]) -> None
         )
     if chain.bodies["fork"][body["parent"] - 1]:
         raise ArgumentError(
-            f"links branch off behind joint {name!r}, where there is no mass, which MuJoCo refuses; add mass, or use "
-            "URDF",
+            f"links branch off joint {name!r} at a point without mass, which MuJoCo refuses; add mass, or use URDF",
             id="joint-without-inertia",
         )
 
 
 def _tip(parent: ET.Element, own: ET.Element, tip: Tip, *, of_arm: bool) -> None:
-    """A tip frame; of another than the arm's it is said whose it is."""
+    """Write a tip frame; tips other than the arm's also store the number of their link."""
     if not of_arm:
         _exact(own, f"tip.{tip.name}", tip.link, *tip.translation, *tip.rotation.flat)
     elif not np.array_equal(tip.rotation, np.eye(3)):
         _exact(own, "tip", *tip.translation, *tip.rotation.flat)
     body = _body(parent, tip.name, Pose(tip.rotation, tip.translation))
-    # all zero; without it MuJoCo would place the centre, where forces act, elsewhere
+    # zero mass and inertia; without this element MuJoCo would move the centre, where forces act
     _inertial(body, np.zeros(1, BODY)[0], np.zeros(3), np.eye(3))
     ET.SubElement(body, "site", name=tip.name)
 
@@ -266,7 +265,7 @@ def _keyframe(parent: ET.Element, chain: Chain, initial: tuple[ArrayLike, ArrayL
     q, qd = (vector(f"initial[{k}]", value, chain.n) for k, value in enumerate(state))
     order, own = depth_first(chain), base_joints(chain)
     q, qd, place, rates = q[order], qd[order], q[:own], qd[:own]
-    if own:  # place and quaternion, velocity in frame 0 and spin in axes of the base
+    if own:  # position and quaternion; velocity in axes of frame 0 and spin in axes of the base
         R = product(chain.bodies["rotation"][1], rotations_of(place[3:]))
         place = np.array([*place[:3], *quaternion_from_matrix(R)])
         rates = np.append(rates[:3], rates_matrices(q[3:6]) @ rates[3:])
@@ -286,9 +285,9 @@ def _shape(body: ET.Element, capsule: Capsule) -> None:
 
 
 def _safe_step(chain: Chain) -> float:
-    """Half the largest stable step of RK4, rounded down to one digit, at most MuJoCo's default of 2 ms.
+    """Return half the largest stable RK4 step, rounded down to one digit, at most MuJoCo's default of 2 ms.
 
-    Of a slightly bent arm, where no two axes are parallel; most flexible links diverge with the default.
+    The arm is slightly bent, so no two axes are parallel. Most flexible links diverge with the default.
     """
     step = min(2e-3, stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4") / 2)
     digit = 10.0 ** math.floor(math.log10(step))
@@ -297,14 +296,14 @@ def _safe_step(chain: Chain) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class _Hinge:
-    """Hinge `k` with its axis and position in the frame of the current body, at zero angles."""
+    """Hinge `k`, with its axis and position in the frame of the current body at zero angles."""
 
     k: int
     axis: Array
     pos: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
     def seen_from(self, frame: Pose) -> _Hinge:
-        """The same hinge in the axes of the next body."""
+        """Return the hinge in the axes of the next body."""
         return _Hinge(self.k, product(frame.R.T, self.axis), product(frame.R.T, self.pos - frame.p))
 
     def write(self, body: ET.Element, name: str, hinge: np.void, coordinate: Coordinate) -> None:
@@ -317,8 +316,8 @@ class _Hinge:
         ET.SubElement(body, "joint", {"name": name, "type": kind} | placed | numbers | own)
 
 
-def _beside_tendons(chain: Chain) -> NDArray[np.void]:
-    """The hinges with what tendons leave of their springs and dampers."""
+def _without_tendons(chain: Chain) -> NDArray[np.void]:
+    """Return the hinges with their springs and dampers reduced by the tendons' shares."""
     if not len(chain.couplings):
         return chain.hinges
     hinges = chain.hinges.copy()

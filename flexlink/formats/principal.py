@@ -1,7 +1,7 @@
-"""Principal moments and axes of an inertia by Jacobi's method: plane rotations, each of which zeroes one product.
+"""Principal moments and axes of an inertia by Jacobi's method: each plane rotation zeroes one product of inertia.
 
-Cyclic by rows (Golub & Van Loan, Matrix Computations, 8.5.4). All sums have a fixed order, so that a file is the same
-on every CPU: the last digits of LAPACK, and the axes of nearly equal moments, depend on the BLAS.
+The order is cyclic by rows (Golub & Van Loan, Matrix Computations, 8.5.4). All sums have a fixed order, so a file is
+the same on every CPU. With LAPACK the last digits, and the axes of nearly equal moments, depend on the BLAS.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from flexlink.formats.document import (
 
 
 def principal_axes(inertia: Array) -> tuple[Array, Array]:
-    """Moments in ascending order, and the axes as columns of a rotation R: I = R diag(moments) Rᵀ."""
+    """Return the moments in ascending order, and the axes as columns of a rotation R: I = R diag(moments) Rᵀ."""
     I, R = np.array(inertia, dtype=float), np.eye(3)
-    negligible = np.finfo(float).eps ** 2 * np.abs(I).max()  # of a product that changes neither moments nor axes
-    sweeps = 5  # convergence is quadratic from the second on; for equal moments, more sweeps only add up rounding
+    negligible = np.finfo(float).eps ** 2 * np.abs(I).max()  # such a product changes neither moments nor axes
+    sweeps = 5  # convergence is quadratic from sweep 2 on; more sweeps of equal moments only add rounding errors
     for _ in range(sweeps):
         rotated = False
         for j, k in ((0, 1), (0, 2), (1, 2)):
@@ -42,7 +42,7 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
 
 
 def _rotate(I: Array, R: Array, j: int, k: int) -> None:
-    """I → Jᵀ I J and R → R J, in place, by the smaller of the angles that make I_jk zero."""
+    """Update I → Jᵀ I J and R → R J in place, with the smaller of the angles that make I_jk zero."""
     τ = (I[k, k] - I[j, j]) / (2 * I[j, k])
     t = math.copysign(1.0, τ) / (abs(τ) + math.hypot(1.0, τ))  # tan
     c = 1 / math.hypot(1.0, t)
@@ -57,14 +57,15 @@ SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL
 
 
 def _principal(body: np.void) -> tuple[Array, Array]:
-    """Principal moments and axes, to 2e-15; MuJoCo's own `fullinertia` has errors of 1e-14.
+    """Return principal moments and axes, accurate to 2e-15; MuJoCo's `fullinertia` has errors of 1e-14.
 
-    Axes within 1e-6 of the body's, and a centre within 1e-6 m of its origin, count as these for MuJoCo; Y, Z, X do not.
+    MuJoCo rounds axes within 1e-6 of the body's, and a centre within 1e-6 m of its origin, to these values,
+    but not if the axes are in the order Y, Z, X.
     """
     I, center = body["inertia"], np.abs(body["center"]).max()
     moments, axes = (np.diag(I), np.eye(3)) if np.array_equal(I, np.diag(np.diag(I))) else principal_axes(I)
     away = np.abs(axes - np.eye(3)).max()
-    near = 4e-6  # of rotations and centres [m]: more than MuJoCo neglects
+    near = 4e-6  # of rotations and centres [m]; larger than what MuJoCo neglects
     if away < near and (away or 0 < center < near):
         return moments[[1, 2, 0]], axes[:, [1, 2, 0]]
     return moments, axes
@@ -88,13 +89,13 @@ def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
 
 
 def _largest_possible(moments: Array) -> float:
-    """The sum of the two smaller moments, as MuJoCo adds them."""
+    """Return the sum of the two smaller moments, added in MuJoCo's order."""
     low, middle, _ = np.sort(moments)
     return float(low + middle)
 
 
 def _inertial(parent: ET.Element, body: np.void, moments: Array, axes: Array) -> None:
-    """Mass, centre and principal moments."""
+    """Write mass, centre and principal moments."""
     ET.SubElement(
         parent, "inertial", mass=decimals([body["mass"]]), pos=decimals(body["center"]),
         quat=decimals(quaternion_from_matrix(axes)), diaginertia=decimals(moments),

@@ -1,4 +1,4 @@
-"""A chain from the hinges, tip frames and springs that a file of ours says."""
+"""Build a chain from the hinges, tip frames and springs in a file that flexlink has written."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from flexlink.formats.strict_reading import ROUNDING, Node, plain
 from flexlink.kernels.layout import COUPLING, HINGE, SPRINGS
 
 Mass = tuple[float, Array, Array]
-"""Mass, centre and inertia."""
+"""Mass [kg], centre [m] and inertia [kg m²]."""
 
 
 class Hinge(NamedTuple):
     """A hinge of a file, and its body."""
 
     node: Node
-    parent: str  # name of the joint that it hangs on; "" the base
+    parent: str  # name of the parent joint; "": the base
     translation: Array
     rotation: Array
     numbers: dict[str, float]  # the fields of HINGE
@@ -38,8 +38,8 @@ class Hinge(NamedTuple):
     body: Mass | None  # None: no body
 
     def follows(self, before: Hinge) -> bool:
-        """Whether it moves the same body as the hinge before it."""
-        here, there = self.coordinate, before.coordinate  # springs at a root move a body of their own
+        """Whether it moves the same body as the previous hinge."""
+        here, there = self.coordinate, before.coordinate  # springs at a root move a separate body
         return before.body is None and here[:2] == there[:2] and here.of_root == there.of_root
 
 
@@ -47,14 +47,14 @@ class End(NamedTuple):
     """A tip frame of a file."""
 
     node: Node
-    link: int  # number, from 1, of the link that ends there
-    parent: str  # as of a hinge
+    link: int  # number, from 1, of the link that ends here
+    parent: str  # name of the parent joint; "": the base
     translation: Array
     rotation: Array
 
 
 def link_of(node: Node, key: str, links: Sequence[str]) -> int:
-    """Number of a link that an attribute says; without it that of the last."""
+    """Return the link number in an attribute; without the attribute, the number of the last link."""
     if node.element.get(key) is None:
         return len(links)
     number = node.number(key)
@@ -64,7 +64,7 @@ def link_of(node: Node, key: str, links: Sequence[str]) -> int:
 
 
 def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Coordinate:
-    """The three indices of a hinge."""
+    """Return the three indices of a hinge."""
     link, segment, axis = (int(number) if number == int(number) else -1 for number in numbers)
     if not (1 <= link <= len(links) and segment >= 0 and 0 <= axis < LAG):
         raise node.error(f"coordinate {list(numbers)}: expected link 1 … {len(links)}, segment, axis 0 … {LAG - 1}")
@@ -72,13 +72,13 @@ def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Co
 
 
 def limits_of(lower: float, upper: float) -> dict[str, float]:
-    """Limits of a hinge, infinite where the writer had to write some."""
+    """Return the limits of a hinge; the limits that the writer uses for unlimited joints become infinite."""
     least, most = map(float, WIDE.values())
     return {"lower": -np.inf if lower == least else lower, "upper": np.inf if upper == most else upper}
 
 
 def inertia_matrix(moments: Sequence[float]) -> Array:
-    """Symmetric, from its upper triangle in the order of `UPPER_TRIANGLE`."""
+    """Return the symmetric matrix from its upper triangle in the order of `UPPER_TRIANGLE`."""
     I = np.zeros((3, 3))
     for (row, column), moment in zip(UPPER_TRIANGLE.values(), moments, strict=True):
         I[row, column] = I[column, row] = moment
@@ -89,27 +89,27 @@ def chain_of(
     root: Node, own: Node, prefix: str, gravity: Sequence[float], links: tuple[str, ...], hinges: Sequence[Hinge],
     ends: Sequence[End], body: Mass | None, coupled: Iterable[Node],
 ) -> Chain:  # fmt: skip
-    """The chain of the hinges, without those of a free base, of base and tip frames, and of springs between hinges.
+    """Build the chain from hinges, base, tip frames and springs between hinges.
 
     Parameters
     ----------
     root
-        What errors name.
+        The root element; errors name it.
     own, prefix
-        The element with attributes of our own, and what stands before their names: the rotation of a free base and the
-        link where a wrench acts (`document.tree_said`), whose springs hold rotation vectors (`rotation_springs`).
+        The element with flexlink's custom attributes, and the prefix of their names. They are the rotation of a
+        floating base, the loaded link (`document.tree_attributes`) and rotation-vector springs (`rotation_springs`).
     gravity, links, hinges, ends
-        As read.
+        As read from the file; hinges exclude those of a floating base.
     body
-        Mass of a free base.
+        Mass of a floating base.
     coupled
-        Elements of our own, as `document.couplings` writes them.
+        Custom elements written by `document.couplings`.
 
     Raises
     ------
     DataFileError
-        There is no hinge or no tip, two hinges have the same coordinate, a hinge or tip hangs on none before it, a
-        mass, moment, spring or damper is negative, or springs between hinges are stiffer than those of the hinges.
+        There is no hinge or no tip, two hinges have the same coordinate, the parent of a hinge or tip does not
+        precede it, a mass, moment, spring or damper is negative, or springs between hinges exceed the hinges' own.
     """
     floats = own.element.get(f"{prefix}{BASE}") is not None
     attitude = own.rotation(f"{prefix}{BASE}") if floats else None
@@ -124,10 +124,10 @@ def chain_of(
         raise root.error("two joints have the same coordinate")
     bodies, tips = _bodies(ends, hinges, _base_bodies(attitude, body))
     if len(links) not in tips:
-        raise root.error("the tip frame of the arm is missing: not a file that flexlink has written")
+        raise root.error("the tip frame of the arm is missing: not a file written by flexlink")
     records = recorded(bodies)
     if floats:
-        records["turned"][1] = 1  # whatever its attitude is
+        records["turned"][1] = 1  # for any attitude
     records["loaded"][tips.get(loaded, -1)] = 1
     numbers = [tuple(hinge.numbers[field] for field in HINGE.names or ()) for hinge in hinges]
     if own.element.get(key := f"{prefix}{ROTATION_SPRINGS}"):
@@ -146,7 +146,7 @@ def chain_of(
 
 
 def _base_hinges() -> NDArray[np.void]:
-    """Those of a free base, without springs, friction and limits."""
+    """Return the hinges of a floating base, without springs, friction and limits."""
     hinges = np.zeros(free_base.JOINTS, HINGE)
     hinges["axis"], hinges["coulomb_width"] = free_base.AXES, 1.0
     hinges["lower"], hinges["upper"] = -np.inf, np.inf
@@ -154,11 +154,11 @@ def _base_hinges() -> NDArray[np.void]:
 
 
 Item = tuple[tuple[int, int], Hinge | End, Sequence[Hinge]]
-"""A body to be: its rank in the order of links, tips last; the first of its hinges, or the tip; its hinges."""
+"""A body to build: its sort key by link, with tips last; its first hinge, or the tip; its hinges."""
 
 
 def _base_bodies(attitude: Array | None, mass: Mass | None) -> list[Body]:
-    """Those of a free base, which is turned so at angles of zero; none of one that stands."""
+    """Return the bodies of a floating base with this rotation at zero angles; none for a fixed base."""
     half = free_base.JOINTS // 2
     if attitude is None:
         return []
@@ -166,7 +166,7 @@ def _base_bodies(attitude: Array | None, mass: Mass | None) -> list[Body]:
 
 
 def _bodies(ends: Sequence[End], hinges: Sequence[Hinge], base: Sequence[Body]) -> tuple[list[Body], dict[int, int]]:
-    """The bodies, those of a link before its tip, and the numbers of tips, from 0, by that of the link."""
+    """Return the bodies, each link's before its tip, and by link number the body number of its tip."""
     bodies, on, numbers = [*base], {"": len(base)}, dict[int, int]()
     stop = bodies[-1].stop if bodies else 0
     begins = [k for k in range(len(hinges)) if k == 0 or not hinges[k].follows(hinges[k - 1])]
@@ -174,13 +174,13 @@ def _bodies(ends: Sequence[End], hinges: Sequence[Hinge], base: Sequence[Body]) 
     tips = sorted(ends, key=lambda tip: tip.link)
     moving: list[Item] = [((group[0].coordinate.link, 0), group[0], group) for group in groups]
     ending: list[Item] = [((tip.link, 1), tip, []) for tip in tips]
-    for (link, _), first, group in heapq.merge(moving, ending, key=lambda item: item[0]):  # tips behind their links
+    for (link, _), first, group in heapq.merge(moving, ending, key=lambda item: item[0]):  # tips after their links
         if first.parent not in on:
-            raise first.node.error(f"hangs on {first.parent[:60]!r}, which is no joint before it")
+            raise first.node.error(f"parent {first.parent[:60]!r} is not a joint before it")
         body = Body(Pose(first.rotation, first.translation), stop, stop, on[first.parent])
         bodies.append(body)
         if not group and link in numbers:
-            raise first.node.error(f"another tip of link {link}: not a file that flexlink has written")
+            raise first.node.error(f"another tip of link {link}: not a file written by flexlink")
         if not group:
             numbers[link] = len(bodies) - 1
             continue
@@ -195,7 +195,7 @@ def _rigid(body: Mass | None) -> SpatialInertia:
 
 
 def _couplings(coupled: Iterable[Node], hinges: Sequence[Hinge], before: int) -> NDArray[np.void]:
-    """Records of dtype `COUPLING`; what a file says of the same two joints at several places is added."""
+    """Return records of dtype `COUPLING`; several entries for the same two joints add up."""
     number = {hinge.node.attribute("name"): k for k, hinge in enumerate(hinges)}
     found: dict[tuple[int, int], tuple[float, float]] = {}
     for one in coupled:
@@ -215,13 +215,13 @@ def _couplings(coupled: Iterable[Node], hinges: Sequence[Hinge], before: int) ->
             if abs(value) > most * (1 + ROUNDING):
                 raise one.error(
                     f"{field} = {value!r} between joints {inner[:60]!r} and {outer[:60]!r}: must not exceed "
-                    f"{most!r}, the geometric mean of theirs"
+                    f"{most!r}, the geometric mean of the joints' values"
                 )
     return np.array([(*pair, *constants) for pair, constants in found.items()], dtype=COUPLING)
 
 
 def _put_rotation_springs(own: Node, key: str, bodies: NDArray[np.void], axes: Sequence[int]) -> None:
-    """Write what springs hold into the bodies, whose hinges turn about `axes`."""
+    """Write the kinds of rotation-vector springs into the bodies whose hinges turn about `axes`."""
     first = {int(body["first"]): k for k, body in enumerate(bodies[:-1])}
     for pair in own.attribute(key).split():
         begin, _, kind = pair.partition(":")
@@ -232,11 +232,11 @@ def _put_rotation_springs(own: Node, key: str, bodies: NDArray[np.void], axes: S
         bodies["springs"][k] = int(kind)
     leads = np.flatnonzero(bodies["springs"] == SPRINGS.cell)
     if (bodies["springs"][leads + 1] != SPRINGS.rotation).any():
-        raise own.error(f"{own.attribute(key)[:60]!r}: after three joints with 2 must come three with 1")
+        raise own.error(f"{own.attribute(key)[:60]!r}: three joints with 2 must be followed by three with 1")
 
 
 def _require_sound(hinge: Hinge) -> None:
-    """Refuse invalid numbers; others are refused by the algorithms that need them."""
+    """Refuse invalid numbers that the algorithms do not refuse themselves."""
     for key in ("stiffness", "damping", "coulomb"):
         if hinge.numbers[key] < 0:
             raise hinge.node.error(f"{key} = {hinge.numbers[key]!r}: must not be negative")
@@ -249,4 +249,4 @@ def _require_sound(hinge: Hinge) -> None:
     if hinge.numbers["prescribed"] not in {0, 1}:
         raise hinge.node.error(f"prescribed = {hinge.numbers['prescribed']!r}: must be 0 or 1")
     if hinge.body is not None and (hinge.body[0] < 0 or np.linalg.eigvalsh(hinge.body[2])[0] < -ROUNDING):
-        raise hinge.node.error(f"mass {hinge.body[0]!r} or a moment of inertia behind it is negative")
+        raise hinge.node.error(f"mass {hinge.body[0]!r} or a moment of inertia attached to it is negative")

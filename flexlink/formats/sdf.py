@@ -1,13 +1,13 @@
-"""Chain → SDFormat 1.10: one link and one joint per coordinate, revolute or prismatic, springs and dampers included.
+"""Chain → SDFormat 1.10: one link and one revolute or prismatic joint per coordinate, with springs and dampers.
 
-All but the last link at a point are massless, which must be written: a link without `<inertial>` weighs 1 kg. Joints
-with several axes (`universal`, `ball`) are not used: Drake drops their springs without a warning. A free base is a link
-without a joint, which floats.
+All but the last link at a point are massless. This must be written, because a link without `<inertial>` weighs 1 kg.
+Joints with several axes (`universal`, `ball`) are not used, because Drake drops their springs without a warning. A
+floating base is a link without a joint.
 
-Drake reads rotors as `drake:rotor_inertia`, and only if the joint has an actuator: driven joints and those with a rotor
-have one, all others an effort of 0. It ignores the world's gravity and dry friction. What SDFormat cannot represent is
-in attributes `flexlink:…`, and springs and dampers between two joints in elements `<flexlink:coupling>` of the tip's
-frame, which parsers ignore without a warning, Drake nowhere else in a model.
+Drake reads rotor inertia from `drake:rotor_inertia`, but only if the joint has an actuator. Driven joints and joints
+with a rotor have one; all others have effort 0. Drake ignores the world's gravity and dry friction. Values that
+SDFormat cannot represent are in attributes `flexlink:…`. Springs and dampers between two joints are elements
+`<flexlink:coupling>` of the tip frame, the only place in a model where Drake ignores them without a warning.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from flexlink.formats.document import (
     UPPER_TRIANGLE,
     base_joints,
     couplings,
+    custom_values,
     decimals,
+    exact_rotation,
     joint_places,
     limits,
     links_text,
-    own_rotation,
-    own_values,
     rotation_springs,
     text,
     tips,
-    tree_said,
+    tree_attributes,
     valid,
 )
 from flexlink.kernels.layout import BODY, SLIDES
 
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb", "spring_reference": "rest", "spring_stiffness": "stiffness"}
-"""Element of <dynamics>: field of the hinge."""
+"""Maps elements of <dynamics> to fields of the hinge."""
 STANDARD_FIELDS = {*DYNAMICS.values(), "armature", "axis", "lower", "upper"}
 
 
@@ -62,14 +62,14 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     Returns
     -------
     str
-        The document: a world with gravity and one model. Joints are in sequential order and named as in
-        `Chain.joint_names`, where SDFormat allows it. Frame `tip` is the tip frame; those of other branches are called
-        as the links that end there. Numbers read back exactly, but rotations are written as roll, pitch and yaw.
+        The document: a world with gravity and one model. Joints are in sequential order, with the names of
+        `Chain.joint_names` if SDFormat allows them. Frame `tip` is the tip frame; tips of other branches are named
+        after the links that end there. Numbers read back exactly; rotations are written as roll, pitch and yaw.
 
     Raises
     ------
     ArgumentError
-        `chain` is not a Chain; a tip frame stands still.
+        `chain` is not a Chain, or a tip frame cannot move.
 
     Examples
     --------
@@ -86,7 +86,8 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     model = ET.SubElement(
         world, "model", {"name": name, "flexlink:name": valid(chain.name), "flexlink:links": links_text(chain)}
     )
-    model.attrib.update({f"flexlink:{key}": said for key, said in (rotation_springs(chain) | tree_said(chain)).items()})
+    attributes = rotation_springs(chain) | tree_attributes(chain)
+    model.attrib.update({f"flexlink:{key}": value for key, value in attributes.items()})
     shown = capsules_behind(chain) if require_bool("shapes", shapes) else {}
     if own := base_joints(chain):
         base = ET.SubElement(model, "link", name=links[own - 1])
@@ -100,7 +101,7 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     for tip, called in zip(tips(chain), frames, strict=True):
         if tip.parent < 0:
             raise ArgumentError(
-                f"link {chain.link_names[tip.link - 1]!r} does not move: a frame of SDFormat hangs on a link that does",
+                f"link {chain.link_names[tip.link - 1]!r} does not move; SDFormat attaches frames to moving links only",
                 id="sdf-fixed-link",
             )
         number = {"flexlink:link": str(tip.link)} if called != frames[-1] else {}
@@ -112,9 +113,9 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
 
 
 def sdf_names(chain: Chain) -> list[str]:
-    """Names of model, joints, links and tips, 1 + 2 n and theirs: unique, without "::" and reserved words.
+    """Return unique names of model, joints, links and tips, without "::" and reserved words.
 
-    Drake adds a frame `…_child` behind every joint. Behind all joints of a free base is the base.
+    Drake adds a frame `…_child` to every joint. All joints of a floating base share the link name of the base.
     """
     plain = [_allowed(valid(name)) for name in (chain.name, *chain.joint_names)]
     joints, own = unique(["world", "", *plain[1:]])[2:], base_joints(chain)
@@ -131,19 +132,19 @@ def _allowed(name: str) -> str:
 
 
 def _values(parent: ET.Element, values: Mapping[str, str]) -> None:
-    """SDFormat's way: one element a value."""
+    """Write one element per value, as SDFormat requires."""
     for name, value in values.items():
         ET.SubElement(parent, name).text = value
 
 
 def _pose(parent: ET.Element, translation: Array, rotation: Array, attributes: Mapping[str, str]) -> None:
-    own = {f"flexlink:{name}": value for name, value in own_rotation(rotation).items()}
+    own = {f"flexlink:{name}": value for name, value in exact_rotation(rotation).items()}
     pose = ET.SubElement(parent, "pose", {**attributes, **own})
     pose.text = decimals([*translation, *rpy_from_matrix(rotation)])
 
 
 def _contents(link: ET.Element, body: np.void, shown: list[Capsule]) -> None:
-    """The inertia of a link, and what there is to be seen of it."""
+    """Write the inertia of a link and its visual shapes."""
     _inertial(link, body)
     for number, capsule in enumerate(shown):
         _shape(link, capsule, f"capsule_{number + 1}" if number else "capsule")
@@ -166,7 +167,7 @@ def _shape(link: ET.Element, capsule: Capsule, name: str) -> None:
 
 def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, str]) -> None:
     hinge = chain.hinges[k]
-    own = {f"flexlink:{key}": value for key, value in own_values(chain, k, STANDARD_FIELDS).items()}
+    own = {f"flexlink:{key}": value for key, value in custom_values(chain, k, STANDARD_FIELDS).items()}
     kind = "prismatic" if chain.slides[k] else "revolute"
     joint = ET.SubElement(model, "joint", {"name": name, "type": kind, **own})
     _values(joint, dict(zip(("parent", "child"), ends, strict=True)))

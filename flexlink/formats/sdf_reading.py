@@ -1,4 +1,4 @@
-"""SDFormat → Chain: reads files written by `to_sdf`, exact to the bit."""
+"""SDFormat → Chain: reads files written by `to_sdf` without rounding."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from flexlink.formats.sdf import DYNAMICS, NAMESPACES, STANDARD_FIELDS, to_sdf
 from flexlink.formats.strict_reading import Node, read
 from flexlink.kernels.layout import HINGE, SLIDES
 
-OWN = f"{{{NAMESPACES['xmlns:flexlink']}}}"  # the prefix as parsers write it
+OWN = f"{{{NAMESPACES['xmlns:flexlink']}}}"  # the namespace prefix as parsers write it
 
 
 def read_sdf(text: str | bytes, *, what: str = "the SDF") -> Chain:
-    """Read an SDF file that `to_sdf` has written back to its chain; arguments and errors as in `read_urdf`."""
+    """Read an SDF file written by `to_sdf` back to its chain; parameters and errors are those of `read_urdf`."""
     return read(text, what, tag="sdf", to_chain=_chain, write=to_sdf, ignored=frozenset({"visual"}))
 
 
@@ -35,7 +35,7 @@ def _chain(sdf: Node) -> Chain:
     links, bodies, joints = model.links(f"{OWN}links"), model.all("link"), model.all("joint")
     floating = bodies[: max(0, len(bodies) - len(joints))]
     if len(bodies) < len(joints) or len(floating) > 1:
-        raise model.error(f"{len(joints)} joints, {len(bodies)} links: not a file that flexlink has written")
+        raise model.error(f"{len(joints)} joints, {len(bodies)} links: not a file written by flexlink")
     behind = {_text(joint, "child"): joint.attribute("name") for joint in joints}
     hinges = [_read_hinge(*both, links, behind) for both in zip(joints, bodies[len(floating) :], strict=True)]
     ends = [_read_end(frame, links, behind) for frame in model.all("frame")]

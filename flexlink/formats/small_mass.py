@@ -1,6 +1,6 @@
-"""Small masses for links without mass, for programs that refuse them, and how much they change.
+"""Small masses for massless links, for programs that refuse massless links, and the size of their effect.
 
-A point with several hinges has a massless link between each two of them. It gets a mass m and inertia m r², r = 0.1 m.
+A point with several hinges has a massless link between each pair. It gets a mass m and inertia m r², r = 0.1 m.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flexlink.formats.document import base_joints
 
 
 def with_small_mass(chain: Chain, *, mass: float) -> Chain:
-    """The chain with a body at every hinge; massless bodies get the mass m and the inertia m r².
+    """Return the chain with a body at every hinge; massless bodies get the mass m and the inertia m r².
 
     Parameters
     ----------
@@ -33,27 +33,27 @@ def with_small_mass(chain: Chain, *, mass: float) -> Chain:
     Returns
     -------
     Chain
-        With the same coordinates; `added_inertia` bounds the change of its motion.
+        A chain with the same coordinates; `added_inertia` bounds the change of its motion.
 
     Raises
     ------
     ArgumentError
-        `mass` is not a finite number > 0; springs hold rotation vectors of hinges at one point, between which there
-        would be bodies.
+        `mass` is not a finite number > 0, or hinges at one point have rotation-vector springs, which allow no bodies
+        between the hinges.
     """
     if require_type("chain", chain, Chain).has_rotation_springs:
         raise ArgumentError(
-            f"{chain.name!r}: its springs hold rotation vectors, which bodies between the hinges would leave without "
-            "meaning; take a lumping rule with springs = 'angles', such as gauss, or no small mass",
+            f"{chain.name!r}: rotation-vector springs do not allow masses between their hinges; use a lumping rule "
+            "with springs = 'angles', for example gauss, or no small mass",
             id="rotation-springs-in-file",
         )
     return _filled(chain, positive("mass", mass), keep=True)
 
 
 def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
-    """The largest relative change of M by small masses at a posture, δ = max vᵀ ΔM v / vᵀ M v over all v.
+    """Return the largest relative change of M by small masses, δ = max vᵀ ΔM v / vᵀ M v over all v, at q.
 
-    By Rayleigh's quotient, every natural frequency decreases by a factor of at least 1/√(1 + δ) > 1 − δ/2.
+    By Rayleigh's quotient, every natural frequency is multiplied by at least 1/√(1 + δ) > 1 − δ/2.
 
     Parameters
     ----------
@@ -62,12 +62,12 @@ def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
     q
         Joint coordinates, shape (n,) [rad, m].
     mass
-        As for `with_small_mass` [kg].
+        As in `with_small_mass` [kg].
 
     Returns
     -------
     float
-        δ; infinite if M is singular without the masses.
+        δ; infinite if M is singular without the small masses.
 
     Raises
     ------
@@ -82,11 +82,11 @@ def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
 
 
 def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
-    """One body a hinge, with mass in massless ones; without `keep` nothing else has inertia, rotors included.
+    """Return the chain with one body per hinge and mass in massless ones; without `keep` only these have inertia.
 
-    The two bodies of a free base stay: in files they are one joint.
+    The two bodies of a floating base are unchanged, because they are one joint in files.
     """
-    radius = 0.1  # of gyration [m]
+    radius = 0.1  # radius of gyration [m]
     light = SpatialInertia(mass, np.zeros(3), mass * radius**2 * np.eye(3))
     bodies, numbers, own = list[Body](), [0], base_joints(chain)
     for body in chain.bodies:

@@ -1,8 +1,8 @@
-"""What all readers do: elements that tell their location, strict numbers, and a check that nothing is ignored.
+"""Common parts of the readers: elements that report their location, strict numbers, and a check for ignored content.
 
-The readers read files of our writers, whose numbers may have been edited. The chain that was read is written again, and
-whatever differs from the file, up to rounding, is refused by name: an unknown element, another structure, a rotation
-that contradicts the exact one next to it.
+The readers read files of flexlink's writers whose numbers may have been edited. The chain that was read is written
+again. Any difference from the file beyond rounding is refused by name: an unknown element, another structure, a
+rotation that contradicts the exact one next to it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.safe_xml import numbers_of, parse
 from flexlink.common.types import Array
 
-ROUNDING = 1e-14  # of angles and quaternions, which depends on the machine's mathematical library
+ROUNDING = 1e-14  # rounding error of angles and quaternions, which depends on the machine's mathematical library
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,33 +32,33 @@ class Node:
     path: tuple[str, ...] = ()
 
     def error(self, message: str) -> DataFileError:
-        """An error with the location."""
+        """Return an error with the location."""
         return DataFileError(f"{': '.join([self.what, *self.path])}: {message}", id="file-content")
 
     def into(self, element: ET.Element) -> Node:
-        """A child of this element."""
+        """Return a child of this element."""
         return Node(element, self.what, (*self.path, _label(element))[-2:])
 
     def all(self, path: str) -> list[Node]:
-        """The elements of a path, in document order."""
+        """Return the elements of a path in document order."""
         return [self.into(one) for one in self.element.findall(path)]
 
     def one(self, path: str) -> Node:
-        """The first element of a path, which must be there."""
+        """Return the first element of a path, or raise an error if there is none."""
         found = self.element.find(path)
         if found is None:
-            raise self.error(f"<{path}> is missing: not a file that flexlink has written")
+            raise self.error(f"<{path}> is missing: not a file written by flexlink")
         return self.into(found)
 
     def attribute(self, key: str) -> str:
-        """The text of an attribute, which must be there."""
+        """Return the text of an attribute, or raise an error if there is none."""
         value = self.element.get(key)
         if value is None:
             raise self.error(f"attribute {plain(key)} is missing")
         return value
 
     def numbers(self, count: int, key: str | None = None) -> list[float]:
-        """The numbers of an attribute, or of the element's text."""
+        """Return the numbers in an attribute or in the element's text."""
         text = (self.element.text or "") if key is None else self.attribute(key)
         values = numbers_of(text)
         if values is None or len(values) != count or not np.isfinite(values).all():
@@ -67,30 +67,30 @@ class Node:
         return values
 
     def number(self, key: str | None = None) -> float:
-        """One number, as in `numbers`."""
+        """Return one number from an attribute or from the element's text."""
         return self.numbers(1, key)[0]
 
     def rotation(self, key: str) -> Array:
-        """R, row by row, in an attribute of our own; without it the identity."""
+        """Return R, row by row, from a custom attribute; the identity without it."""
         return np.eye(3) if self.element.get(key) is None else self.rotation_matrix(self.numbers(9, key))
 
     def rotation_matrix(self, values: Sequence[float]) -> Array:
-        """R of its nine elements; they must be a rotation, since angles alone would not show a stretch."""
+        """Return R from its nine elements and check that it is a rotation; angles alone would hide a stretch."""
         R = np.reshape(values, (3, 3))
-        tolerance = 1e-13  # of a product of a hundred rotations
+        tolerance = 1e-13  # rounding error of a product of a hundred rotations
         if np.abs(R @ R.T - np.eye(3)).max() > tolerance or np.linalg.det(R) < 0:
             raise self.error(f"{list(values)}: not a rotation matrix")
         return R
 
     def unit_axis(self, values: Sequence[float]) -> int:
-        """0, 1, 2 for X, Y, Z."""
+        """Return 0, 1 or 2 for X, Y or Z."""
         for axis, unit in enumerate(np.eye(3).tolist()):
             if list(values) == unit:
                 return axis
         raise self.error(f"axis {values}: expected X, Y or Z")
 
     def links(self, key: str) -> tuple[str, ...]:
-        """The names of the arm's links, as `document.links_text` writes them."""
+        """Return the names of the arm's links, written by `document.links_text`."""
         try:
             names = json.loads(self.attribute(key))
         except (ValueError, RecursionError):
@@ -104,9 +104,9 @@ def read(
     text: str | bytes, what: str, *, tag: str, to_chain: Callable[[Node], Chain], write: Callable[..., str],
     ignored: frozenset[str],
 ) -> Chain:  # fmt: skip
-    """Parse, build the chain, write it again, compare.
+    """Parse the text, build the chain, write it again and compare.
 
-    `ignored` are elements and attributes, as "element.attribute", that do not belong to the chain.
+    `ignored` lists elements and attributes ("element.attribute") that are not part of the chain.
     """
     root = Node(parse(text, what), what)
     if root.element.tag != tag:
@@ -123,7 +123,7 @@ def read(
 
 
 def _require_same(node: Node, again: ET.Element, ignored: frozenset[str]) -> None:
-    """Refuse the first difference of a file from the one that we would write."""
+    """Refuse the first difference between a file and the one that flexlink would write."""
     element = node.element
     for key in {**again.attrib, **element.attrib}:
         if f"{element.tag}.{key}" not in ignored:
@@ -134,7 +134,7 @@ def _require_same(node: Node, again: ET.Element, ignored: frozenset[str]) -> Non
     for one, other in pairs:
         if one is None or other is None or one.tag != other.tag:
             actual, expected = ("nothing more" if each is None else _label(each) for each in (one, other))
-            raise node.error(f"{actual} where flexlink writes {expected}: not a file that flexlink has written")
+            raise node.error(f"{actual} where flexlink writes {expected}: not a file written by flexlink")
         _require_same(node.into(one), other, ignored)
 
 
@@ -145,11 +145,11 @@ def _require_equal(node: Node, key: str, actual: str | None, expected: str | Non
     if one.shape == other.shape and (abs(one - other) <= ROUNDING * (1 + abs(other))).all():
         return
     here, written = ("nothing" if text is None else repr(text[:60]) for text in (actual, expected))
-    raise node.error(f"{key}{here} where flexlink writes {written}: it contradicts another number, or is unknown")
+    raise node.error(f"{key}{here} where flexlink writes {written}: unknown, or contradicts another number")
 
 
 def plain(name: str) -> str:
-    """A name without its namespace."""
+    """Return a name without its namespace."""
     return name.rpartition("}")[2]
 
 

@@ -1,12 +1,12 @@
-"""Couplings of springs as fixed tendons of MJCF.
+"""Spring couplings as fixed tendons of MJCF.
 
-A tendon of length θ_i ± θ_j with stiffness |K_ij| holds both joints by |K_ij| and couples them by ±|K_ij|, with the
-sign of K_ij; dampers likewise. The joints have what is left,
+A tendon of length θ_i ± θ_j with stiffness |K_ij| adds |K_ij| to both joint stiffnesses and ±|K_ij| to their coupling,
+with the sign of K_ij. Dampers are treated in the same way. The joints keep
 
     K_ii − Σ_j |K_ij|        D_ii − Σ_j |D_ij|
 
-which must not be negative. Without `springlength` a tendon is slack where the springs of its joints are, at their
-`springref`. If K_ij and D_ij have different signs, the damper gets a tendon of its own.
+which must not be negative. Without `springlength` a tendon is slack at the joints' `springref`, like their springs. If
+K_ij and D_ij have different signs, the damper gets a separate tendon.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from flexlink.common.types import Array
 from flexlink.formats.document import decimals
 
 SHARED = {"stiffness": ("springs", "N m/rad"), "damping": ("dampers", "N m s/rad")}
-"""Fields of the hinge that tendons take a part of: what they are called, and the unit."""
+"""Maps fields of the hinge that tendons share to their name in messages and their unit."""
 
 
 def add_tendons(root: ET.Element, chain: Chain, joints: Sequence[str]) -> None:
@@ -40,12 +40,12 @@ def add_tendons(root: ET.Element, chain: Chain, joints: Sequence[str]) -> None:
 
 
 def left_to_joints(chain: Chain, field: str) -> Array:
-    """K_ii − Σ_j |K_ij|, `field` "stiffness", or D_ii − Σ_j |D_ij|, "damping", shape (n,).
+    """Return K_ii − Σ_j |K_ij| for `field` "stiffness", or D_ii − Σ_j |D_ij| for "damping", shape (n,).
 
     Raises
     ------
     ArgumentError
-        It is negative; the message names the joint and its link.
+        A value is negative; the message names the joint and its link.
     """
     own, taken, value = chain.hinges[field], np.zeros(chain.n), np.abs(chain.couplings[field])
     for end in ("inner", "outer"):
@@ -54,23 +54,23 @@ def left_to_joints(chain: Chain, field: str) -> Array:
     if (left < 0).any():
         k, (name, unit) = int(np.argmin(left)), SHARED[field]
         raise ArgumentError(
-            f"joint {chain.joint_name(k)!r}: {name} to other joints of its cell are {taken[k]:.6g} {unit} together, "
-            f"its own {own[k]:.6g} {unit}: MuJoCo's tendons cannot hold that; {_instead(chain, k, field)}",
+            f"joint {chain.joint_name(k)!r}: {name} to other joints of its cell total {taken[k]:.6g} {unit}, more than "
+            f"its own {own[k]:.6g} {unit}: MuJoCo's tendons cannot represent that; {_instead(chain, k, field)}",
             id="tendon-stiffness",
         )
     return left
 
 
 def _instead(chain: Chain, k: int, field: str) -> str:
-    """What to do about it: dampers go beyond the springs of a cell where a ratio is to be constant."""
+    """Return the remedy; dampers exceed a cell's springs if a constant ratio is requested."""
     if field == "damping" and (chain.couplings["stiffness"] == 0).any():
         return "use damping of law = 'proportional', or URDF or SDF"
     link = chain.link_names[chain.coordinate(k).link - 1]
-    return f"use more segments in link {link!r}, along which section or material change too fast, or URDF or SDF"
+    return f"use more segments in link {link!r}, whose section or material changes too fast, or use URDF or SDF"
 
 
 def _tendons(chain: Chain) -> Iterator[tuple[int, int, int, float, float]]:
-    """Fixed tendons over two joints, with coefficients 1 and ±1: both, the sign, stiffness and damping."""
+    """Yield fixed tendons over two joints with coefficients 1 and ±1: both joints, the sign, stiffness, damping."""
     for coupling in chain.couplings:
         i, j, k, d = coupling.item()
         if k * d < 0:

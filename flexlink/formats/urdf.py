@@ -1,13 +1,12 @@
-"""Chain → URDF: one link and one joint per coordinate, revolute or prismatic; of links at a point the last has mass.
+"""Chain → URDF: one link and one revolute or prismatic joint per coordinate; the last link at a point has the mass.
 
-The base of an arm on the ground is a link without mass. A free base has its mass, and no joint: nothing else in URDF
-says that it floats, so a program that loads the file must be told.
+A fixed base is a link without mass. A floating base has its mass but no joint. URDF has no other way to mark a base as
+floating, so the program that loads the file must be configured for it.
 
-URDF has no springs. What it cannot represent is in elements of our own, which parsers ignore: `<flexlink>` in the robot
-(gravity, names of the arm's links, which springs hold rotation vectors, the rotation of a free base; in it `<coupling>`
-for each spring and damper between two joints) and in each joint (stiffness, rest, coulomb_width, armature, …, and the
-coordinate).
-Viscous damping and Coulomb torque are the standard `<dynamics damping friction>`.
+URDF has no springs. What it cannot represent is in custom elements `<flexlink>`, which parsers ignore. The one in the
+robot holds gravity, link names, rotation-vector springs and the rotation of a floating base, and a `<coupling>` for
+each spring and damper between two joints. The one in each joint holds stiffness, rest, coulomb_width, armature, … and
+the coordinate. Viscous damping and Coulomb torque are in the standard `<dynamics damping friction>`.
 """
 
 from __future__ import annotations
@@ -28,26 +27,26 @@ from flexlink.formats.document import (
     UPPER_TRIANGLE,
     WIDE,
     couplings,
+    custom_values,
     decimals,
+    exact_rotation,
     joint_places,
     limits,
     links_text,
-    own_rotation,
-    own_values,
     rotation_springs,
     text,
     tips,
-    tree_said,
+    tree_attributes,
     valid,
     xml_joint_names,
     xml_link_names,
 )
 from flexlink.kernels.layout import SLIDES
 
-# Joints that turn are `revolute`, which requires limits: Pinocchio describes `continuous` ones by two numbers.
+# Rotating joints are `revolute`, which requires limits; Pinocchio would describe `continuous` ones by two coordinates.
 LIMIT = WIDE | {"effort": "1e9", "velocity": "1e9"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb"}
-"""Attribute of <dynamics>: field of the hinge."""
+"""Maps attributes of <dynamics> to fields of the hinge."""
 STANDARD_FIELDS = {*DYNAMICS.values(), "axis", "lower", "upper"}
 
 
@@ -64,9 +63,9 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     Returns
     -------
     str
-        The document. Joints are in sequential order and named as in `Chain.joint_names`; driven joints have a
-        transmission of that name. Link `tip` is the tip frame; tip frames of other branches are called as the links
-        that end there. Numbers read back exactly, but rotations are written as roll, pitch and yaw.
+        The document. Joints are in sequential order, with the names of `Chain.joint_names`. Each driven joint has a
+        transmission of the same name. Link `tip` is the tip frame; tips of other branches are named after the links
+        that end there. Numbers read back exactly; rotations are written as roll, pitch and yaw.
 
     Raises
     ------
@@ -83,7 +82,7 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     joints, links = xml_joint_names(chain), xml_link_names(chain)
     robot = ET.Element("robot", name=valid(chain.name))
     own = ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=links_text(chain))
-    own.attrib.update(rotation_springs(chain) | tree_said(chain))
+    own.attrib.update(rotation_springs(chain) | tree_attributes(chain))
     for coupling in couplings(chain, joints):
         ET.SubElement(own, "coupling", coupling)
     if require_bool("shapes", shapes):
@@ -97,14 +96,14 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
         kind = "prismatic" if chain.slides[k] else "revolute"
         joint = _joint(robot, joints[k], kind, (links[parent + 1], links[k + 1]), (translation, rotation))
         _hinge(joint, chain, k)
-        ET.SubElement(joint, "flexlink", own_values(chain, k, STANDARD_FIELDS) | own_rotation(rotation))
+        ET.SubElement(joint, "flexlink", custom_values(chain, k, STANDARD_FIELDS) | exact_rotation(rotation))
         _contents(ET.SubElement(robot, "link", name=links[k + 1]), body, shown.get(k, []))
     ends = tips(chain)
     names = unique([*joints, "tip_joint", *(f"{tip.name}_joint" for tip in ends[:-1])])[chain.n :]
     for tip, name in zip(ends, [*names[1:], names[0]], strict=True):
         fixed = _joint(robot, name, "fixed", (links[tip.parent + 1], tip.name), (tip.translation, tip.rotation))
         number = {} if tip is ends[-1] else {"link": str(tip.link)}
-        ET.SubElement(fixed, "flexlink", number | own_rotation(tip.rotation))
+        ET.SubElement(fixed, "flexlink", number | exact_rotation(tip.rotation))
         ET.SubElement(robot, "link", name=tip.name)
     for k in chain.active:
         _motor(robot, joints[k])
@@ -128,7 +127,7 @@ def _hinge(joint: ET.Element, chain: Chain, k: int) -> None:
 
 
 def _contents(link: ET.Element, body: np.void | None, shown: list[Capsule]) -> None:
-    """The inertia of a link, if it has any, and what there is to be seen of it."""
+    """Write the inertia of a link, if it has any, and its visual shapes."""
     if body is not None:
         _inertial(link, body)
     for capsule in shown:
@@ -157,7 +156,7 @@ def _shape(link: ET.Element, capsule: Capsule) -> None:
 
 
 def _motor(robot: ET.Element, joint: str) -> None:
-    """A transmission without gear, as in ROS."""
+    """Write a transmission with reduction 1, as in ROS."""
     transmission = ET.SubElement(robot, "transmission", name=joint)
     ET.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
     interface = "hardware_interface/EffortJointInterface"

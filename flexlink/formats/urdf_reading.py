@@ -1,4 +1,4 @@
-"""URDF → Chain: reads files written by `to_urdf`, exact to the bit."""
+"""URDF → Chain: reads files written by `to_urdf` without rounding."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from flexlink.kernels.layout import HINGE, SLIDES
 
 
 def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
-    """Read a URDF that `to_urdf` has written back to its chain; other URDF files are for `import_urdf`.
+    """Read a URDF file written by `to_urdf` back to its chain; use `import_urdf` for other URDF files.
 
     Parameters
     ----------
     text
         The document; its numbers may have been edited.
     what
-        Its name for messages, such as its path.
+        Its name in messages, for example its path.
 
     Returns
     -------
     Chain
-        The chain, with exactly the numbers and rotations of the one that was written.
+        The chain, with exactly the numbers and rotations that were written.
 
     Raises
     ------
     DataFileError
-        The text is not a URDF of ours, a number is missing, not finite or negative, or contradicts another one.
+        The file was not written by flexlink, or a number is missing, not finite, negative, or contradicts another one.
     """
     return read(text, what, tag="robot", to_chain=_chain, write=to_urdf, ignored=frozenset({"visual", "material"}))
 
@@ -65,7 +65,7 @@ def _read_end(joint: Node, links: Sequence[str], behind: Mapping[str, str]) -> E
 
 
 def _parent(joint: Node, behind: Mapping[str, str]) -> str:
-    """The joint that moves the parent; "" for the base."""
+    """Return the joint that moves the parent link; "" for the base."""
     return behind.get(joint.one("parent").attribute("link"), "")
 
 

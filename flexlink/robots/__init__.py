@@ -1,1 +1,1 @@
-"""Robots of others: a URDF's tree of rigid links, what of it becomes an arm, whole or in part, and links that bend."""
+"""Import third-party robots: the tree of rigid links in a URDF, the parts that become an arm, and flexible links."""

@@ -1,4 +1,4 @@
-"""What moves of a robot as the links of a scene."""
+"""Build the links of a scene from the moving parts of a robot."""
 
 from __future__ import annotations
 
@@ -32,24 +32,24 @@ def assembled(
     armature: Mapping[str, float],
     gravity: Vector3,
 ) -> tuple[Scene, list[ImportedLink]]:
-    """The scene, and the links that its parts became; their Young's modulus is still that of their material.
+    """Return the scene and its imported links; Young's moduli are not yet tuned to frequencies.
 
     Raises
     ------
     DataFileError
-        A part's inertia, or that of a free base, is none that a body can have.
+        The inertia of a part or of a floating base is physically impossible.
     SceneError, ArgumentError
-        As in `bent`; or a negative armature.
+        As in `bent`, or an armature is negative.
     """
     names = _names(way)
     parts = list(_imported_links(way, names, flexible, armature))
     links: list[Link] = []
     starts: list[float] = []
     for number, (part, imported) in enumerate(zip(way.parts, parts, strict=True), 1):
-        links.append(_hung(imported.link, names[part.parent], links))
+        links.append(_attached(imported.link, names[part.parent], links))
         starts.append(way.positions[part.joint.name])
         for frame in _tip_frames(way, number, names, imported.link):
-            links.append(_hung(frame, names[number], links))
+            links.append(_attached(frame, names[number], links))
             starts.append(0.0)
     slides = [link.joint.slides for link in links]
     angles = tuple(0.0 if slid else math.degrees(start) for start, slid in zip(starts, slides, strict=True))
@@ -72,23 +72,23 @@ def assembled(
 
 
 def _names(way: Paths) -> list[str]:
-    """Of the base, the parts and the tips, all different; parts have those of their links.
+    """Return unique names of the base, the parts and the tips; parts have the names of their links.
 
-    One called base is renamed where another part is to say that it hangs on the base.
+    A part with the name of the base is renamed if another part must refer to the base.
     """
     links = [part.link for part in way.parts]
     tips = [tip.link if tip.link not in links else f"{tip.link} frame" for tip in way.tips]
     return unique([BASE, *links, *tips]) if way.bears(0) > 1 else [BASE, *unique([*links, *tips])]
 
 
-def _hung(link: Link, on: str, before: list[Link]) -> Link:
-    """A link that says what it hangs on, unless that is the link before it, or the base of the first."""
+def _attached(link: Link, on: str, before: list[Link]) -> Link:
+    """Return the link with `on` set, unless its parent is the previous link or, for the first link, the base."""
     default = before[-1].name if before else BASE
     return link if on == default else msgspec.structs.replace(link, on=on)
 
 
 def _base(way: Paths) -> tuple[Base, BaseState]:
-    """What the first link hangs on, and where that starts."""
+    """Return the base and its initial state."""
     if way.free_base is None:
         return Base(), BaseState()
     place, body, folded = way.free_base
@@ -104,8 +104,8 @@ def _base(way: Paths) -> tuple[Base, BaseState]:
 def _imported_links(
     way: Paths, names: list[str], flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float]
 ) -> Iterator[ImportedLink]:
-    """Link by link."""
-    stops = [np.zeros(3)]  # where the base and each link end, in the frame of their part
+    """Yield the links one by one."""
+    stops = [np.zeros(3)]  # end of the base and of each link, in the frame of its part
     for number, (part, beyond) in enumerate(zip(way.parts, way.beyond(), strict=True), 1):
         rigid = _rigid(part, names[number], stops[part.parent], armature.get(part.joint.name, 0.0))
         imported = ImportedLink(rigid)
@@ -119,7 +119,7 @@ def _imported_links(
 
 
 def _stop(link: Link) -> Array:
-    """Where a link ends, in its frame [m]."""
+    """Return the end of a link in its frame [m]."""
     return np.array(link.line[1] if link.line else (0.0, 0.0, 0.0))
 
 
@@ -131,7 +131,7 @@ def _rigid(part: Part, name: str, before: Array, armature: float) -> Link:
         raise _odd_body(part.link, part.folded, error) from None
     x, y, z = joint.axis.tolist()
     lower, upper = joint.limits or (0.0, 0.0)
-    limited = lower < upper  # many files say 0 and 0 for none
+    limited = lower < upper  # in many files 0 and 0 mean no limits
     return Link(
         name=name,
         mount=_mount(part.origin, before),
@@ -160,14 +160,14 @@ def _mount(origin: Pose, before: Array) -> Mount:
 
 
 def _tidy(degrees: float) -> float:
-    """An angle without the rounding that made 89.99999999999999 of a right one."""
+    """Round an angle to 9 decimals if that only removes a rounding error, as in 89.99999999999999."""
     near = round(degrees, 9)
-    rounding = 1e-13  # few eps of half a turn
+    rounding = 1e-13  # a few eps of 180°
     return (near if abs(degrees - near) < rounding else degrees) + 0.0
 
 
 def _tip_frames(way: Paths, number: int, names: list[str], link: Link) -> Iterator[Link]:
-    """Rigid links that lead to the frames of a part's tips; none where the part ends there, and bears nothing else."""
+    """Yield rigid links to the tip frames of a part; none if the part ends there and has no other child."""
     for k, tip in way.tips_on(number):
         mount = _mount(tip.place, _stop(link))
         if mount != Mount() or way.bears(number) > 1:

@@ -1,4 +1,4 @@
-"""Arms and robots of example-robot-data, an optional package of URDF files: a table, and where they are installed."""
+"""Arms and robots of example-robot-data, an optional package of URDF files: a table, and the installed folder."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ PACKAGE = "example-robot-data"
 
 
 class KnownArm(Spec, frozen=True):
-    """One arm or robot: its file below the package's folder of robots, and what `import_urdf` is to take."""
+    """An arm or robot: its file below the package's robots folder, and the arguments of `import_urdf`."""
 
     file: str
-    """URDF file, below the package's folder of robots."""
+    """URDF file below the package's robots folder."""
     base: str | None = None
     """Link at which the arm starts. Default: the root of the robot."""
     tip: str | tuple[str, ...] | None = None
-    """Link at which the arm ends, or several. Default: the ends of the whole robot."""
+    """Link or links at which the arm ends. Default: all ends of the robot."""
     posture: dict[str, float] = msgspec.field(default_factory=dict)
-    """Where joints are, by name [rad]; slides [m]."""
+    """Joint positions by name [rad; m for prismatic joints]."""
     locked: dict[str, float] = msgspec.field(default_factory=dict)
-    """Joints of the path that stay where they are, by name [rad]; slides [m]."""
+    """Positions of locked joints on the path, by name [rad; m for prismatic joints]."""
     flexible: dict[str, FlexibleLink] = msgspec.field(default_factory=dict)
-    """Links that bend, by name."""
+    """Flexible links, by name."""
 
     @property
     def path(self) -> Path:
-        """The installed file.
+        """Path of the installed file.
 
         Raises
         ------
@@ -54,12 +54,12 @@ class KnownArm(Spec, frozen=True):
 
 @functools.cache
 def folder() -> Path:
-    """Where the robots of example-robot-data are installed: its files lie below a prefix of their own.
+    """Return the folder in which example-robot-data installs its robots, below the package's own prefix.
 
     Raises
     ------
     MissingDependencyError
-        It is not installed.
+        The package is not installed.
     """
     try:
         package = importlib.metadata.distribution(PACKAGE)
@@ -71,11 +71,11 @@ def folder() -> Path:
         before, inside, _ = file.as_posix().partition(f"/{PACKAGE}/robots/")
         if inside:
             return Path(str(package.locate_file(before + inside)))
-    raise MissingDependencyError(f"{PACKAGE} {package.version} has no folder of robots", id="package-missing")
+    raise MissingDependencyError(f"{PACKAGE} {package.version} has no robots folder", id="package-missing")
 
 
 def known_arms() -> dict[str, KnownArm]:
-    """All arms of the table, by name; those with flexible links also rigid."""
+    """Return all arms of the table by name; an arm with flexible links also has a rigid entry."""
     table: dict[str, KnownArm] = decode(read_toml(Path(__file__).parent / "data" / "arms.toml"), dict[str, KnownArm])
     arms: dict[str, KnownArm] = {}
     for name, arm in table.items():
@@ -86,12 +86,12 @@ def known_arms() -> dict[str, KnownArm]:
 
 
 def known_arm(name: str) -> KnownArm:
-    """The arm of this name.
+    """Return the arm with this name.
 
     Raises
     ------
     ArgumentError
-        There is none.
+        There is no such arm.
     """
     arms = known_arms()
     if name not in arms:
@@ -104,7 +104,7 @@ def known_arm(name: str) -> KnownArm:
 
 
 def import_known(name: str) -> ImportResult:
-    """What `import_urdf` makes of an arm of the table; its scene has the name of the arm."""
+    """Import an arm of the table with `import_urdf`; its scene has the name of the arm."""
     arm = known_arm(name)
     imported = import_urdf(
         arm.path, base=arm.base, tip=arm.tip, posture=arm.posture, locked=arm.locked, flexible=arm.flexible

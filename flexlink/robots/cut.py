@@ -1,15 +1,16 @@
-"""A rigid link becomes a beam with a rigid body at each end: mass, centre and inertia together stay exactly its own.
+"""Split a rigid link into a beam with a rigid body at each end, preserving total mass, centre and inertia exactly.
 
     link = beam + root + end
 
-The rest, link − beam, of mass m, centre c and covariance Σ, is shared by the lever rule: its end gets the part
-s = (c − a)·x̂ / L of the mass, where the beam runs from a along x̂ by L. Along the line both stand where they keep the
-second moment, at c − v √(s / (1 − s) m) and c + v √((1 − s) / s m), v = Σ x̂ / √(x̂ᵀ Σ x̂); what varies across it, the
-Schur complement Σ − v vᵀ ⪰ 0, they have in the same shares. So both are bodies that can be whenever the rest is one.
+The remainder, link − beam, has mass m, centre c and covariance Σ. The lever rule divides it: the end body gets the
+fraction s = (c − a)·x̂ / L of the mass, for a beam of length L from a along x̂. Along the line the two bodies preserve
+the second moment at c − v √(s / (1 − s) m) and c + v √((1 − s) / s m), v = Σ x̂ / √(x̂ᵀ Σ x̂). The second moment across
+the line, the Schur complement Σ − v vᵀ ⪰ 0, is divided in the same ratio. Both bodies are physically possible whenever
+the remainder is.
 
-Largest mass of a beam: the moments of link and beam are positive semidefinite, and so must be those of the rest,
+Largest mass of a beam: the moments of link and beam are positive semidefinite. Those of the remainder must be, so
 
-    J − m J₁ ⪰ 0,   J₁ of the beam per kilogram   ⇔   m ≤ 1 / λ_max(J₁ x = λ J x)
+    J − m J₁ ⪰ 0,   J₁: moments of the beam per kilogram   ⇔   m ≤ 1 / λ_max(J₁ x = λ J x)
 """
 
 from __future__ import annotations
@@ -20,20 +21,20 @@ from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia, body_with
 
 
 def largest_mass(link: SpatialInertia, beam: SpatialInertia) -> float:
-    """The most mass [kg] that a beam of this shape, of any mass itself, can take from a link.
+    """Return the largest mass [kg] that a beam of this shape can take from a link.
 
     Parameters
     ----------
     link, beam
-        The bodies, in one frame; the beam has some mass.
+        The bodies in one frame; the beam's mass is any positive number.
     """
     J, J1 = link.moments, beam.moments / beam.mass
     size = np.sqrt(np.where(np.diag(J) > 0, np.diag(J), 1.0))
     squares, axes = np.linalg.eigh(J / np.outer(size, size))
     J1 = axes.T @ (J1 / np.outer(size, size)) @ axes
-    flat = 1e-12  # relative squared extent of a plate or a rod, after the rounding of files
+    flat = 1e-12  # relative squared extent below which a body is a plate or a rod, given the rounding of files
     there = squares > flat
-    if (np.diag(J1)[~there] > flat * np.trace(J1)).any():  # the beam is thick where the link is not
+    if (np.diag(J1)[~there] > flat * np.trace(J1)).any():  # the beam is thick in a direction in which the link is flat
         return 0.0
     scale = np.sqrt(squares[there])
     λ = np.linalg.eigvalsh(J1[np.ix_(there, there)] / np.outer(scale, scale))[-1]
@@ -41,18 +42,18 @@ def largest_mass(link: SpatialInertia, beam: SpatialInertia) -> float:
 
 
 def cut(link: SpatialInertia, beam: SpatialInertia, line: Pose, length: float) -> tuple[SpatialInertia, SpatialInertia]:
-    """What remains of a link, at the root and at the end of the beam, in the link's frame.
+    """Return the remaining bodies at the root and at the end of the beam, in the link's frame.
 
     Parameters
     ----------
     link, beam
-        The bodies, in the link's frame; the beam has less mass than `largest_mass`.
+        The bodies in the link's frame; the beam has less mass than `largest_mass`.
     line
-        Where the beam begins, x along it.
+        Start of the beam, with x along it.
     length
-        Of the beam [m].
+        Length of the beam [m].
     """
-    about = Pose(line.R, link.center)  # near to what is subtracted, and along the line: no digits are lost
+    about = Pose(line.R, link.center)  # close to the subtracted moments and along the line, so no digits are lost
     whole, part = link.moved(about.inverse), beam.moved(about.inverse)
     rest = whole.moments - part.moments
     mass, first = rest[0, 0], rest[0, 1:]

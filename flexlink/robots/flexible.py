@@ -1,4 +1,4 @@
-"""How a link of a robot is to bend, and the beam that comes of it."""
+"""Specification of a robot's flexible link, and the beam that follows from it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from flexlink.chain.rigid import Pose, SpatialInertia, body_with
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import truncated
+from flexlink.common.wording import Diagnostic, truncated
 from flexlink.describe.directions import Line, line_of
 from flexlink.describe.link import Link
 from flexlink.describe.material import Damping, Material, Section
@@ -22,42 +22,42 @@ from flexlink.robots.paths import Part
 
 
 class FlexibleLink(Spec, frozen=True):
-    """Of one link: where its beam runs, what it is made of, and how it is cut into segments.
+    """Line, material and segments of a link's beam.
 
-    The beam has `section` and `material`; with `mass` [kg] the density follows from that, and with `frequency_hz` [Hz]
-    Young's modulus: it is then the first frequency of the link clamped at its joint, everything beyond it rigid, at the
-    posture in which the arm starts, without gravity. Of a beam of which only the frequency is known, the section is a
-    thin tube of a tenth of its length, and the mass half of the largest that the link can give.
+    The beam has `section` and `material`. With `mass` [kg], the density follows from the mass. With `frequency_hz`
+    [Hz], Young's modulus follows: it is then the first frequency of the link clamped at its joint, with everything
+    beyond it rigid, in the initial configuration, without gravity. If only the frequency is given, the section is a
+    thin tube with a diameter of a tenth of its length, and the mass is half the largest that the link allows.
 
-    `line`, from one point of the link's frame to another [m], is by default the straight line from joint to joint;
+    `line`, from one point of the link's frame to another [m], is the straight line from joint to joint by default;
     `up`, `flex`, `segments`, `lumping` and `damping` are those of `Link`.
 
     Examples
     --------
-    >>> measured = fl.FlexibleLink(frequency_hz=12.0)  # a thin tube that swings so, clamped at its joint
+    >>> measured = fl.FlexibleLink(frequency_hz=12.0)  # a thin tube with this frequency, clamped at its joint
     >>> tube = fl.FlexibleLink(section=fl.Section(shape="tube", outer=0.08, inner=0.074), segments=7)
     >>> print(measured, tube.flex)
     FlexibleLink(frequency_hz=12.0) yz
     """
 
     section: Section | None = None
-    """The beam's section; with `frequency_hz` it may be left out: a thin tube of a tenth of the length."""
+    """Section of the beam. Default, with `frequency_hz`: a thin tube with a diameter of a tenth of the length."""
     material: Material = Material(young=70e9, density=2700.0, poisson=0.33)
-    """What the beam is made of."""
+    """Material of the beam."""
     mass: Positive | None = None
-    """The beam's part of the link's mass [kg]; the density follows from it."""
+    """Mass of the beam, taken from the link's mass [kg]; the density follows from it."""
     frequency_hz: Positive | None = None
-    """First frequency of the link clamped at its joint, all beyond it rigid [Hz]; E follows from it."""
+    """First frequency of the link clamped at its joint, everything beyond it rigid [Hz]; E follows from it."""
     line: tuple[Vector3, Vector3] | None = None
-    """Where the beam runs in the link's frame [m]. Default: from joint to joint."""
+    """Start and end of the beam in the link's frame [m]. Default: from joint to joint."""
     up: Vector3 | None = None
     """Direction of the section's z in the link's frame. Default: the joint's axis."""
     flex: Literal["z", "yz", "xyz"] = "yz"
-    """How the link bends: about the section's z, about y and z, or with twist, too."""
+    """Bending axes: the section's z, y and z, or y and z with twist."""
     segments: Annotated[int, msgspec.Meta(ge=2, le=1001)] = 5
-    """Rigid segments of the link."""
+    """Number of rigid segments of the link."""
     lumping: str = "gauss"
-    """Where the hinges sit: a rule's name, or the path of a rule's file."""
+    """Lumping rule, which places the hinges: its name, or the path of a rule file."""
     damping: Damping | None = None
     """Damping of the link's bending."""
 
@@ -68,23 +68,23 @@ class FlexibleLink(Spec, frozen=True):
 
 
 class ImportedLink(NamedTuple):
-    """A link of a scene; of one that bends, its own material and section, what is to be said, and what is in doubt."""
+    """A link of a scene; if it is flexible, also its material, section, note and warning."""
 
     link: Link
     material: Material | None = None
     section: Section | None = None
-    remark: str = ""
-    warning: str = ""
+    remark: Diagnostic | None = None
+    warning: Diagnostic | None = None
 
 
 def joint_to_joint(next_origin: Array) -> tuple[Vector3, Vector3]:
-    """The line from a link's joint to the next one, in the link's frame [m]."""
+    """Return the line from a link's joint to the next one, in the link's frame [m]."""
     x, y, z = next_origin.tolist()
     return (0.0, 0.0, 0.0), (x, y, z)
 
 
 def slender_mass(part: Part, next_origin: Array) -> float:
-    """The largest mass [kg] of a thin beam from joint to joint; 0 where they have no distance."""
+    """Return the largest mass [kg] of a thin beam from joint to joint; 0 if the joints coincide."""
     ends = joint_to_joint(next_origin)
     if ends[0] == ends[1]:
         return 0.0
@@ -99,20 +99,20 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
     Parameters
     ----------
     part
-        The link's body.
+        The body of the link.
     rigid
-        The link, rigid.
+        The rigid link.
     flexible
-        What is asked for.
+        Specification of the flexible link.
     next_origin
-        Of the next joint, in the link's frame [m]: where the beam ends unless a line is given.
+        Origin of the next joint in the link's frame [m]; the beam ends there unless `line` is given.
 
     Raises
     ------
     SceneError
         The line has no length.
     ArgumentError
-        The beam does not fit into the link; the message says which mass does.
+        The beam does not fit into the link; the message states the largest mass that does.
     """
     ends = flexible.line or joint_to_joint(next_origin)
     line = line_of(ends, flexible.up, part.joint.axis)
@@ -120,10 +120,10 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
     largest = largest_mass(part.body, _prism(section, 1.0, line))
     volume = section.properties.area * line.length
     mass = _mass(flexible, volume, largest)
-    if not 0 < mass < largest * (1 - 1e-6):  # at the very largest, the rest is a point or a needle
+    if not 0 < mass < largest * (1 - 1e-6):  # at the largest mass, the remainder is a point or a needle
         raise ArgumentError(
-            f"flexible: link {truncated(part.link)}: a beam of {mass:.4g} kg does not fit into its mass, "
-            f"{part.body.mass:.4g} kg, and inertia; at most {rounded_down(largest)} kg fit; give mass, a lighter "
+            f"flexible: link {truncated(part.link)}: a beam of {mass:.4g} kg does not fit into the link's mass, "
+            f"{part.body.mass:.4g} kg, and inertia; at most {rounded_down(largest)} kg fits; give mass, a lighter "
             "section or another line",
             id="beam-heavier-than-link",
         )
@@ -142,8 +142,11 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
         end=payload(end.moved(Pose(np.eye(3), -np.array(ends[1])))),
     )
     material = msgspec.structs.replace(flexible.material, density=mass / volume)
-    description = f"beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg"
-    return ImportedLink(link, material, section, f"{part.link}: {description}", _warning(part, largest))
+    remark = Diagnostic(
+        f"{part.link}: beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg",
+        "flexible-link",
+    )
+    return ImportedLink(link, material, section, remark, _warning(part, flexible, largest))
 
 
 def _mass(flexible: FlexibleLink, volume: float, largest: float) -> float:
@@ -152,32 +155,36 @@ def _mass(flexible: FlexibleLink, volume: float, largest: float) -> float:
     return flexible.mass or 0.5 * largest
 
 
-def _warning(part: Part, largest: float) -> str:
+def _warning(part: Part, flexible: FlexibleLink, largest: float) -> Diagnostic | None:
     share = largest / part.body.mass
     if share >= 0.1:
-        return ""
-    return f"{part.link}: only {share:.1%} of its mass fit into a beam along this line; check line"
+        return None
+    beam, remedy = ("along `line`", "check") if flexible.line else ("from joint to joint", "set")
+    return Diagnostic(
+        f"{part.link}: a beam {beam} can carry only {100 * share:.2g} % of the link's mass; {remedy} `line`",
+        "beam-light",
+    )
 
 
 def payload(body: SpatialInertia) -> RigidBody:
-    """A body in the words of a scene; where only rounding makes it one that cannot be, the nearest that can.
+    """Return a body as a `RigidBody`; an inertia that is impossible only by rounding becomes the nearest possible one.
 
     Raises
     ------
     SceneError
-        No body can have this inertia; what is below the rounding of its second moment about the origin is forgiven.
+        The inertia is impossible by more than the rounding error of its second moment about the origin.
     """
     try:
-        return _said(body)
+        return _rigid_body(body)
     except SceneError:
         λ, V = np.linalg.eigh(body.covariance)
         if λ[0] < -ROUNDING * (λ[-1] + body.mass * body.center @ body.center):
             raise
-        return _said(body_with(body.mass, body.center, (V * np.maximum(λ, 0.0)) @ V.T))
+        return _rigid_body(body_with(body.mass, body.center, (V * np.maximum(λ, 0.0)) @ V.T))
 
 
-def _said(body: SpatialInertia) -> RigidBody:
-    """Three moments where there are no products."""
+def _rigid_body(body: SpatialInertia) -> RigidBody:
+    """Return a body as a `RigidBody`, with three moments only if all products of inertia are zero."""
     inertia = (body.inertia + body.inertia.T) / 2
     xx, yy, zz, xy, xz, yz = (float(inertia[j, k]) for j, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
     products = (xy, xz, yz) if xy or xz or yz else ()
@@ -186,7 +193,7 @@ def _said(body: SpatialInertia) -> RigidBody:
 
 
 def rounded_down(value: float) -> str:
-    """Four digits of a positive number, none of them rounded up."""
+    """Format a positive number with four digits, rounded down."""
     if value <= 0:
         return "0"
     unit = 10.0 ** (math.floor(math.log10(value)) - 3)
@@ -194,13 +201,13 @@ def rounded_down(value: float) -> str:
 
 
 def _tube(length: float) -> Section:
-    """A tube of a tenth of its length, its wall a twentieth of that."""
+    """Return a tube whose diameter is a tenth of its length and whose wall is a twentieth of the diameter."""
     outer = length / 10
     return Section(shape="tube", outer=outer, inner=outer * (1 - 2 / 20))
 
 
 def _prism(section: Section, mass: float, line: Line) -> SpatialInertia:
-    """A uniform beam, I = m diag((I_y + I_z)/A, I_y/A + L²/12, I_z/A + L²/12), in the link's frame."""
+    """Return a uniform beam, I = m diag((I_y + I_z)/A, I_y/A + L²/12, I_z/A + L²/12), in the link's frame."""
     area, i_y, i_z, _ = section.properties
     L = line.length
     inertia = mass * np.diag([(i_y + i_z) / area, i_y / area + L**2 / 12, i_z / area + L**2 / 12])

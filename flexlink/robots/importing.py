@@ -1,4 +1,4 @@
-"""A robot's URDF → a scene: the whole tree, or the paths to some links, as an arm, some of whose links bend."""
+"""URDF → scene: import a robot, or the paths to some of its links, as an arm; links may be flexible."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import html_lines
-from flexlink.common.wording import short_list, truncated
+from flexlink.common.wording import Diagnostic, short_list, truncated
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3
 from flexlink.robots.assembly import assembled
@@ -27,27 +27,27 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class ImportResult:
-    """What became of a robot.
+    """The imported robot.
 
     Attributes
     ----------
     scene
-        The arm, at rest at the stated posture, undriven.
+        The arm, at rest in the given configuration, without a drive.
     path
-        Joints, bodies and positions that it was made of.
+        Joints, bodies and positions from which it was built.
     largest_beams
-        By link, the most mass [kg] that a thin beam from joint to joint can have; 0 where they have no distance.
+        For each link, the largest mass [kg] of a thin beam from joint to joint; 0 if the joints coincide.
     notes
-        What was folded, held, left out, and what a flexible link is made of: a line each.
+        One line for each joint or link that was folded, fixed or ignored, and for each flexible link.
     warnings
-        Doubts: a beam beside the mass of its link, a joint that follows one that moves, and stays.
+        Doubtful results: a beam much lighter than its link, or a fixed joint that mimics a moving one.
     """
 
     scene: Scene
     path: Paths
     largest_beams: Mapping[str, float]
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]
+    notes: tuple[Diagnostic, ...]
+    warnings: tuple[Diagnostic, ...]
 
     def __repr__(self) -> str:
         return f"<ImportResult {self.scene.name!r}: {_span(self.path)}>"
@@ -71,56 +71,56 @@ def import_urdf(
     armature: Mapping[str, float] = NOTHING,
     gravity: Vector3 = (0.0, 0.0, -9.81),
 ) -> ImportResult:
-    """Read a robot from a URDF file and make a scene of it, whole, or of the paths to some of its links.
+    """Read a robot from a URDF file and make a scene of all of it, or of the paths to some of its links.
 
-    All joints that turn or slide are joints of the scene, each after the one that it hangs on, path by path in the
-    file's order; where several hang on a link, links say what they hang `on`. Fixed joints are folded: mass, centre and
-    inertia are kept. Where `tip` is given, only what is on the way there moves, and whatever hangs on it, side
-    branches, grippers, is rigid at the stated posture, as followers, joints that mimic others, always are.
+    All hinges and sliding joints become joints of the scene, each after its parent, path by path in the file's
+    order. If a link has several children, they name it with `on`. Fixed joints are folded; mass, centre and inertia are
+    preserved. If `tip` is given, only joints on the way there move. Everything attached to that path, such as side
+    branches and grippers, is rigid in the given configuration. Joints that mimic other joints are always rigid.
 
     Parameters
     ----------
     path
-        The file; it alone is read. Or what `read_robot` has made of it.
+        The URDF file, without its meshes, or the result of `read_robot`.
     base
-        Link where the paths begin; by default the root. Frame 0 is the root's.
+        Link where the paths begin; by default the root. Frame 0 is the root's frame.
     tip
-        Link where a path ends, or several. By default the ends of the whole robot, beyond the last joint of each path.
+        Link or links where the paths end. Default: all ends of the robot, beyond the last joint of each path.
     free_base
-        Whether the base floats: its link and what is fixed to it are the scene's `base`, and what is not beyond it is
-        left out.
+        Whether the base floats. Its link and everything fixed to it become the scene's `base`; links not beyond it are
+        ignored.
     posture
-        Positions by joint [rad; m of a slide]: at which free joints start, and at which others stay. Unless stated 0,
-        or, where the limits exclude it, their middle. A joint that mimics another follows it.
+        Positions by joint [rad; m if sliding]: initial positions of free joints, constant positions of others.
+        Default 0, or the middle of the limits if they exclude 0. Mimicking joints follow their leader.
     locked
-        Positions by joint on the way [rad; m of a slide] that stay there.
+        Positions of joints on the path that are locked, by joint [rad; m if sliding].
     flexible
-        Links on the way that bend, by name; what hangs on such a link hangs on the end of its beam.
+        Flexible links on the path, by name; children of such a link are attached to the end of its beam.
     armature
-        Rotor inertias by joint [kg m²; kg of a slide], seen at the joint; URDF has none.
+        Rotor inertias by joint, reflected to the joint [kg m²; kg if sliding]; URDF has none.
     gravity
-        Acceleration [m/s²] in the root's frame, whose Z points up.
+        Gravitational acceleration [m/s²] in the root's frame, whose Z points up.
 
     Returns
     -------
     ImportResult
-        The scene, and what was done.
+        The scene, and notes on the import.
 
     Raises
     ------
     ArgumentError
-        No dict, a name that the robot does not have, no such path, a joint on it that floats, moves in a plane or
-        follows another, a position beyond limits, a joint in `posture` and in `locked`, or a beam that does not fit
+        A table is not a dict, a name or path does not exist in the robot, a joint on the path is floating, planar or
+        mimics another, a position is beyond limits, a joint is in both `posture` and `locked`, or a beam does not fit
         into its link.
     DataFileError
-        The file is no URDF, or says what cannot be; or the inertia of a folded link is none that a body can have, or
-        that of a free base; or nothing has inertia that a joint moves on the way to a tip that is named.
+        The file is not a valid URDF, a folded link or the floating base has an impossible inertia, or no joint on the
+        way to a named tip moves any inertia.
     SceneError
-        A value of `flexible` or `armature` that cannot be.
+        A value of `flexible` or `armature` is invalid.
 
     Examples
     --------
-    >>> bends = {"upper_arm": fl.FlexibleLink(frequency_hz=8.0)}  # the rest stays rigid
+    >>> bends = {"upper_arm": fl.FlexibleLink(frequency_hz=8.0)}  # all other links are rigid
     >>> found = fl.import_urdf("examples/reach_arm.urdf", flexible=bends, posture={"shoulder": 0.9})
     >>> found
     <ImportResult 'reach_arm': 5 joints from base to flange>
@@ -144,13 +144,14 @@ def import_urdf(
             scene = tuned(scene, one.link.name, hertz)
     largest = {part.link: slender_mass(part, beyond.p) for part, beyond in zip(way.parts, way.beyond(), strict=True)}
     stated = {*posture, *locked}
-    notes = [*_notes(robot, way, stated, lifeless), *filter(None, (one.remark for one in parts)), *_beams(way, largest)]
-    warnings = [*filter(None, (one.warning for one in parts)), *_left_behind(robot, way)]
+    remarks = [one.remark for one in parts if one.remark is not None]
+    notes = [*_notes(robot, way, stated, lifeless), *remarks, *([] if flexible else _beams(way, largest))]
+    warnings = [*(one.warning for one in parts if one.warning is not None), *_left_behind(robot, way)]
     return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
 
 
 def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
-    for link, asked in flexible.items():
+    for link, specified in flexible.items():
         holders = [part.link for part in way.parts if link in part.folded]
         if holders:
             raise ArgumentError(
@@ -163,9 +164,9 @@ def _check_links(way: Paths, flexible: Mapping[str, FlexibleLink]) -> None:
                 f"flexible: link {truncated(link)} is not between base and tip; allowed are {allowed}",
                 id="unknown-link",
             )
-        if not isinstance(asked, FlexibleLink):
+        if not isinstance(specified, FlexibleLink):
             raise ArgumentError(
-                f"flexible: {truncated(link)} = {truncated(asked)}: expected a FlexibleLink", id="wrong-type"
+                f"flexible: {truncated(link)} = {truncated(specified)}: expected a FlexibleLink", id="wrong-type"
             )
 
 
@@ -187,49 +188,63 @@ def _span(way: Paths) -> str:
     return f"{len(way.parts)} joints from {way.base} to {short_list([tip.link for tip in way.tips])}"
 
 
-def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]) -> list[str]:
-    """What was done to the robot, a line each."""
+def _notes(robot: Robot, way: Paths, stated: set[str], lifeless: tuple[str, ...]) -> list[Diagnostic]:
+    """Return notes on how the robot was changed."""
+    notes: list[Diagnostic] = []
+
+    def note(id: str, text: str) -> None:
+        notes.append(Diagnostic(text, id))
+
     moving = sum(part.body.mass for part in way.parts)
-    notes = [f"{robot.name}: {_span(way)}; moving mass {moving:.6g} kg"]
+    note("imported", f"{robot.name}: {_span(way)}; moving mass {moving:.6g} kg")
     if way.free_base is not None:
         others = short_list([*way.free_base.folded]) or "nothing else"
-        notes.append(f"{way.base}: the base, free, {way.free_base.body.mass:.6g} kg; includes {others}")
+        note("imported-base", f"{way.base}: the floating base, {way.free_base.body.mass:.6g} kg; includes {others}")
     for part in way.parts:
         if part.folded:
-            notes.append(f"{part.link}: includes {short_list(part.folded)}, which do not move relative to it")
+            note("link-folded", f"{part.link}: includes {short_list(part.folded)}, which do not move relative to it")
         start, limits = way.positions[part.joint.name], part.joint.limits
         if start and part.joint.name not in stated:
-            unit = "rad" if part.joint.turns else "m"
-            notes.append(f"{part.joint.name}: starts at {start:.4g} {unit}, the middle of its limits, which exclude 0")
+            position = f"{start:.4g} {'rad' if part.joint.turns else 'm'}"
+            note("joint-start", f"{part.joint.name}: starts at {position}, the middle of its limits, which exclude 0")
         if limits is not None and limits[0] == limits[1]:
-            notes.append(f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} are equal: ignored")
+            note("limits-equal", f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} are equal and ignored")
     if lifeless:
-        notes.append(f"nothing beyond them has inertia, they do not move: {short_list(lifeless)}")
+        note("joint-without-inertia", f"joints with no inertia attached are fixed: {short_list(lifeless)}")
     if way.held:
         positions = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
-        notes.append(f"fixed at [rad, m]: {short_list(positions)}")
-    left_out = [f"{count} {name}" for name, count in robot.left_out.items()]
-    notes.append("ignored: " + ", ".join(["limits of effort and velocity", *left_out]))
+        note("joint-fixed", f"fixed at [rad, m]: {short_list(positions)}")
+    ignored = [f"{count} {name}" for name, count in robot.left_out.items()]
+    note("ignored", "ignored: " + ", ".join(["limits of effort and velocity", *ignored]))
     return notes
 
 
-def _left_behind(robot: Robot, way: Paths) -> list[str]:
-    """Followers of joints that move."""
+def _left_behind(robot: Robot, way: Paths) -> list[Diagnostic]:
+    """Return warnings about fixed joints that mimic moving ones."""
     free = [part.joint.name for part in way.parts]
     leaders = {name: robot.leader(robot.joints[name]).name for name in way.held}
     moving = {name: leader for name, leader in leaders.items() if leader in free}
-    return [f"{name}: mimics {leader}, which moves; here {name} does not" for name, leader in moving.items()]
+    return [
+        Diagnostic(f"{name}: mimics {leader}, which moves; here {name} does not", "mimic-fixed")
+        for name, leader in moving.items()
+    ]
 
 
-def _beams(way: Paths, largest: Mapping[str, float]) -> list[str]:
-    """The largest beam of each link."""
-    least = 0.01  # below, the joints are too close, or not beside the body's mass
+def _beams(way: Paths, largest: Mapping[str, float]) -> list[Diagnostic]:
+    """Return a note on the largest beam of each link."""
+    least = 0.01  # share of the link's mass; below it, the joints are too close, or the mass is far from their line
     share = {part.link: largest[part.link] / part.body.mass for part in way.parts if part.body.mass}
     notes = [
-        f"{part.link}: at most {rounded_down(largest[part.link])} of its {part.body.mass:.4g} kg can be modelled as a "
-        "bending beam from joint to joint"
+        Diagnostic(
+            f"{part.link}: a beam from joint to joint can carry at most {rounded_down(largest[part.link])} of its "
+            f"{part.body.mass:.4g} kg",
+            "largest-beam",
+        )
         for part in way.parts
         if share.get(part.link, 0.0) >= least
     ]
     others = [part.link for part in way.parts if share.get(part.link, 0.0) < least]
-    return [*notes, f"too compact for a beam from joint to joint: {short_list(others)}"] if others else notes
+    if others:
+        compact = f"too compact for a beam from joint to joint: {short_list(others)}"
+        notes.append(Diagnostic(compact, "no-beam"))
+    return notes

@@ -1,4 +1,4 @@
-"""A robot as URDF says it: rigid links, joined to a tree; what is no tree is refused by name."""
+"""A robot as URDF describes it: rigid links joined to a tree; anything that is not a tree is refused by name."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", 
 
 @dataclasses.dataclass(frozen=True)
 class Mimic:
-    """A joint that follows another: position = multiplier · that of `leader` + offset."""
+    """Rule of a joint that follows another: position = multiplier · position of `leader` + offset."""
 
     leader: str
     multiplier: float
@@ -31,8 +31,8 @@ class Mimic:
 class TreeJoint:
     """A joint of a robot: the frame of the link `child` in that of the link `parent`, at position 0.
 
-    `axis` is a unit vector in the child's frame; `limits` are positions [rad, m], None where there are none;
-    `damping` [N m s/rad, N s/m], `friction` [N m, N].
+    `axis` is a unit vector in the child's frame. `limits` are positions [rad, m], or None. `damping` is in N m s/rad or
+    N s/m, `friction` in N m or N.
     """
 
     name: str
@@ -48,7 +48,7 @@ class TreeJoint:
 
     @property
     def turns(self) -> bool:
-        """Whether it is a hinge."""
+        """Whether it is revolute or continuous."""
         return self.kind in {"revolute", "continuous"}
 
     @property
@@ -57,14 +57,14 @@ class TreeJoint:
         return self.kind != "fixed"
 
     def pose(self, position: float) -> Pose:
-        """The child's frame in the parent's at a position; floating and planar joints stay where they are at 0."""
+        """Return the child's frame in the parent's; floating and planar joints ignore `position`."""
         if self.kind == "prismatic":
             return self.origin.then(Pose(np.eye(3), self.axis * position))
         return self.origin.then(Pose(_turn(self.axis, position), np.zeros(3))) if self.turns else self.origin
 
 
 def _turn(axis: Array, angle: float) -> Array:
-    """Rodrigues' rotation about a unit vector."""
+    """Return Rodrigues' rotation about a unit vector."""
     x, y, z = axis
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     R: Array = np.eye(3) + math.sin(angle) * K + (1 - math.cos(angle)) * (K @ K)
@@ -73,24 +73,24 @@ def _turn(axis: Array, angle: float) -> Array:
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Robot:
-    """Links by name, and joints by name, which make a tree.
+    """Links and joints by name, which form a tree.
 
     Attributes
     ----------
     name
         Name of the robot.
     links
-        The rigid body of each link in its frame, massless where the file gives none.
+        The rigid body of each link in its frame; massless if the file gives no inertia.
     joints
         Joints by name, in the file's order.
     left_out
-        Elements of the file that say nothing about motion, or that flexlink does not know: how many of each name.
+        Numbers of ignored elements of the file by name; they do not affect motion, or flexlink does not support them.
 
     Raises
     ------
     DataFileError
-        No tree: no links, a joint to a link that is not there, a link that hangs on two joints, several roots, a loop;
-        or joints that mimic in a circle, or one that is not there.
+        The robot is not a tree (no links, a missing link, a link with two parent joints, several roots, a loop), or
+        joints mimic each other in a circle or mimic a missing joint.
     """
 
     name: str
@@ -116,7 +116,7 @@ class Robot:
 
     @functools.cached_property
     def above(self) -> dict[str, TreeJoint]:
-        """The joint on which each link but the root hangs."""
+        """Parent joint of each link except the root."""
         parents: dict[str, TreeJoint] = {}
         for joint in self.joints.values():
             other = parents.setdefault(joint.child, joint)
@@ -131,7 +131,7 @@ class Robot:
 
     @functools.cached_property
     def below(self) -> dict[str, list[TreeJoint]]:
-        """The joints that hang on each link."""
+        """Child joints of each link."""
         children: dict[str, list[TreeJoint]] = {link: [] for link in self.links}
         for joint in self.joints.values():
             children[joint.parent].append(joint)
@@ -139,18 +139,18 @@ class Robot:
 
     @functools.cached_property
     def root(self) -> str:
-        """The link that hangs on no joint."""
+        """The link without a parent joint."""
         return next(link for link in self.links if link not in self.above)
 
     def outward(self, base: str, stop: Collection[str] = ()) -> list[str]:
-        """`base` and all links beyond it, each after the one that it hangs on, but not beyond the joints `stop`."""
+        """Return `base` and all links beyond it, parents first, but no links beyond the joints `stop`."""
         links = [base]
-        for link in links:  # grows on the way
+        for link in links:  # grows during the loop
             links += [joint.child for joint in self.below[link] if joint.name not in stop]
         return links
 
     def beyond(self, base: str) -> list[TreeJoint]:
-        """All joints beyond a link, path by path, in the file's order where several hang on one link."""
+        """Return all joints beyond a link, path by path; children of one link are in the file's order."""
         joints, open_ends = [], self.below[base][::-1]
         while open_ends:
             joints.append(open_ends.pop())
@@ -158,7 +158,7 @@ class Robot:
         return joints
 
     def path(self, base: str, tip: str) -> list[TreeJoint] | None:
-        """Joints from `base` outward to `tip`; None if `tip` does not lie beyond `base`."""
+        """Return the joints from `base` outward to `tip`; None if `tip` does not lie beyond `base`."""
         joints: list[TreeJoint] = []
         while tip != base:
             if tip not in self.above:
@@ -168,13 +168,13 @@ class Robot:
         return joints[::-1]
 
     def leader(self, joint: TreeJoint) -> TreeJoint:
-        """The joint that a follower follows in the end; of any other itself."""
+        """Return the joint at the start of a chain of mimicking joints; the joint itself if it mimics none."""
         while joint.mimic is not None:
             joint = self.joints[joint.mimic.leader]
         return joint
 
     def position(self, joint: TreeJoint, posture: Mapping[str, float]) -> float:
-        """Position [rad, m] of a joint at a posture: its own, or what follows from the joint that it mimics; or 0."""
+        """Return the position [rad, m] of a joint: from `posture`, from the joint that it mimics, or 0."""
         scale, shift = 1.0, 0.0
         while joint.mimic is not None and joint.name not in posture:
             shift += scale * joint.mimic.offset
@@ -199,16 +199,16 @@ def _check_roots(robot: Robot) -> None:
 
 
 def _check_mimics(robot: Robot) -> None:
-    fine: set[str] = set()
+    checked: set[str] = set()
     for start in robot.joints.values():
         joint, way = start, {start.name: None}
-        while joint.mimic is not None and joint.name not in fine:
+        while joint.mimic is not None and joint.name not in checked:
             leader = joint.mimic.leader
             if leader not in robot.joints:
                 raise DataFileError(
                     f"joint {truncated(joint.name)}: mimics {truncated(leader)}, which does not exist", id="mimic"
                 )
-            fine.add(joint.name)  # unless this way leads back to it
+            checked.add(joint.name)  # unless this path leads back to it
             joint = robot.joints[leader]
             if leader in way:
                 raise DataFileError(

@@ -1,4 +1,4 @@
-"""Joints beyond which nothing has inertia: M would be singular. Of a whole robot they stay where they are."""
+"""Joints with no inertia attached, which would make M singular; an import without named tips fixes them."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ def living_paths(
     free_base: bool,
     rotors: Collection[str],
 ) -> tuple[Paths, tuple[str, ...]]:
-    """What moves of a robot, and the joints that stay because nothing beyond them has inertia.
+    """Return the moving parts of a robot, and the joints that are fixed because nothing beyond them has inertia.
 
-    `rotors` are the joints that have an armature; the others as in `paths`, where `tip` None is the whole robot.
+    `rotors` are the joints with an armature. The other parameters are those of `paths`; `tip` None means all ends.
 
     Raises
     ------
     ArgumentError
         As in `paths`.
     DataFileError
-        Nothing has inertia that a joint on the way to a tip that is named moves, or any joint at all; or no link has.
+        A joint on the way to a named tip has no inertia attached, no joint has, or no link has inertia.
     """
     still: dict[str, None] = {}
     while True:
@@ -41,11 +41,9 @@ def living_paths(
             return found, tuple(still)
         if tip is not None or len(lifeless) == len(found.parts):
             if not any(body.mass or body.inertia.any() for body in robot.links.values()):
-                raise DataFileError(
-                    "no link of this file has mass; give the links that move their <inertial>", id="no-mass"
-                )
+                raise DataFileError("no link of this file has mass; give the moving links an <inertial>", id="no-mass")
             part = lifeless[-1]
-            hint = f", as by --tip {part.joint.parent}" if part.parent else ""
+            hint = f", for example --tip {part.joint.parent}" if part.parent else ""
             raise DataFileError(
                 f"link {truncated(part.link)}: nothing beyond its joint has inertia; choose a tip before it{hint}",
                 id="no-mass",
@@ -54,8 +52,8 @@ def living_paths(
 
 
 def _lifeless(way: Paths, rotors: Collection[str]) -> list[Part]:
-    """Parts without inertia about their joint on which nothing hangs but others without any."""
-    alive = [False] * (len(way.parts) + 1)  # or carries something, which may move about another axis
+    """Return the parts without inertia about their joint whose children are also without inertia."""
+    alive = [False] * (len(way.parts) + 1)  # also True if a part carries inertia, which may move about another axis
     found = []
     for number in range(len(way.parts), 0, -1):
         part = way.parts[number - 1]
@@ -68,9 +66,9 @@ def _lifeless(way: Paths, rotors: Collection[str]) -> list[Part]:
 
 
 def _moved(part: Part) -> float:
-    """Mass [kg] that a slide moves, inertia [kg m²] about a hinge."""
+    """Return the mass [kg] that a sliding joint moves, or the inertia [kg m²] about a hinge."""
     try:
         body = payload(part.body)
-    except SceneError:  # which is told when it becomes a link
+    except SceneError:  # reported when the part becomes a link
         return math.inf
     return body.about(part.joint.axis) if part.joint.turns else body.mass

@@ -1,4 +1,4 @@
-"""The paths through a robot from a link to its tips, with all else as rigid parts of them or of what does not move."""
+"""Paths through a robot from a link to its tips; everything else becomes a rigid part of them or of the base."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from flexlink.robots.positions import check_stated, known, positions_of
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """What moves with one free joint: the link behind it and all that hangs rigidly on that.
+    """The bodies that move with one free joint: the link behind it and everything rigidly attached to that link.
 
-    It hangs on the part number `parent`, from 1, or on the base, 0. `origin` is the frame of `link`, at position 0, in
-    the frame of that part (on a fixed base: in the root's frame, on a free one in the frame of its link), `body` is in
-    that frame; `folded` are the other links that it is made of.
+    `parent` is the number of the parent part, from 1, or 0 for the base. `origin` is the frame of `link` at position 0
+    in the frame of that part (fixed base: in the root's frame; floating base: in the frame of its link). `body` is in
+    the frame of `link`; `folded` names the other links of the part.
     """
 
     joint: TreeJoint
@@ -33,7 +33,7 @@ class Part:
 
 
 class Tip(NamedTuple):
-    """A link where a path ends: its frame in that of the part, numbered from 1, that it belongs to."""
+    """A link where a path ends: the number of its part, from 1, and its frame in that of the part."""
 
     link: str
     part: int
@@ -41,7 +41,7 @@ class Tip(NamedTuple):
 
 
 class FreeBase(NamedTuple):
-    """The base's link with all that hangs rigidly on it: its frame in the root's, its body in that frame."""
+    """A floating base: the frame of its link in the root's frame, and its body with all rigidly attached links."""
 
     place: Pose
     body: SpatialInertia
@@ -50,10 +50,10 @@ class FreeBase(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Paths:
-    """What moves of a robot: its parts from the base outward, path by path, and the tips.
+    """The moving parts of a robot from the base outward, path by path, and the tips.
 
-    `positions` [rad, m] are those of all joints of the robot; `held` names the joints of it that could move, do not,
-    and matter: those before the base, and those between links of one part. `free_base` is None of one that is fixed.
+    `positions` [rad, m] contains all joints of the robot. `held` names movable joints that are fixed and matter: those
+    before the base, and those between links of one part. `free_base` is None for a fixed base.
     """
 
     base: str
@@ -75,17 +75,17 @@ class Paths:
         return Counter(part.parent for part in self.parts)
 
     def tips_on(self, number: int) -> list[tuple[int, Tip]]:
-        """Tips of a part, by its number from 1, each with its own from 0."""
+        """Return the tips of a part, by its number from 1, each with the tip's number from 0."""
         return self._tips_on.get(number, [])
 
     def bears(self, number: int) -> int:
-        """How many parts hang on one, and tips are on it."""
+        """Number of parts and tips attached to a part."""
         return self._parents[number] + len(self.tips_on(number))
 
     def beyond(self) -> list[Pose]:
-        """By part, the next joint, or where none is the tip, in its frame; of several joints the one with most beyond.
+        """Return for each part the frame of the next joint or, without one, of the tip; a beam ends there.
 
-        That is where a beam from joint to joint ends.
+        If a part has several child joints, the one with the most joints beyond it counts.
         """
         joints = [1] * (len(self.parts) + 1)
         for number in range(len(self.parts), 0, -1):
@@ -108,32 +108,32 @@ def paths(
     free_base: bool = False,
     still: Collection[str] = (),
 ) -> Paths:
-    """What moves of a robot.
+    """Find the moving parts of a robot.
 
     Parameters
     ----------
     robot
         The robot.
     base
-        A link; by default the root.
+        Link where the paths begin; by default the root.
     tip
-        A link or several: what is on the way to them moves. By default all joints beyond the base do but those that
-        mimic others, and tips are the ends.
+        Link or links; the joints on the way to them move. By default all joints beyond the base except mimicking ones
+        move, and the tips are the ends.
     posture
-        Positions [rad; prismatic m] of joints: where free ones start, and where others stay. Unless stated 0, or, if
-        the limits exclude that, their middle. A joint that mimics another follows it.
+        Positions of joints [rad; m if prismatic]: initial for free ones, constant for others. Default 0, or the middle
+        of the limits if they exclude 0. Mimicking joints follow their leader.
     locked
-        Positions of joints on the way that stay there, too.
+        Positions of joints on the path that are locked.
     free_base
-        Whether the base's link floats; what is not beyond it is then left out.
+        Whether the base's link floats; links not beyond it are then ignored.
     still
-        Other joints on the way that stay where they are.
+        Other joints on the path that are fixed.
 
     Raises
     ------
     ArgumentError
-        A name that the robot does not have, a position beyond limits, of what has none, or stated twice, no path from
-        base outward to tip, no free joint on it, or one that cannot be.
+        The robot lacks a name, a position is beyond limits, given twice or given for a joint that has none, or there is
+        no path from base outward to tip, or none with a joint that can move freely.
     """
     base = robot.root if base is None else known("base", base, robot.links)
     check_stated(robot, posture, locked)
@@ -164,16 +164,16 @@ def paths(
 
 
 def _named(robot: Robot, tip: str | Sequence[str]) -> list[str]:
-    """Tips that a user names, each once."""
+    """Return the tips that the user names, each once."""
     several = isinstance(tip, Sequence) and not isinstance(tip, str)
     names = [known("tip", name, robot.links) for name in (tip if several else [tip])]
     if not names:
-        raise ArgumentError(f"tip = {tip!r}: name a link, or leave it out for the whole robot", id="unknown-link")
+        raise ArgumentError(f"tip = {tip!r}: name a link, or leave it out for the complete robot", id="unknown-link")
     return list(dict.fromkeys(names))
 
 
 def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]:
-    """The joints from the base to the tips, or to all links, each path to its end."""
+    """Return the joints from the base to the tips, or to all links, path by path."""
     if tips is None:
         return robot.beyond(base)
     wanted: dict[str, None] = {}
@@ -191,18 +191,18 @@ def _way(robot: Robot, base: str, tips: Sequence[str] | None) -> list[TreeJoint]
 
 
 def _check_fit(joint: TreeJoint, span: str) -> None:
-    """A joint can be a free one of an arm."""
+    """Check that a joint can be a free joint of an arm."""
     if joint.kind in {"floating", "planar"}:
         base = f"--base {joint.child}{' --free-base' * (joint.kind == 'floating')}"
         raise ArgumentError(
             f"joint {truncated(joint.name)}, {span}, is {joint.kind}; only hinges and slides can move: begin beyond "
-            f"it, as by {base}, or name tips that are not beyond it",
+            f"it, for example with {base}, or name tips that are not beyond it",
             id="joint-type-in-file",
         )
     if joint.mimic is not None:
         raise ArgumentError(
-            f"joint {truncated(joint.name)}, {span}, mimics {truncated(joint.mimic.leader)}; "
-            f"it cannot move by itself: fix it, as by --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}",
+            f"joint {truncated(joint.name)}, {span}, mimics {truncated(joint.mimic.leader)}; it cannot move by itself: "
+            f"lock it, for example with --locked {joint.name}=0.0{'' if joint.turns else ' (m)'}",
             id="mimic",
         )
 
@@ -214,7 +214,7 @@ def _parts(
     positions: Mapping[str, float],
     places: dict[str, tuple[int, Pose]],
 ) -> tuple[tuple[Part, ...], dict[str, tuple[int, Pose]]]:
-    """Parts, and the links of the way, each with the number of its part and its frame in that."""
+    """Return the parts, and for each link on the way the number of its part and its frame in that part."""
     parts: list[Part] = []
     for joint in way:
         number, pose = places[joint.parent]
@@ -228,13 +228,13 @@ def _parts(
 
 
 def _ends(robot: Robot, parts: Sequence[Part], moving: Collection[str]) -> list[str]:
-    """Of each part on which none hangs, the last link of it that no other joint could move."""
+    """Return for each part without children its last link that no other joint could move."""
     stems = {part.parent for part in parts}
     return [robot.outward(part.link, moving)[-1] for k, part in enumerate(parts, 1) if k not in stems]
 
 
 def _held(robot: Robot, found: Paths) -> tuple[str, ...]:
-    """Joints that could move, do not, and matter: before the parts, or between links of one part or of a free base."""
+    """Return movable joints that are fixed and matter: before the parts, or within a part or the floating base."""
     start = robot.root if found.free_base is None else found.base
     before: dict[str, None] = {}
     for part in found.parts:
@@ -256,9 +256,9 @@ def _along(way: Sequence[TreeJoint], positions: Mapping[str, float]) -> Pose:
 def _folded(
     robot: Robot, first: str, free: Collection[str], positions: Mapping[str, float]
 ) -> tuple[SpatialInertia, tuple[str, ...]]:
-    """A link and all beyond it that no free joint moves, as one body in its frame, and their names without its own.
+    """Merge a link and everything beyond it that no free joint moves; also return the names of the other links.
 
-    Each is joined to that on which it hangs, outermost first.
+    The body is in the frame of the link. Each body is added to its parent, outermost first.
     """
     links = robot.outward(first, free)
     bodies = {link: robot.links[link] for link in links}

@@ -1,4 +1,4 @@
-"""Where the joints of a robot are: what is stated of them, and what follows for the others."""
+"""Positions of a robot's joints: the given ones are checked, the others follow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexlink.robots.kinematic_tree import Robot, TreeJoint
 
 
 def positions_of(robot: Robot, stated: Mapping[str, float]) -> dict[str, float]:
-    """Of every joint; what is not stated is 0, or in the middle of limits that exclude 0."""
+    """Return the position of every joint; by default 0, or the middle of the limits if they exclude 0."""
     leaders = dict(stated)
     for joint in robot.joints.values():
         if joint.limits is not None and joint.mimic is None and joint.name not in leaders:
@@ -22,12 +22,12 @@ def positions_of(robot: Robot, stated: Mapping[str, float]) -> dict[str, float]:
 
 
 def check_stated(robot: Robot, posture: Mapping[str, float], locked: Mapping[str, float]) -> None:
-    """Positions that a user states are of joints that have one, and within their limits.
+    """Check that the given positions belong to joints that have one, and are within the limits.
 
     Raises
     ------
     ArgumentError
-        The message names the joint, its value and what is allowed.
+        A position is invalid; the message names the joint, its value and the allowed range.
     """
     for key, stated in (("posture", posture), ("locked", locked)):
         for name, value in stated.items():
@@ -35,17 +35,17 @@ def check_stated(robot: Robot, posture: Mapping[str, float], locked: Mapping[str
     for name in locked:
         if name in posture:
             raise ArgumentError(
-                f"joint {truncated(name)}: is in posture and in locked; leave it out of posture", id="both-given"
+                f"joint {truncated(name)}: in posture and in locked; remove it from posture", id="both-given"
             )
 
 
 def known(key: str, name: object, names: Mapping[str, object]) -> str:
-    """A name that is among some.
+    """Check that a name is one of `names`.
 
     Raises
     ------
     ArgumentError
-        It is not.
+        The name is unknown.
     """
     if not isinstance(name, str) or name not in names:
         allowed = f"{short_list(list(names))}{did_you_mean(name, names)}"
@@ -54,7 +54,7 @@ def known(key: str, name: object, names: Mapping[str, object]) -> str:
 
 
 def finite(value: object) -> float | None:
-    """A number, NumPy's or Python's, that is finite; None for anything else."""
+    """Return a finite NumPy or Python number as float; None for anything else."""
     number = to_builtin(value)
     if isinstance(number, bool) or not isinstance(number, int | float):
         return None
@@ -81,10 +81,10 @@ def _check(robot: Robot, key: str, name: object, value: object) -> None:
         )
     lower, upper = joint.limits or (-math.inf, math.inf)
     if not lower <= number <= upper and lower < upper:
-        given, low, high = (_said(joint, position) for position in (number, lower, upper))
+        given, low, high = (_with_unit(joint, position) for position in (number, lower, upper))
         raise ArgumentError(f"{key}: {truncated(name)} = {given}: must be between {low} and {high}", id="out-of-range")
 
 
-def _said(joint: TreeJoint, position: float) -> str:
-    """A position with its unit, of a hinge in degrees, too, in which the command line takes it."""
+def _with_unit(joint: TreeJoint, position: float) -> str:
+    """Format a position with its unit; for a hinge also in degrees, as on the command line."""
     return f"{position!r} rad ({math.degrees(position):.6g}°)" if joint.turns else f"{position!r} m"

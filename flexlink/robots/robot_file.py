@@ -1,7 +1,7 @@
-"""URDF → `Robot`: masses, placements, joints; pictures, meshes and whatever else says nothing about motion is left out.
+"""URDF → `Robot`: read masses, placements and joints; ignore everything that does not affect motion, such as meshes.
 
-Strict where other readers are lenient: a number is a decimal number (no `nan`, no `1,5`, which some read as 0 or 1),
-what the format requires must be there, nothing is given twice. The file alone is read: no mesh, entity or package.
+The reader is stricter than others. A number must be a decimal number (not `nan`, nor `1,5`, which some readers take as
+0 or 1), required values must be present, and nothing may be given twice. It opens no other files, such as meshes.
 """
 
 from __future__ import annotations
@@ -18,44 +18,44 @@ from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, SceneError
-from flexlink.common.files import read_regular
+from flexlink.common.files import read_regular, shown_path
 from flexlink.common.types import Array
 from flexlink.common.wording import did_you_mean, truncated
 from flexlink.data.documents import require_path
 from flexlink.describe.directions import unit
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
 
-LARGEST = 1e9  # SI: no robot has more of anything, and all that is made of it is a number of float64
+LARGEST = 1e9  # SI; larger than any value of a robot, and small enough that derived values fit into float64
 
 
 def read_robot(path: str | Path) -> Robot:
-    """Read a robot.
+    """Read a robot from a URDF file.
 
     Parameters
     ----------
     path
-        A URDF file; a xacro file is to be expanded first.
+        A URDF file; a xacro file must be expanded first.
 
     Returns
     -------
     Robot
-        As the file says, in SI units and radians.
+        The robot in SI units and radians.
 
     Raises
     ------
     ArgumentError
-        `path` is no path.
+        `path` is not a path.
     DataFileError
-        The message names the file, the link or joint, the value and what is allowed.
+        The file is invalid; the message names the file, the link or joint, the value and what is allowed.
     """
     path = require_path("path", path)
     data = read_regular(path, largest=safe_xml.LARGEST, error=DataFileError)
-    root = safe_xml.parse(data, str(path))
+    root = safe_xml.parse(data, shown_path(path))
     try:
         return _robot(root)
     except DataFileError as error:
         hint = "; this is a xacro file: expand it first" if b"xacro:" in data or b"${" in data else ""
-        raise DataFileError(f"{path}: {error}{hint}") from None
+        raise DataFileError(f"{shown_path(path)}: {error}{hint}") from None
 
 
 def _robot(root: ET.Element) -> Robot:
@@ -67,7 +67,7 @@ def _robot(root: ET.Element) -> Robot:
         raise DataFileError(
             "<flexlink>: this file was exported by flexlink; load its scene instead", id="exported-by-flexlink"
         )
-    longest, most_links = 10_000, 5_000  # characters of an attribute: no path is longer; a humanoid has 130 links
+    longest, most_links = 10_000, 5_000  # characters of an attribute; links (a humanoid has 130)
     for element in root.iter():
         if "xacro" in element.tag.partition("}")[0]:  # the namespace
             raise DataFileError(f"<xacro:{truncated(element.tag.partition('}')[2])[1:-1]}>: a macro", id="xacro")
@@ -101,12 +101,12 @@ def _new_name(element: ET.Element, known: dict[str, SpatialInertia] | dict[str, 
     if not name:
         raise DataFileError(f"{element.tag} {len(known) + 1}: name: missing", id="missing-in-file")
     if name in known:
-        raise DataFileError(f"{_said(element)}: this name is used twice", id="name-twice")
+        raise DataFileError(f"{_label(element)}: this name is used twice", id="name-twice")
     return name
 
 
-def _said(element: ET.Element) -> str:
-    """A link or joint in a message."""
+def _label(element: ET.Element) -> str:
+    """Return the name of a link or joint for a message."""
     return f"{element.tag} {truncated(element.get('name'))}"
 
 
@@ -134,7 +134,7 @@ def _text(element: ET.Element, key: str, about: str) -> str:
 def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) -> list[float]:
     values = safe_xml.numbers_of(text)
     if values is None or len(values) != count:
-        wanted = "a finite number" if count == 1 else f"{count} finite numbers with blanks between"
+        wanted = "a finite number" if count == 1 else f"{count} finite numbers separated by blanks"
         raise DataFileError(f"{about} = {truncated(text)}: expected {wanted}", id="number-in-file")
     if max(map(abs, values)) > largest:
         raise DataFileError(f"{about} = {truncated(text)}: must be at most {largest:g} (SI units)", id="number-in-file")
@@ -144,7 +144,7 @@ def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) ->
 def _number(
     element: ET.Element | None, key: str, about: str, default: float | None = None, largest: float = LARGEST
 ) -> float:
-    """An attribute that is a number; one without default must be there."""
+    """Return a numerical attribute; without a default it must be present."""
     text = None if element is None else element.get(key)
     if element is None or (text is None and default is not None):
         return default or 0.0
@@ -173,7 +173,7 @@ def _origin(parent: ET.Element, about: str) -> Pose:
 
 
 def _body(link: ET.Element) -> SpatialInertia:
-    about = _said(link)
+    about = _label(link)
     inertial = _one(link, "inertial", about)
     if inertial is None:
         return NOTHING
@@ -185,7 +185,7 @@ def _body(link: ET.Element) -> SpatialInertia:
 
 
 def _joint(element: ET.Element, name: str) -> TreeJoint:
-    about = _said(element)
+    about = _label(element)
     kind = _kind(element, about)
     dynamics, mimic = _one(element, "dynamics", about), _one(element, "mimic", about)
     return TreeJoint(
@@ -229,7 +229,7 @@ def _limits(element: ET.Element, kind: JointKind, about: str) -> tuple[float, fl
         raise DataFileError(
             f"{about}: <limit> from {lower!r} to {upper!r}: lower must not exceed upper", id="limits-order"
         )
-    return (lower, upper) if max(abs(lower), abs(upper)) <= LARGEST else None  # 1e16 is said for none
+    return (lower, upper) if max(abs(lower), abs(upper)) <= LARGEST else None  # some files write 1e16 for no limit
 
 
 def _mimic(element: ET.Element, about: str) -> Mimic:

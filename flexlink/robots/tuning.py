@@ -1,6 +1,7 @@
-"""The stiffness of a beam from a frequency that was measured.
+"""Find a beam's Young's modulus from a measured frequency.
 
-Springs are proportional to E, and without gravity nothing else is stiff: f ∝ √E. One evaluation gives E = E₀ (f/f₀)².
+Springs are proportional to E, and without gravity there is no other stiffness: f ∝ √E. One evaluation gives
+E = E₀ (f/f₀)².
 """
 
 from __future__ import annotations
@@ -18,7 +19,10 @@ from flexlink.dynamics.vibration.modal import natural_frequencies
 
 
 def clamped_frequency(scene: Scene, link: str) -> float:
-    """First frequency [Hz] of a link clamped at its joint, everything beyond it rigid, where it starts, no gravity."""
+    """Return the first frequency [Hz] of a link clamped at its joint, in the initial configuration, without gravity.
+
+    Everything beyond the link is rigid.
+    """
     chain = lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
     number = scene.arm.number(link)
     q = np.zeros(chain.n)
@@ -29,25 +33,25 @@ def clamped_frequency(scene: Scene, link: str) -> float:
 
 
 def tuned(scene: Scene, link: str, hertz: float) -> Scene:
-    """The scene with the Young's modulus of a link's own material such that `clamped_frequency` is `hertz`.
+    """Return the scene with the link's Young's modulus set so that `clamped_frequency` is `hertz`.
 
     Raises
     ------
     ArgumentError
-        Frequencies of this size are not proportional to √E in float64, or take an E beyond it.
+        Frequencies of this size are not proportional to √E in float64, or E would overflow.
     """
     name = scene.arm.links[scene.arm.number(link) - 1].material or link
     material, ratio = scene.arm.materials[name], hertz / clamped_frequency(scene, link)
     young = material.young * (ratio * ratio)
-    asked = f"flexible: link {truncated(link)}: frequency_hz = {hertz!r}"
+    specified = f"flexible: link {truncated(link)}: frequency_hz = {hertz!r}"
     if not 0 < young < math.inf:
         raise ArgumentError(
-            f"{asked}: needs young = {young:g} Pa, which is outside the range of float64", id="frequency-out-of-reach"
+            f"{specified}: needs young = {young:g} Pa, outside the range of float64", id="frequency-out-of-reach"
         )
     stiff = msgspec.structs.replace(material, young=young)
-    # not by a path: the name may hold any character
+    # do not use a path, because the name may contain any character
     stiffened = scene.varied({"material": scene.arm.materials | {name: stiff}})
     reached = clamped_frequency(stiffened, link)
     if not abs(reached / hertz - 1) <= 1e-6:
-        raise ArgumentError(f"{asked}: young = {young:.4g} Pa gives {reached:.9g} Hz", id="frequency-out-of-reach")
+        raise ArgumentError(f"{specified}: young = {young:.4g} Pa gives {reached:.9g} Hz", id="frequency-out-of-reach")
     return stiffened

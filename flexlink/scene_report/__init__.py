@@ -1,1 +1,1 @@
-"""The report on a user's own scene."""
+"""The report on a user's scene."""

@@ -1,4 +1,4 @@
-"""An arm in pictures that are true to scale: Scene.plot, Chain.plot, and what figures of the report are made of."""
+"""Pictures of an arm, true to scale: Scene.plot, Chain.plot, and the arm in figures of the report."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from flexlink.results.pictures.view import View, views_of
 
 
 def plot_scene(scene: Scene) -> Figure:
-    """The arm where the scene starts; errors as in `initial_state`."""
+    """Plot the arm in the initial state of the scene; `initial_state` lists the errors."""
     chain = lump(scene)
     return plot_chain(chain, initial_state(scene, chain)[0])
 
 
 def plot_chain(chain: Chain, q: ArrayLike | None) -> Figure:
-    """The arm at the angles q (n,) [rad]; None: joints at zero, springs slack."""
+    """Plot the arm at the angles q (n,) [rad]; None: joints at zero, springs relaxed."""
     placed = frames(chain, chain.rest if q is None else np.asarray(q))
     points, rails = placed.points, unslid(chain, placed.rotations, placed.points)
     seen = points[max(base_body(chain) - 1, 0) :]
@@ -40,7 +40,7 @@ def plot_chain(chain: Chain, q: ArrayLike | None) -> Figure:
 
 
 def panels(views: list[View], chain: Chain, points: Array) -> tuple[Figure, list[Axes]]:
-    """A panel a view, in which these points (…, 3) fit at one scale, and the base where it is fixed."""
+    """Return one panel per view; all show these points (…, 3) at the same scale, and the base if it is fixed."""
     shown = points.reshape(-1, 3)
     if not base_body(chain):
         shown = np.concatenate([np.zeros((1, 3)), shown])
@@ -60,7 +60,7 @@ def panels(views: list[View], chain: Chain, points: Array) -> tuple[Figure, list
 
 
 def draw_arm(axes: Axes, view: View, points: Array, chain: Chain, rails: Array | None = None) -> None:
-    """The arm as lines between the origins of its bodies: springs are dots, driven joints rings, tips stars."""
+    """Draw the arm as lines between body origins: springs are dots, driven joints rings, tips stars."""
     axes.plot(*view.flat(as_lines(chain, points, rails=rails)), color=BLUE, linewidth=2.2, zorder=2)
     base = base_body(chain)
     at = points[base - 1 : base] if base else np.zeros((1, 3))
@@ -81,5 +81,5 @@ def draw_arm(axes: Axes, view: View, points: Array, chain: Chain, rails: Array |
 def draw_shadow(
     axes: Axes, view: View, points: Array, chain: Chain, label: str | None = None, colour: str = GREY
 ) -> None:
-    """An arm as a thin line."""
+    """Draw an arm as a thin line."""
     axes.plot(*view.flat(as_lines(chain, points)), color=colour, linewidth=1.0, zorder=1, label=label)

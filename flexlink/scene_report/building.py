@@ -1,4 +1,4 @@
-"""The page of a report on one scene: chapter after chapter, what fails as a sentence, and all files beside it."""
+"""Build the page of a report on one scene, chapter by chapter, with its files; a failed chapter becomes a sentence."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ CHAPTERS = {
     "accuracy": ("Accuracy and cost", "Accuracy and cost"),
     "reproduce": ("How to reproduce", "Reproduce"),
 }
-"""Modules of `flexlink.scene_report.parts`, in the order of the page: heading, and name in the list of chapters."""
+"""Modules of `flexlink.scene_report.parts` in page order: heading, and name in the table of contents."""
 
 
 def build(study: Study, folder: Path, progress: Callable[[str], None]) -> Report:
-    """Write all files; the page last, and whole. Errors as in `report`."""
-    study.chain  # noqa: B018  without one there is nothing to report on
+    """Write all files, and finally the complete page; `report` lists the errors."""
+    study.chain  # noqa: B018  fail early: without a chain there is nothing to report
     make_folder(folder)
     definitions: dict[str, str] = {}
     chapters: list[Chapter] = []
@@ -61,12 +61,12 @@ def build(study: Study, folder: Path, progress: Callable[[str], None]) -> Report
 
 
 def _part(name: str, study: Study) -> Part | str | None:
-    """What a chapter holds; None if there is nothing to say, the reason if it cannot be computed."""
+    """Return the content of a chapter; None if it does not apply, the reason if it cannot be computed."""
     module = importlib.import_module(f"flexlink.scene_report.parts.{name}")
     try:
         with mpl.rc_context(RC), np.errstate(all="ignore"):
             part: Part | None = module.made(study)
-    except Exception as error:  # of whatever engine: the other chapters are not lost by it
+    except Exception as error:  # from any engine; it must not stop the other chapters
         reason = str(error) if isinstance(error, FlexlinkError) else f"{type(error).__name__}: {error}"
         return " ".join(reason.split())
     return part

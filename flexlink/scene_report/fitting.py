@@ -1,8 +1,8 @@
-"""Which number of a scene, were it another, would bring its run to what was measured: each tried alone.
+"""Fit a scene's parameters to a measurement one at a time, to find the one that best explains the difference.
 
-    min over x of Σ r(x)²        r = (run − measured) / size of the column, at all times
+    min over x of Σ r(x)²        r = (run − measured) / scale of the column, at all times
 
-A quick fit of one number each, the sizes in place of noise. The spread takes what is left for autocorrelated noise.
+Each fit is quick and has one parameter; scales replace the noise. The spread assumes that residuals are autocorrelated.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from flexlink.results.trajectory import Trajectory
 
 
 class Tried(NamedTuple):
-    """A number that may be wrong: its path, what it is, and its value in the scene."""
+    """A parameter that may be wrong: its path, a description, and its value in the scene."""
 
     path: str
     what: str
@@ -37,31 +37,31 @@ class Tried(NamedTuple):
 
     @property
     def is_angle(self) -> bool:
-        """Whether it is a start [deg, m], of which any may be zero; all others are positive."""
+        """Whether it is an initial position [deg, m], which may be zero; all other parameters are positive."""
         return self.path.startswith("initial.joint_")
 
     @property
     def sign(self) -> str:
-        """Unit of a start, as it follows its number."""
+        """Unit of an initial position, to be appended to its value."""
         return " m" if self.path.startswith("initial.joint_m") else "°"
 
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """The value of a number with which the run is closest to what was measured.
+    """The value of a parameter for which the run is closest to the measurement.
 
     Attributes
     ----------
     number
-        The number.
+        The parameter.
     value, spread
-        Best value, and its standard deviation, in the number's own unit.
+        Best value and its standard deviation, in the parameter's unit.
     explained
-        Part of the mean square difference that is gone with it.
+        Fraction of the mean square difference that this value removes.
     off
-        Root mean square difference of every column that is left [SI].
+        Remaining root mean square difference of each column [SI].
     run
-        The run with it.
+        The run with the best value.
     """
 
     number: Tried
@@ -73,17 +73,17 @@ class Fit:
 
     @property
     def factor(self) -> float | None:
-        """Best value over the scene's; None of an angle."""
+        """Best value divided by the scene's; None for an initial position."""
         return None if self.number.is_angle else self.value / self.number.value
 
     @property
     def left(self) -> float:
-        """Root mean square of the differences over what it was."""
+        """Root mean square difference after the fit divided by that before."""
         return math.sqrt(max(1.0 - self.explained, 0.0))
 
 
 def numbers_of(scene: Scene) -> Iterator[Tried]:
-    """Numbers of a scene that arms seldom know well: stiffness, density, payload, damping, friction, angles."""
+    """Yield parameters that are seldom known well: stiffness, density, payload, damping, friction, initial position."""
     arm = scene.arm
     for name in dict.fromkeys(link.material for link in arm.links if link.flex != "rigid" and link.material):
         material, of = arm.materials[name], f"material.{quoted(name)}"
@@ -118,12 +118,12 @@ def numbers_of(scene: Scene) -> Iterator[Tried]:
 
 
 def quoted(name: str) -> str:
-    """A name as a part of a path."""
+    """Return a name, quoted if necessary, as part of a path."""
     return f'"{name}"' if "." in name else name
 
 
 class Comparison:
-    """A scene's run beside what was measured."""
+    """Comparison of a scene's run with a measurement."""
 
     def __init__(self, scene: Scene, run: Trajectory, measured: Measured) -> None:
         inside = (measured.t >= run.t[0]) & (measured.t <= run.t[-1])
@@ -139,48 +139,48 @@ class Comparison:
             self.scene = scene.varied({"run.duration": max(last, scene.run.spacing)})
 
     def at_times(self, run: Trajectory) -> dict[str, Array]:
-        """The measured columns as a run has them, by cubic splines through its samples."""
+        """Return the measured columns of a run at the measured times, by cubic splines through its samples."""
         columns = run.columns
         return {name: scipy.interpolate.CubicSpline(run.t, columns[name])(self.t) for name in self.measured}
 
     def differences(self, run: Trajectory) -> dict[str, Array]:
-        """Run less measured, every column; nan where nothing was measured."""
+        """Return run minus measurement for every column; nan at unmeasured times."""
         return {name: column - self.measured[name] for name, column in self.at_times(run).items()}
 
     def off(self, run: Trajectory) -> dict[str, float]:
-        """Root mean square difference of every column."""
+        """Return the root mean square difference of every column."""
         return {name: float(np.sqrt(np.nanmean(column**2))) for name, column in self.differences(run).items()}
 
     @cached_property
     def sizes(self) -> dict[str, float]:
-        """What differences of each column are divided by: how far the columns of its unit range, at most."""
+        """Scale of the differences in each column: the largest spread of the columns with its unit."""
         unit = {name: name.rpartition("[")[2] for name in self.measured}
         spread = {name: float(np.nanstd(column) or np.nanmax(np.abs(column))) for name, column in self.measured.items()}
         return {name: max(spread[other] for other in unit if unit[other] == unit[name]) or 1.0 for name in unit}
 
     def residual(self, run: Trajectory) -> Array:
-        """All differences, each over the size of its column."""
+        """Return all differences, each divided by the scale of its column."""
         joined = np.concatenate([column / self.sizes[name] for name, column in self.differences(run).items()])
         return np.asarray(joined[np.isfinite(joined)])
 
     @property
     def differs(self) -> bool:
-        """Some column is off by more than rounding: a spline adds four terms, together 10 eps of the column's size."""
+        """Whether a column differs by more than rounding: a spline adds four terms, 10 eps of the column's size."""
         size = {name: float(np.nanmax(np.abs(column))) for name, column in self.measured.items()}
         off = self.differences(self.run)
         return any(bool((np.abs(off[name]) > ROUNDINGS * EPS * size[name]).any()) for name in size)
 
     @cached_property
     def fits(self) -> tuple[Fit, ...]:
-        """Of the numbers that explain something, the one that explains most first."""
+        """Fits of all parameters that explain part of the difference, the best one first."""
         before = self.residual(self.run)
         found = [self.fit(number, before) for number in numbers_of(self.scene)] if self.differs else []
         return tuple(sorted((fit for fit in found if fit is not None), key=lambda fit: -fit.explained))
 
     def fit(self, number: Tried, before: Array) -> Fit | None:
-        """The best value of one number; None where it explains next to nothing, or no run with another value ends."""
+        """Fit one parameter; None if it explains almost nothing, or if no run with another value succeeds."""
         parameter = FitParameter(path=number.path)
-        tolerance, worth = 1e-6, 0.02  # of runs without fixed steps; of the mean square difference
+        tolerance, worth = 1e-6, 0.02  # relative tolerance of adaptive steps; smallest useful explained fraction
         try:
             found = quick_estimates(
                 FitProblem(

@@ -1,7 +1,7 @@
-"""A scene's run beside others with more and fewer hinges, axes and steps: how far each is off, and what it costs.
+"""Compare a scene's run with runs that have other numbers of hinges, axes and steps: tip errors and costs.
 
-Errors are those from the limit that `results.convergence` extrapolates from cuts with once, twice and four times the
-hinges, by the order that these show. CPU times are those of this machine.
+Errors are relative to the limit that `results.convergence` extrapolates from discretisations with 1, 2 and 4 times the
+hinges, with their observed order. CPU times are for this machine.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from flexlink.results.tip_motion import distances, largest_distance, largest_so_
 from flexlink.scene_report.study import Study
 
 FACTORS = (0.5, 2.0, 4.0)
-"""Of the scene's hinges, in the cuts beside its own."""
+"""Numbers of hinges of the other discretisations, as multiples of the scene's."""
 
 ENOUGH = 0.01
-"""Part of the tip's travel: a limit that is not known so well is none, and a model that is off by more is doubted."""
+"""Fraction of the tip's travel: largest acceptable model error, and largest uncertainty of the limit."""
 
 
 class Choice(NamedTuple):
-    """A run beside the scene's own."""
+    """An alternative to the scene's run, or that run."""
 
     label: str
     n: int
     stepping: str
     outcome: Outcome
-    error: float  # largest of the tip at any sample [m], nan where unknown
+    error: float  # largest tip error at any sample [m]; nan if unknown
     seconds: float  # CPU time [s]
 
 
 class Refinement:
-    """Runs about one scene."""
+    """The scene's run and its alternatives."""
 
     def __init__(self, study: Study) -> None:
         self.study, self.scene, self.chain = study, study.scene, study.chain
@@ -51,7 +51,7 @@ class Refinement:
 
     @cached_property
     def model(self) -> Model:
-        """The scene's own cut."""
+        """The scene's discretisation: bending of every link."""
         return tuple(
             Bend(link.flex, link.lumping, link.segments - 1) if link.flex != "rigid" else None
             for link in self.scene.arm.links
@@ -59,40 +59,40 @@ class Refinement:
 
     @cached_property
     def strict(self) -> Stepping:
-        """Steps whose errors are small beside those of cuts."""
-        off = 1e-5  # part of the tip's travel: it hides in no error of a cut
+        """Adaptive steps whose errors are small compared with discretisation errors."""
+        off = 1e-5  # fraction of the tip's travel
         return Stepping("auto", tolerance=off * self.study.travel)
 
     @property
     def says_state(self) -> bool:
-        """Whether the scene starts from the joints of its own cut, so that no other can be run."""
+        """Whether the scene gives the initial state of all its joints, so no other discretisation can start from it."""
         return self.scene.initial.q is not None or self.scene.initial.qd is not None
 
     @cached_property
     def cuts(self) -> dict[float, Outcome]:
-        """Runs with so many times the hinges, those that came to their end; 1 with the scene's own cut."""
+        """Completed runs by multiple of the scene's number of hinges; 1 is the scene's discretisation."""
         if self.says_state or not any(self.model):
             return {}
-        apart = {self.cut(factor): factor for factor in (*FACTORS, 1.0)}  # of one hinge, half as many are as many
+        apart = {self.cut(factor): factor for factor in (*FACTORS, 1.0)}  # a link with one hinge keeps it at factor 0.5
         runs = {factor: self.runner.run(model, self.strict) for model, factor in apart.items()}
         return {factor: runs[factor] for factor in sorted(runs) if runs[factor].completed}
 
     def cut(self, factor: float) -> Model:
-        """The scene's cut with so many times the hinges; of fewer, about so many, as rules take them."""
+        """Return the discretisation with a multiple of the hinges, approximate if < 1, as the rules allow."""
         return tuple(bend and scaled(bend, factor) for bend in self.model)
 
     def times_the_hinges(self, factor: float, times: str) -> str:
-        """Words for a cut, by words for the factor."""
+        """Describe a discretisation; `times` is the factor in words."""
         exact = all(bend is None or scaled(bend, factor).hinges == factor * bend.hinges for bend in self.model)
         return f"{times} the hinges" if exact else f"about {times} the hinges"
 
     @cached_property
     def limit(self) -> Limit | None:
-        """What the cuts converge to; the finest one where their changes do not fall, None if fewer than two ran."""
+        """Limit of the discretisations; the finest one if changes do not decrease, None if fewer than two completed."""
         cuts = [(factor, self.cuts[factor].tip) for factor in (1.0, 2.0, 4.0) if factor in self.cuts]
         if len(cuts) < 2:
             return None
-        lowest, highest = math.log2(1.5), 4.0  # observed orders below which none is believed, and at most
+        lowest, highest = math.log2(1.5), 4.0  # smallest observed order that is accepted; cap of the order
         order = min(observed_order(cuts), highest) if len(cuts) == 3 else math.nan
         finest = cuts[-1][1]
         if not order >= lowest:
@@ -103,7 +103,7 @@ class Refinement:
         return limit._replace(errors=errors)
 
     def known_until(self, part: float) -> float:
-        """Time [s] up to which the two finest cuts differ by less than this part of the tip's travel."""
+        """Return the time [s] up to which the two finest discretisations differ by less than `part` of the travel."""
         t, cuts = self.run.t, list(self.cuts.values())[-2:]
         if len(cuts) < 2:
             return float(t[0])
@@ -111,22 +111,22 @@ class Refinement:
         return float(t[apart.argmax()] if apart.any() else t[-1])
 
     def error(self, tip: Array) -> float:
-        """How far a tip's path is from the limit at most [m]; nan where that is not known."""
+        """Return the largest distance of a tip path from the limit [m]; nan if that is unknown."""
         return largest_distance(tip, self.limit.tip) if self.limit is not None and self.is_known else math.nan
 
     @property
     def is_known(self) -> bool:
-        """Whether the limit is known well enough to measure errors by it."""
+        """Whether the limit is accurate enough to measure errors against it."""
         return self.limit is not None and self.limit.error <= ENOUGH * self.study.travel
 
     @property
     def factors(self) -> tuple[float, float]:
-        """Of the scene's steps, or of its tolerance: coarser, finer."""
+        """Factors of the scene's steps or tolerance: coarser, finer."""
         return (10.0, 0.1) if self.scene.run.controlled else (2.0, 0.5)
 
     @cached_property
     def of_steps(self) -> float:
-        """Error of the scene's own steps [m], by the run with finer ones; nan if that one does not end."""
+        """Error of the scene's steps [m], from a run with finer steps; nan if that run does not complete."""
         finer = self.factors[1]
         outcome = self.runner.run(self.model, self.stepping(finer))
         if not outcome.completed:
@@ -135,7 +135,7 @@ class Refinement:
         return largest_distance(outcome.tip, self.run.tip) / (1 - finer**order)
 
     def stepping(self, factor: float) -> Stepping:
-        """The scene's steps, or tolerance, times a factor."""
+        """Return the scene's steps or tolerance, multiplied by a factor."""
         run = self.scene.run
         if not run.controlled:
             return Stepping(run.method, step=factor * run.fixed_step)
@@ -144,19 +144,19 @@ class Refinement:
 
     @cached_property
     def scale(self) -> float:
-        """CPU time of evaluations on this machine over that in the list of `motion.evaluation_cost`."""
+        """CPU time of evaluations on this machine, relative to the list in `motion.evaluation_cost`."""
         return machine_factor(problem_of(self.scene, self.chain))
 
     @cached_property
     def own(self) -> Choice:
-        """The scene as it is."""
+        """The scene without changes."""
         steps = self.run.steps
         seconds = self.scale * run_cost(self.chain, steps.method, steps.evaluations) if steps else math.nan
         outcome = Outcome(self.run.tip, seconds, self.run, self.stepping(1.0))
-        return Choice("this scene", self.chain.n, self._said(outcome), outcome, self.error(self.run.tip), seconds)
+        return Choice("this scene", self.chain.n, self._steps_text(outcome), outcome, self.error(self.run.tip), seconds)
 
     def choices(self) -> list[Choice]:
-        """The scene's own run first, then those beside it."""
+        """Return the scene's run, followed by the alternatives."""
         controlled = self.scene.run.controlled
         what = "tolerance" if controlled else "step"
         found = [self.own]
@@ -174,7 +174,7 @@ class Refinement:
         return found
 
     def limited_axes(self, top: str) -> Model:
-        """The scene's cut with no link bending about more axes than these."""
+        """Return the scene's discretisation without bending about axes other than these."""
         axes = limited_axes([bend.flex if bend else FLEX[0] for bend in self.model], top)
         return tuple(bend and bend._replace(flex=flex) for bend, flex in zip(self.model, axes, strict=True))
 
@@ -182,9 +182,9 @@ class Refinement:
         outcome = self.runner.run(model, stepping)
         n = outcome.run.chain.n if outcome.run is not None else 0
         error = self.error(outcome.tip) if outcome.completed else math.nan
-        return Choice(label, n, self._said(outcome), outcome, error, self.scale * outcome.seconds)
+        return Choice(label, n, self._steps_text(outcome), outcome, error, self.scale * outcome.seconds)
 
-    def _said(self, outcome: Outcome) -> str:
+    def _steps_text(self, outcome: Outcome) -> str:
         if outcome.stepping.step is not None:
             return f"{outcome.stepping.method}, {outcome.stepping.step:g} s"
         steps = outcome.run.steps if outcome.run is not None else None
@@ -192,7 +192,7 @@ class Refinement:
 
 
 def scaled(bend: Bend, factor: float) -> Bend:
-    """A link with so many times the hinges; where these are fewer, the nearest number that its rule takes."""
+    """Return a link with a multiple of the hinges; if < 1, with the nearest number that its rule accepts."""
     wanted = round(factor * bend.hinges)
     if factor < 1:
         nearest = sorted(range(bend.hinges, 0, -1), key=lambda count: abs(count - wanted))

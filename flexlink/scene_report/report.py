@@ -1,4 +1,4 @@
-"""report(scene, folder) → Report: one page about a user's own arm, and the files beside it."""
+"""report(scene, folder) → Report: one page about a user's arm, with its data files."""
 
 from __future__ import annotations
 
@@ -23,40 +23,40 @@ def report(
     command: str = "",
     progress: Callable[[str], None] | None = None,
 ) -> Report:
-    """Write a report on a scene: what was modelled, whether engines agree, how good it is, what it costs, what it does.
+    """Write a report on a scene: the model, agreement of engines, accuracy, cost and results.
 
-    One page that stands alone, offline and on a phone; beside it a CSV a table, a PNG, SVG and CSV a picture. A chapter
-    that cannot be computed says why in its place.
+    The page works offline and on a phone. Each table is also a CSV file; each picture is also a PNG, SVG and CSV file.
+    A chapter that cannot be computed states the reason instead.
 
     Parameters
     ----------
     scene
-        The scene, with the model and the steps that are judged.
+        The scene, with the model and the steps to check.
     folder
-        For the page and its files; made if missing. Files of the same names are replaced.
+        Folder for the page and its files; created if missing. Existing files with the same names are replaced.
     against
-        MJCF, URDF or SDF of the same arm, written by whomever, which is compared and diagnosed; or what was measured:
-        a CSV whose columns are "t [s]" and some of `Trajectory.columns`, angles also in deg, lengths in mm.
+        An MJCF, URDF or SDF file of the same arm from any source, which is compared and diagnosed; or measurements: a
+        CSV file with column "t [s]" and columns of `Trajectory.columns`, angles also in deg, lengths in mm.
     command
-        What the page says that it was made by.
+        Command that the page shows as its origin.
     progress
-        Called with a line on every chapter that is done.
+        Called with one line for each finished chapter.
 
     Returns
     -------
     Report
-        The page, and what its first screen says.
+        The page, and the verdicts on its first screen.
 
     Raises
     ------
     ArgumentError
-        `scene` is no Scene, `against` no file of a kind that is read, or not there.
+        `scene` is not a Scene, or `against` has an unsupported type or does not exist.
     SceneError, DataFileError
-        Of the scene's chain, as in `lump`.
+        The chain cannot be built, as in `lump`.
     MissingDependencyError
         matplotlib or jinja2 is not installed.
     OutputError
-        The folder cannot be made, or a file in it not be written.
+        The folder or a file in it cannot be written.
 
     Examples
     --------
@@ -71,7 +71,7 @@ def report(
 
 
 def building() -> ModuleType:
-    """The module that builds pages, which needs matplotlib and jinja2.
+    """Return the module that builds pages, which needs matplotlib and jinja2.
 
     Raises
     ------

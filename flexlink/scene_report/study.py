@@ -1,4 +1,4 @@
-"""What the chapters of a report share: the scene, its chain, its run, each found once, whoever asks first."""
+"""Data shared by the chapters of a report: the scene, its chain and its run, each computed once on first use."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from flexlink.results.tip_motion import tip_travel
 from flexlink.results.trajectory import Trajectory
 
 MEASURED = ".csv"
-"""Ending of measurements that a scene is laid beside."""
+"""File suffix of measurements."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """One scene, and what a report looks at; what cannot be computed raises the same error for all who ask.
+    """A scene and the data that a report needs; a failed computation raises the same error on every access.
 
     Attributes
     ----------
     scene
         The scene.
     against
-        File of somebody else's, or of what was measured, if any.
+        A third-party file of the same arm, or measurements, if any.
     command
-        What the report was asked for with.
+        Command that produced the report.
     """
 
     scene: Scene
@@ -46,7 +46,7 @@ class Study:
 
     @property
     def measurements(self) -> bool:
-        """Whether `against` is what was measured, and not an arm."""
+        """Whether `against` contains measurements, not an arm."""
         return self.against is not None and self.against.suffix.lower() == MEASURED
 
     @cached_property
@@ -56,12 +56,12 @@ class Study:
 
     @cached_property
     def start(self) -> tuple[Array, Array]:
-        """Angles and rates at the start."""
+        """Initial angles and rates."""
         return initial_state(self.scene, self.chain)
 
     @cached_property
     def size(self) -> float:
-        """How far the arm reaches, or another length of it [m]."""
+        """Reach of the arm, or another characteristic length [m]."""
         return self.chain.size
 
     @cached_property
@@ -71,17 +71,17 @@ class Study:
 
     @cached_property
     def runner(self) -> ModelRunner:
-        """Where other models of the scene are run, with a budget."""
-        return ModelRunner(self.scene, 3.0)  # s of CPU time for one run
+        """Runner of other models of the scene, with a time budget."""
+        return ModelRunner(self.scene, 3.0)  # CPU time limit of one run [s]
 
     @property
     def run(self) -> Trajectory:
-        """The scene's own run.
+        """The scene's run.
 
         Raises
         ------
         FlexlinkError
-            There is none; `attempt` is why.
+            The run failed; `attempt` is the reason.
         """
         if isinstance(self.attempt, FlexlinkError):
             raise FlexlinkError("no run: see “Motion”", id="no-run")
@@ -89,22 +89,22 @@ class Study:
 
     @cached_property
     def travel(self) -> float:
-        """Largest distance of the tip from its start [m]."""
+        """Largest distance of the tip from its initial position [m]."""
         return tip_travel(self.run.tip)
 
     @cached_property
     def moves(self) -> bool:
-        """Whether the tip travels more than a million times the rounding error of its position."""
+        """Whether the tip moves by more than a million times the rounding error of its position."""
         return self.travel > 1e6 * rounding.of_position(self.chain)
 
     @cached_property
     def bent_by(self) -> Array:
-        """How far the springs bend the tip away, at every sample [m]."""
+        """Tip deflection by the springs at every sample [m]."""
         return deflections(self.run)
 
     @cached_property
     def attempt(self) -> Trajectory | FlexlinkError:
-        """The scene's own run, or why there is none."""
+        """The scene's run, or the error that prevented it."""
         try:
             return simulate(self.scene)
         except FlexlinkError as error:
@@ -112,12 +112,12 @@ class Study:
 
     @cached_property
     def rest(self) -> Equilibrium:
-        """How the arm sags with its driven joints held where they start.
+        """Static equilibrium with the driven joints locked at their initial positions.
 
         Raises
         ------
         FlexlinkError
-            As of `solve_static`.
+            There is none; see `solve_static`.
         """
         wrench, frame = initial_wrench(self.scene, self.chain)
         return rest_of(self.chain, self.start[0], tip_wrench=wrench, frame=frame)

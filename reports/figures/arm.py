@@ -46,7 +46,7 @@ def _picture(motion: Motion) -> Picture:
     _, hand = _path(motion, HAND)
     end = int(np.searchsorted(time, UNTIL, side="right"))
     chosen = np.unique(np.linspace(0, max(end - 1, 0), POSTURES).astype(int))
-    figure = Figure(figsize=(0.7 * WIDTH, 3.6), layout="constrained")
+    figure = Figure(figsize=(0.5 * WIDTH, 3.6), layout="constrained")
     axes = figure.subplots()
     axes.plot(hand[:end, 0], hand[:end, 1], color=GREY, linewidth=0.8)
     for k, part in zip(chosen, np.linspace(0.0, 1.0, len(chosen)), strict=True):
@@ -56,7 +56,7 @@ def _picture(motion: Motion) -> Picture:
     axes.plot(0.0, 0.0, "s", color=INK, markersize=9)
     axes.plot(0.0, 0.0, "o", color=VERMILION, markersize=5)
     axes.set(xlabel="x [m]", ylabel="z, downwards [m]")
-    axes.set_aspect("equal")
+    axes.set_aspect("equal", adjustable="datalim")
     axes.invert_yaxis()
     ring = {"marker": "o", "color": VERMILION, "linestyle": ""}
     key = {

@@ -1,5 +1,4 @@
-"""One chapter a file: `ID`, `TITLE`, `SHORT` (in the navigation), and `made(study)`, which returns its `Part`.
+"""One chapter per file: `made(study)` returns its `Part`; `building.CHAPTERS` has titles and order.
 
-None stands for a chapter that the scene has nothing to say in. What cannot be computed is left to raise: the page then
-says so in the chapter's place. `report.PARTS` has their order.
+A chapter that does not apply to the scene is None. If a chapter raises an error, the page shows it instead.
 """

@@ -1,4 +1,4 @@
-"""How good the chosen model is, by finer ones, and what cheaper and dearer ones would give and cost."""
+"""Accuracy of the chosen model relative to finer ones, and accuracy and cost of its alternatives."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part | None:
-    """The chapter."""
+    """Build the chapter."""
     if study.scene.run.duration == 0 or not study.moves:
         return None
     about = Refinement(study)
     choices = about.choices()
     pictures = [picture for picture in (_in_time(about), _prices(choices)) if picture is not None]
-    sentences = (*_of_the_cut(about), _of_the_steps(about), _of_costs(about, choices))
+    sentences = (*_hinge_error(about), _step_error(about), _costs(about, choices))
     return Part(
         tuple(filter(None, sentences)),
         (_verdict(about), _cost(choices[0], study)),
@@ -34,29 +34,29 @@ def made(study: Study) -> Part | None:
     )
 
 
-def _of_the_cut(about: Refinement) -> list[str]:
+def _hinge_error(about: Refinement) -> list[str]:
     if not any(about.model):
         return ["All links are rigid: there are no hinges to refine."]
     if about.says_state:
-        return ["Tip error from the number of hinges unknown: initial.q fixes their number."]
+        return ["Tip error from the number of hinges: unknown, because initial.q fixes that number."]
     limit = about.limit
     if limit is None:
         early = "; ".join(f"{factor:g} times the hinges: {why}" for factor, why in _early(about))
-        return [f"Tip error from the number of hinges unknown: too few runs with other numbers ended ({early})."]
+        return [f"Tip error from the number of hinges: unknown, because too few other runs completed ({early})."]
     if not about.is_known:
         until = about.known_until(ENOUGH)
         return [
-            f"Tip error from the number of hinges unknown: more hinges still move the tip by {_length(limit.error)}, "
+            f"Tip error from the number of hinges: unknown. More hinges still move the tip by {_length(limit.error)}, "
             f"as in motion that amplifies small errors. Up to {number(until)} s the two finest models differ by less "
-            f"than {number(100 * ENOUGH)} % of the tip’s travel: for an estimate, shorten the run to that "
-            "(run.duration)."
+            f"than {number(100 * ENOUGH)} % of the tip’s travel; to get an estimate, shorten the run to that time "
+            "(run.duration).",
         ]
     error = about.error(about.run.tip)
     order = f"observed order {number(limit.order, 2)}, " if math.isfinite(limit.order) else ""
     return [
         f"Tip error from the number of hinges: {_length(error)}, {number(error / about.study.travel)} of the tip’s "
-        f"travel, relative to the converged model ({order}known to ±{_length(limit.error, '')}). The data "
-        "of joints, loads and materials are not checked; only measurements can do that."
+        f"travel, relative to the converged model ({order}known to ±{_length(limit.error, '')}). Data of "
+        "joints, loads and materials are not checked here; that requires measurements.",
     ]
 
 
@@ -65,15 +65,15 @@ def _early(about: Refinement) -> list[tuple[float, str]]:
     return [(factor, outcome.reason) for factor, outcome in outcomes.items() if not outcome.completed]
 
 
-def _of_the_steps(about: Refinement) -> str:
+def _step_error(about: Refinement) -> str:
     what = "tolerance" if about.scene.run.controlled else "step"
     if math.isnan(about.of_steps):
-        return f"Tip error from the time steps unknown: the run with a smaller {what} did not end."
+        return f"Tip error from the time steps: unknown, because the run with a smaller {what} did not complete."
     finer = "a tenth of the tolerance" if about.scene.run.controlled else "half the step"
-    return f"Tip error from the time steps: {_length(about.of_steps)}, measured against a run with {finer}."
+    return f"Tip error from the time steps: {_length(about.of_steps)}, relative to a run with {finer}."
 
 
-def _of_costs(about: Refinement, choices: Sequence[Choice]) -> str:
+def _costs(about: Refinement, choices: Sequence[Choice]) -> str:
     own, sentences = choices[0], []
     duration = about.scene.run.duration
     sentences.append(
@@ -82,7 +82,7 @@ def _of_costs(about: Refinement, choices: Sequence[Choice]) -> str:
     known = [one for one in choices[1:] if math.isfinite(one.error) and one.outcome.completed]
     cheaper = [one for one in known if one.seconds < own.seconds]
     if math.isfinite(own.error) and known:
-        better = [one for one in known if one.error < 0.9 * own.error]  # a choice of the same error is no better
+        better = [one for one in known if one.error < 0.9 * own.error]  # an equal error is not better
         if cheaper:
             best = min(cheaper, key=lambda one: one.error)
             sentences.append(
@@ -94,14 +94,14 @@ def _of_costs(about: Refinement, choices: Sequence[Choice]) -> str:
                 f"Cheapest more accurate choice: {least.label} ({_seconds(least.seconds)}, tip error "
                 f"{_length(least.error)})."
             )
-        sentences.append("The cheapest model for your own tolerance: flexlink advise.")
+        sentences.append("To find the cheapest model for a given tolerance, use flexlink advise.")
     return " ".join(sentences)
 
 
 def _verdict(about: Refinement) -> Verdict:
     error = about.error(about.run.tip) if any(about.model) else about.of_steps
     if math.isnan(error):
-        return Verdict("Model error", "doubt", "unknown", "Reason: see “Accuracy and cost”.")
+        return Verdict("Model error", "doubt", "unknown", "For the reason, see “Accuracy and cost”.")
     share = error / about.study.travel
     doubts = about.run.warnings
     state: State = "pass" if share <= ENOUGH and not doubts else "doubt"
@@ -130,7 +130,7 @@ def _table(about: Refinement, choices: Sequence[Choice]) -> Table:
 
 
 def _in_time(about: Refinement) -> Picture | None:
-    """Distance from the limit along the run, of every cut."""
+    """Plot the tip's distance from the limit along the run, for every discretisation."""
     if about.limit is None or not about.is_known:
         return None
     figure, (axes,) = stacked_axes(1, 3.2)
@@ -147,7 +147,7 @@ def _in_time(about: Refinement) -> Picture | None:
         axes.plot(about.run.t[seen], off[seen], color=INK if place == 0 else CYCLE[place - 1], label=label)
     axes.axhline(about.limit.error, color=GREY, linestyle="--", linewidth=1.0, label="uncertainty")
     errors = np.concatenate([column for name, column in columns.items() if name != "t [s]"])
-    top, low = float(errors.max()), float(np.quantile(errors, 0.1))  # the start, where all agree, is cut off
+    top, low = float(errors.max()), float(np.quantile(errors, 0.1))  # cut off the start, where all runs agree
     axes.set(
         yscale="log",
         ylim=(max(0.3 * low, 1e-6 * top), 2 * max(top, about.limit.error)),
@@ -157,12 +157,12 @@ def _in_time(about: Refinement) -> Picture | None:
     tidy_logs(axes)
     legend_over(axes, figure=figure)
     csv = columns_csv(columns)
-    caption = "Tip error along the run, relative to the converged model; dashed: how well that model is known."
+    caption = "Tip error along the run, relative to the converged model. Dashed: uncertainty of that model."
     return Picture("convergence", "Convergence with the number of hinges", figure, caption, csv)
 
 
 def _prices(choices: Sequence[Choice]) -> Picture | None:
-    """Error over cost."""
+    """Plot error over cost."""
     known = [one for one in choices if math.isfinite(one.error) and one.error > 0 and one.seconds > 0]
     if len(known) < 2:
         return None
@@ -176,7 +176,7 @@ def _prices(choices: Sequence[Choice]) -> Picture | None:
     tidy_logs(axes)
     legend_over(axes, figure=figure)
     csv = table_csv(("choice", "CPU time [s]", "tip error [m]"), [(one.label, one.seconds, one.error) for one in known])
-    caption = "Lower: more accurate; further left: cheaper. CPU time = evaluations × time of one on this machine."
+    caption = "Lower: more accurate; further left: cheaper. CPU time = number of evaluations × time of one."
     return Picture("price_list", "Accuracy against CPU time", figure, caption, csv)
 
 

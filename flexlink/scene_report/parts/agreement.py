@@ -1,4 +1,4 @@
-"""Other engines with the exported arm: term by term at many states, and the run itself, step by step."""
+"""Compare other engines, with the exported arm, at many states term by term, and in the run step by step."""
 
 from __future__ import annotations
 
@@ -17,23 +17,24 @@ from flexlink.pages.tables import Table
 from flexlink.pages.verdict import State, Verdict
 from flexlink.scene_report.study import Study
 
-STATES = 60  # at which terms are compared
+STATES = 60  # number of states at which terms are compared
 
 
 def made(study: Study) -> Part:
-    """The chapter."""
-    diagnoses, without = _diagnoses(study)
-    runs, of_runs, why = _runs(study)
+    """Build the chapter."""
+    diagnoses, missing = _diagnoses(study)
+    runs, about_runs, why = _runs(study)
     sentences = [
         f"Every installed engine loads this arm from its exported file. Terms are compared at {STATES} states, half "
-        "of them random; the largest difference is divided by the rounding bound, so up to 1 means equal.",
+        "of them random. The largest difference is divided by the rounding bound; a ratio of at most 1 means that the "
+        "results agree to within rounding.",
         "Terms: mass matrix M; torques of gravity T_G, of gravity with centrifugal and Coriolis forces T_GC, of "
         "springs T_FL, of friction T_FR; accelerations q̈.",
         _between_joints(study, diagnoses),
-        of_runs,
+        about_runs,
         *(str(each) for each in diagnoses if not each.passed),
         *why,
-        *without,
+        *missing,
     ]
     tables = []
     if diagnoses:
@@ -44,35 +45,35 @@ def made(study: Study) -> Part:
 
 
 def _between_joints(study: Study, diagnoses: Iterable[Diagnosis]) -> str:
-    """Who computes springs and dampers between two joints, if the arm has any."""
+    """Return which engines compute springs and dampers between two joints, if the arm has any."""
     if not len(study.chain.couplings):
         return ""
     names = [(ENGINES[each.engine].between_joints, engine_name(each.engine)) for each in diagnoses]
     own, ours = (", ".join(name for has, name in names if has is which) for which in (True, False))
-    words = {"their own in": own, "computed by us in": ours}
+    words = {"computed by the engine in": own, "computed by flexlink in": ours}
     parts = " and ".join(f"{verb} {engines}" for verb, engines in words.items() if engines)
     return f"Springs and dampers between two joints are {parts}." if parts else ""
 
 
 def _diagnoses(study: Study) -> tuple[list[Diagnosis], list[str]]:
     found: list[Diagnosis] = []
-    without = []
+    missing = []
     for name in ENGINES:
         if name == "native":
             continue
         try:
             found += compare(study.scene, engines=[name], samples=STATES).diagnoses
         except MissingDependencyError:
-            without.append(
+            missing.append(
                 f"{engine_name(name)} is not installed: python -m pip install 'flexlink[{ENGINES[name].extra}]'."
             )
         except FlexlinkError as error:
-            without.append(f"{engine_name(name)}: comparison failed: {error}.")
-    return found, without
+            missing.append(f"{engine_name(name)}: comparison failed: {error}.")
+    return found, missing
 
 
 def _runs(study: Study) -> tuple[Sequence[RunDifference], str, Sequence[str]]:
-    """What became of the runs, a sentence about them, and why some are not there."""
+    """Return the compared runs, a sentence about them, and the reasons for missing ones."""
     scene = study.scene
     try:
         duration = _affordable(study)
@@ -86,14 +87,14 @@ def _runs(study: Study) -> tuple[Sequence[RunDifference], str, Sequence[str]]:
     why = [f"Not compared: {reason}." for reason in found.refused]
     why += [f"{engine_name(row.engine)}: {row.diverged}." for row in found.rows if row.diverged]
     if any(row.explained > MEANINGFUL_TOLERANCE for row in found.rows):
-        why.append("This motion amplifies rounding errors: the comparison of runs proves little, that of terms counts.")
+        why.append("This motion amplifies rounding errors, so the comparison of terms is more meaningful.")
     return found.rows, sentence, why
 
 
 def _affordable(study: Study) -> float:
-    """As much of the run [s], in whole samples, as engines do in so many evaluations."""
+    """Return the duration [s] that an engine can simulate within its evaluation budget, in complete samples."""
     run = in_fixed_steps(study.scene, study.chain)[0].run
-    evaluations = 8_000  # of an engine’s run; from Python one takes a tenth of a millisecond
+    evaluations = 8_000  # budget of one run; an evaluation from Python takes 0.1 ms
     samples = int(evaluations / method(run.method).stages * run.fixed_step / run.spacing)
     return min(run.duration, max(samples, 1) * run.spacing)
 
@@ -133,8 +134,8 @@ def _verdict(diagnoses: Sequence[Diagnosis], runs: Sequence[RunDifference]) -> V
     bad = sorted({*(each.engine for each in diagnoses if not each.passed), *(r.engine for r in runs if not r.passed)})
     state: State = "fail" if bad else "pass" if good else "doubt"
     word = {"fail": "differ", "pass": "agree", "doubt": "none installed"}[state]
-    text = f"Results that differ from flexlink’s: {_named(bad)}." if bad else ""
+    text = f"Results differ from flexlink’s in {_named(bad)}." if bad else ""
     if good and not bad:
-        run = f"; same run: {_named(row.engine for row in runs)}" if runs else ""
-        text = f"Same terms of the equation of motion: {_named(good)}{run}."
+        run = f"; same run in {_named(row.engine for row in runs)}" if runs else ""
+        text = f"Same terms of the equation of motion in {_named(good)}{run}."
     return Verdict("Engines", state, word, text or "No other engine could be compared.")

@@ -1,4 +1,4 @@
-"""Energy and power balance of the run: what the discretisation has done to the energy."""
+"""Energy and power balance of the run, which shows the effect of the discretisation on the energy."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part | None:
-    """The chapter."""
+    """Build the chapter."""
     run = study.run
     if len(run.t) < 2:
         return None
@@ -26,26 +26,26 @@ def made(study: Study) -> Part | None:
     worst = int(np.argmax(imbalance))
     share = float(imbalance[worst]) / exchanged if exchanged > 0 else 0.0
     once, steps = _rounding(run), run.steps.taken if run.steps is not None else 0
-    nothing = 1e6  # times what rounding may do to the balance: who exchanges less is at rest, as in `Study.moves`
+    nothing = 1e6  # multiple of the rounding error; below this exchange the arm is at rest, as in `Study.moves`
     still = exchanged <= nothing * float(once[-1])
     of = (
-        "; the arm is at rest, and exchanges none"
+        "; the arm is at rest and exchanges no energy"
         if still
         else f", {number(share)} of the {number(exchanged)} J exchanged"
     )
     text = f"Largest energy error: {number(imbalance[worst])} J at {number(run.t[worst])} s{of}."
     meant = (
         "Energy error = E − E(0) − W. E: kinetic, gravity and elastic energy. W: work of drives, friction, damping and "
-        "tip wrench, integrated with the run’s own method. The error comes from the time steps and from rounding."
+        "tip wrench, integrated with the run’s own method. Causes of the error: time steps and rounding."
     )
-    good = 1e-3  # of the energy exchanged; from a tenth on a run ends as an error
+    good = 1e-3  # acceptable fraction of the exchanged energy; from 0.1 on, the run fails
     state: State = "pass" if share <= good or still or bool((imbalance <= (1 + steps) * once).all()) else "doubt"
     verdict = Verdict("Energy", state, "balanced" if state == "pass" else "poorly balanced", text)
     return Part((text, meant), (verdict,), (_picture(study),))
 
 
 def _rounding(run: Trajectory) -> Array:
-    """What rounding may do to the balance at each sample, once [J]."""
+    """Return the rounding error of the balance at each sample, counted once [J]."""
     assert run.work is not None
     return rounding.of_energy_balance(run.chain, run.energy.parts, run.work, run.q)
 
@@ -61,7 +61,7 @@ def _picture(study: Study) -> Picture:
         columns[f"{name} [J]"] = np.asarray(values) - np.asarray(values)[0]
         if name != "elastic":
             axes[0].plot(run.t, columns[f"{name} [J]"], color=colour, label=name)
-        elif bends:  # often thousands of times smaller than what falls and swings
+        elif bends:  # separate panel: often thousands of times smaller than the other energies
             axes[1].plot(run.t, columns[f"{name} [J]"], color=colour)
             axes[1].set_ylabel("elastic, change [J]")
             tidy_linear(axes[1])
@@ -73,6 +73,6 @@ def _picture(study: Study) -> Picture:
     tidy_linear(axes[-1])
     columns |= {"work [J]": run.work, "imbalance [J]": run.imbalance}
     csv = columns_csv(columns)
-    middle = " Middle: energy of the springs, on its own scale." if bends else ""
+    middle = " Middle: elastic energy on a separate scale." if bends else ""
     caption = f"Top: change of the energies since the start, and work W done on the arm.{middle} Bottom: energy error."
     return Picture("energy", "Energy balance", figure, caption, csv)

@@ -1,4 +1,4 @@
-"""Loads along the run: bending moments, torque and forces where the links are cut, and what the drives give."""
+"""Loads along the run: bending moments, torques and forces between segments, and drive torques."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part:
-    """The chapter."""
+    """Build the chapter."""
     run, chain = study.run, study.chain
     bending = np.linalg.norm(run.loads.moment[:, :-1, 1:], axis=2)
     row, body = np.unravel_index(int(bending.argmax()), bending.shape)
     sentences = [
         f"Largest bending moment: {number(float(bending[row, body]))} N m at {_place(study, int(body))}, "
         f"{number(float(run.t[row]))} s.",
-        "Bending is the resultant of both transverse moments, shear that of both transverse forces, in the frame of "
-        "the segment beyond the cut.",
+        "Bending moment and shear are the resultants of the two transverse components, in the frame of the segment "
+        "beyond the hinge.",
     ]
     peaks = np.abs(run.tau).max(axis=0)
     driven = [int(k) for k in chain.active if peaks[k] > 0]
@@ -33,8 +33,8 @@ def made(study: Study) -> Part:
         for word, slides in (("force", True), ("torque", False)):
             most = max((k for k in driven if chain.slides[k] == slides), key=lambda k: peaks[k], default=None)
             if most is not None:
-                told = f"{number(float(peaks[most]))} {chain.torque_units[most]} at {chain.joint_name(most)}"
-                sentences.insert(1, f"Largest drive {word}: {told}.")
+                peak = f"{number(float(peaks[most]))} {chain.torque_units[most]} at {chain.joint_name(most)}"
+                sentences.insert(1, f"Largest drive {word}: {peak}.")
     facts = _stress(run)
     sentences[1:1] = [f"{fact.label}: {fact.value}." for fact in facts]
     return Part(tuple(sentences), facts=facts, pictures=(_picture(study, driven),), tables=(_table(study),))
@@ -45,7 +45,7 @@ def _stress(run: Trajectory) -> tuple[Fact, ...]:
     if peak is None or peak.pascals == 0.0:
         return ()
     where = f"{peak.link}, {number(peak.along)} m from its root, at {number(peak.time)} s"
-    section = "; its section as a rectangle" if peak.rectangle else ""
+    section = "; section treated as a rectangle" if peak.rectangle else ""
     return (Fact(f"{number(1e-6 * peak.pascals)} MPa", f"Largest bending stress of the run ({where}{section})"),)
 
 
@@ -56,7 +56,7 @@ def _place(study: Study, body: int) -> str:
 
 
 def _cuts(study: Study) -> list[int]:
-    """One body for every driven joint: where the links begin."""
+    """Return one body for every driven joint: the roots of the links."""
     return [study.chain.body(int(k)) for k in study.chain.active] or [0]
 
 

@@ -1,4 +1,4 @@
-"""What was measured beside the run, the difference, and which number of the scene would explain it."""
+"""Compare the run with measurements, and find the parameter of the scene that would explain the difference."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part | None:
-    """The chapter."""
+    """Build the chapter."""
     if study.against is None or not study.measurements:
         return None
     measured = read_measured(study.against, study.run.columns)
     beside = Comparison(study.scene, study.run, measured)
     if len(beside.t) < 2:
         return Part((
-            f"Fewer than two samples of {study.against.name} ({measured.t[0]:g} … {measured.t[-1]:g} s) fall into the "
-            f"run ({study.run.t[0]:g} … {study.run.t[-1]:g} s): use the times of the scene (initial.time).",
+            f"Fewer than two samples of {study.against.name} ({measured.t[0]:g} … {measured.t[-1]:g} s) are within the "
+            f"run ({study.run.t[0]:g} … {study.run.t[-1]:g} s); use the times of the scene (initial.time).",
         ))  # fmt: skip
     fits = beside.fits
-    best = fits[0] if fits and fits[0].explained > 0.5 else None  # of the mean square difference
+    best = fits[0] if fits and fits[0].explained > 0.5 else None  # fraction of the mean square difference
     first = (
         f"{study.against.name}: {plural(len(beside.measured), 'column')}, {len(beside.t)} samples from "
         f"{number(float(beside.t[0]))} to {number(float(beside.t[-1]))} s"
     )
     first += f"; {beside.left_out} outside the run are ignored." if beside.left_out else "."
-    sentences = (first, _of_the_difference(study, beside), *_of_the_numbers(fits, best))
+    sentences = (first, _about_difference(study, beside), *_about_fits(fits, best))
     tables = [_columns(study, beside, best)]
     if fits:
         tables.append(_numbers(fits))
@@ -44,35 +44,35 @@ def made(study: Study) -> Part | None:
     return Part(tuple(filter(None, sentences)), (_verdict(study, beside, best),), pictures, tuple(tables))
 
 
-def _of_the_difference(study: Study, beside: Comparison) -> str:
+def _about_difference(study: Study, beside: Comparison) -> str:
     off, name = _worst(study, beside)
     size = float(np.nanmax(beside.measured[name]) - np.nanmin(beside.measured[name]))
     share = f", {_share(off / size)} of the measured range" if size > 0 else ""
     return f"RMS difference: {_with_unit(off, name)} in {_bare(name)}{share}."
 
 
-def _of_the_numbers(fits: Sequence[Fit], best: Fit | None) -> list[str]:
+def _about_fits(fits: Sequence[Fit], best: Fit | None) -> list[str]:
     if not fits:
-        return ["No single parameter of the scene explains any of the difference."]
+        return ["No single parameter of the scene explains the difference, not even in part."]
     if best is None:
         return [
-            f"No single parameter of the scene explains the difference: the best, {fits[0].number.what}, leaves "
-            f"{_share(fits[0].left)} of it."
+            f"No single parameter of the scene explains the difference. With the best, {fits[0].number.what}, "
+            f"{_share(fits[0].left)} of it remains.",
         ]
     sentences = [
         f"Best explanation: {best.number.what} {_change(best)}, {_value(best)} instead of "
         f"{number(best.number.value)}; {_share(best.left)} of the difference remains."
     ]
-    clearly = 2.0  # times less must remain than with a rival for a parameter to be the cause
+    clearly = 2.0  # a parameter is the cause if every other leaves at least twice its difference
     rivals = [
         f"{fit.number.what} ({_change(fit)}; {_share(fit.left)} remains)"
         for fit in fits[1:]
         if fit.left < clearly * best.left
     ]
     if rivals:
-        sentences.append(f"Nearly as good, so that the cause is uncertain: {', '.join(rivals)}.")
+        sentences.append(f"The cause is uncertain, because other parameters fit nearly as well: {', '.join(rivals)}.")
     elif len(fits) > 1:
-        sentences.append(f"The next best, {fits[1].number.what}, leaves {_share(fits[1].left)}.")
+        sentences.append(f"With the next best, {fits[1].number.what}, {_share(fits[1].left)} remains.")
     sentences.append(
         "Each parameter is fitted alone; ± is one standard deviation if the remaining difference is noise."
     )
@@ -88,7 +88,7 @@ def _value(fit: Fit) -> str:
 
 
 def _change(fit: Fit) -> str:
-    """By how much the best value differs: in per cent, or of a start in degrees or metres."""
+    """Return the change from the scene's value to the best value, in per cent, or in ° or m for an initial position."""
     by, spread, unit = fit.value - fit.number.value, fit.spread, fit.number.sign
     if not fit.number.is_angle:
         by, spread, unit = 100 * by / fit.number.value, 100 * spread / abs(fit.number.value), " %"
@@ -96,7 +96,7 @@ def _change(fit: Fit) -> str:
 
 
 def _worst(study: Study, beside: Comparison) -> tuple[float, str]:
-    """The column that is off most, over its own range."""
+    """Return the column with the largest difference relative to its spread."""
     off = beside.off(study.run)
     name = max(off, key=lambda name: off[name] / (float(np.nanstd(beside.measured[name])) or 1.0))
     return off[name], name
@@ -143,7 +143,7 @@ def _numbers(fits: Sequence[Fit]) -> Table:
 
 
 def _drawn(beside: Comparison) -> list[str]:
-    """The first columns; more panels are too many for a page."""
+    """Return the columns to plot: the first four, so the page stays short."""
     return list(beside.measured)[:4]
 
 

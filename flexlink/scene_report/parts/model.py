@@ -1,4 +1,4 @@
-"""What was modelled: the arm with its hinges, links, joints, springs, and what the scene says without effect."""
+"""The model: the arm with its hinges, links, joints and springs, and remarks on input without effect."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part:
-    """The chapter."""
+    """Build the chapter."""
     chain, scene = study.chain, study.scene
     springs = int((chain.stiffness > 0).sum())
     mass = float(chain.bodies["mass"].sum())
@@ -37,7 +37,7 @@ def made(study: Study) -> Part:
     drive = f"Drive: {scene.drive.kind}." if scene.drive.kind != "none" else "No drive: the joints turn freely."
     if scene.motion:
         drive += f" Prescribed motions: {', '.join(str(motion.link) for motion in scene.motion)}."
-    remarks = [f"Look at {hint}." for hint in hints(scene)]
+    remarks = [f"Check {hint}." for hint in hints(scene)]
     remarks += [f"Note: {note}." for note in (*defaults(scene), *notes(scene))]
     sentences = (*((scene.about + ".",) if scene.about else ()), size, f"{gravity} {drive}", *remarks)
     tables = [_links(study), *_joints(study), *_springs(study)]
@@ -80,7 +80,7 @@ def _joints(study: Study) -> Iterator[Table]:
     sliding = (
         "start [m]", "limits [m]", "viscous friction [N s/m]", "dry friction [N]", "rotor [kg]",
     )  # fmt: skip
-    kinds = [("joints", "Joints", heads, False), ("sliding", "Joints that slide", (heads[0], *sliding), True)]
+    kinds = [("joints", "Joints", heads, False), ("sliding", "Prismatic joints", (heads[0], *sliding), True)]
     for key, title, columns, slides in kinds:
         links = [(link, start) for link, start in zip(arm.links, starts, strict=True) if link.joint.slides == slides]
         if links:
@@ -100,7 +100,7 @@ def _springs(study: Study) -> Iterator[Table]:
     if len(study.chain.couplings):
         heads += ("coupled with",)
     sliding = ("spring", "stiffness [N/m]", "damping [N s/m]", "rest [m]", "start [m]")
-    kinds = [("springs", "Springs", heads, False), ("belts", "Springs of joints that slide", sliding, True)]
+    kinds = [("springs", "Springs", heads, False), ("belts", "Springs of prismatic joints", sliding, True)]
     for key, title, columns, slides in kinds:
         lines = tuple(_each_spring(study, slides=slides))
         if lines:

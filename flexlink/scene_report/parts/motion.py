@@ -1,4 +1,4 @@
-"""The run: the arm at equal times, its joints, its tip, and how far its links bend."""
+"""The run: configurations at equal time intervals, joints, tip, and deflection of the links."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part:
-    """The chapter."""
+    """Build the chapter."""
     if isinstance(study.attempt, FlexlinkError):
         reason = str(study.attempt)
         return Part((f"The run failed: {reason}.",), (Verdict("Run", "fail", "failed", f"{reason}."),))
@@ -29,11 +29,11 @@ def made(study: Study) -> Part:
     most = int(np.argmax(study.bent_by))
     sentences = [
         f"Simulated time: {number(run.t[-1] - run.t[0])} s; {run.steps}. The tip moves up to {number(study.travel)} m "
-        "from its start."
+        "from its initial position."
     ]
     if study.bends:
         sentences.append(
-            f"Tip deflection: up to {number(1e3 * study.bent_by[most])} mm, at {number(run.t[most])} s (distance to "
+            f"Tip deflection: up to {number(1e3 * study.bent_by[most])} mm, at {number(run.t[most])} s (distance from "
             "the tip of the same arm with straight links)."
         )
     sentences += [f"Warning: {warning}." for warning in run.warnings]
@@ -55,8 +55,8 @@ def _postures(study: Study) -> Picture:
     heads = ("time [s]", "body", "x [m]", "y [m]", "z [m]")
     times = run.t[chosen].tolist()
     lines = [(t, k, *p) for t, posture in zip(times, points.tolist(), strict=True) for k, p in enumerate(posture)]
-    caption = f"{len(chosen)} postures, from {times[0]:g} s (light) to {times[-1]:g} s (dark). Grey: path of the tip."
-    return Picture("postures", "Postures at equal time intervals", figure, caption, table_csv(heads, lines))
+    caption = f"{len(chosen)} configurations from {times[0]:g} s (light) to {times[-1]:g} s (dark). Grey: tip path."
+    return Picture("postures", "Configurations at equal time intervals", figure, caption, table_csv(heads, lines))
 
 
 def _in_time(study: Study) -> Picture:

@@ -1,4 +1,4 @@
-"""Versions, machine, command, and the scene: what it takes to get the same page again."""
+"""Everything needed to reproduce the page: versions, machine, command and scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part:
-    """The chapter."""
+    """Build the chapter."""
     date = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     lines: list[tuple[Cell, ...]] = [
         ("made", date.isoformat()), ("system", system()), ("processor", processor()),
@@ -23,7 +23,7 @@ def made(study: Study) -> Part:
     lines += [(name, version or "not installed") for name, version in versions(packages).items()]
     sentences = (
         f"Command: {study.command}" if study.command else "Made with flexlink.report(scene, folder).",
-        "Only input: the scene below, also in scene.toml beside this page.",
+        "The only input is the scene below, also in scene.toml next to this page.",
     )
     table = Table("machine", "Machine and versions", ("what", "value"), tuple(lines), to_look_up=True)
     return Part(sentences, tables=(table,), literal=study.scene.to_toml())

@@ -1,4 +1,4 @@
-"""How the arm comes to rest where its drive leads it."""
+"""How the arm settles at the target of its drive."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from flexlink.results.settling import overshoot, residual_vibration, settling_ti
 from flexlink.scene_report.study import Study
 
 TOLERANCES = (1e-2, 1e-3, 1e-4)
-"""Parts of the tip's travel within which the arm counts as settled."""
+"""Fractions of the tip's travel within which the arm counts as settled."""
 
 
 def made(study: Study) -> Part | None:
-    """The chapter."""
+    """Build the chapter."""
     goal = _goal(study)
     if goal is None:
         return None
@@ -41,14 +41,14 @@ def made(study: Study) -> Part | None:
             "make the run longer (run.duration).",
         ))  # fmt: skip
     if not study.moves:
-        return Part(("The tip stays where it starts: there is nothing to settle.",))
+        return Part(("The tip does not move, so there is no settling.",))
     way = float(np.linalg.norm(target - run.tip[0]))
     off = float(np.linalg.norm(run.tip[-1] - target))
     left = residual_vibration(run, after=end)
     sentences = [
         f"Residual vibration: {number(1e3 * left)} mm after the reference ends ({number(end)} s). At the end of the "
-        f"run the tip is {number(1e3 * off)} mm from its target: its static position at the final joint angles, "
-        "gravity sag included.",
+        f"run the tip is {number(1e3 * off)} mm from its target, its static position at the final joint angles "
+        "including gravity sag.",
     ]
     if way > 0:
         sentences.append(f"Overshoot: {number(1e3 * overshoot(run, target=target))} mm.")
@@ -56,7 +56,7 @@ def made(study: Study) -> Part | None:
 
 
 def _goal(study: Study) -> tuple[Array, float] | None:
-    """Angles of the driven joints that a drive leads to [rad], and when it has led them there [s]; None without one."""
+    """Return final angles of the driven joints [rad] and the time [s] at which the reference reaches them, if any."""
     scene, chain = study.scene, study.chain
     if scene.drive.kind not in ("pd", "computed_torque") or scene.motion:
         return None

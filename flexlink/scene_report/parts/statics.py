@@ -1,4 +1,4 @@
-"""The arm at rest with its driven joints held: how it sags, what holds it, when it would buckle."""
+"""The arm in static equilibrium with its driven joints locked: sag, holding torques, buckling load."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part:
-    """The chapter."""
+    """Build the chapter."""
     chain, q = study.chain, study.start[0]
     if not study.bends:
         wrench, frame = initial_wrench(study.scene, chain)
         held = bias_torque(chain, q, np.zeros(chain.n), tip_wrench=wrench, frame=frame)
         return Part(
-            ("All links are rigid. The joints are locked at their start angles.",),
+            ("All links are rigid. The joints are locked at their initial angles.",),
             facts=_held(chain, held),
             tables=_holding(chain, q, held),
         )
@@ -39,13 +39,13 @@ def made(study: Study) -> Part:
     size = float(np.linalg.norm(sag))
     x, y, z = (number(1e3 * part) for part in sag)
     sentences = (
-        "The driven joints are locked at their start angles; gravity and the tip wrench bend the links.",
+        "The driven joints are locked at their initial angles; gravity and the tip wrench bend the links.",
         f"Static tip deflection: {number(1e3 * size)} mm, ({x}, {y}, {z}) mm in frame 0. "
-        f"The posture is {'stable' if rest.stable else 'unstable'}.",
+        f"This equilibrium is {'stable' if rest.stable else 'unstable'}.",
         _buckling(study),
     )
     pictures = (_picture(study, size),) if size > 0 else ()
-    facts = (Fact(f"{number(1e3 * size)} mm", "Sag of the tip under gravity and load, driven joints held"),)
+    facts = (Fact(f"{number(1e3 * size)} mm", "Sag of the tip under gravity and load, driven joints locked"),)
     return Part(
         tuple(filter(None, sentences)), facts=(*facts, *_held(chain, rest.tau)), pictures=pictures,
         tables=_holding(chain, rest.q, rest.tau),
@@ -53,8 +53,8 @@ def made(study: Study) -> Part:
 
 
 def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
-    """The largest torques that hold the arm, for the first screen."""
-    torques, shown = _without_rounding(tau), 2  # numbers that fit into a line
+    """Return the largest torques that hold the arm, for the first screen."""
+    torques, shown = _without_rounding(tau), 2  # number of values that fit on one line
     largest = sorted(chain.active.tolist(), key=lambda k: -abs(torques[k]))[:shown]
     if not largest:
         return ()
@@ -67,7 +67,7 @@ def _held(chain: Chain, tau: Array) -> tuple[Fact, ...]:
 
 
 def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Table, ...]:
-    """Torques of the driven joints, if there are any."""
+    """Return tables of the holding torques and forces of the driven joints."""
     tau, own = _without_rounding(tau), in_own(chain.slides, q)
     kinds = [
         ("holding", "Holding torques", ("joint", "angle [deg]", "torque [N m]"), False),
@@ -92,14 +92,14 @@ def _buckling(study: Study) -> str:
     except FlexlinkError as error:
         return f"Buckling load not computed: {error}."
     if not len(factors):
-        return "No multiple of the load makes the arm buckle."
-    return f"Buckling load: {number(float(factors[0]))} times the load (linearised about this posture)."
+        return "The arm does not buckle at any multiple of the load."
+    return f"Buckling load: {number(float(factors[0]))} times the load (linearised about this equilibrium)."
 
 
 def _picture(study: Study, size: float) -> Picture:
     chain, rest = study.chain, study.rest
     straight, bent = (frames(chain, q).points for q in (unbent(chain, rest.q), rest.q))
-    visible = 0.08  # of the reach: the tip is drawn to sag by at least as much
+    visible = 0.08  # smallest drawn sag of the tip, as a fraction of the arm's size
     scale = max(1.0, _round(visible * study.size / size))
     shown = straight + scale * (bent - straight)
     both = np.stack([straight, shown])
@@ -118,11 +118,11 @@ def _picture(study: Study, size: float) -> Picture:
 
 
 def _without_rounding(values: Array) -> Array:
-    """What is as small as rounding of the largest one, as zero."""
+    """Set values below the rounding error of the largest one to zero."""
     return np.where(np.abs(values) > 1e-12 * np.abs(values).max(initial=0.0), values, 0.0)
 
 
 def _round(value: float) -> float:
-    """The next lower of 1, 2, 5, 10, 20, …"""
+    """Round down to 1, 2, 5, 10, 20, …"""
     power = 10.0 ** np.floor(np.log10(value))
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-12)))

@@ -1,4 +1,4 @@
-"""The same arm in a file of somebody else's: what agrees, what differs, and the likely mistakes."""
+"""The same arm in a third-party file: agreement, differences, and the likely mistakes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part | None:
-    """The chapter."""
+    """Build the chapter."""
     if study.against is None or study.measurements:
         return None
     states = 100
@@ -20,7 +20,7 @@ def made(study: Study) -> Part | None:
     sentences = (
         f"{study.against.name}, read by {found.engine}, is compared with this scene: parameters of every joint and "
         f"body in one frame, and terms of the equation of motion at {states} states. Differences of terms are divided "
-        "by the rounding bound: up to 1 means equal.",
+        "by the rounding bound; a ratio of at most 1 means that the terms agree to within rounding.",
         f"{first}.",
         *(line.strip() for line in why),
     )
@@ -45,4 +45,4 @@ def _tables(found: Diagnosis) -> tuple[Table, ...]:
         (row.quantity, row.error, row.joint if row.error else "", "agrees" if row.passed else "DIFFERS")
         for row in found.rows
     )
-    return (Table("theirs", "Terms of the equation of motion: this scene against the file", heads, lines),)
+    return (Table("theirs", "Terms of the equation of motion: this scene and the file", heads, lines),)

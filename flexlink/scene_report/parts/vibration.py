@@ -1,4 +1,4 @@
-"""Natural frequencies and mode shapes about the arm at rest, its driven joints held."""
+"""Natural frequencies and mode shapes about the static equilibrium, with the driven joints locked."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from matplotlib.figure import Figure  # isort: skip
 
 
 def made(study: Study) -> Part | None:
-    """The chapter."""
+    """Build the chapter."""
     if not study.bends:
         return None
     chain, rest = study.chain, study.rest
     wrench, frame = initial_wrench(study.scene, chain)
     found = modes_at_rest(chain, rest, tip_wrench=wrench, frame=frame)
     sentences: tuple[str, ...] = (
-        _first(found) + " Small vibrations about the static equilibrium, gravity included, driven joints locked.",
-        "" if found.stable else "The posture is unstable: at least one mode grows.",
+        _first(found) + " Small vibrations about the static equilibrium with gravity, driven joints locked.",
+        "" if found.stable else "The equilibrium is unstable: at least one mode grows.",
     )
     fine = resolved(found, chain)
     if not all(fine):
         coarse = (
-            f"Modes from {1 + fine.index(False)} on have fewer than two hinges per half-wave in some link: their "
-            "frequencies depend on the cut; more segments resolve them."
+            f"From mode {1 + fine.index(False)} on, some links have fewer than two hinges per half-wave. These "
+            "frequencies depend on the number of segments; more segments resolve them."
         )
         sentences += (coarse,)
     heads = ("mode", "frequency [Hz]", "damping ratio", "kind", "tip moves most along", "resolved by the hinges")
@@ -50,20 +50,20 @@ def made(study: Study) -> Part | None:
 
 def _first(found: Modes) -> str:
     if "elastic" not in found.kinds:
-        return "No mode is elastic: loads hold the arm, not springs."
+        return "No mode is elastic: only loads, not springs, restore the arm."
     k = found.kinds.index("elastic")
     ratio = number(float(found.damping_ratios[k]))
     return f"First elastic frequency: {number(float(found.hertz[k]))} Hz, damping ratio {ratio}."
 
 
 def _facts(found: Modes) -> tuple[Fact, ...]:
-    """The first two elastic frequencies, for the first screen."""
+    """Return the first two elastic frequencies, for the first screen."""
     hertz = [float(f) for f, kind in zip(found.hertz, found.kinds, strict=True) if kind == "elastic"][:2]
     if not hertz:
         return ()
     values = "; ".join(map(number, hertz))
     return (
-        Fact(f"{values} Hz", f"First elastic {'frequencies' if len(hertz) > 1 else 'frequency'}, driven joints held"),
+        Fact(f"{values} Hz", f"First elastic {'frequencies' if len(hertz) > 1 else 'frequency'}, driven joints locked"),
     )
 
 
@@ -96,7 +96,7 @@ def _picture(study: Study, found: Modes, fine: tuple[bool, ...]) -> Picture:
             markersize=4,
         )
         coarse = "" if fine[k] else ", not resolved"
-        frequency = f"{number(float(found.hertz[k]))} Hz" if np.isfinite(found.hertz[k]) else "falls, no frequency"
+        frequency = f"{number(float(found.hertz[k]))} Hz" if np.isfinite(found.hertz[k]) else "unstable, no frequency"
         panel.set_title(f"{k + 1}: {frequency}{coarse}")
         panel.set_aspect("equal", adjustable="datalim")
         panel.set_xlabel(view.labels[0].removesuffix(" [m]"), fontsize=9)
