@@ -13,8 +13,9 @@ from pathlib import Path
 from flexlink.chain.arguments import positive
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import prefix_errors, print_lines, require_writable, shown_path, varied_scene
+from flexlink.cli.shared import prefix_errors, print_lines, require_writable, varied_scene
 from flexlink.common.errors import ArgumentError
+from flexlink.common.files import shown_path
 from flexlink.common.output import make_folder, write_text
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene

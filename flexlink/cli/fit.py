@@ -16,8 +16,9 @@ import numpy as np
 from msgspec.structs import replace
 
 from flexlink.cli.json_output import add_json, print_json
-from flexlink.cli.shared import prefix_errors, print_hints, print_lines, shown_path, varied
+from flexlink.cli.shared import prefix_errors, print_hints, print_lines, varied
 from flexlink.common.errors import IdentifiabilityError
+from flexlink.common.files import shown_path
 from flexlink.common.output import make_folder, or_keep
 from flexlink.common.wording import Diagnostic
 from flexlink.identification.checked_page import document

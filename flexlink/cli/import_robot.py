@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from flexlink.cli.shared import assignments, prefix_errors, print_lines, require_writable, shown_path, varied
+from flexlink.cli.shared import assignments, prefix_errors, print_lines, require_writable, varied
 from flexlink.common.errors import ArgumentError
+from flexlink.common.files import shown_path
 from flexlink.common.output import write_text
 from flexlink.describe.spec import decode
 from flexlink.robots.collection import KnownArm, known_arm

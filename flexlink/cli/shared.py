@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.files import shown_path
 from flexlink.common.output import check_writable, write_or_keep
 from flexlink.common.wording import coloured, id_of
 from flexlink.describe.plausibility.hints import hints
@@ -74,11 +75,6 @@ def print_lines(word: str, texts: Iterable[str]) -> None:
 def print_path(what: str, path: Path) -> None:
     """Print where a result is: relative to the current folder if it is below it."""
     print(f"{what}: {shown_path(path)}")
-
-
-def shown_path(path: Path) -> Path:
-    """A path relative to the current folder if it is below it."""
-    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def print_hints(scene: Scene, options: argparse.Namespace) -> None:
