@@ -1,4 +1,4 @@
-"""The rigid segments that a beam is cut into: slices of it, or those whose M is exact in cells of coupled springs."""
+"""Rigid segments of a beam: slices between hinges, or segments with the exact M in cells of coupled springs."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 
 Segment = tuple[SpatialInertia | None, tuple[float, float], Array]
-"""Of a segment its body, part of the link, end [m]."""
+"""A segment: its body, the part of the link that it covers, and its end [m]."""
 
 
 def segments_of(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, nodes: Array) -> list[Segment]:
-    """Links alike share their segments, of whatever stiffness."""
-    if rule.cells is None or not nodes.size:  # a rigid link has no hinges, whatever its rule
+    """Segments of a link; identical links share them for any stiffness."""
+    if rule.cells is None or not nodes.size:  # a rigid link has no hinges under any rule
         return _segments(beam, nodes.tobytes())
     try:
         return _cell_segments(beam, rule.cells, len(nodes))
@@ -32,7 +32,7 @@ def segments_of(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, no
 
 @functools.lru_cache(maxsize=256)
 def _segments(beam: SectionBeam | TableBeam, nodes: bytes) -> list[Segment]:
-    """Slices of the beam from hinge to hinge; a hinge at the very root has nothing before it."""
+    """Slices of the beam between hinges; a hinge at the root has no slice before it."""
     edges = np.array([0.0, *np.frombuffer(nodes), 1.0])
     slices = zip(*beam.slices(edges), np.diff(edges) * beam.length, strict=True)
     return [
@@ -44,14 +44,14 @@ def _segments(beam: SectionBeam | TableBeam, nodes: bytes) -> list[Segment]:
 
 @functools.lru_cache(maxsize=256)
 def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> list[Segment]:
-    """Segments whose M is the exact one of a beam that has the angle of each segment at its Lobatto node s.
+    """Segments with the exact M of a beam that has the angle of each segment at its Lobatto node s.
 
-    m is that of the slice, from S_i−1 to S_i; m c = l ∫ ρA from s_i to S_i, from the segment's start; and
+    m is the mass of the slice from S_i−1 to S_i. m c = l ∫ ρA from s_i to S_i, measured from the segment's start, and
 
         J_i = l_i [(s_i − S_i−1) ν(s_i) + ∫ ν dx − Σ_j w_j ν(s_j)] − m_i c_i²        ν(x) = ∫ ρA from x to S_i
 
-    the integral from s_i to the end of the cell that begins at or holds s_i, the sum over its nodes beyond s_i. What
-    sections have by themselves, about x, too, is l ρI at s: ½ ∫ ρI θ̇² by Lobatto's quadrature, of order 2p.
+    The integral extends from s_i to the end of the cell that begins at or contains s_i, the sum over its nodes beyond
+    s_i. The rotary inertia of sections, also about x, is l ρI at s: ½ ∫ ρI θ̇² by Lobatto quadrature of order 2p.
     """
     places, lengths = cells.segments(count)
     edges = np.append(0.0, np.cumsum(lengths))
@@ -88,7 +88,7 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
 
 
 def _pass_on(J: Array) -> None:
-    """Let neighbours bear what is negative, as beside a jump; their angles are nearly the same, and the sum stays."""
+    """Move negative inertias, as next to a jump, to neighbours with nearly the same angle; the sum is unchanged."""
     for first, then in ((range(len(J) - 1), 1), (range(len(J) - 1, 0, -1), -1)):
         for i in first:
             if J[i] < 0:

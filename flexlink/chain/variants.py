@@ -1,4 +1,4 @@
-"""Chains of many scenes at once: those that share a frame differ in a few numbers, found as arrays over all of them."""
+"""Chains of several scenes at once: those that share a frame differ in a few values, computed as arrays over all."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from flexlink.kernels.layout import COUPLING, HINGE
 
 
 def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
-    """The chain of every scene as `lump` makes it, equal to the bit, or the error that it raises."""
+    """Chain of every scene, bitwise as from `lump`, or the error that `lump` raises."""
     shared: dict[int, list[int]] = {}
     frames: dict[int, Frame] = {}
     frame = None
@@ -40,7 +40,7 @@ def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
 
 
 def _same_frame(before: Scene, scene: Scene) -> bool:
-    """Whether it is plain that two scenes share a frame, or that neither has one."""
+    """Whether two scenes obviously share a frame, or neither has one."""
     a, b = before.arm, scene.arm
     same = a.links is b.links and a.sections is b.sections and a.rigidities is b.rigidities
     if not (same and before.motion is scene.motion):
@@ -65,7 +65,7 @@ def _alone(scene: Scene) -> Chain | FlexlinkError:
 
 
 def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
-    """Chains of one frame; None where `lump` has to say what is wrong."""
+    """Chains of one frame; None where `lump` has to raise an error."""
     b = len(scenes)
     bodies, hinges = np.empty((b, len(frame.bodies)), frame.bodies.dtype), np.empty((b, len(frame.hinges)), HINGE)
     couplings = np.empty((b, len(frame.couplings)), COUPLING)
@@ -92,7 +92,7 @@ def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
 
 
 def _write_tips(frame: Frame, tips: Sequence[RigidBody], bodies: NDArray[np.void]) -> None:
-    """The body that carries the payload."""
+    """Write the body with the payload."""
     if frame.carrier.stop == 0:  # the base
         return
     last = bodies[:, frame.carrier.start]
@@ -107,7 +107,7 @@ def _write_tips(frame: Frame, tips: Sequence[RigidBody], bodies: NDArray[np.void
 
 
 def _joined(rigid: SpatialInertia, place: Pose, payloads: Sequence[RigidBody]) -> tuple[Array, Array, Array]:
-    """`SpatialInertia.plus` and `moved` of many bodies: masses (b,), centres (b, 3), inertias (b, 3, 3)."""
+    """`SpatialInertia.plus` and `moved` for b bodies: masses (b,), centres (b, 3), inertias (b, 3, 3)."""
     masses = np.array([body.mass for body in payloads])
     centers, inertias = np.array([body.center for body in payloads]), _matrices(payloads)
     if place is not HERE:
@@ -129,6 +129,6 @@ def _joined(rigid: SpatialInertia, place: Pose, payloads: Sequence[RigidBody]) -
 
 
 def _matrices(payloads: Sequence[RigidBody]) -> Array:
-    """`RigidBody.matrix` of each, (b, 3, 3)."""
+    """`RigidBody.matrix` of each payload, (b, 3, 3)."""
     xx, yy, zz, xy, xz, yz = np.array([(*body.inertia, 0.0, 0.0, 0.0)[:6] for body in payloads]).T
     return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)
