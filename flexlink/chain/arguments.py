@@ -1,4 +1,4 @@
-"""Checks of arguments of public functions: messages name the argument, the value it got and the value expected."""
+"""Checks of arguments of public functions: messages contain its name, its value and what is expected."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ NO_WRENCH = np.zeros(6)
 def vector(name: str, value: ArrayLike, size: int, *, many: bool = False, finite: bool = True) -> Array:
     """Return `value` as a finite float64 array of shape (size,); `many`: the function also accepts (b, size).
 
-    `finite=False` leaves out the check for finite values, 0.2 µs, if a kernel repeats it.
+    `finite=False` skips the check for finite values (0.2 µs) if a kernel repeats it.
 
     Raises
     ------
     ArgumentError
-        The message names the argument, the shape got and the shape expected.
+        The message contains the argument's name, its shape and the expected shape.
     """
     if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray:
         value = real_array(name, value, (size,))
@@ -42,7 +42,7 @@ def vector(name: str, value: ArrayLike, size: int, *, many: bool = False, finite
 
 
 def real_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Writable, contiguous float64 copy: for a read-only array, another type, the compiler would compile again."""
+    """Return a writable, contiguous float64 copy: kernels would be compiled again for the type of read-only arrays."""
     return np.atleast_1d(numbers(name, value, f"real numbers, shape {shape}"))
 
 

@@ -10,8 +10,9 @@ springs and all other joints held. With K φ = ω² M φ and φᵀ M φ = 1,
 
 A full initial state, `initial.q`, does not change the dampers: a simulation continued from it uses the same arm.
 
-M includes what the links carry. Modes and their damping ratios change with the configuration: for two equal links with
-one ζ and the elbow turned by 90° they are 0.4 to 1.3 ζ in the first two modes and 0.8 to 1.02 ζ in all others.
+M includes all bodies beyond the hinges. Modes and their damping ratios change with the configuration: for two equal
+links with one ζ and the elbow turned by 90° they are 0.4 to 1.3 ζ in the first two modes and 0.8 to 1.02 ζ in all
+others.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ def with_forces(chain: Chain, scene: Scene, pieces: Sequence[Piece]) -> Chain:
     Raises
     ------
     SceneError
-        A number of an element is beyond float64.
+        A value of an element is beyond float64.
     """
     forces = {}
     for name, rows_of in ROWS.items():

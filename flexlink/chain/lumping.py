@@ -75,7 +75,7 @@ def lump(scene: Scene) -> Chain:
 
 
 def situation(scene: Scene) -> tuple[object, ...]:
-    """Parts of the scene outside the arm on which its frame depends."""
+    """Settings of the scene, apart from the arm, on which the frame depends."""
     arm, initial = scene.arm, scene.initial
     starts = zip(arm.links, initial.joint_deg, initial.positions_m, strict=True)
     locked = tuple((deg, m) for link, deg, m in starts if link.joint.locked)
@@ -122,7 +122,7 @@ def pieces(scene: Scene) -> list[Piece]:
 
 @dataclasses.dataclass
 class Frame:
-    """An arm without springs in its beams, and without payload at its tip."""
+    """Chain data of an arm before the springs of its beams and its payload are added."""
 
     bodies: NDArray[np.void]
     hinges: NDArray[np.void]

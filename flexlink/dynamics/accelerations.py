@@ -71,8 +71,8 @@ def forward_dynamics(
         An argument has a wrong shape, is not real or finite; the solver is unknown; the chains differ in layout; or q̈
         overflows.
     SingularMassError
-        A joint moves no inertia in this configuration, or a free base's angle about Y is 90°. "lu" and "cholesky" also
-        fail close to gimbal lock of a passive group.
+        A joint has no inertia attached in this configuration, or a free base's angle about Y is 90°. "lu" and
+        "cholesky" also fail close to gimbal lock of a passive group.
 
     Examples
     --------

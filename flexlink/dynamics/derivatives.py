@@ -148,7 +148,7 @@ def forward_dynamics_derivatives(
     ArgumentError
         An argument has the wrong shape, is not real or not finite, or a derivative is beyond float64.
     SingularMassError
-        A joint moves no inertia in this configuration.
+        A joint has no inertia attached in this configuration.
 
     Examples
     --------

@@ -106,12 +106,12 @@ def solve_static(
     ArgumentError
         An argument has the wrong shape or is not finite, or `locked` names an unknown coordinate.
     ConvergenceError
-        The path from q does not reach the full load. The error has the configuration at the largest load reached.
+        The path from q does not reach the full load. The error contains the configuration at the largest load reached.
 
     Examples
     --------
     >>> rest = fl.solve_static(chain, q, locked=["upper", "fore"])
-    >>> print(rest.stable, rest.tau[chain.active].round(2))  # N m that hold the driven joints
+    >>> print(rest.stable, rest.tau[chain.active].round(2))  # N m; holding torques
     True [77.6  30.31]
     """
     n = require_type("chain", chain, Chain).n

@@ -25,8 +25,10 @@ from flexlink.kernels.forward.articulated_rows import BODY_ROW
 
 FAR = 0.5
 """Angle of a base [rad] at which its reference attitude is changed."""
-BODY, ANGLES = 1, slice(3, 6)
-"""Index of the base in `bodies`, and the indices of its angles among the coordinates."""
+BODY = 1
+"""Index of the base in `bodies`."""
+ANGLES = slice(3, 6)
+"""Indices of the base's angles among the coordinates."""
 
 
 class FloatingBase:
@@ -133,6 +135,6 @@ class FloatingBase:
 
 
 def rows_of(scratch: Any) -> Any:
-    """Array of body data in a workspace of forward dynamics or of steps; None if it reads those of the chain."""
+    """Array of body data in a workspace of forward dynamics or of steps; None if it uses the chain's."""
     rows = getattr(scratch, "posture", scratch)
     return getattr(rows, "rows", getattr(rows, "bodies", None))

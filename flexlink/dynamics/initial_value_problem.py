@@ -30,7 +30,7 @@ class InitialValueProblem:
     q, qd
         Initial angles [rad] and rates [rad/s], shape (n,); read-only by convention.
     base
-        For a chain with a free base: manages its reference attitude; `chain` is then the base's.
+        Reference attitude of a chain with a free base; `chain` is then `base.chain`.
     """
 
     scene: Scene

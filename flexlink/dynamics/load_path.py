@@ -23,9 +23,18 @@ from flexlink.dynamics.springs import spring_torque
 from flexlink.dynamics.tangent import LoadedState, falls, load_torque
 from flexlink.kernels.tools.finite import is_finite
 
-FIRST_ARC, LARGEST_ARC, SMALLEST_ARC = 0.5, 1.0, 1e-6  # rad over all joints; sliding joints: relative to arm length
-CORRECTIONS, WANTED = 12, 6  # limit of Newton steps of a corrector; with fewer than WANTED the arc may grow
+FIRST_ARC = 0.5
+"""Length of the first arc [rad over all joints]; sliding joints count relative to the arm's length."""
+LARGEST_ARC = 1.0
+"""Largest length of an arc [rad over all joints]."""
+SMALLEST_ARC = 1e-6
+"""Length of an arc [rad over all joints] below which the path is lost."""
+CORRECTIONS = 12
+"""Largest number of Newton steps of a corrector."""
+WANTED = 6
+"""Number of Newton steps below which the next arc may be longer."""
 STEPS = 500
+"""Largest number of points of a path."""
 TRIES = (1.0, 0.2), (0.1, 0.2), (1.0, 3.0)
 """Factors on the arc length, and largest distance of a corrector from the end of an arc, relative to its length. The
 last pair is for free joints without springs, whose path may begin with a jump."""
@@ -141,7 +150,7 @@ def _shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
 def follow(equations: Equations, tolerance: float) -> list[Array]:
     """Return points x = (s, q) of the path from s = 0 to s = 1.
 
-    Arcs are shortened if the path is lost or ends unstable: it may have jumped over a bifurcation to the straight arm.
+    Shorter arcs are tried if the path is lost or ends unstable: it may have crossed to the straight, buckled arm.
     """
     path, lost = list[Array](), list[LostError]()
     for part, off in TRIES:
@@ -160,7 +169,7 @@ def follow(equations: Equations, tolerance: float) -> list[Array]:
 
 
 def _arcs(equations: Equations, tolerance: float, part: float, off: float) -> list[Array]:
-    """Return points of the path by arcs of this part of their usual length: tangent predictor, orthogonal corrector."""
+    """Return points of the path, arcs scaled by `part`, with a tangent predictor and an orthogonal corrector."""
     point, arc = equations.start, part * FIRST_ARC
     path, direction = [point], np.append(1.0, np.zeros(len(point) - 1))
     while point[0] < 1:
@@ -198,11 +207,11 @@ def _corrected(
 
 
 def _direction(equations: Equations, point: Array, before: Array) -> Array:
-    """Unit tangent of the path at a point, F' t = 0, in the sense of the direction before."""
+    """Unit tangent of the path at a point, F' t = 0, pointing forward along the previous direction."""
     scales, (_, by_s) = equations.scales, equations.with_slope(point)
     still, row = np.zeros(len(before) - 1), before / scales**2
     t = equations.solve(by_s, row, still, 1.0)
-    if not np.isfinite(t).all():  # limit load: it moves the loaded joints
+    if not np.isfinite(t).all():  # singular at a limit load: add weak springs
         t = equations.solve(by_s, row, still, 1.0, held=True)
     return np.asarray(t / np.linalg.norm(t / scales))
 

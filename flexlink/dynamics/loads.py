@@ -43,7 +43,7 @@ class InternalLoads(Result):
 
     force: Array  # (…, bodies, 3) [N]
     moment: Array  # (…, bodies, 3) [N m]
-    hinge_moment: Array  # (…, n), the moment about the axis of each hinge [N m]; the force along one that slides [N]
+    hinge_moment: Array  # (…, n), moment about the axis of each hinge [N m]; force along a sliding joint [N]
 
     def __repr__(self) -> str:
         *states, bodies, _ = self.force.shape

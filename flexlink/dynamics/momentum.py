@@ -35,8 +35,8 @@ class Momentum(NamedTuple):
 def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:
     """Return the momentum of all bodies, without that of rotors (`armature`).
 
-    If no wrench acts on an arm with a free base, its linear momentum changes by m g t and its angular momentum about
-    the centre of mass is constant for any joint motion.
+    If no wrench acts on an arm with a free base, its linear momentum changes at the rate m g, and its angular momentum
+    about the centre of mass is constant for any joint motion.
 
     Parameters
     ----------

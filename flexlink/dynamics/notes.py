@@ -18,7 +18,7 @@ from flexlink.dynamics.start_notes import balance, slack_springs, unheld_joints
 from flexlink.dynamics.terms import elastic_torque
 
 ENOUGH_HINGES = 3
-"""Number of hinges of a link that resolves a parabolic moment, such as that of a uniform load."""
+"""Smallest number of hinges that resolves a parabolic moment along a link, such as that of a uniform load."""
 
 
 def notes(scene: Scene) -> tuple[Diagnostic, ...]:
@@ -64,8 +64,8 @@ def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
     if run.duration == 0 or (run.step is not None or run.has_tolerance):
         return ()
     if not run.by_default:
-        steps = f"fixed steps of {run.fixed_step:g} s by {run.method}; set run.step or a tolerance to change this"
-        return (Diagnostic(f"run: no step given: {steps}", "no-step-given"),)
+        steps = f"fixed steps of {run.fixed_step:g} s by {run.method}, unless a tolerance is given"
+        return (Diagnostic(f"run: no step given; {steps}", "no-step-given"),)
     chain = lump(scene)
     tolerance, of = run.tolerance_within(chain.size), f"{DEFAULT_TOLERANCE:g} of the {chain.size_name}"
     length = f"{1e3 * tolerance:.3g} mm"
@@ -73,7 +73,7 @@ def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
         of += f", {chain.size:.3g} m"
     if not chain.has_levers:
         length = f"{tolerance / chain.size:.3g} rad or {length}"
-    text = f"run: no step given: tolerance {length} ({of}), method auto"
+    text = f"run: no step given; tolerance {length} ({of}), method auto"
     return (Diagnostic(text, "no-step-given"),)
 
 

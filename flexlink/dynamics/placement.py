@@ -118,10 +118,10 @@ def jacobian(
 ) -> Jacobian:
     """Derivative of a body's position and orientation by q: v = J_v q̇ of a point, ω = J_ω q̇, in axes of frame 0.
 
-    The geometric Jacobian, Pinocchio's in `LOCAL_WORLD_ALIGNED`, MuJoCo's `mj_jac`. For a hinge between the base and
-    the body, column k is e_k × (p − p_k) and e_k, with axis e_k through p_k; for a sliding joint e_k and 0; for all
-    other joints 0. By virtual work a force f at the point and a moment m on the body correspond to the torques
-    J_vᵀ f + J_ωᵀ m.
+    The geometric Jacobian, Pinocchio's in `LOCAL_WORLD_ALIGNED`, MuJoCo's `mj_jac`. Columns k of J_v and J_ω are
+    e_k × (p − p_k) and e_k for a hinge with axis e_k through p_k, e_k and 0 for a sliding joint, and 0 for joints that
+    are not between base and body. By virtual work a force f at the point and a moment m on the body correspond to the
+    torques J_vᵀ f + J_ωᵀ m.
 
     Parameters
     ----------

@@ -80,7 +80,7 @@ def _moving(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array
 
 
 def _slid(chain: Chain, rates: Array) -> Array:
-    """Set the rates of sliding joints to zero in those of all hinges (n, …, 3); return their sums by body."""
+    """Remove the rates of sliding joints from those of all hinges (n, …, 3); return their sums by body."""
     slid = np.zeros((len(chain.bodies), *rates.shape[1:]))
     if chain.slides.any():
         np.add.at(slid, hinge_bodies(chain)[chain.slides], rates[chain.slides])
@@ -108,7 +108,7 @@ class PointMotion(Result):
     position: Array  # (…, 3) [m]
     velocity: Array  # (…, 3) [m/s]
     acceleration: Array  # (…, 3), d²/dt² of the position: without gravity [m/s²]
-    accelerometer: Array  # (…, 3), Rᵀ(acceleration − g): an arm at rest reads 9.81 m/s² upwards [m/s²]
+    accelerometer: Array  # (…, 3), Rᵀ(acceleration − g): at rest 9.81 m/s² upward [m/s²]
     gyroscope: Array  # (…, 3), Rᵀω [rad/s]
 
     def __repr__(self) -> str:

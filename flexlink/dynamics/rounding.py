@@ -109,7 +109,7 @@ def of_residual(
 def of_acceleration(
     chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tau: ArrayLike, *, tip_wrench: ArrayLike | None = None
 ) -> float:
-    """Rounding error of each joint's q̈ [rad/s²], ‖M⁻¹‖₂ times `of_residual`; that bound of M Δq̈ is sharper."""
+    """Rounding error of each joint's q̈ [rad/s²], ‖M⁻¹‖₂ times `of_residual`, which is the sharper check."""
     inverse = 1 / np.linalg.norm(mass_matrix(chain, q), -2)  # −2: the smallest singular value
     return float(inverse * of_residual(chain, q, qd, qdd, tau, tip_wrench=tip_wrench))
 
@@ -123,7 +123,7 @@ def acceleration_error(
     solutions: tuple[ArrayLike, ArrayLike],
     tip_wrench: ArrayLike | None = None,
 ) -> Array:
-    """Difference of two solutions q̈ in units of its bound, |M Δq̈| / `of_residual`, shape (n,); rounding if ≤ 1."""
+    """Difference of two solutions q̈ in units of its bound, |M Δq̈| / `of_residual`, shape (n,); ≤ 1 means rounding."""
     one, other = (np.asarray(qdd, dtype=np.float64) for qdd in solutions)
     if not (np.isfinite(one).all() and np.isfinite(other).all()):
         return np.full(chain.n, np.nan)

@@ -1,4 +1,4 @@
-"""States in which M is singular, so accelerations do not exist: find the joint without inertia."""
+"""Diagnosis of a singular M, for which accelerations do not exist: finds the joint without inertia."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
     if np.isfinite(solver.accelerations(chain.arrays, np.zeros(6), q, rest, rest)).all():
         return ArgumentError(
             f"q̈ of {chain.name!r} overflows float64: qd up to {np.abs(qd).max():.3g} rad/s, tau up to "
-            f"q̈ of {chain.name!r} overflows float64: qd up to {np.abs(qd).max():.3g} rad/s, tau up to "
             f"{np.abs(tau).max():.3g} N m, tip_wrench up to {np.abs(wrench).max():.3g}; use smaller values",
+            id="overflow",
         )
     k = idle_joint(chain, q)
     point = next(body for body in chain.bodies if body["first"] <= k < body["stop"])
@@ -87,7 +87,7 @@ def regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
 
 
 def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Return M of the free coordinates and L of M = L Lᵀ; check that each coordinate moves inertia.
+    """Return M of the free coordinates and L of M = L Lᵀ; check that each coordinate has inertia attached.
 
     Cholesky's pivot, the square of a diagonal entry of L, is the inertia of a coordinate while those before it move
     freely. It must exceed the rounding error of M, n eps M_ii. Near that bound another factorization may fail, so L is
@@ -96,7 +96,7 @@ def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array
     Raises
     ------
     SingularMassError
-        A coordinate moves no inertia, or M is beyond float64.
+        A coordinate has no inertia attached, or M is beyond float64.
     """
     whole = mass_matrix(chain, q, algorithm="upper")  # body axes keep the digits of a straight slender arm's twist
     M = whole if len(free) == chain.n else np.ascontiguousarray(whole[np.ix_(free, free)])
@@ -110,7 +110,7 @@ def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array
 
 
 def idle_error(chain: Chain, k: int) -> SingularMassError:
-    """Return the error for a coordinate that moves no inertia."""
+    """Return the error for a coordinate without inertia."""
     return SingularMassError(
         f"{chain.name}: joint {chain.joint_name(k)!r} has no inertia attached in this configuration, or its inertia "
         "overflows float64; M must be positive definite",

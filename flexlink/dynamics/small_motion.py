@@ -33,7 +33,7 @@ class SmallMotion:
     sizes
         Magnitude of the terms in each row of the eliminated matrix, shape (n,).
     scales
-        Magnitudes to compare changes of the coordinates with, as `rounding.scales`.
+        Unit of the change of each coordinate, as in `rounding.scales`.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class SmallMotion:
     def solve(self, r: Array) -> tuple[Array, Array]:
         """Solutions for right sides r (m, n) with skipped coordinates at 0, then for r = 0 with each at 1 in turn.
 
-        Returns the solutions (m + skipped, n), and the left sides of the skipped rows, (m + skipped, skipped).
+        Returns the solutions (m + spared, n), and the left sides of the skipped rows, (m + spared, spared).
         """
         m, spared = len(r), self.spared
         right, x = (np.zeros((m + len(spared), r.shape[1])) for _ in range(2))

@@ -42,7 +42,7 @@ def slack_springs(scene: Scene) -> Iterator[Diagnostic]:
     drop = _drop(chain, _angles(scene, chain))
     if drop > VISIBLE_DROP * chain.size:
         yield Diagnostic(
-            f"initial.passive = 'zero', the default: the springs start undeformed while {fed} holds the joints, so the "
+            f"initial.passive = 'zero', the default: the springs start slack while {fed} holds the joints, so the "
             f"tip drops by about {1e3 * drop:.3g} mm at t = 0 and swings; set initial.passive = 'static'",
             "springs-start-slack",
         )
@@ -86,7 +86,7 @@ def balance(scene: Scene) -> Iterator[Diagnostic]:
     unstable = _is_unstable(chain, q)
     how = "in unstable equilibrium and hardly moves for a long time" if unstable else "in equilibrium and stays there"
     yield Diagnostic(
-        f"initial.joint_deg = {list(initial.joint_deg)}: the arm starts {how}; start it at another angle, or load it",
+        f"initial.joint_deg = {list(initial.joint_deg)}: the arm starts {how}; change the angles, or apply a load",
         "unstable-equilibrium" if unstable else "equilibrium",
     )
 

@@ -1,9 +1,9 @@
 """Curvature and surface strain of a link, as strain gauges measure them, from its hinge angles.
 
-A hinge of weight w represents a length w L of the beam, k = EI/(w L). Its angle is the curvature of this length,
-κ = θ/(w L), so EI κ = k θ. At rest, k θ is the bending moment at the hinge and κ the beam's curvature there, for every
-lumping rule. Between hinges the user may interpolate. If the springs of a cell are coupled, its angles give the
-curvature at the cell's Gauss points instead of the hinges:
+A hinge of weight w represents a length w L of the beam, k = EI/(w L). Its angle θ is the integral of the curvature over
+this length, so κ = θ/(w L) and EI κ = k θ. At rest, k θ is the bending moment at the hinge and κ the beam's curvature
+there, for every lumping rule. If the springs of a cell are coupled, its angles determine the curvature at the cell's
+Gauss points instead:
 
     κ(x_q) = 1/h Σ_j C_qj θ_j        ε = z κ_y − y κ_z
 

@@ -44,7 +44,7 @@ class Stiffness(NamedTuple):
     S
         Square root of the magnitude of each row's terms, shape (n,): K̂ = S⁻¹ K S⁻¹ is of order 1.
     conservative
-        K is symmetric up to rounding: the loads have a potential.
+        Whether K is symmetric up to rounding, so the loads have a potential.
     rounding
         Bound of the rounding error of K̂'s eigenvalues.
     """

@@ -265,7 +265,6 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
         "composite": composite rigid bodies in inertial axes (Featherstone 2008, section 6.2), the fastest.
         Every element is accurate to eps of the largest. Methods 1 to 3, in body axes, are also accurate relative to
         √(M_jj M_kk), for example for the twist j of a slender, nearly straight arm, which moves almost no inertia.
-        inertia in a slender arm that is nearly straight, only those of methods 1 to 3 are, in body axes.
 
     Returns
     -------

@@ -49,8 +49,8 @@ def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
         Mass matrix and its Cholesky factor, M = L Lᵀ, shape (n, n).
     C
         Damping and gyroscopic matrix, shape (n, n).
+    stiffness
         K with the magnitude of its terms.
-        K with its scale.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
         squares, Φ = _swinging(L, S, w, V, resting)
         return _Modes(squares, Φ, falling, resting)
     down = scipy.linalg.solve_triangular(L, S[:, None] * V[:, :falling] * np.sqrt(-w[:falling]), lower=True)
-    lift = 2 * float(np.linalg.norm(down, 2)) ** 2  # of μ ≥ −‖L⁻¹ Y₋‖²
+    lift = 2 * float(np.linalg.norm(down, 2)) ** 2  # since μ ≥ −‖L⁻¹ Y₋‖²
     for _ in range(2):
         lifted = np.sqrt(S**2 + lift * np.diag(M))
         w, V = np.linalg.eigh((stiffness.symmetric + lift * M) / np.outer(lifted, lifted))
@@ -100,7 +100,7 @@ def _swinging(L: Array, S: Array, w: Array, V: Array, resting: int) -> tuple[Arr
     still, root = V[:, :resting], np.sqrt(w[resting:])
     Y = S[:, None] * V[:, resting:] * root
     inverse = scipy.linalg.solve_triangular(L, np.eye(len(L)), lower=True).T
-    U, ω, right = np.linalg.svd(Y.T @ inverse)  # all n rows of `right`
+    U, ω, right = np.linalg.svd(Y.T @ inverse)  # `right` has all n rows
     Φ = inverse @ right.T
     moving = Φ[:, : len(ω)]
     by_springs = (V[:, resting:] @ (U * ω / root[:, None]) + still @ (still.T @ (S[:, None] * moving))) / S[:, None]

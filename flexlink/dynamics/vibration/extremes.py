@@ -18,9 +18,10 @@ from flexlink.kernels.forward.power_iteration import largest_eigenvalue, smalles
 FOUND = Memo(256)
 """Frequencies by chain and configuration, shared by the runs of one scene."""
 
-PASSES, CLOSE = 30, 1e-2
-"""Largest number of power iterations, and the relative change of ω² at which they end. An error weight and the choice
-of a method need no better accuracy."""
+PASSES = 30
+"""Largest number of power iterations."""
+CLOSE = 1e-2
+"""Relative change of ω² at which power iterations end: accurate enough for error weights and the choice of a method."""
 
 
 def inertia_alone(chain: Chain) -> Chain:

@@ -140,7 +140,7 @@ def linearize(
     ArgumentError
         An argument has the wrong shape or is not finite, or there is no such output.
     SingularMassError
-        A joint moves no inertia in this configuration.
+        A joint has no inertia attached in this configuration.
 
     Examples
     --------

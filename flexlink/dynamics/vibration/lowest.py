@@ -26,9 +26,10 @@ square, unless damping or rotation couples the modes."""
 
 EPS = np.finfo(float).eps
 
-GUARD, ROUNDS = 4, 16
-"""Rows of W at the start in addition to the modes wanted, and the largest number of iterations. 5 to 7 suffice, unless
-modes lie very close, such as overdamped ones with dampers as strong as springs."""
+GUARD = 4
+"""Number of initial rows of W in addition to the modes wanted."""
+ROUNDS = 16
+"""Largest number of iterations. 5 to 7 suffice unless modes lie very close, as overdamped ones may."""
 
 NEARLY = 1e-9
 """Relative distance in ω² within which two modes count as one."""

@@ -119,7 +119,7 @@ class Modes(SavedResult):
 
     @property
     def stable(self) -> bool:
-        """No mode grows: no Re λ > 0 beyond rounding. A neutral joint, λ = 0, counts as stable."""
+        """Whether no mode grows: no Re λ > 0 beyond rounding. A neutral joint, λ = 0, counts as stable."""
         return bool((self.eigenvalues.real <= self.rounding).all())
 
 
@@ -166,7 +166,7 @@ def modes(
     ArgumentError
         An argument has the wrong shape or is not finite, or `locked` names an unknown coordinate.
     SingularMassError
-        A coordinate moves no inertia in this configuration.
+        A coordinate has no inertia attached in this configuration.
 
     Examples
     --------

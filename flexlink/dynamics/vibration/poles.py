@@ -43,7 +43,7 @@ def pd_poles(
     ArgumentError
         An argument has the wrong shape, is not finite, or is negative.
     SingularMassError
-        A joint moves no inertia in this configuration.
+        A joint has no inertia attached in this configuration.
 
     Examples
     --------

@@ -40,11 +40,11 @@ O(n)."""
 
 NUDGE = 1e-4
 """Step of the central difference along a direction [rad], for sliding joints relative to the arm's length. Its error,
-of order NUDGE², is far below the 1e-4 of the Lanczos method."""
+of order NUDGE², is far below the tolerance of the Lanczos method, 1e-4."""
 
 
 class Gains(NamedTuple):
-    """Gains of a drive, T_EX = … − k_p q − k_d q̇: each (n,), or (n, n) if joints are coupled [N m/rad, …]."""
+    """Gains of a drive, T_EX = … − k_p q − k_d q̇: each (n,), or (n, n) if joints affect each other [N m/rad, …]."""
 
     kp: Array
     kd: Array
@@ -55,7 +55,7 @@ class Gains(NamedTuple):
         return kp, kd
 
     def diagonals(self) -> tuple[Array, Array]:
-        """Both as (n,), without the coupling between joints."""
+        """Both as (n,): the gains of each joint on itself."""
         kp, kd = (slope if slope.ndim == 1 else np.diag(slope).copy() for slope in self)
         return kp, kd
 
@@ -95,7 +95,7 @@ def eigenvalues(
     ArgumentError
         An argument has the wrong shape, is not real or not finite, or leads to numbers beyond float64.
     SingularMassError
-        A coordinate moves no inertia in this configuration.
+        A coordinate has no inertia attached in this configuration.
     """
     return _all_eigenvalues(chain, *_about(chain, q, qd, tip_wrench, frame, gains))
 
@@ -294,7 +294,7 @@ def stable_step(
     DataFileError
         The file of the method is not valid.
     SingularMassError
-        A coordinate moves no inertia in this configuration.
+        A coordinate has no inertia attached in this configuration.
 
     Examples
     --------
