@@ -1,4 +1,4 @@
-"""Checks of arguments of public functions: messages contain its name, its value and what is expected."""
+"""Checks of arguments of public functions. Messages contain the name, the value and what is expected."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 from flexlink.kernels.layout import SPRINGS
 
 TWIST = 1  # axis of a coordinate
-PAIR = 2  # hinges of a cell whose springs act on the curvature of the rotation between them
+PAIR = 2  # number of hinges in cells whose springs act on the curvature of the rotation between them
 
 
 class Springs(NamedTuple):

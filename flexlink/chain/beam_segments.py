@@ -44,7 +44,7 @@ def _segments(beam: SectionBeam | TableBeam, nodes: bytes) -> list[Segment]:
 
 @functools.lru_cache(maxsize=256)
 def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> list[Segment]:
-    """Segments with the exact M of a beam that has the angle of each segment at its Lobatto node s.
+    """Segments with the exact M of a beam whose angle at each Lobatto node s is the angle of the segment there.
 
     m is the mass of the slice from S_i−1 to S_i. m c = l ∫ ρA from s_i to S_i, measured from the segment's start, and
 
@@ -53,13 +53,13 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
     The integral extends from s_i to the end of the cell that begins at or contains s_i, the sum over its nodes beyond
     s_i. The rotary inertia of sections, also about x, is l ρI at s: ½ ∫ ρI θ̇² by Lobatto quadrature of order 2p.
     """
-    places, lengths = cells.segments(count)
+    nodes, lengths = cells.segments(count)
     edges = np.append(0.0, np.cumsum(lengths))
     edges[-1] = 1.0
     mass = beam.slices(edges)[0]
     l = lengths * beam.length
-    center = l * beam.masses(places, edges[1:]) / mass
-    J = np.array([_cell_inertia(beam, cells, i, places, edges) for i in range(count + 1)]) - mass * center**2
+    center = l * beam.masses(nodes, edges[1:]) / mass
+    J = np.array([_cell_inertia(beam, cells, i, nodes, edges) for i in range(count + 1)]) - mass * center**2
     rounding = 16 * np.finfo(float).eps * l * (cells.hinges * l.max()) * (cells.hinges * mass.max())
     given = cells.tip * mass[-1] * l[-1] ** 2 / 3
     J[np.abs(J) <= rounding] = 0.0  # the first segment is a point mass at its end, the last at its hinge
@@ -70,16 +70,16 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
     if (J < 0).any() and isinstance(beam, TableBeam):
         raise ArgumentError(
             f"the mass per length of its table changes so much within a cell that segment {int(np.argmin(J))} would "
-            "have a negative moment of inertia; take more segments, or a rule without cells, such as 'gauss'",
+            "have a negative moment of inertia; use more segments, or a rule without cells, such as 'gauss'",
             id="segment-inertia-negative",
         )
     if (J < 0).any():
         raise ArgumentError(
             f"tip = {cells.tip:g}: segment {int(np.argmin(J))} would have a negative moment of inertia; "
-            "take a smaller tip in the rule",
+            "use a smaller tip in the rule",
             id="segment-inertia-negative",
         )
-    y, z = l * beam.rotary(places)
+    y, z = l * beam.rotary(nodes)
     moments = np.column_stack([y + z, J + y, J + z])
     return [
         (SpatialInertia(float(m), np.array([c, 0, 0]), np.diag(I)), part, np.array([length, 0, 0]))
@@ -96,14 +96,14 @@ def _pass_on(J: Array) -> None:
                 J[i] = 0.0
 
 
-def _cell_inertia(beam: SectionBeam | TableBeam, cells: Cells, i: int, places: Array, edges: Array) -> float:
+def _cell_inertia(beam: SectionBeam | TableBeam, cells: Cells, i: int, nodes: Array, edges: Array) -> float:
     """J_i + m_i c_i² of a segment."""
-    p, count, L = cells.hinges, len(places) - 1, beam.length
+    p, count, L = cells.hinges, len(nodes) - 1, beam.length
     e = min(i // p, count // p - 1)
     beyond = np.arange(i + 1, (e + 1) * p + 1)
     weights = cells.cell.lengths[beyond - e * p] * p / count
-    s, start, end, stop = places[i], edges[i], edges[i + 1], places[(e + 1) * p]
+    s, start, end, stop = nodes[i], edges[i], edges[i + 1], nodes[(e + 1) * p]
     _, x, weight = points_between(np.array([s, stop]), beam.knots)
-    ν = beam.masses(np.concatenate([[s], x, places[beyond]]), np.full(1 + len(x) + len(beyond), end))
+    ν = beam.masses(np.concatenate([[s], x, nodes[beyond]]), np.full(1 + len(x) + len(beyond), end))
     integral = weight @ ν[1 : 1 + len(x)]
     return float((end - start) * L**2 * ((s - start) * ν[0] + integral - weights @ ν[1 + len(x) :]))

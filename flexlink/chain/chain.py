@@ -1,7 +1,7 @@
 """Chain: the arm as rigid bodies and one-axis hinges, in read-only arrays; the only input of every algorithm.
 
 A body is a rigid segment. It is attached to its parent, in an unbranched arm the body right before it, by a fixed
-transformation (`rotation`, `translation`) followed by its hinges. These lie at one point and in the order of their
+transformation (`rotation`, `translation`) followed by its hinges. These share one point and come in the order of their
 numbers: X, Y, Z, or Z, Y, X at every second hinge of a lumping rule with `alternate_axes`. A body may instead slide
 along a prismatic joint. The last body of every link without child links is followed by its tip frame, a body without
 hinges and inertia; the last of all is the frame of the arm's tip.

@@ -38,10 +38,10 @@ def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: 
     """1/c_j of every hinge about X, Y and Z, shape (3, N) [N m/rad]."""
     given = np.empty((3, len(nodes)))
     for panel in _panels(rule, nodes, weights):
-        own = _of_stretches(beam, panel)
-        found = own if panel.stretches_only else _of_moments(beam, rule, panel)
-        good = (found > LEAST * own).all(axis=1, keepdims=True)
-        given[:, panel.which] = 1 / np.where(good, found, own)
+        by_intervals = _of_stretches(beam, panel)
+        found = by_intervals if panel.stretches_only else _of_moments(beam, rule, panel)
+        good = (found > LEAST * by_intervals).all(axis=1, keepdims=True)
+        given[:, panel.which] = 1 / np.where(good, found, by_intervals)
     return given
 
 
@@ -70,11 +70,11 @@ def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], 
             [row * angles for row in spring_constants(beam, rule, nodes, weights) / beam.rigidities(nodes)]
         )
     cell, p = rule.cells.cell, rule.cells.hinges
-    K, places = cell_constants(beam, rule.cells, len(nodes)), rule.cells.gauss_points(len(nodes))
+    K, points = cell_constants(beam, rule.cells, len(nodes)), rule.cells.gauss_points(len(nodes))
     M = np.linalg.solve((cell.weights[:, None] * cell.curvature).T, K)  # (3, cells, p, p), moments per angle
     each = angles.reshape(*angles.shape[:-1], -1, p)
     moments = np.einsum("aeij,...ej->a...ei", M, each).reshape(3, *angles.shape)
-    EI = beam.rigidities(places)
+    EI = beam.rigidities(points)
     return np.asarray([part / row for part, row in zip(moments, EI, strict=True)])
 
 

@@ -62,9 +62,9 @@ def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
 
 def _posture(chain: Chain, scene: Scene) -> Array:
     """Configuration in which the scene starts, springs at rest, shape (n,)."""
-    q, places = np.array(chain.rest), scene.joint_positions
+    q, positions = np.array(chain.rest), scene.joint_positions
     for k in chain.active.tolist():
-        q[k] = places[chain.coordinates[k].link - 1]
+        q[k] = positions[chain.coordinates[k].link - 1]
     return q
 
 

@@ -68,7 +68,7 @@ def lump(scene: Scene) -> Chain:
     ('upper', 'upper.1.z', 'upper.2.z', 'fore', 'fore.1.z', 'fore.2.z')
     """
     arm = require_type("scene", scene, Scene).arm
-    if has_own_rules(scene):
+    if has_user_rules(scene):
         return _lumped(scene)
     known = scene.name, scene.gravity, scene.fluid_density, situation(scene), posture_of(scene)
     return CHAINS(arm, known, lambda: _lumped(scene))
@@ -84,7 +84,7 @@ def situation(scene: Scene) -> tuple[object, ...]:
     return locked, moved, turned, arm.base, scene.wrench.on
 
 
-def has_own_rules(scene: Scene) -> bool:
+def has_user_rules(scene: Scene) -> bool:
     """Whether a lumping rule is a user's file, which may change."""
     return any(is_user_file(link.lumping) for link in scene.arm.links)
 
@@ -142,8 +142,8 @@ def frame_of(scene: Scene) -> Frame:
     """The frame of a scene's arm; errors as in `lump`."""
     arm = scene.arm
     beams = tuple(_beam_of(arm, link) for link in arm.links)
-    own_rules = tuple(lumping_rule(link.lumping) for link in arm.links if is_user_file(link.lumping))
-    return FRAMES(arm.links, (beams, own_rules, situation(scene)), lambda: _framed(scene, beams))
+    user_rules = tuple(lumping_rule(link.lumping) for link in arm.links if is_user_file(link.lumping))
+    return FRAMES(arm.links, (beams, user_rules, situation(scene)), lambda: _framed(scene, beams))
 
 
 FRAMES = Memo(64)

@@ -14,12 +14,12 @@ GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
 @functools.lru_cache(maxsize=256)
-def _sections(root: Section, tip: Section, places: bytes) -> Array:
+def _sections(root: Section, tip: Section, positions: bytes) -> Array:
     """`SectionBeam.sections` at positions (m,), shape (4, m); beams of all materials share them."""
-    x = np.frombuffer(places)
+    x = np.frombuffer(positions)
     if root == tip:
         return np.multiply.outer(root.properties, np.ones(len(x)))
-    return np.transpose([root.towards(tip, place) for place in x.tolist()])
+    return np.transpose([root.towards(tip, position) for position in x.tolist()])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -75,8 +75,8 @@ def _offset_of_next(arrays: ChainArrays, k: int, body: int) -> float:
     """Distance of the next body from joint `k`'s axis if it follows `body` directly, with no joint between; else 0."""
     if arrays.bodies["stop"][body] != k + 1 or arrays.bodies["parent"][body + 1] != body + 1:
         return 0.0
-    place: list[float] = arrays.bodies["translation"][body + 1].tolist()
-    return max(abs(x) for i, x in enumerate(place) if i != arrays.hinges["axis"][k])
+    offset: list[float] = arrays.bodies["translation"][body + 1].tolist()
+    return max(abs(x) for i, x in enumerate(offset) if i != arrays.hinges["axis"][k])
 
 
 def _lever(e: list[float], a: list[float], b: list[float]) -> float:
@@ -120,8 +120,8 @@ def _inertia_beyond(arrays: ChainArrays, placed: KinematicsWork, k: int) -> tupl
     beyond = np.array(_beyond(bodies["parent"].tolist(), body))
     mass, R, e = bodies["mass"][beyond], placed.rotations[beyond], placed.axes[k]
     centers = placed.points[beyond] + np.einsum("bij,bj->bi", R, bodies["center"][beyond]) - placed.points[body]
-    own = np.einsum("bij,j->bi", R.transpose(0, 2, 1), e)
-    J = np.einsum("bi,bij,bj->", own, bodies["inertia"][beyond], own) + mass @ (cross(e, centers) ** 2).sum(axis=1)
+    axes = np.einsum("bij,j->bi", R.transpose(0, 2, 1), e)
+    J = np.einsum("bi,bij,bj->", axes, bodies["inertia"][beyond], axes) + mass @ (cross(e, centers) ** 2).sum(axis=1)
     return float(J), float(mass.sum())
 
 

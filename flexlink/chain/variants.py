@@ -11,7 +11,7 @@ from flexlink.chain.builder import symmetric
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of
 from flexlink.chain.forces import with_forces
-from flexlink.chain.lumping import Frame, frame_of, has_own_rules, lump, situation
+from flexlink.chain.lumping import Frame, frame_of, has_user_rules, lump, situation
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
@@ -32,9 +32,9 @@ def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
             frames[id(frame)] = frame
             shared.setdefault(id(frame), []).append(k)
     chains: list[Chain | FlexlinkError | None] = [None] * len(scenes)
-    for place, members in shared.items():
+    for frame_id, members in shared.items():
         if len(members) > 1:
-            for k, chain in zip(members, _of_frame(frames[place], [scenes[k] for k in members]), strict=True):
+            for k, chain in zip(members, _of_frame(frames[frame_id], [scenes[k] for k in members]), strict=True):
                 chains[k] = chain
     return [_alone(scene) if chain is None else chain for scene, chain in zip(scenes, chains, strict=True)]
 
@@ -52,7 +52,7 @@ def _same_frame(before: Scene, scene: Scene) -> bool:
 
 def _frame(scene: Scene) -> Frame | None:
     try:
-        return None if has_own_rules(scene) or posture_of(scene) else frame_of(scene)
+        return None if has_user_rules(scene) or posture_of(scene) else frame_of(scene)
     except FlexlinkError:
         return None
 
@@ -106,12 +106,12 @@ def _write_tips(frame: Frame, tips: Sequence[RigidBody], bodies: NDArray[np.void
     last["mass"][carrying], last["center"][carrying], last["inertia"][carrying] = masses, centers, symmetric(inertias)
 
 
-def _joined(rigid: SpatialInertia, place: Pose, payloads: Sequence[RigidBody]) -> tuple[Array, Array, Array]:
+def _joined(rigid: SpatialInertia, frame_id: Pose, payloads: Sequence[RigidBody]) -> tuple[Array, Array, Array]:
     """`SpatialInertia.plus` and `moved` for b bodies: masses (b,), centres (b, 3), inertias (b, 3, 3)."""
     masses = np.array([body.mass for body in payloads])
     centers, inertias = np.array([body.center for body in payloads]), _matrices(payloads)
-    if place is not HERE:
-        R, p = place
+    if frame_id is not HERE:
+        R, p = frame_id
         centers = p + (R * centers[:, None, :]).sum(axis=2)
         turned = (R[:, :, None] * inertias[:, None]).sum(axis=2)
         inertias = (turned[..., None] * R.T).sum(axis=2)

@@ -102,7 +102,7 @@ def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
     for k, other in enumerate(chains):
         if not chains[0].same_layout(other):
             raise ArgumentError(
-                f"chain[{k}]: has other joints or bodies than chain[0]; only their data may differ", id="chains-differ"
+                f"chain[{k}]: joints or bodies differ from chain[0]; only their values may differ", id="chains-differ"
             )
     return chains
 
@@ -156,7 +156,7 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
 def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     """Workspace of eight chains of one layout, without `forces`; the last one is repeated to fill eight lanes."""
     if any(chain.forces for chain in chains):
-        raise ArgumentError(f"{chains[0].name}: chains with {names_of(chains[0])} run one by one", id="chains-differ")
+        raise ArgumentError(f"{chains[0].name}: {names_of(chains[0])} require chains one by one", id="chains-differ")
     if solver.lanes_workspace is None:
         raise ArgumentError("solver: several chains at once require solver 'articulated'", id="needs-another-argument")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]

@@ -46,9 +46,9 @@ def rows(n: int, state: dict[str, ArrayLike]) -> list[Array]:
             many = f"(b, {n}) for b states" if name == leader else f"({b}, {n}), to match {leader}"
             raise ArgumentError(f"{name} has shape {part.shape}; expected ({n},), or {many}", id="wrong-shape")
         if not is_finite(part.reshape(-1)):
-            place = tuple(int(k) for k in np.argwhere(~np.isfinite(part))[0])
+            index = tuple(int(k) for k in np.argwhere(~np.isfinite(part))[0])
             raise ArgumentError(
-                f"{name}{list(place)} = {part[place]} is not finite; expected finite numbers", id="not-finite"
+                f"{name}{list(index)} = {part[index]} is not finite; expected finite numbers", id="not-finite"
             )
     return [part if part.ndim > 1 else np.array(np.broadcast_to(part, (b, n))) for part in parts.values()]
 

@@ -97,5 +97,5 @@ def refuse_forces(what: str, chain: Chain, qd: Array | None = None) -> None:
     """
     if chain.forces and (qd is None or qd.any()):
         raise ArgumentError(
-            f"{chain.name}: {what} do not include {names_of(chain)}; leave them out", id="arguments-not-counted"
+            f"{chain.name}: {what} do not support {names_of(chain)}; leave them out", id="arguments-not-counted"
         )

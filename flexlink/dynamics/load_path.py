@@ -5,7 +5,7 @@
 The load factor s grows from 0 to 1, while the torques that hold the springs at the initial q0 are released:
 
     F(q, s) = T_FL(q) + s L(q) − (1 − s) T_FL(q0)             for coordinates with a spring
-    F(q, s) = L(q) − (1 − s) L(q0)                            for others, which a reduced load would not hold
+    F(q, s) = L(q) − (1 − s) L(q0)                            for others, not held under a reduced load
 
 The arc length is measured in (s, q) (Riks 1979; Crisfield 1981), so the path may turn back in s. A Newton step takes
 O(n): ∂F/∂q is eliminated along the chain (`kernels.derivatives.small_motion`).
@@ -150,7 +150,8 @@ def _shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
 def follow(equations: Equations, tolerance: float) -> list[Array]:
     """Return points x = (s, q) of the path from s = 0 to s = 1.
 
-    Shorter arcs are tried if the path is lost or ends unstable: it may have crossed to the straight, buckled arm.
+    Shorter arcs are tried if the path is lost or ends unstable: it may have crossed to the arm that should buckle but
+    is still straight.
     """
     path, lost = list[Array](), list[LostError]()
     for part, off in TRIES:

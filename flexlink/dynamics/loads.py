@@ -36,9 +36,10 @@ from flexlink.kernels.tools.finite import is_finite
 class InternalLoads(Result):
     """Force and moment of the part beyond a cut on the part before it, at the hinge point of every body.
 
-    They are in axes of the body beyond. In a beam x runs along it: force[0] is the axial force, positive in tension,
-    force[1], force[2] are shear; moment[0] is the torque, GJ φ', moment[1], moment[2] the bending moments about y and
-    z, EI κ. The last body is the tip frame, where the loads are the tip wrench, unless that acts on another tip.
+    They are in axes of the body beyond the cut. In a beam x runs along it: force[0] is the axial force, positive in
+    tension, force[1] and force[2] are shear; moment[0] is the torque, GJ φ', moment[1] and moment[2] are the bending
+    moments about y and z, EI κ. The last body is the tip frame, where the loads are the tip wrench, unless that acts on
+    another tip.
     """
 
     force: Array  # (…, bodies, 3) [N]
@@ -121,12 +122,12 @@ def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> Intern
         spans, parents = spans_of(chain.bodies), bodies["parent"]
         f = sums_inward(spans, F)
         moments = cross(p - of_parents(chain, p, np.zeros(3)), f)
-        hang = parents > 0
-        np.add.at(N, parents[hang] - 1, moments[hang])
+        attached = parents > 0
+        np.add.at(N, parents[attached] - 1, moments[attached])
         n = sums_inward(spans, N)
         inward = -R.transpose(0, 2, 1)
-        own = hinge_bodies(chain)
-        about_axes = -(axes * np.where(chain.slides[:, None], f[own], n[own])).sum(axis=1)
+        moved = hinge_bodies(chain)
+        about_axes = -(axes * np.where(chain.slides[:, None], f[moved], n[moved])).sum(axis=1)
         return InternalLoads(_each_by(inward, f), _each_by(inward, n), about_axes)
 
 

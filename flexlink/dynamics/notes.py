@@ -115,7 +115,7 @@ def _unused_torques(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def _tip_without_length(scene: Scene) -> Iterator[Diagnostic]:
-    """The last link's tip is the arm's tip. That is unlikely if this link has no length, such as a wheel."""
+    """The last link's tip is the arm's tip; probably unintended if that link has zero length, such as a wheel."""
     arm, last = scene.arm, scene.arm.links[-1]
     if len(arm.tips) < 2 or any(last.stop) or last.line is not None:
         return

@@ -157,8 +157,8 @@ def jacobian(
     number, offset = body_number(chain, body, tip), vector("point", point, 3)
     placed = forward_kinematics(chain.arrays, vector("q", q, chain.n, many=True))
     axes = np.where(hinges_before(chain, number)[:, None], placed.axes, 0.0)
-    place = placed.points[number] + placed.rotations[number] @ offset
-    linear = cross(axes, place - placed.points[hinge_bodies(chain)])
+    position = placed.points[number] + placed.rotations[number] @ offset
+    linear = cross(axes, position - placed.points[hinge_bodies(chain)])
     if chain.slides.any():
         linear[chain.slides], axes[chain.slides] = axes[chain.slides], 0.0
     return Jacobian(np.ascontiguousarray(linear.T), np.ascontiguousarray(axes.T))

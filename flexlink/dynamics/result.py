@@ -49,7 +49,7 @@ class SavedResult(Result):
             The file cannot be written.
         """
         path = archive_path(path)
-        write_whole(path, lambda place: write_archive(place, vars(self)))
+        write_whole(path, lambda temporary: write_archive(temporary, vars(self)))
         return path
 
     @classmethod
@@ -66,7 +66,7 @@ class SavedResult(Result):
         arrays = read_archive(path)
         if arrays.keys() != {field.name for field in dataclasses.fields(cls)}:  # type: ignore[arg-type]
             raise DataFileError(
-                f"{path}: contains no {cls.__name__}; expected a file written by its save", id="not-a-result"
+                f"{path}: contains no {cls.__name__}; expected a file written by {cls.__name__}.save", id="not-a-result"
             )
         return cls(**{name: _field(array) for name, array in arrays.items()})
 

@@ -26,8 +26,8 @@ random walk. A backward stable solver of M q̈ = b perturbs M and b by no more t
 2002, theorem 7.2). T_FL and T_FR are products at one joint, or sums of p of them in a cell: two roundings each, and a
 tanh accurate to four.
 Springs of rotation vectors φ: φ has an error of about ten eps Θ s, where Θ is the sum of the three |θ − θ₀| and
-s = ½|φ| / sin ½|φ|. So have the torques, which mix the three axes: hence Σ, and another s from the derivative of φ. In
-a cell the terms are cubic in φ, and Θ* is the largest Θ.
+s = ½|φ| / sin ½|φ|. The torques have the same relative error. They mix the three axes, hence Σ, and the derivative of φ
+adds another s. In a cell the terms are cubic in φ, and Θ* is the largest Θ.
 With ‖M‖ for M* the bound of q̈ is 10 √n eps κ₂(M) (|q̈| + |T| / ‖M‖ + ω²); but for a mast that turns about its own axis
 M itself is the result of cancellation in M*.
 
@@ -68,7 +68,7 @@ def of_bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: Arr
 
 
 def of_elastic_torque(chain: Chain, q: ArrayLike) -> Array:
-    """Rounding error of T_FL per joint, 10 eps |K| |θ − θ₀|, shape (n,) [N m]; rotation vectors: see the module."""
+    """Rounding error of T_FL per joint, 10 eps |K| |θ − θ₀|, shape (n,) [N m]; rotation vectors: see above."""
     return ROUNDINGS * EPS * _elastic_size(chain, q)
 
 

@@ -58,8 +58,8 @@ def base_without_rates(chain: Chain, q: Array) -> FlexlinkError | None:
         return None
     pitch = f"{chain.joint_name(PITCH)} = {chain.place_in_words(PITCH, float(q[PITCH]))}"
     return SingularMassError(
-        f"mass matrix of {chain.name!r} is singular: at {pitch} the base's angles are in gimbal lock; measure them "
-        "from another attitude, initial.base.rpy_deg, as simulations do",
+        f"mass matrix of {chain.name!r} is singular: at {pitch} the base's angles are in gimbal lock; set another "
+        "reference attitude, initial.base.rpy_deg, as simulations do automatically",
         id="attitude-singular",
     )
 

@@ -1,4 +1,4 @@
-"""Spring and damper matrices of a chain with couplings, their inverse, and the tangent stiffness when bent."""
+"""Spring and damper matrices of a chain with couplings, their inverse, and the tangent stiffness."""
 
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ def about(chain: Chain, q: Array) -> Chain:
 
 def _joined(couplings: NDArray[np.void]) -> NDArray[np.void]:
     """Merge couplings, so that each pair of hinges occurs once."""
-    pairs, place = np.unique(couplings[["inner", "outer"]], return_inverse=True)
+    pairs, pair_index = np.unique(couplings[["inner", "outer"]], return_inverse=True)
     joined = np.zeros(len(pairs), COUPLING)
     joined["inner"], joined["outer"] = pairs["inner"], pairs["outer"]
     for field in ("stiffness", "damping"):
-        np.add.at(joined[field], place, couplings[field])
+        np.add.at(joined[field], pair_index, couplings[field])
     return joined
 
 

@@ -32,7 +32,7 @@ def is_free_fall(scene: Scene) -> bool:
 
 
 def slack_springs(scene: Scene) -> Iterator[Diagnostic]:
-    """Note that joints are held against gravity while the springs of links and gears start undeformed."""
+    """Warn if joints are held against gravity while the springs of links and gears start slack."""
     drive, initial = scene.drive, scene.initial
     fed = f"drive.gravity = {drive.gravity!r}" if drive.kind == "pd" else f"drive.kind = {drive.kind!r}"
     holds = drive.kind == "computed_torque" or drive.gravity != "none"
@@ -49,7 +49,7 @@ def slack_springs(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def unheld_joints(scene: Scene) -> Iterator[Diagnostic]:
-    """Note that undriven joints fall while others are driven."""
+    """Warn if undriven joints fall while others are driven."""
     if scene.drive.kind == "none" or not any(scene.gravity):
         return
     moved = {scene.arm.number(motion.link) - 1 for motion in scene.motion}
@@ -71,7 +71,7 @@ def unheld_joints(scene: Scene) -> Iterator[Diagnostic]:
 
 
 def balance(scene: Scene) -> Iterator[Diagnostic]:
-    """Note that an arm starts at rest in equilibrium, so it does not move, or only after a long time."""
+    """Warn if an arm starts at rest in equilibrium, so it does not move, or only after a long time."""
     initial = scene.initial
     acts = scene.drive.kind != "none" or scene.motion or scene.wrench.acts or scene.joint_rates.any() or initial.qd
     if acts or initial.q is not None or initial.passive != "zero" or not any(scene.gravity):
@@ -100,14 +100,14 @@ def _is_unstable(chain: Chain, q: Array) -> bool:
 
 
 def _angles(scene: Scene, chain: Chain) -> Array:
-    """Initial joint coordinates, springs undeformed [rad, m]."""
+    """Initial joint coordinates, springs slack [rad, m]."""
     q, starts = np.zeros(chain.n), scene.joint_positions
     q[chain.active] = [starts[chain.coordinates[int(k)].link - 1] for k in chain.active]
     return q
 
 
 def _drop(chain: Chain, q: Array) -> float:
-    """Drop of the tip from the undeformed configuration under gravity [m], to first order."""
+    """Drop of the tip from the configuration with slack springs under gravity [m], to first order."""
     bent = q - deflections(chain, gravity_torque(chain, q))
     return float(np.linalg.norm(tip_position(chain, bent) - tip_position(chain, q)))
 

@@ -19,7 +19,7 @@ DENSE = 100
 
 
 POSTURES = Memo(64)
-"""Static equilibria of chains at their start, shared by the runs of one scene."""
+"""Cache of static equilibria of chains, shared by the runs of one scene when they start."""
 
 
 def static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array:

@@ -217,13 +217,13 @@ def displacements(chain: Chain, q: Array, φ: NDArray[np.inexact]) -> NDArray[np
         steps[:, chain.slides] = 0.0
     turned, moved, rest = np.zeros_like(slid), np.zeros_like(slid), np.zeros((len(φ), 3))
     for parent, begin, end in spans_of(chain.bodies):
-        turn, move, place = rest, rest, np.zeros(3)
+        turn, move, origin = rest, rest, np.zeros(3)
         if parent >= 0:
-            turn, move, place = turned[:, parent], moved[:, parent], points[parent]
+            turn, move, origin = turned[:, parent], moved[:, parent], points[parent]
         ahead = np.cumsum(np.concatenate([turn[:, None], steps[:, first[begin] : stop[end - 1]]], axis=1), axis=1)
         turned[:, begin:end] = ahead[:, stop[begin:end] - first[begin]]
         before = np.concatenate([turn[:, None], turned[:, begin : end - 1]], axis=1)
-        levers = np.diff(points[begin:end], axis=0, prepend=place[None])
+        levers = np.diff(points[begin:end], axis=0, prepend=origin[None])
         shifts = cross(before, levers) + slid[:, begin:end]
         moved[:, begin:end] = np.cumsum(np.concatenate([move[:, None], shifts], axis=1), axis=1)[:, 1:]
     return moved

@@ -34,7 +34,7 @@ def sensor_columns(scene: Scene, run: Samples) -> dict[str, Array]:
 
 
 def coarse_samples(scene: Scene, run: Samples) -> Iterator[Diagnostic]:
-    """Note the sensors whose signal is not resolved: it is interpolated linearly between samples of a run.
+    """Warn about sensors whose signal is not resolved: it is interpolated linearly between samples of a run.
 
     The error is estimated by leaving out every other sample, which makes it up to four times as large. Errors as in
     `signal_of`.

@@ -19,16 +19,18 @@ from flexlink.dynamics.strain import beam_strain, known_at
 
 def gauge_strain(sensor: Sensor, scene: Scene, q: Array) -> Array:
     """Strain ε at the gauge [1], shape (samples,), at angles q (samples, n)."""
-    (y, z), place = sensor.fibre or (0.0, 0.0), sensor.x or 0.0
+    (y, z), position = sensor.fibre or (0.0, 0.0), sensor.x or 0.0
     found = beam_strain(scene, q, link=sensor.link, fibre=(y, z))
-    nearest, weights = interpolation(found.x, place)
+    nearest, weights = interpolation(found.x, position)
     number = scene.arm.number(sensor.link)
     link = scene.arm.links[number - 1]
     if link.rigidity is None:
         strain: Array = found.strain[..., nearest] @ weights
         return strain
     beam = TableBeam(link.beam.length, scene.arm.rigidities[link.rigidity])
-    there, here = (beam.rigidities(x)[1:] for x in (known_at(scene, number)[nearest], np.array([place / beam.length])))
+    there, here = (
+        beam.rigidities(x)[1:] for x in (known_at(scene, number)[nearest], np.array([position / beam.length]))
+    )
     κ_y, κ_z = (found.curvature[..., nearest, k + 1] @ (weights * there[k]) / here[k] for k in range(2))
     return np.asarray(z * κ_y - y * κ_z)
 

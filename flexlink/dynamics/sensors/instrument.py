@@ -94,18 +94,18 @@ class Instrument:
 
     @property
     def known_at_samples(self) -> bool:
-        """Whether readings use the signal only at samples of the run: sampling period and delay are multiples."""
+        """Whether readings need the signal only at samples of the run: no low-pass, and no times between samples."""
         sensor, apart = self.sensor, self.between
         times = [sensor.delay, *([] if sensor.rate is None else [1 / sensor.rate])]
         return sensor.low_pass is None and all(is_whole(time / apart) for time in times)
 
 
 def noise(key: str, instants: Array) -> Array:
-    """Normally distributed values for instants of these numbers; they do not depend on order or run."""
-    blocks, places = np.divmod(instants.astype(np.int64), BLOCK)
+    """Normally distributed values for instants with these numbers, independent of their order and of the run."""
+    blocks, offsets = np.divmod(instants.astype(np.int64), BLOCK)
     found = np.empty(len(instants))
     for block in np.unique(blocks).tolist():
-        found[blocks == block] = _block(key, block)[places[blocks == block]]
+        found[blocks == block] = _block(key, block)[offsets[blocks == block]]
     return found
 
 

@@ -44,9 +44,9 @@ class LowPass(NamedTuple):
         sizes = [2 if p.imag else 1 for p in self.poles]
         A, B, C = (np.zeros(shape) for shape in ((sum(sizes),) * 2, sum(sizes), sum(sizes)))
         for p, w, end, size in zip(self.poles, self.weights, np.cumsum(sizes).tolist(), sizes, strict=True):
-            own = slice(end - size, end)
-            A[own, own] = np.array([[p.real, -p.imag], [p.imag, p.real]])[:size, :size]
-            B[end - size], C[own] = 1.0, [w.real, -w.imag][:size]
+            block = slice(end - size, end)
+            A[block, block] = np.array([[p.real, -p.imag], [p.imag, p.real]])[:size, :size]
+            B[end - size], C[block] = 1.0, [w.real, -w.imag][:size]
         return A, B, C
 
 

@@ -84,9 +84,9 @@ def slopes_of(sensor: Sensor, scene: Scene, chain: Chain, q: Array, qd: Array, q
     if sensor.kind == "strain":
         return _slopes(chain.n, q=gauge_slope(sensor, scene, chain, q)[None])
     if sensor.kind in OF_THE_DRIVE:
-        own = np.zeros((1, chain.n))
-        own[0, joint_of(sensor, chain, scene)] = 1.0 / (sensor.torque_constant or 1.0)
-        return _slopes(chain.n, **{"q" if sensor.kind == "joint" else "tau": own})
+        selected = np.zeros((1, chain.n))
+        selected[0, joint_of(sensor, chain, scene)] = 1.0 / (sensor.torque_constant or 1.0)
+        return _slopes(chain.n, **{"q" if sensor.kind == "joint" else "tau": selected})
     body, point, axes = placement_of(sensor, scene)
     parts = point_slopes(chain, q, qd, qdd, body, point)[sensor.kind]
     return _slopes(chain.n, **{name: axes @ part for name, part in zip(Slopes._fields, parts, strict=False)})

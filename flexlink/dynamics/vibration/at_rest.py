@@ -51,4 +51,4 @@ def first_elastic_frequency(
 
 
 FEW = 8
-"""Number of modes computed first; for long chains this is much cheaper than all modes."""
+"""Number of modes computed first; for a long chain this is much cheaper than computing all of them."""

@@ -188,7 +188,7 @@ def steady_joint(chain: Chain, name: str) -> int:
     k = chain.joint_index("rates", name, perhaps_locked=True)
     if k < 0:
         raise ArgumentError(
-            f"rates: {name!r} is locked in the scene; set its joint.locked to false; it is then held at its rate",
+            f"rates: {name!r} is locked in the scene; set its joint.locked to false, and it is held at its rate",
             id="locked-and-moving",
         )
     if k not in chain.active and not chain.coordinates[k].of_base:
@@ -211,8 +211,8 @@ def _check_steady(chain: Chain, steady: LoadedState) -> None:
             if np.abs(after - before).max() > SAME:
                 moving = ", ".join(chain.joint_name(int(k)) for k in np.flatnonzero(steady.qd))
                 raise ArgumentError(
-                    f"rates: not a steady motion: {what} the free joints change as {moving} moves, for example under "
-                    "gravity or a load across a shaft; modes exist only about a steady motion",
+                    f"rates: the motion of {moving} is not steady: it changes {what} the free joints, for example "
+                    "under gravity or a load across a shaft; modes exist only about a steady motion",
                     id="no-steady-motion",
                 )
 

@@ -5,8 +5,8 @@
     A = | 0          1          |        B = | 0          |
         | ∂q̈/∂q      ∂q̈/∂q̇      |            | ∂q̈/∂u      |
 
-u are the drive torques; for prescribed joints, the acceleration. Low-passes of sensors append states z to x. Internal
-coordinates, such as lagging friction, have a rate as state, but no angle, which has no effect.
+u are the drive torques; for prescribed joints, the acceleration. Low-passes of sensors append states z to x. Only the
+rate of an internal coordinate, such as that of lagging friction, is a state; its angle has no effect.
 """
 
 from __future__ import annotations
@@ -86,10 +86,11 @@ class LinearModel(SavedResult):
 
 
 def graded(A: Array) -> Array:
-    """Return a similar matrix with rows of decreasing size: the rounding error of slow λ is 2n eps of the last rows.
+    """Return a similar matrix whose rows decrease in size, for which eigenvalue solvers find slow λ accurately.
 
-    The λ of stiff arms range from 1/100 to 1e5 1/s, and a solver may change each by 2n eps ‖A‖. Angles are scaled by
-    ω, so A = | 0 ω | −ω 0 |. Joints are sorted by ω² = |∂q̈_k/∂q_k|, with each angle next to its rate.
+    The λ of stiff arms range from 1/100 to 1e5 1/s, and rounding may change each by 2n eps ‖A‖. With decreasing rows
+    the slow ones change only by 2n eps times the last rows. Angles are scaled by ω, so A = | 0 ω | −ω 0 |. Joints are
+    sorted by ω² = |∂q̈_k/∂q_k|, with each angle next to its rate.
     """
     n = len(A) // 2
     ω = np.sqrt(np.abs(np.diag(A[n:, :n])))
@@ -212,9 +213,9 @@ def _put_outputs(
                 C[row, : 2 * n], D[row] = output.gain * by_state, output.gain * by_input
             else:
                 own, b, c = output.low_pass
-                mine = slice(at, at := at + len(b))
-                A[mine, : 2 * n], A[mine, mine], B[mine] = np.outer(b, by_state), own, np.outer(b, by_input)
-                C[row, mine], z[mine.start - 2 * n : at - 2 * n] = (
+                block = slice(at, at := at + len(b))
+                A[block, : 2 * n], A[block, block], B[block] = np.outer(b, by_state), own, np.outer(b, by_input)
+                C[row, block], z[block.start - 2 * n : at - 2 * n] = (
                     output.gain * c,
                     -np.linalg.solve(own, b) * output.signal[k],
                 )

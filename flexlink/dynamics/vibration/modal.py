@@ -179,7 +179,7 @@ def modes(
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
-    refuse_states(chain, "modes do not count it", ", lock the joint, or take the eigenvalues of linearize", free=free)
+    refuse_states(chain, "modes do not support it", ", lock the joint, or use the eigenvalues of linearize", free=free)
     few = None if count is None else integer("count", count, 1)
     state = LoadedState(q, rates, wrench, follower, free)
     found = None
@@ -234,8 +234,8 @@ def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
     locked = np.ones(chain.n, dtype=bool)
     locked[free] = False
     motion, sizes = SmallMotion(chain, q, qd, wrench, follower, locked), largest_load_stiffness(chain, qd, wrench)
-    whole, own = (part[free] for part in motion.inertias())
-    idle = ~(own > len(free) * np.finfo(float).eps * whole)
+    diagonal, moved = (part[free] for part in motion.inertias())
+    idle = ~(moved > len(free) * np.finfo(float).eps * diagonal)
     if idle.any():
         raise idle_error(chain, int(free[np.flatnonzero(idle)[-1]]))
     found = lowest(chain, motion, sizes, count, bool(qd.any() or damping_slope(chain)[free].any()))

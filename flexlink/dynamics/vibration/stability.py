@@ -50,12 +50,12 @@ class Gains(NamedTuple):
     kd: Array
 
     def matrices(self) -> tuple[Array, Array]:
-        """Both as (n, n)."""
+        """Both gains as matrices (n, n)."""
         kp, kd = (np.diag(slope) if slope.ndim == 1 else slope for slope in self)
         return kp, kd
 
     def diagonals(self) -> tuple[Array, Array]:
-        """Both as (n,): the gains of each joint on itself."""
+        """Both gains as vectors (n,), without those between joints."""
         kp, kd = (slope if slope.ndim == 1 else np.diag(slope).copy() for slope in self)
         return kp, kd
 
