@@ -90,8 +90,8 @@ def _parallel_gravity(scene: Scene) -> Iterator[Diagnostic]:
     sprung = scene.initial.q is not None and bool(elastic_torque(chain, scene.initial.q).any())
     if not sprung and chain.all_axes_parallel_to(g / np.linalg.norm(g)):
         yield Diagnostic(
-            f"gravity = {list(scene.gravity)}: is parallel to the axes of all joints, and no other load acts, so the "
-            "arm stays at rest; change gravity, or the first joint's axis, link.1.joint.axis",
+            f"gravity = {list(scene.gravity)}: is parallel to the axes of all joints and moves none, and no other "
+            "load acts; change gravity, or the first joint's axis, link.1.joint.axis",
             "no-effect",
         )
 

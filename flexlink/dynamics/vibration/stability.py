@@ -130,7 +130,7 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
 
         |λ|² ≤ c |λ| + k        c = ‖L⁻¹ C L⁻ᵀ‖, k = ‖L⁻¹ K L⁻ᵀ‖
 
-    in the Frobenius norm, which overestimates the largest ω² of an undamped chain by at most √n. `abouts` are states
+    in the Frobenius norm, which exceeds the largest ω² of an undamped chain by at most a factor √n. `abouts` are states
     q, q̇ with their chains, `acting` the other arguments of `eigenvalues`. The bound is inf if unknown: for more than
     100 joints, or a singular mass matrix.
     """
