@@ -1,9 +1,9 @@
-"""flexlink: arms whose links bend, as chains of rigid segments and springs."""
+"""flexlink: robot arms with flexible links, modelled as rigid segments and springs."""
 
 import importlib
 from typing import TYPE_CHECKING
 
-import flexlink.common.entry  # noqa: F401  first of all
+import flexlink.common.entry  # noqa: F401  must come first
 
 # isort: split
 
@@ -150,7 +150,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """A public name, loaded when it is first used: machine code and linear algebra take longer than a short program."""
+    """Load a public name when it is first used: compiled code and linear algebra are slow to import."""
     places = {
         "advice.advise": ["advise"],
         "chain.chain": ["Chain"],

@@ -1,1 +1,1 @@
-"""How an arm is cut: rigid segments joined by hinges, as the arrays of a `Chain`."""
+"""Lumping: an arm as rigid segments joined by hinges, in the arrays of a `Chain`."""

@@ -1,4 +1,4 @@
-"""Checks of what public functions are given: every message names the argument, what it got and what is expected."""
+"""Checks of arguments of public functions. Messages contain the name, the value and what is expected."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ NO_WRENCH = np.zeros(6)
 
 
 def vector(name: str, value: ArrayLike, size: int, *, many: bool = False, finite: bool = True) -> Array:
-    """`value` as a finite float64 array of shape (size,); `many` says that the function would also take (b, size).
+    """Return `value` as a finite float64 array of shape (size,); `many`: the function also accepts (b, size).
 
-    Not `finite` leaves out the last check, 0.2 µs, where a kernel is about to make it.
+    `finite=False` skips the check for finite values (0.2 µs) if a kernel repeats it.
 
     Raises
     ------
     ArgumentError
-        The message names the argument, the shape got and the shape expected.
+        The message contains the argument's name, its shape and the expected shape.
     """
     if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray:
         value = real_array(name, value, (size,))
@@ -42,12 +42,12 @@ def vector(name: str, value: ArrayLike, size: int, *, many: bool = False, finite
 
 
 def real_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """A writable, contiguous float64 copy: a read-only array is another type to the compiler, and compiles anew."""
+    """Return a writable, contiguous float64 copy: kernels would be compiled again for the type of read-only arrays."""
     return np.atleast_1d(numbers(name, value, f"real numbers, shape {shape}"))
 
 
 def dimensions(value: ArrayLike) -> int:
-    """Number of dimensions; 1 for what is no array, which `vector` then refuses."""
+    """Number of dimensions; 1 for something that is not an array, which `vector` then refuses."""
     try:
         return np.ndim(value)
     except ValueError:
@@ -55,12 +55,12 @@ def dimensions(value: ArrayLike) -> int:
 
 
 def require_one_of(name: str, value: str, allowed: Mapping[Any, T]) -> T:
-    """The entry of `allowed` that `value` names.
+    """Return the entry of `allowed` with the name `value`.
 
     Raises
     ------
     ArgumentError
-        There is none; the message lists what is allowed.
+        There is no such entry; the message lists the names.
     """
     if not isinstance(value, str) or value not in allowed:
         raise ArgumentError(
@@ -71,12 +71,12 @@ def require_one_of(name: str, value: str, allowed: Mapping[Any, T]) -> T:
 
 
 def require_type(name: str, value: object, kind: type[T]) -> T:
-    """`value`, which must be a `kind`.
+    """Check that `value` is a `kind`, and return it.
 
     Raises
     ------
     ArgumentError
-        It is none; the message says what it is.
+        `value` has another type, which the message names.
     """
     if not isinstance(value, kind):
         raise ArgumentError(
@@ -86,32 +86,32 @@ def require_type(name: str, value: object, kind: type[T]) -> T:
 
 
 def require_each(name: str, values: object, kind: type[T]) -> list[T]:
-    """`values` as a list, every one of which must be a `kind`; errors as in `require_type`."""
+    """Return `values` as a list after checking that each is a `kind`; errors as in `require_type`."""
     return [require_type(f"{name}[{k}]", value, kind) for k, value in enumerate(sequence(name, values, kind.__name__))]
 
 
 def sequence(name: str, values: object, item: str) -> list[Any]:
-    """`values` as a list; `item` says of what, in the message that refuses anything else, such as a text."""
+    """Return `values` as a list; refuses anything else, such as a string, with `item` in the message."""
     try:
         if not isinstance(values, str | bytes):
             return list(values)  # type: ignore[call-overload, no-any-return]
-    except TypeError:  # of a 0-d array, too, which has an __iter__
+    except TypeError:  # also for 0-d arrays, which have an __iter__
         pass
     raise ArgumentError(f"{name} = {truncated(values)}: expected a sequence, each item a {item}", id="wrong-type")
 
 
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:
-    """`value` as an int from `least` to `most`.
+    """Return `value` as an int from `least` to `most`.
 
     Raises
     ------
     ArgumentError
-        It is no whole number, or out of range; the message names the range.
+        `value` is not an integer, or out of range; the message gives the range.
     """
     number = number_of(value)
     if type(number) is not int:
         raise ArgumentError(
-            f"{name} = {truncated(value)}: must be a whole number, got {type(value).__name__}", id="not-an-integer"
+            f"{name} = {truncated(value)}: must be an integer, got {type(value).__name__}", id="not-an-integer"
         )
     if number < least or (most is not None and number > most):
         allowed = f"at least {least}" if most is None else f"{least} … {most}"
@@ -120,7 +120,7 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
 
 
 def positive(name: str, value: object) -> float:
-    """`value` as a finite float > 0; errors as in `integer`."""
+    """Return `value` as a finite float > 0; errors as in `integer`."""
     number = number_of(value)
     if type(number) not in {int, float} or not 0 < number <= sys.float_info.max:  # type: ignore[operator]
         raise ArgumentError(f"{name} = {truncated(value)}: must be a finite number > 0", id="out-of-range")
@@ -128,12 +128,12 @@ def positive(name: str, value: object) -> float:
 
 
 def real(name: str, value: object, wanted: str) -> float:
-    """`value` as a float, finite or not, which a text may hold, too; the message of an error says what is `wanted`.
+    """Return `value`, which may be a string, as a float, finite or not; `wanted` describes it in the error message.
 
     Raises
     ------
     ArgumentError
-        It is no number, or an integer beyond float64.
+        `value` is not a number, or an integer beyond float64.
     """
     try:
         return float(value)  # type: ignore[arg-type]
@@ -142,30 +142,30 @@ def real(name: str, value: object, wanted: str) -> float:
 
 
 def number_of(value: object) -> object:
-    """Python's number for a NumPy scalar or an array of no dimension; anything else as it is."""
+    """Convert a NumPy scalar or 0-d array to Python's number; return anything else unchanged."""
     return to_builtin(value) if isinstance(value, np.generic | np.ndarray) else value
 
 
 def require_bool(name: str, value: object) -> bool:
-    """`value`, which must be True or False: the text "no" would count as true."""
+    """Check that `value` is True or False, since the string "no" would count as true, and return it."""
     if not isinstance(value, bool | np.bool_):
         raise ArgumentError(f"{name} = {truncated(value)}: must be True or False", id="wrong-type")
     return bool(value)
 
 
 def require_callable(name: str, value: object) -> None:
-    """Refuse a `value` that is neither None nor can be called, before the work that it is called from."""
+    """Refuse a `value` that is neither None nor callable, before the computation that would call it."""
     if value is not None and not callable(value):
         raise ArgumentError(f"{name} = {truncated(value)}: expected a function, or None", id="wrong-type")
 
 
 def beyond_float64(what: str, **arguments: ArrayLike) -> ArgumentError:
-    """The error of a result that float64 cannot hold; it names the largest number among the arguments."""
+    """Return the error for a result beyond float64; it names the largest value among the arguments."""
     flat = ((name, k, abs(float(v))) for name, a in arguments.items() for k, v in enumerate(np.ravel(a)))
     name, k, size = max(flat, key=lambda entry: entry[2])
-    return ArgumentError(f"{what} overflows float64; the arguments go up to |{name}[{k}]| = {size:.3g}", id="overflow")
+    return ArgumentError(f"{what} overflows float64; the largest argument is |{name}[{k}]| = {size:.3g}", id="overflow")
 
 
 def wrench_vector(tip_wrench: ArrayLike | None) -> Array:
-    """The tip wrench, shape (6,), zero if there is none; errors as in `vector`."""
+    """Return the tip wrench, shape (6,), zero by default; errors as in `vector`."""
     return NO_WRENCH if tip_wrench is None else vector("tip_wrench", tip_wrench, 6)

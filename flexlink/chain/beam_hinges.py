@@ -1,6 +1,6 @@
-"""The segments and hinges of a beam along the running frame of a builder, and the springs of these hinges.
+"""Segments and hinges of a beam along the running frame of a builder, and the springs of these hinges.
 
-Constants come from the rigidities of some sections, or from the integrals of a table.
+Spring constants follow from the rigidities of sections, or from the integrals of a table.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 from flexlink.kernels.layout import SPRINGS
 
 TWIST = 1  # axis of a coordinate
-PAIR = 2  # hinges of the cells whose springs hold the curvature of the rotation between them
+PAIR = 2  # number of hinges in cells whose springs act on the curvature of the rotation between them
 
 
 class Springs(NamedTuple):
-    """Springs of a beam: its rigidity at some sections holds its hinges, each its own, or those of a cell together."""
+    """Springs of a beam: rigidities at sections define the stiffness of single hinges, or of cells of hinges."""
 
     link: Link
     sections: Array  # (4, N) of the beam, at the hinges, or at the Gauss points of cells
-    lengths: Array  # (N,) of beam that each section stands for [m]
-    rows: NDArray[np.intp]  # number of each hinge in the chain
-    places: NDArray[np.intp]  # and its place among the stiffnesses, (3, N) in a row
+    lengths: Array  # (N,) length of beam that each section represents [m]
+    rows: NDArray[np.intp]  # index of each hinge in the chain
+    places: NDArray[np.intp]  # index of each hinge in the flattened (3, N) stiffnesses
     cells: Cells | None
     coupled: slice  # of the chain's couplings
     pairs: NDArray[np.intp]  # (couplings, 3) axis, cell and pair of hinges in it
-    given: tuple[Array, Array] | None = None  # the constants themselves, of a table
+    given: tuple[Array, Array] | None = None  # constants from a table
 
     def constants(self, rigidities: Array) -> tuple[Array, Array]:
-        """K_ii (…, hinges) and K_ij (…, couplings) [N m/rad] of GJ, EI_y, EI_z at the sections, (…, 3, N) [N m²]."""
+        """K_ii (…, hinges) and K_ij (…, couplings) [N m/rad] from GJ, EI_y, EI_z at the sections, (…, 3, N) [N m²]."""
         held = rigidities / self.lengths
         if self.cells is None:
             return held.reshape(*held.shape[:-2], -1)[..., self.places], np.zeros((*held.shape[:-2], 0))
@@ -55,9 +55,9 @@ class Springs(NamedTuple):
         return own.reshape(*own.shape[:-3], -1)[..., self.places], both[..., axis, e, pair]
 
     def write(self, arms: Sequence[Arm], hinges: NDArray[np.void], couplings: NDArray[np.void]) -> NDArray[np.bool_]:
-        """Put spring and damping constants of arms that differ in materials into hinges and couplings, (b, …) each.
+        """Write spring and damping constants of arms that differ in materials into hinges and couplings, (b, …) each.
 
-        Returns where no stiffness underflows, (b,) or (1,): such a hinge would count as a joint without a spring.
+        Returns a mask, (b,) or (1,), of arms without underflow: a hinge of zero stiffness would count as a free joint.
         """
         loss = np.array([arm.loss_time(self.link) for arm in arms])[:, None]
         k, coupled = self._of_materials(arms) if self.given is None else self.given
@@ -66,7 +66,7 @@ class Springs(NamedTuple):
         return np.asarray(np.atleast_2d(k).all(axis=1))
 
     def _of_materials(self, arms: Sequence[Arm]) -> tuple[Array, Array]:
-        """Constants by GJ, EI_y, EI_z of all, (b, hinges) and (b, couplings)."""
+        """Constants from GJ, EI_y, EI_z of all arms, (b, hinges) and (b, couplings)."""
         materials = [arm.materials[self.link.material or ""] for arm in arms]
         young = np.array([material.young for material in materials])[:, None]
         shear = np.array([material.shear for material in materials])[:, None]
@@ -77,11 +77,11 @@ class Springs(NamedTuple):
 def add_beam(
     builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam, nodes: Array, weights: Array
 ) -> list[Springs]:
-    """Segments and hinges of a beam, along the x of the running frame; returns the springs that are still to be."""
+    """Add segments and hinges of a beam along the x axis of the running frame; return its springs."""
     rule, first = lumping_rule(link.lumping), len(builder.hinges)
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
     rotors = _twist_rotors(link, rule, beam, nodes, weights).tolist()
-    places: dict[tuple[int, int], int] = {}  # of axis and hinge along the beam: number in the chain
+    places: dict[tuple[int, int], int] = {}  # (axis, hinge along the beam) → index in the chain
     for segment, (body, part, end) in enumerate(segments_of(link, rule, beam, nodes)):
         if segment:
             builder.start_body()
@@ -119,13 +119,13 @@ def add_beam(
 
 
 def _springs_of(rule: LumpingRule, hinge: int) -> int:
-    """What the springs of a hinge of three axes hold, counted from 0 along its beam."""
+    """Kind of the springs at a three-axis hinge, counted from 0 along its beam."""
     leads = rule.cells is not None and rule.cells.hinges == PAIR and hinge % PAIR == 0
     return int(SPRINGS.cell if leads else SPRINGS.rotation)
 
 
 def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) -> tuple[slice, NDArray[np.intp]]:
-    """Add couplings of the hinges of every cell, of the same axis; returns which they are, and what each couples."""
+    """Couple the hinges of every cell about the same axis; return the slice of couplings, and what each couples."""
     first, pairs = len(builder.couplings), []
     for axis, hinge in sorted(places):
         cell, place = divmod(hinge, cells.hinges)
@@ -137,9 +137,9 @@ def _couple(builder: Builder, cells: Cells, places: dict[tuple[int, int], int]) 
 
 
 def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, nodes: Array, weights: Array) -> Array:
-    """Rotor inertias of the twist hinges [kg m²]; refused where M of the twist would not be positive definite.
+    """Rotor inertias of the twist hinges [kg m²]; refused if the mass matrix of the twist is not positive definite.
 
-    A, inwards from the tip, is the articulated inertia about X of all beyond a hinge; what the link carries only adds.
+    A, from the tip inward, is the articulated inertia about X of the part beyond a hinge; attached bodies only add.
     """
     if not rule.matched_twist or TWIST not in AXES[link.flex]:
         return np.zeros(len(nodes))
@@ -151,7 +151,7 @@ def _twist_rotors(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, 
         if A + rotors[i] <= 0:
             raise SceneError(
                 f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
-                f"{i + 1} outweighs the inertia beyond it, {A:.3g} kg m², so M is not positive definite; take a "
+                f"{i + 1} exceeds the inertia beyond it, {A:.3g} kg m², so M is not positive definite; use a "
                 "rule without matched_twist, such as 'gauss', or more segments",
                 id="twist-inertia-outweighs",
             )

@@ -1,4 +1,4 @@
-"""The rigid segments that a beam is cut into: slices of it, or those whose M is exact in cells of coupled springs."""
+"""Rigid segments of a beam: slices between hinges, or segments with the exact M in cells of coupled springs."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 
 Segment = tuple[SpatialInertia | None, tuple[float, float], Array]
-"""Of a segment its body, part of the link, end [m]."""
+"""A segment: its body, the part of the link that it covers, and its end [m]."""
 
 
 def segments_of(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, nodes: Array) -> list[Segment]:
-    """Links alike share their segments, of whatever stiffness."""
-    if rule.cells is None or not nodes.size:  # a rigid link has no hinges, whatever its rule
+    """Segments of a link; identical links share them for any stiffness."""
+    if rule.cells is None or not nodes.size:  # a rigid link has no hinges under any rule
         return _segments(beam, nodes.tobytes())
     try:
         return _cell_segments(beam, rule.cells, len(nodes))
@@ -32,7 +32,7 @@ def segments_of(link: Link, rule: LumpingRule, beam: SectionBeam | TableBeam, no
 
 @functools.lru_cache(maxsize=256)
 def _segments(beam: SectionBeam | TableBeam, nodes: bytes) -> list[Segment]:
-    """Slices of the beam from hinge to hinge; a hinge at the very root has nothing before it."""
+    """Slices of the beam between hinges; a hinge at the root has no slice before it."""
     edges = np.array([0.0, *np.frombuffer(nodes), 1.0])
     slices = zip(*beam.slices(edges), np.diff(edges) * beam.length, strict=True)
     return [
@@ -44,22 +44,22 @@ def _segments(beam: SectionBeam | TableBeam, nodes: bytes) -> list[Segment]:
 
 @functools.lru_cache(maxsize=256)
 def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> list[Segment]:
-    """Segments whose M is the exact one of a beam that has the angle of each segment at its Lobatto node s.
+    """Segments with the exact M of a beam whose angle at each Lobatto node s is the angle of the segment there.
 
-    m is that of the slice, from S_i−1 to S_i; m c = l ∫ ρA from s_i to S_i, from the segment's start; and
+    m is the mass of the slice from S_i−1 to S_i. m c = l ∫ ρA from s_i to S_i, measured from the segment's start, and
 
         J_i = l_i [(s_i − S_i−1) ν(s_i) + ∫ ν dx − Σ_j w_j ν(s_j)] − m_i c_i²        ν(x) = ∫ ρA from x to S_i
 
-    the integral from s_i to the end of the cell that begins at or holds s_i, the sum over its nodes beyond s_i. What
-    sections have by themselves, about x, too, is l ρI at s: ½ ∫ ρI θ̇² by Lobatto's quadrature, of order 2p.
+    The integral extends from s_i to the end of the cell that begins at or contains s_i, the sum over its nodes beyond
+    s_i. The rotary inertia of sections, also about x, is l ρI at s: ½ ∫ ρI θ̇² by Lobatto quadrature of order 2p.
     """
-    places, lengths = cells.segments(count)
+    nodes, lengths = cells.segments(count)
     edges = np.append(0.0, np.cumsum(lengths))
     edges[-1] = 1.0
     mass = beam.slices(edges)[0]
     l = lengths * beam.length
-    center = l * beam.masses(places, edges[1:]) / mass
-    J = np.array([_cell_inertia(beam, cells, i, places, edges) for i in range(count + 1)]) - mass * center**2
+    center = l * beam.masses(nodes, edges[1:]) / mass
+    J = np.array([_cell_inertia(beam, cells, i, nodes, edges) for i in range(count + 1)]) - mass * center**2
     rounding = 16 * np.finfo(float).eps * l * (cells.hinges * l.max()) * (cells.hinges * mass.max())
     given = cells.tip * mass[-1] * l[-1] ** 2 / 3
     J[np.abs(J) <= rounding] = 0.0  # the first segment is a point mass at its end, the last at its hinge
@@ -70,16 +70,16 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
     if (J < 0).any() and isinstance(beam, TableBeam):
         raise ArgumentError(
             f"the mass per length of its table changes so much within a cell that segment {int(np.argmin(J))} would "
-            "have a negative moment of inertia; take more segments, or a rule without cells, such as 'gauss'",
+            "have a negative moment of inertia; use more segments, or a rule without cells, such as 'gauss'",
             id="segment-inertia-negative",
         )
     if (J < 0).any():
         raise ArgumentError(
             f"tip = {cells.tip:g}: segment {int(np.argmin(J))} would have a negative moment of inertia; "
-            "take a smaller tip in the rule",
+            "use a smaller tip in the rule",
             id="segment-inertia-negative",
         )
-    y, z = l * beam.rotary(places)
+    y, z = l * beam.rotary(nodes)
     moments = np.column_stack([y + z, J + y, J + z])
     return [
         (SpatialInertia(float(m), np.array([c, 0, 0]), np.diag(I)), part, np.array([length, 0, 0]))
@@ -88,7 +88,7 @@ def _cell_segments(beam: SectionBeam | TableBeam, cells: Cells, count: int) -> l
 
 
 def _pass_on(J: Array) -> None:
-    """Let neighbours bear what is negative, as beside a jump; their angles are nearly the same, and the sum stays."""
+    """Move negative inertias, as next to a jump, to neighbours with nearly the same angle; the sum is unchanged."""
     for first, then in ((range(len(J) - 1), 1), (range(len(J) - 1, 0, -1), -1)):
         for i in first:
             if J[i] < 0:
@@ -96,14 +96,14 @@ def _pass_on(J: Array) -> None:
                 J[i] = 0.0
 
 
-def _cell_inertia(beam: SectionBeam | TableBeam, cells: Cells, i: int, places: Array, edges: Array) -> float:
+def _cell_inertia(beam: SectionBeam | TableBeam, cells: Cells, i: int, nodes: Array, edges: Array) -> float:
     """J_i + m_i c_i² of a segment."""
-    p, count, L = cells.hinges, len(places) - 1, beam.length
+    p, count, L = cells.hinges, len(nodes) - 1, beam.length
     e = min(i // p, count // p - 1)
     beyond = np.arange(i + 1, (e + 1) * p + 1)
     weights = cells.cell.lengths[beyond - e * p] * p / count
-    s, start, end, stop = places[i], edges[i], edges[i + 1], places[(e + 1) * p]
+    s, start, end, stop = nodes[i], edges[i], edges[i + 1], nodes[(e + 1) * p]
     _, x, weight = points_between(np.array([s, stop]), beam.knots)
-    ν = beam.masses(np.concatenate([[s], x, places[beyond]]), np.full(1 + len(x) + len(beyond), end))
+    ν = beam.masses(np.concatenate([[s], x, nodes[beyond]]), np.full(1 + len(x) + len(beyond), end))
     integral = weight @ ν[1 : 1 + len(x)]
     return float((end - start) * L**2 * ((s - start) * ν[0] + integral - weights @ ν[1 + len(x) :]))

@@ -1,4 +1,4 @@
-"""The branches of an arm: what hangs on what, and lines from body to body for whatever draws it."""
+"""Branches of an arm: parents of bodies, and lines from body to body for drawing."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from flexlink.common.types import Array
 
 
 def base_body(chain: Chain) -> int:
-    """Number, from 1, of the body that is the base; 0 where it is fixed in frame 0."""
+    """Number, from 1, of the body that is the base; 0 if the base is fixed in frame 0."""
     return 2 if chain.has_free_base else 0
 
 
 def of_parents(chain: Chain, values: Array, of_base: Array) -> Array:
-    """Values of the bodies, (bodies, …), by the bodies that hang on them; those on the base get its own."""
+    """Values of each body's parent, (bodies, …); `of_base` for bodies attached to the base."""
     return np.asarray(np.concatenate([of_base[None], values])[chain.bodies["parent"]])
 
 
 def branches_of(chain: Chain) -> list[list[int]]:
-    """Numbers, from 1, of the bodies of every branch, each after the one that it hangs on; 0 is the fixed base.
+    """Numbers, from 1, of the bodies of every branch, each after the branch with its parent; 0 is the fixed base.
 
-    An arm that does not branch is one from 0 to its tip frame; one whose base floats begins with its base.
+    An unbranched arm is one branch from 0 to its tip frame; with a floating base it begins at that base.
     """
     base = base_body(chain)
     spans = [span._replace(first=max(base, span.first)) for span in spans_of(chain.bodies) if span.stop > base]
@@ -30,23 +30,23 @@ def branches_of(chain: Chain) -> list[list[int]]:
 
 
 def unslid(chain: Chain, rotations: Array, points: Array) -> Array:
-    """Where the origins of bodies, placed so in frame 0, would be with the joints that slide at zero, (bodies, 3)."""
+    """Origins of bodies, from poses in frame 0, if all sliding joints were at zero, (bodies, 3)."""
     R, p = of_parents(chain, rotations, np.eye(3)), of_parents(chain, points, np.zeros(3))
     return np.asarray(p + np.einsum("bij,bj->bi", R, chain.bodies["translation"]))
 
 
 def sliding_bodies(chain: Chain) -> list[int]:
-    """Bodies that slide on what they hang on, from 0, but for a base that floats."""
+    """Indices, from 0, of bodies that slide on their parents, without a floating base."""
     first = chain.bodies["first"]
     some = np.flatnonzero(first < chain.bodies["stop"]).tolist()
     return [k for k in some if k >= base_body(chain) and chain.slides[first[k]]]
 
 
 def as_lines(chain: Chain, points: Array, *, base: bool = True, rails: Array | None = None) -> Array:
-    """Origins of the bodies (…, bodies, 3) as lines along the branches, (…, m, 3), not a number between two of them.
+    """Origins of the bodies (…, bodies, 3) as lines along the branches, (…, m, 3), separated by nan.
 
-    They go on from a fixed base, at the origin of frame 0, or, without `base`, from what hangs on it, and reach bodies
-    that slide by way of where they would be at zero, `rails` as of `unslid`.
+    Lines start at a fixed base, the origin of frame 0, or, without `base`, at the bodies attached to it. They reach
+    sliding bodies by way of their positions at zero, `rails` as from `unslid`.
     """
     before, count = np.zeros((*points.shape[:-2], 1, 3)), points.shape[-2] + 1
     every = np.concatenate([before, points, np.full_like(before, np.nan), points if rails is None else rails], axis=-2)

@@ -1,4 +1,4 @@
-"""Rigid bodies as they grow while one walks along an arm, and the hinges between them."""
+"""Builder of rigid bodies, and the hinges between them, step by step along an arm."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from flexlink.kernels.layout import BODY
 
 
 class Piece(NamedTuple):
-    """A straight piece of a link between two of its hinges, x along it: what there is to be seen of an arm.
+    """A straight piece of a link between two of its hinges, x along it, for pictures of an arm.
 
-    `place` puts its start and axes into a body, counted from 1 in the order of `chain.bodies`; 0 is the fixed base.
+    `place` is the pose of its start in a body, counted from 1 in the order of `chain.bodies`; 0 is the fixed base.
     """
 
     link: int  # from 1
-    part: tuple[float, float]  # of the link's length, where it starts and where it ends
+    part: tuple[float, float]  # start and end, relative to the link's length
     body: int
     place: Pose
-    end: Array  # from there, along x [m]
+    end: Array  # end from the start, along x [m]
 
     @property
     def length(self) -> float:
-        """From its start to its end [m]."""
+        """Length [m]."""
         return float(self.end[0])
 
 
 @dataclasses.dataclass
 class Body:
-    """A segment while it grows: placement on the one before, numbers of its hinges, what is rigid behind them."""
+    """A segment under construction: pose on its parent, range of its hinges, and its rigid body so far."""
 
     place: Pose
     first: int
@@ -46,14 +46,14 @@ class Body:
     springs: int = 0  # as in `BODY`
 
     def record(self) -> tuple[object, ...]:
-        """One row of dtype `BODY`, whose inertia and branches are still to be recorded."""
+        """One row of dtype `BODY`; inertia and branches are recorded later."""
         R, p = self.place
         tree = self.parent, 0, 0, 0, 0
         return self.first, self.stop, *tree, 1, self.springs, R, p, 0.0, (0.0, 0.0, 0.0), NOTHING.inertia
 
 
 def recorded(bodies: list[Body]) -> NDArray[np.void]:
-    """The bodies as an array of dtype `BODY`."""
+    """Return the bodies as an array of dtype `BODY`."""
     records = np.array([body.record() for body in bodies], dtype=BODY)
     record_inertia(records, [body.rigid for body in bodies])
     records["turned"] = (records["rotation"] != HERE.R).any(axis=(1, 2))
@@ -62,10 +62,10 @@ def recorded(bodies: list[Body]) -> NDArray[np.void]:
 
 
 def record_branches(records: NDArray[np.void]) -> None:
-    """Say of rows of dtype `BODY`, by their parents, where branches begin, and which bodies keep their state for them.
+    """Record in rows of dtype `BODY`, from their parents, where branches begin, and which bodies store state for them.
 
     >>> bodies = np.zeros(4, BODY)
-    >>> bodies["parent"] = 0, 1, 1, 0  # the third body hangs on the first, the fourth on the base
+    >>> bodies["parent"] = 0, 1, 1, 0  # the first body is the parent of the third, the base that of the fourth
     >>> record_branches(bodies)
     >>> bodies["begins"].tolist(), bodies["slot"].tolist(), bodies["fork"].tolist()
     ([0, 0, 1, 1], [0, 0, 1, 0], [1, 0, 0, 0])
@@ -87,47 +87,47 @@ def record_inertia(records: NDArray[np.void], rigid: list[SpatialInertia]) -> No
 
 
 def symmetric(inertias: Array) -> Array:
-    """Inertias (…, 3, 3) with what is above the diagonal below it, too: R I Rᵀ is symmetric up to rounding only."""
+    """Mirror the upper triangle of inertias (…, 3, 3), since R I Rᵀ is symmetric only up to rounding."""
     for row, column in ((0, 1), (0, 2), (1, 2)):
         inertias[..., column, row] = inertias[..., row, column]
     return inertias
 
 
 def _is_one(R: Array) -> bool:
-    """Whether a rotation is the identity, to the bit."""
+    """Whether a rotation is the identity, bit by bit."""
     return R is HERE.R or R.tobytes() == HERE.R.tobytes()
 
 
 class Builder:
-    """Walks along the arm: `running` places the running frame in the frame of the current body."""
+    """Builds the chain along the arm; `running` is the pose of the running frame in the current body."""
 
     def __init__(self) -> None:
         self.hinges: list[tuple[float, ...]] = []
         self.coordinates: list[Coordinate] = []
         self.bodies = [Body(HERE, 0, 0)]
-        self.on = 0  # number of the current body
+        self.on = 0  # index of the current body
         self.pieces: list[Piece] = []
         self.couplings: list[tuple[int, int, float, float]] = []
         self.running = HERE
 
     @property
     def place(self) -> tuple[int, Pose]:
-        """Where it is: the current body, and the running frame in it."""
+        """Current position: the current body, and the running frame in it."""
         return self.on, self.running
 
     def go_to(self, place: tuple[int, Pose]) -> None:
-        """Go on from where it was before."""
+        """Continue from an earlier `place`."""
         self.on, self.running = place
 
     @property
     def body(self) -> Body:
-        """The current one."""
+        """The current body."""
         return self.bodies[self.on]
 
     def move(self, translation: Array, rotation: Array | None = None) -> None:
         """Shift the running frame along its own axes [m], then turn it."""
         R, p = self.running
-        if self.running is HERE:  # as at every segment of a straight beam: nothing to multiply
+        if self.running is HERE:  # at every segment of a straight beam: no product needed
             self.running = Pose(R if rotation is None else rotation, translation)
             return
         self.running = Pose(R, p + (translation if _is_one(R) else product(R, translation)))
@@ -135,7 +135,7 @@ class Builder:
             self.turn(rotation)
 
     def advance(self, link: int, part: tuple[float, float], end: Array) -> None:
-        """Go along a piece of a link, to its end."""
+        """Record a piece of a link, and move to its end."""
         self.pieces.append(Piece(link, part, self.on, self.running, end))
         self.move(end)
 
@@ -146,7 +146,7 @@ class Builder:
             self.running = Pose(product(R, rotation), p)
 
     def start_body(self) -> None:
-        """A new body begins in the running frame, with no hinges yet."""
+        """Start a new body at the running frame, without hinges."""
         n = len(self.hinges)
         self.bodies.append(Body(self.running, n, n, self.on))
         self.go_to((len(self.bodies) - 1, HERE))
@@ -165,24 +165,24 @@ class Builder:
         upper: float = np.inf,
         prescribed: bool = False,
     ) -> None:
-        """One more hinge of the current body; axis and units as in dtype `HINGE`."""
+        """Add a hinge to the current body; axis and units as in dtype `HINGE`."""
         rest = 0.0
         self.hinges.append((axis, stiffness, rest, damping, coulomb, width, armature, lower, upper, prescribed))
         self.coordinates.append(coordinate)
         self.body.stop += 1
 
     def add_payload(self, payload: RigidBody) -> None:
-        """Join a body that is described in the running frame to the current one; most links have none."""
+        """Join a body, given in the running frame, to the current one; most links have none."""
         self.body.rigid = self.carrying(payload)
 
     def carrying(self, payload: RigidBody) -> SpatialInertia:
-        """The current body, joined to such a one."""
+        """The current body joined to a payload."""
         if not payload.mass and not any(payload.inertia):
             return self.body.rigid
         return self._joined(SpatialInertia(payload.mass, np.array(payload.center), payload.matrix))
 
     def add(self, body: SpatialInertia) -> None:
-        """Join a rigid body."""
+        """Join a rigid body to the current one."""
         self.body.rigid = self._joined(body)
 
     def _joined(self, body: SpatialInertia) -> SpatialInertia:

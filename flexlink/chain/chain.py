@@ -1,10 +1,10 @@
-"""Chain: the arm as rigid bodies and one-axis hinges, read-only arrays, the only input of every algorithm.
+"""Chain: the arm as rigid bodies and one-axis hinges, in read-only arrays; the only input of every algorithm.
 
-A body is a rigid segment. It hangs on one before it, of an arm that does not branch on the one right before it, by a
-fixed placement (`rotation`, `translation`) followed by its hinges, all at one point, in the order of their numbers: X,
-Y, Z, or, at every second hinge of a lumping rule with `alternate_axes`, Z, Y, X; or by those of a prismatic joint,
-along which it slides. Behind the last body of every link that no other hangs on comes one without hinges and inertia,
-its tip frame; the last of all is the frame of the arm's tip.
+A body is a rigid segment. It is attached to its parent, in an unbranched arm the body right before it, by a fixed
+transformation (`rotation`, `translation`) followed by its hinges. These share one point and come in the order of their
+numbers: X, Y, Z, or Z, Y, X at every second hinge of a lumping rule with `alternate_axes`. A body may instead slide
+along a prismatic joint. The last body of every link without child links is followed by its tip frame, a body without
+hinges and inertia; the last of all is the frame of the arm's tip.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from flexlink.kernels.layout import COUPLING, FORCES, ChainArrays, Rare
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Chain(Layout):
-    """A chain of `n` one-axis hinges, or a tree of them.
+    """A serial chain or tree of `n` one-axis hinges.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Chain(Layout):
     bodies, hinges
         Structured arrays of dtype `BODY` and `HINGE`, read-only.
     gravity
-        Acceleration of gravity in the inertial frame 0 [m/s²], shape (3,).
+        Acceleration due to gravity in the inertial frame 0 [m/s²], shape (3,).
     coordinates
         The three-index coordinate of every hinge, in sequential order.
     link_names
@@ -50,10 +50,10 @@ class Chain(Layout):
         Springs and dampers between two hinges, structured array of dtype `COUPLING`, read-only; none by default.
     forces
         Other force elements by name, structured arrays of dtype `FORCES[name]`, read-only; none by default. "drag":
-        points at which the links meet drag of the air.
+        points at which aerodynamic drag acts.
     tips
-        Number in `bodies` of the tip frame of every link that no other hangs on, by the link's name; the last one is
-        the arm's tip. By default the last body is the only one.
+        Index in `bodies` of the tip frame of every link without child links, by the link's name. The last one is the
+        arm's tip; by default it is the last body and the only tip.
 
     Examples
     --------
@@ -83,7 +83,7 @@ class Chain(Layout):
             array.flags.writeable = False
 
     def __reduce__(self) -> tuple[type[Chain], tuple[object, ...]]:
-        """Copies and pickles are built anew: their arrays, too, are read-only, which the compiled kernels expect."""
+        """Rebuild copies and pickles with the constructor, so arrays are read-only, which compiled kernels require."""
         return Chain, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
     def __repr__(self) -> str:
@@ -106,9 +106,9 @@ class Chain(Layout):
         return html_table(repr(self), tuple(heads), rows)
 
     def plot(self, q: ArrayLike | None = None) -> Any:
-        """Draw the arm at angles q [rad], shape (n,), from the side and, if it is not in a plane, from above.
+        """Draw the arm at angles q [rad], shape (n,), from the side and, unless it is planar, from above.
 
-        Without q joints are at zero and springs slack. Returns a matplotlib Figure, which a notebook shows once.
+        Without q joints are at zero and springs slack. Returns a matplotlib Figure, which a notebook displays.
 
         Raises
         ------
@@ -120,14 +120,14 @@ class Chain(Layout):
         return drawing_module("scene_report.arm_picture").plot_chain(self, q)
 
     def with_numbers(self, **fields: Any) -> Chain:
-        """The chain with other fields, whose hinges stand as here; what has been found of that is not sought again."""
+        """Return the chain with other field values but the same layout; cached layout data are reused."""
         other, known = dataclasses.replace(self, **fields), vars(self)
         vars(other).update((name, known[name]) for name in OF_LAYOUT if name in known)
         return other
 
     @functools.cached_property
     def arrays(self) -> ChainArrays:
-        """The kernels' view of this chain."""
+        """View of this chain for kernels."""
         forces = self.forces or self.springs_join_hinges
         rare = self._rare if forces or not self.is_serial_revolute else None
         return ChainArrays(self.bodies, self.hinges, self.gravity, rare)
@@ -137,23 +137,23 @@ class Chain(Layout):
         return Rare(*(self.force(name) for name in Rare._fields))
 
     def force(self, name: str) -> NDArray[np.void]:
-        """The force elements of a name, "couplings", "drag", ...; an empty array where there are none."""
+        """Force elements of this name, "couplings", "drag", ...; an empty array if there are none."""
         if name == "couplings":
             return self.couplings
-        nothing = np.frombuffer(b"", FORCES[name])  # read-only as all of a chain: of one type to compiled loops
+        nothing = np.frombuffer(b"", FORCES[name])  # read-only like all arrays of a chain, so compiled types match
         return self.forces.get(name, nothing)
 
     def without_forces(self) -> Chain:
-        """The chain without the elements of `forces`; itself where it has none."""
+        """Return the chain without the elements of `forces`; the same chain if it has none."""
         return dataclasses.replace(self, forces={}) if self.forces else self
 
     @property
     def drag(self) -> NDArray[np.void]:
-        """Points at which the links meet drag, structured array of dtype `DRAG`."""
+        """Points at which the links have drag, structured array of dtype `DRAG`."""
         return self.force("drag")
 
     def as_full(self) -> Chain:
-        """The same chain for loops that know all features, whether it has them or not."""
+        """Return the same chain for loops that support all features, used or not."""
         other = dataclasses.replace(self)
         vars(other).update(vars(self) | {"arrays": self.arrays._replace(rare=self._rare)})
         return other
@@ -177,19 +177,19 @@ class Chain(Layout):
         [1.286 0.154]
         """
         if self.mass == 0:
-            raise ArgumentError(f"{self.name!r}: has no mass, and so no centre of mass", id="no-mass")
+            raise ArgumentError(f"{self.name!r}: has no mass, so it has no centre of mass", id="no-mass")
         placed = forward_kinematics(self.arrays, vector("q", q, self.n))
         centers = placed.points + np.einsum("ijk,ik->ij", placed.rotations, self.bodies["center"])
         return np.asarray(self.bodies["mass"] @ centers / self.mass)
 
     @property
     def stiffness(self) -> Array:
-        """Spring constants k [N m/rad], shape (n,), K_ii of coupled springs; 0 on active joints."""
+        """Spring constants k [N m/rad], shape (n,); K_ii of coupled springs; 0 for active joints."""
         return self.hinges["stiffness"]
 
     @property
     def damping(self) -> Array:
-        """Viscous coefficients d [N m s/rad], shape (n,), structural damping included; D_ii of coupled dampers."""
+        """Viscous coefficients d [N m s/rad], shape (n,), with structural damping; D_ii of coupled dampers."""
         return self.hinges["damping"]
 
     @property
@@ -198,16 +198,16 @@ class Chain(Layout):
         return self.hinges["rest"]
 
     def matrix(self, field: str) -> Array:
-        """K of all springs, `field` "stiffness", or D of all dampers, "damping", shape (n, n), couplings included."""
+        """K of all springs if `field` is "stiffness", D of all dampers if "damping", shape (n, n), with couplings."""
         matrix, (i, j) = np.diag(self.hinges[field]), (self.couplings["inner"], self.couplings["outer"])
         if len(self.couplings):
             matrix[i, j] = matrix[j, i] = self.couplings[field]
         return matrix
 
     def times(self, field: str, φ: Array, *, absolute: bool = False) -> Array:
-        """K φ, `field` "stiffness", or D φ, "damping", of angles or rates φ (n,) or (b, n), in O(n).
+        """K φ if `field` is "stiffness", D φ if "damping", for angles or rates φ (n,) or (b, n), in O(n).
 
-        `absolute`: |K| |φ|, of which the product is known to a few roundings.
+        `absolute`: |K| |φ|, which bounds the rounding error of the product.
         """
         value = self.couplings[field]
         if absolute:
@@ -219,7 +219,7 @@ class Chain(Layout):
 
     @functools.cached_property
     def reach(self) -> float:
-        """How far from the origin of frame 0 any of the masses can get [m], at most."""
+        """Largest possible distance of any mass from the origin of frame 0 [m]."""
         if self.is_serial_revolute:
             return float(_lengths(self.bodies["translation"]).sum() + _lengths(self.bodies["center"]).max())
         away = sums_outward(spans_of(self.bodies), self.lengths)
@@ -227,28 +227,29 @@ class Chain(Layout):
 
     @functools.cached_property
     def size(self) -> float:
-        """The reach [m], and where that is 0, as of a cart or a wheel, √(J/m), or 1 m: never 0.
+        """Characteristic length [m]: the reach; if that is 0, as for a cart or a wheel, √(J/m) or 1 m. Never 0.
 
-        What a relative tolerance is a part of, J the largest inertia that turns.
+        Relative tolerances refer to it. J is the largest inertia that turns.
         """
         return self.reach or size_without_reach(self.bodies, self.hinges)
 
     @property
     def size_name(self) -> str:
-        """What `size` is, for messages."""
+        """Name of `size`, for messages."""
         return "reach" if self.reach else "size"
 
     @functools.cached_property
     def has_levers(self) -> bool:
-        """Whether turning any joint moves a place, as of most arms; where it moves none angles times `size` count."""
+        """Whether turning some joint moves a point, as in most arms; if not, angles times `size` are compared."""
         without = len(self._without_lever)
         return not without or without < self.n - int(self.slides.sum())
 
     @functools.cached_property
     def turning_radii(self) -> Array:
-        """By which angles of joints count as displacements where they move no place [m], 0 of others, (n,); (0,): all.
+        """Factors from joint angles to displacements, for joints that move no point [m], 0 for others, (n,), or (0,).
 
-        The `size` where no joint has a lever; else a radius of gyration, of motors on elastic gears a part of one.
+        The factor is `size` if no joint has a lever, otherwise a radius of gyration, reduced for motors on elastic
+        gears. (0,) means that there are no such joints.
         """
         if not self.has_levers:
             return np.where(self.slides, 0.0, self.size)
@@ -266,7 +267,7 @@ class Chain(Layout):
 
     @property
     def lengths(self) -> Array:
-        """From what each body hangs on to its hinges, (bodies,) [m]; those that slide as far out as limits say."""
+        """Distance from each body's parent to its hinges, (bodies,) [m]; sliding joints at their outermost limit."""
         lengths: Array = _lengths(self.bodies["translation"])
         if np.count_nonzero(self.slides):
             limits = np.maximum(np.abs(self.hinges["lower"]), np.abs(self.hinges["upper"]))
@@ -282,7 +283,7 @@ class Chain(Layout):
 
 
 def _lengths(vectors: Array) -> Array:
-    """Of vectors (b, 3), shape (b,)."""
+    """Lengths of vectors (b, 3), shape (b,)."""
     return np.asarray(np.sqrt((vectors * vectors).sum(axis=1)))
 
 

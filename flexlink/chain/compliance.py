@@ -1,17 +1,18 @@
-"""How far the hinges of a beam give way whose EI varies as a table says: ∫ M/EI dx by moments at hinges, or in cells.
+"""Compliance of the hinges of a beam with tabulated EI: ∫ M/EI dx from the moments at hinges, or in cells.
 
-A rule's hinges are nodes for the moment M, weighted for ∫ M dx. Where EI varies, jumps or has kinks, M still is smooth;
-so it is interpolated between nodes, and the rest is integrated exactly:
+The hinges of a rule are nodes for the moment M, with weights for ∫ M dx. If EI varies, jumps or has kinks, M is still
+smooth. So M is interpolated between nodes, and the integral is exact:
 
     θ = ∫ M/EI dx = Σ_j c_j M_j        c_j = ∫ ℓ_j/EI dx        k_j = 1/c_j
 
-ℓ_j are Lagrange's polynomials of the nodes of an element, of `jacobi` of all nodes. With one node it is ∫ dx/EI over
-its stretch. In cells, of Gauss points x_q, M is the polynomial through M_q, and by complementary energy
+ℓ_j are the Lagrange polynomials of the nodes of an element; for `jacobi` rules, of all nodes. With a single node the
+integral is ∫ dx/EI over its interval. In cells with Gauss points x_q, M is the polynomial through M_q, and the
+complementary energy gives
 
     ½ ∫ M²/EI dx = ½ M·F M        F_qr = ∫ ℓ_q ℓ_r/EI dx        K = (W C)ᵀ F⁻¹ (W C)        W = diag(w_q)
 
-which with EI constant is that of `schemes.cells`. Where ℓ_j would leave a hinge less than `LEAST` of what its own
-stretch gives way, or less than nothing, as beside a jump, all of its element take their stretches: order 2 there.
+For constant EI this is the K of `schemes.cells`. If ℓ_j would give a hinge less than `LEAST` times the compliance of
+its own interval, or a negative one, as next to a jump, all hinges of the element use their intervals (order 2).
 """
 
 from __future__ import annotations
@@ -26,21 +27,21 @@ from flexlink.describe.schemes.cells import Cells
 from flexlink.describe.schemes.lumping_rules import LumpingRule
 
 LEAST = 0.25
-"""Part of what a hinge's own stretch gives way, c_j at least."""
+"""Smallest c_j, relative to the compliance of the hinge's own interval."""
 ROUNDING = 1e-9
-"""Of sums of weights that are a part of the link."""
+"""Rounding error of sums of weights, relative to the link's length."""
 MOST_NODES = 100
-"""Of one polynomial; rules with more over a whole link take stretches."""
+"""Largest number of nodes of one polynomial; rules with more nodes on a link use intervals."""
 
 
 def spring_constants(beam: TableBeam, rule: LumpingRule, nodes: Array, weights: Array) -> Array:
     """1/c_j of every hinge about X, Y and Z, shape (3, N) [N m/rad]."""
     given = np.empty((3, len(nodes)))
     for panel in _panels(rule, nodes, weights):
-        own = _of_stretches(beam, panel)
-        found = own if panel.stretches_only else _of_moments(beam, rule, panel)
-        good = (found > LEAST * own).all(axis=1, keepdims=True)
-        given[:, panel.which] = 1 / np.where(good, found, own)
+        by_intervals = _of_stretches(beam, panel)
+        found = by_intervals if panel.stretches_only else _of_moments(beam, rule, panel)
+        good = (found > LEAST * by_intervals).all(axis=1, keepdims=True)
+        given[:, panel.which] = 1 / np.where(good, found, by_intervals)
     return given
 
 
@@ -59,9 +60,9 @@ def cell_constants(beam: TableBeam, cells: Cells, count: int) -> Array:
 
 
 def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], angles: Array) -> Array:
-    """κ = M/EI about X, Y and Z at hinges, or at Gauss points of cells, by angles (…, N) about one axis [rad/m].
+    """κ = M/EI about X, Y and Z at hinges, or at Gauss points of cells, from angles (…, N) about one axis [rad/m].
 
-    Shape (3, …, N): of all axes, as if the angles were about each.
+    Shape (3, …, N): each axis as if the angles were about it.
     """
     nodes, weights = hinges
     if rule.cells is None:
@@ -69,22 +70,22 @@ def curvatures(beam: TableBeam, rule: LumpingRule, hinges: tuple[Array, Array], 
             [row * angles for row in spring_constants(beam, rule, nodes, weights) / beam.rigidities(nodes)]
         )
     cell, p = rule.cells.cell, rule.cells.hinges
-    K, places = cell_constants(beam, rule.cells, len(nodes)), rule.cells.gauss_points(len(nodes))
-    M = np.linalg.solve((cell.weights[:, None] * cell.curvature).T, K)  # (3, cells, p, p), of angles
+    K, points = cell_constants(beam, rule.cells, len(nodes)), rule.cells.gauss_points(len(nodes))
+    M = np.linalg.solve((cell.weights[:, None] * cell.curvature).T, K)  # (3, cells, p, p), moments per angle
     each = angles.reshape(*angles.shape[:-1], -1, p)
     moments = np.einsum("aeij,...ej->a...ei", M, each).reshape(3, *angles.shape)
-    EI = beam.rigidities(places)
+    EI = beam.rigidities(points)
     return np.asarray([part / row for part, row in zip(moments, EI, strict=True)])
 
 
 class _Panel(NamedTuple):
-    """Hinges whose moments make one polynomial, on a part of the link."""
+    """Hinges whose moments define one polynomial, on a part of the link."""
 
     which: slice
     edges: tuple[float, float]
     nodes: Array
     weights: Array
-    stretches: Array  # (N, 2), what each hinge stands for
+    stretches: Array  # (N, 2), the interval that each hinge represents
     stretches_only: bool
 
 
@@ -98,7 +99,7 @@ def _panels(rule: LumpingRule, nodes: Array, weights: Array) -> list[_Panel]:
     for e in range(count):
         which, edges = slice(e * size, (e + 1) * size), (e / count, (e + 1) / count)
         ends = edges[0] + np.append(0.0, np.cumsum(weights[which]))
-        if abs(ends[-1] - edges[1]) > ROUNDING:  # weights for other moments than constant ones
+        if abs(ends[-1] - edges[1]) > ROUNDING:  # the weights do not integrate constants
             ends[1:-1] = (nodes[which][1:] + nodes[which][:-1]) / 2
         ends[-1] = edges[1]
         stretches = np.column_stack([ends[:-1], ends[1:]])
@@ -107,7 +108,7 @@ def _panels(rule: LumpingRule, nodes: Array, weights: Array) -> list[_Panel]:
 
 
 def _of_stretches(beam: TableBeam, panel: _Panel) -> Array:
-    """w_j times the mean of L/EI over the stretch of each hinge, shape (3, N)."""
+    """w_j times the mean of L/EI over the interval of each hinge, shape (3, N)."""
     found = np.empty((3, len(panel.nodes)))
     for j, ends in enumerate(panel.stretches):
         (_, _, weight), per = beam.flexibility(ends, 0)
@@ -116,7 +117,7 @@ def _of_stretches(beam: TableBeam, panel: _Panel) -> Array:
 
 
 def _of_moments(beam: TableBeam, rule: LumpingRule, panel: _Panel) -> Array:
-    """∫ ℓ_j L/EI over the panel, shape (3, N); with the factor of a rule's moments, g(x)/g(x_j)."""
+    """∫ ℓ_j L/EI over the panel, shape (3, N), with the rule's moment factor g(x)/g(x_j)."""
     (_, x, weight), per = beam.flexibility(np.array(panel.edges), len(panel.nodes))
     basis = _lagrange(panel.nodes, x)
     if rule.jacobi is not None:
@@ -126,7 +127,7 @@ def _of_moments(beam: TableBeam, rule: LumpingRule, panel: _Panel) -> Array:
 
 
 def _lagrange(nodes: Array, x: Array) -> Array:
-    """ℓ_j(x), shape (points, N)."""
+    """Lagrange polynomials ℓ_j(x), shape (points, N)."""
     found = np.ones((len(x), len(nodes)))
     for j, node in enumerate(nodes):
         for other in np.delete(nodes, j):

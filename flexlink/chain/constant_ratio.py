@@ -1,17 +1,18 @@
-"""Damping of one ratio in every mode: dampers between all hinges of the links that ask for it, root and gear, too.
+"""Constant damping ratio in every mode: dampers between all hinges of links with this law, including root and gear.
 
-With M and K of all hinges with springs where `initial.joint_deg` and `joint_m` put the joints, the springs slack, all
-else held, and K φ = ω² M φ, φᵀ M φ = 1,
+M and K are those of all hinges with springs in the configuration of `initial.joint_deg` and `joint_m`, with slack
+springs and all other joints held. With K φ = ω² M φ and φᵀ M φ = 1,
 
-    D = Σ 2 ω (S M φ) (S M φ)ᵀ        S = diag(√ζ)        so that φᵀ D φ / (2 ω) = ζ in every mode, of one ζ
+    D = Σ 2 ω (S M φ) (S M φ)ᵀ        S = diag(√ζ)        so φᵀ D φ / (2 ω) = ζ in every mode, if ζ is uniform
 
-ζ is 0 for hinges of links that do not ask for it; then the ratios of modes are no more than near that of those that do.
-What `root_damping` and `gear_damping` say comes on top.
+ζ is 0 for hinges of other links; then modal damping ratios are only approximately those of the damped links.
+`root_damping` and `gear_damping` are added.
 
-A whole state, `initial.q`, changes no dampers: a run that is continued from it goes on with the same arm.
+A full initial state, `initial.q`, does not change the dampers: a simulation continued from it uses the same arm.
 
-M has in it what the links carry. In other postures modes are others, and so are their ratios: of two equal links of one
-ζ, once the elbow has turned by 90°, 0.4 to 1.3 ζ in the first two modes and 0.8 to 1.02 ζ in all others.
+M includes all bodies beyond the hinges. Modes and their damping ratios change with the configuration: for two equal
+links with one ζ and the elbow turned by 90° they are 0.4 to 1.3 ζ in the first two modes and 0.8 to 1.02 ζ in all
+others.
 """
 
 from __future__ import annotations
@@ -32,13 +33,12 @@ from flexlink.kernels.layout import COUPLING
 
 
 def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
-    """The chain with the dampers of all links whose damping is of `law = "constant"`.
+    """Return the chain with the dampers of all links whose damping has `law = "constant"`.
 
     Raises
     ------
     SceneError
-        There are so many hinges that dampers between all of them would be more than `MOST`; a branch begins or a joint
-        slides between them; or they move no inertia of their own.
+        There are more than `MOST` hinges; between them a branch begins or a joint slides; or a hinge moves no inertia.
     """
     arm = scene.arm
     ratios = {k: link.damping.ratio for k, link in enumerate(arm.links, 1) if link.damping and link.damping.is_constant}
@@ -61,22 +61,22 @@ def with_constant_ratios(chain: Chain, scene: Scene) -> Chain:
 
 
 def _posture(chain: Chain, scene: Scene) -> Array:
-    """Where the scene puts the joints, springs at rest, shape (n,)."""
-    q, places = np.array(chain.rest), scene.joint_positions
+    """Configuration in which the scene starts, springs at rest, shape (n,)."""
+    q, positions = np.array(chain.rest), scene.joint_positions
     for k in chain.active.tolist():
-        q[k] = places[chain.coordinates[k].link - 1]
+        q[k] = positions[chain.coordinates[k].link - 1]
     return q
 
 
 def posture_of(scene: Scene) -> tuple[float, ...]:
-    """What of the start the dampers of such links depend on; nothing without them."""
+    """Initial joint coordinates on which the dampers depend; empty without such links."""
     if not any(link.damping is not None and link.damping.is_constant for link in scene.arm.links):
         return ()
     return tuple(scene.joint_positions.tolist())
 
 
 MOST = 400
-"""Hinges between all of which there may be dampers: 79 800 of them."""
+"""Largest number of hinges that dampers may connect: 79 800 dampers."""
 
 
 def _check(chain: Chain, arm: Arm, hinges: NDArray[np.intp], count: int) -> None:
@@ -84,7 +84,7 @@ def _check(chain: Chain, arm: Arm, hinges: NDArray[np.intp], count: int) -> None
     path = f"{arm.path(number)}.damping.law = 'constant'"
     if count > MOST:
         raise SceneError(
-            f"{path}: {count} hinges in all; at most {MOST}; take fewer, or law = 'proportional'", id="too-many-joints"
+            f"{path}: {count} hinges in all; at most {MOST}; use fewer, or law = 'proportional'", id="too-many-joints"
         )
     between = slice(chain.body(int(hinges[0])) + 1, chain.body(int(hinges[-1])) + 1)
     if chain.bodies["begins"][between].any() or chain.slides[hinges[0] : hinges[-1]].any():
@@ -96,7 +96,7 @@ def _damping(M: Array, K: Array, ratios: Array, name: str) -> Array:
         squares, shapes = scipy.linalg.eigh(K, M)
     except scipy.linalg.LinAlgError:
         raise SceneError(
-            f"{name}: damping.law = 'constant': some hinges move no inertia of their own", id="massless-hinge"
+            f"{name}: damping.law = 'constant': some hinges have no inertia attached", id="massless-hinge"
         ) from None
     momenta = np.sqrt(ratios)[:, None] * (M @ shapes)
     D = (momenta * (2 * np.sqrt(np.maximum(squares, 0.0)))) @ momenta.T
@@ -104,7 +104,7 @@ def _damping(M: Array, K: Array, ratios: Array, name: str) -> Array:
 
 
 def _joined(couplings: NDArray[np.void], hinges: NDArray[np.intp], D: Array) -> NDArray[np.void]:
-    """Springs between hinges as they are, with dampers between these and others."""
+    """Add dampers between `hinges` to the couplings; existing springs and dampers are unchanged."""
     inner, outer = np.triu_indices(len(hinges), 1)
     pairs = zip(hinges[inner].tolist(), hinges[outer].tolist(), strict=True)
     found = {pair: (0.0, damping) for pair, damping in zip(pairs, D[inner, outer].tolist(), strict=True)}

@@ -1,4 +1,4 @@
-"""Three-index coordinates of the joints, and the names of joints that follow from them."""
+"""Three-index coordinates of joints, and joint names derived from them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flexlink.chain import free_base
 from flexlink.describe.arm import BASE
 
 ROOT = 4
-"""Axis in a `Coordinate` of the spring at a link's root that turns about X; those about Y and Z follow."""
+"""Axis in a `Coordinate` of the root spring about X; those about Y and Z follow."""
 LAG = ROOT + 3
 """Axis of the internal coordinate of a joint's lagging friction."""
 
@@ -18,10 +18,9 @@ LAG = ROOT + 3
 class Coordinate(NamedTuple):
     """The paper's three indices: link from 1, segment from 0, axis 0 = active, 1 twist, 2 and 3 bending.
 
-    (link, 0, 3) is the hinge of an elastic gear, about the joint's axis; (link, 0, 4) … (link, 0, 6) are those of
-    springs at the link's root, about X, Y, Z; (link, 0, 7) is an internal coordinate, whose rate is the state of the
-    joint's lagging friction. (0, 0, 1) … (0, 0, 6) are the joints of a free base: three along X, Y, Z
-    and three about them.
+    (link, 0, 3) is the hinge of an elastic gear, about the joint's axis; (link, 0, 4) … (link, 0, 6) are the hinges of
+    root springs about X, Y, Z; (link, 0, 7) is an internal coordinate, whose rate is the state of the joint's lagging
+    friction. (0, 0, 1) … (0, 0, 6) are the joints of a free base: three along X, Y, Z and three about them.
     """
 
     link: int
@@ -30,22 +29,22 @@ class Coordinate(NamedTuple):
 
     @property
     def of_base(self) -> bool:
-        """Whether it is that of a base that floats."""
+        """Whether it belongs to a floating base."""
         return self.link == 0
 
     @property
     def of_root(self) -> bool:
-        """Whether it is that of a spring at the root of a link."""
+        """Whether it is a hinge of a root spring of a link."""
         return self.link > 0 and ROOT <= self.axis < LAG
 
 
 @functools.lru_cache(maxsize=64)
 def joint_names(links: tuple[str, ...], coordinates: tuple[Coordinate, ...]) -> tuple[str, ...]:
-    """Unique readable names of joints by their coordinates, in their order; links keep their own names."""
+    """Unique readable names of joints from their coordinates, in the same order; links keep their names."""
     names = (f"{links[c.link - 1] if c.link else BASE}.{_hinge_name(c)}" for c in coordinates)
     distinct = unique([*links, *names])
-    own = len(links)  # which come first: they keep their own names
-    return tuple(distinct[c.link - 1 if c.axis == 0 else own + k] for k, c in enumerate(coordinates))
+    count = len(links)  # links come first and keep their names
+    return tuple(distinct[c.link - 1 if c.axis == 0 else count + k] for k, c in enumerate(coordinates))
 
 
 def _hinge_name(coordinate: Coordinate) -> str:
@@ -61,7 +60,7 @@ def _hinge_name(coordinate: Coordinate) -> str:
 
 
 def unique(names: Iterable[str]) -> list[str]:
-    """The names, the later of two equal ones numbered."""
+    """Return the names with a number appended to repeated ones."""
     taken: dict[str, None] = {}
     for name in names:
         candidate, number = name, 2

@@ -1,4 +1,4 @@
-"""Force elements of a chain beyond springs between its hinges: what the scene asks for, as rows of `layout.FORCES`."""
+"""Force elements of a chain other than springs between its hinges: those of a scene as rows of `layout.FORCES`."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ Rows = list[tuple[object, ...]]
 
 
 def drag_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
-    """Where drag acts, Gauss points of the pieces, of which each stands for a length, rows of dtype `DRAG`."""
+    """Points at which drag acts: Gauss points of the pieces with the length that each represents, dtype `DRAG`."""
     arm, counts = scene.arm, Counter(piece.link for piece in pieces)
-    # Gauss points of a piece and of a link. Two integrate the moment of a drag that does not change sign exactly, in a
-    # plane and of constant breadth; 8 points of a link put 1e-4 of the torque right where it does, or the link tapers.
+    # Number of Gauss points of a piece and of a link. Two integrate the drag moment exactly in a plane, for constant
+    # breadth and sign. With eight per link the error of the torque is 1e-4 if the sign changes or the link tapers.
     fewest, of_link = 2, 8
     rows: Rows = []
     for piece in pieces:
@@ -50,7 +50,7 @@ def _drag_of_piece(piece: Piece, link: Link, arm: Arm, count: int, density: floa
 
 
 def _breadths(link: Link, arm: Arm, x: float) -> Array:
-    """Seen along the section's y and z, at a part of the link [m]."""
+    """Breadths along the section's y and z, at a part of the link [m]."""
     assert link.drag is not None
     if link.drag.breadth is not None:
         return np.array(link.drag.breadth)
@@ -66,7 +66,7 @@ def damper_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
 
 
 def gyrator_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
-    """Between joints and the internal coordinates of their lagging friction, rows of dtype `GYRATOR`."""
+    """Gyrators between joints and the internal coordinates of their lagging friction, rows of dtype `GYRATOR`."""
     links = [(k, chain.coordinates[k].link) for k in chain.internal.tolist()]
     return [(chain.index(link, 0, 0), k, scene.arm.links[link - 1].joint.viscous) for k, link in links]
 
@@ -74,16 +74,16 @@ def gyrator_rows(scene: Scene, chain: Chain, pieces: Sequence[Piece]) -> Rows:
 ROWS: dict[str, Callable[[Scene, Chain, Sequence[Piece]], Rows]] = {
     "drag": drag_rows, "dampers": damper_rows, "gyrators": gyrator_rows,
 }  # fmt: skip
-"""Rows of each kind of force element that a scene asks for, at hand of the straight pieces of its links."""
+"""Function for each kind of force element; it returns the rows of a scene from the straight pieces of its links."""
 
 
 def with_forces(chain: Chain, scene: Scene, pieces: Sequence[Piece]) -> Chain:
-    """The chain with its force elements; itself where there are none.
+    """Return the chain with its force elements; the same chain if the scene has none.
 
     Raises
     ------
     SceneError
-        A number of an element is beyond float64.
+        A value of an element is beyond float64.
     """
     forces = {}
     for name, rows_of in ROWS.items():
@@ -97,12 +97,12 @@ def _check_finite(scene: Scene, name: str, rows: NDArray[np.void]) -> None:
     for field in rows.dtype.names or ():
         if not np.isfinite(rows[field]).all():
             raise SceneError(
-                f"{scene.name}: the {field} of {name} overflows float64; expected smaller numbers", id="overflow"
+                f"{scene.name}: the {field} of {name} overflows float64; use smaller values", id="overflow"
             )
 
 
 def refuse_states(chain: Chain, what: str, instead: str = "", *, free: NDArray[np.intp] | None = None) -> None:
-    """For what does not know states of force elements; `free`: coordinates that move, by default all.
+    """Refuse lagging friction, on behalf of a method that does not support it; `free`: moving coordinates, default all.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Where a free base is: six joints, three that slide along the axes of frame 0 and three that turn, X, Y, Z.
+"""Kinematics of a free base: six joints, three that slide along X, Y, Z of frame 0 and three that turn about X, Y, Z.
 
-The three angles turn the base from a reference attitude, R = R_reference Rx Ry Rz, which is the one that it starts
-with. Rates at angles of zero are the angular velocity in axes of the base.
+The three angles turn the base from a reference attitude, R = R_reference Rx Ry Rz, which is initially its own. At zero
+angles their rates are the angular velocity in axes of the base.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from flexlink.describe.initial import BaseState
 from flexlink.kernels.layout import SLIDES
 
 JOINTS = 6
-"""Of a free base, the first of the chain."""
+"""Number of joints of a free base; they are the first of the chain."""
 NAMES = "x", "y", "z", "rx", "ry", "rz"
-"""Of these joints."""
+"""Names of these joints."""
 AXES = (*range(SLIDES, SLIDES + 3), *range(3))
-"""Along or about which they move, as in dtype `HINGE`."""
+"""Axes along or about which they move, as in dtype `HINGE`."""
 
 
 def attitude(base: BaseState) -> Array:
-    """Unit quaternion w, x, y, z of where a base starts, shape (4,)."""
+    """Unit quaternion w, x, y, z of a base's initial attitude, shape (4,)."""
     if base.quaternion is None:
         return np.array(quaternion_from_matrix(matrix_from_rpy_deg(base.rpy_deg)))
     quaternion = np.array(base.quaternion)
@@ -33,7 +33,7 @@ def attitude(base: BaseState) -> Array:
 
 
 def reference_rotation(base: BaseState) -> Array:
-    """R of where a base starts, v_0 = R v, shape (3, 3)."""
+    """Rotation R of a base's initial attitude, v_0 = R v, shape (3, 3)."""
     return (
         matrix_from_rpy_deg(base.rpy_deg)
         if base.quaternion is None
@@ -52,7 +52,7 @@ def rotations_of(angles: Array) -> Array:
 
 
 def angles_of(R: Array) -> Array:
-    """The angles [rad] of `rotations_of`, that about Y within ± 90°, shape (…, 3)."""
+    """Angles [rad] of `rotations_of`, the one about Y within ±90°, shape (…, 3)."""
     across = np.hypot(R[..., 0, 0], R[..., 0, 1])
     x = np.arctan2(-R[..., 1, 2], R[..., 2, 2])
     return np.stack([x, np.arctan2(R[..., 0, 2], across), np.arctan2(-R[..., 0, 1], R[..., 0, 0])], axis=-1)
@@ -68,7 +68,7 @@ def quaternions_of(angles: Array) -> Array:
 
 
 def product_of(p: Array, q: Array) -> Array:
-    """Quaternion of the turn p after which, in the turned axes, q comes, of length 1 to rounding; shapes (…, 4)."""
+    """Unit quaternion of rotation p followed by rotation q about the rotated axes, normalized; shapes (…, 4)."""
     a, b = ([each[..., k] for k in range(4)] for each in (p, q))
     both = np.empty(np.broadcast_shapes(p.shape, q.shape))
     both[..., 0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
@@ -79,7 +79,7 @@ def product_of(p: Array, q: Array) -> Array:
 
 
 def rates_matrices(angles: Array) -> Array:
-    """S with ω = S φ̇, the angular velocity in axes of the base from the rates of the angles, shape (…, 3, 3).
+    """S with ω = S φ̇: angular velocity in axes of the base from the rates of the angles, shape (…, 3, 3).
 
     Its determinant is the cosine of the angle about Y.
     """
@@ -88,7 +88,7 @@ def rates_matrices(angles: Array) -> Array:
 
 
 def rates_matrices_changing(angles: Array, rates: Array) -> Array:
-    """Ṡ, so that ω̇ = S φ̈ + Ṡ φ̇, shape (…, 3, 3)."""
+    """Ṡ in ω̇ = S φ̈ + Ṡ φ̇, shape (…, 3, 3)."""
     (_, cy, cz), (_, sy, sz), (_, y, z) = _parts(np.cos(angles)), _parts(np.sin(angles)), _parts(np.asarray(rates))
     return _matrices(
         [-y * sy * cz - z * cy * sz, z * cz, 0.0], [y * sy * sz - z * cy * cz, -z * sz, 0.0], [y * cy, 0.0, 0.0]
@@ -100,7 +100,7 @@ def _parts(vectors: Array) -> tuple[Array, Array, Array]:
 
 
 def _matrices(*rows: list[Any]) -> Array:
-    """Matrices of their elements, numbers or arrays as the first one is; `np.stack` takes ten times as long."""
+    """Matrices from their elements, scalars or arrays like the first one; `np.stack` takes ten times as long."""
     first = np.asarray(rows[0][0])
     found = np.empty((*first.shape, 3, 3), first.dtype)
     for i, row in enumerate(rows):

@@ -1,4 +1,4 @@
-"""How the bodies and hinges of a chain hang together, what its joints are called and how they are found by name."""
+"""Topology of a chain: how its bodies and hinges are connected, and how its joints are named and found."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
 
 
 class Layout:
-    """What is found of a chain without its masses, springs and gravity."""
+    """Properties of a chain that do not depend on its masses, springs and gravity."""
 
     bodies: NDArray[np.void]
     hinges: NDArray[np.void]
@@ -37,7 +37,7 @@ class Layout:
 
     @property
     def arrays(self) -> ChainArrays:
-        """The kernels' view of this chain."""
+        """View of this chain for kernels."""
         raise NotImplementedError
 
     @property
@@ -56,7 +56,7 @@ class Layout:
     def internal(self) -> NDArray[np.intp]:
         """Sequential indices of internal coordinates: their rates are states of force elements, and they move no body.
 
-        Nothing depends on their angles: in statics they stay where they are.
+        Their angles have no effect and are constant in statics.
         """
         internal = np.array([k for k, c in enumerate(self.coordinates) if c.axis == LAG], dtype=np.intp)
         internal.flags.writeable = False
@@ -64,27 +64,27 @@ class Layout:
 
     @functools.cached_property
     def slides(self) -> NDArray[np.bool_]:
-        """Which joints slide, shape (n,): coordinates in m and torques in N, where others have rad and N m."""
+        """Mask of the sliding joints, shape (n,): their coordinates are in m and torques in N, not rad and N m."""
         return np.asarray(self.hinges["axis"] >= SLIDES)
 
     @functools.cached_property
     def is_serial(self) -> bool:
-        """Whether every body hangs on the one before it."""
+        """Whether the parent of every body is the one before it."""
         return not np.count_nonzero(self.bodies["begins"])
 
     @functools.cached_property
     def is_serial_revolute(self) -> bool:
-        """Whether every body hangs on the one before it and no joint slides."""
+        """Whether the parent of every body is the one before it, and no joint slides."""
         return self.is_serial and not np.count_nonzero(self.slides)
 
     @functools.cached_property
     def has_free_base(self) -> bool:
-        """Whether the first six joints are those of a base that floats."""
+        """Whether the first six joints are those of a floating base."""
         return bool(self.coordinates) and self.coordinates[0].of_base
 
     @functools.cached_property
     def coupled_joints(self) -> tuple[tuple[int, ...], ...]:
-        """Of every joint the sequential indices of those that a spring or damper couples it with, ascending."""
+        """For every joint, the sequential indices of joints coupled to it by a spring or damper, ascending."""
         found: list[list[int]] = [[] for _ in range(self.n)]
         for i, j in zip(self.couplings["inner"].tolist(), self.couplings["outer"].tolist(), strict=True):
             found[i].append(j)
@@ -93,17 +93,17 @@ class Layout:
 
     @functools.cached_property
     def has_rotation_springs(self) -> bool:
-        """Whether springs hold rotation vectors of hinges about three axes, not their angles (`BODY`)."""
+        """Whether springs act on rotation vectors of hinges about three axes instead of their angles (`BODY`)."""
         return bool(np.count_nonzero(self.bodies["springs"]))
 
     @property
     def springs_join_hinges(self) -> bool:
-        """Whether some springs hold several hinges at once, so that K is not diagonal."""
+        """Whether some springs act on several hinges, so K is not diagonal."""
         return len(self.couplings) > 0 or self.has_rotation_springs
 
     @functools.cached_property
     def loaded(self) -> int:
-        """Number in `bodies` of the tip frame at which the tip wrench acts."""
+        """Index in `bodies` of the tip frame at which the tip wrench acts."""
         return int(np.argmax(self.bodies["loaded"])) if self.bodies["loaded"].any() else len(self.bodies) - 1
 
     @functools.cached_property
@@ -119,13 +119,13 @@ class Layout:
         if not self.is_serial_revolute:
             return np.array(forward_kinematics(self.arrays, np.zeros(self.n)).axes)
         turned = self.bodies["turned"] != 0
-        before = np.repeat(np.cumsum(turned), self.bodies["stop"] - self.bodies["first"])  # turns, of each hinge
+        before = np.repeat(np.cumsum(turned), self.bodies["stop"] - self.bodies["first"])  # rotations before each hinge
         return _axes(self.bodies["rotation"][turned].tobytes(), before.tobytes(), self.hinges["axis"].tobytes())
 
     def all_axes_parallel_to(self, direction: Array) -> bool:
-        """Whether all hinge axes are parallel or opposite to a unit vector of frame 0, at zero and thus at all angles.
+        """Whether all hinge axes are parallel or opposite to a unit vector of frame 0, at zero and hence all angles.
 
-        Within 16 ulp per mount rotation, the rounding of the rotations themselves.
+        The tolerance is 16 ulp per mount rotation, the rounding error of the rotations.
         """
         turns = 1 + int(self.bodies["turned"].sum())
         x, y, z = direction
@@ -134,16 +134,16 @@ class Layout:
 
     @functools.cached_property
     def is_planar(self) -> bool:
-        """Whether all hinge axes are parallel or opposite: the hinges then move, and feel torques, in one plane only.
+        """Whether all hinge axes are parallel or opposite, so hinges move, and react to torques, in one plane only.
 
-        Gravity, tip wrench and offsets may point anywhere: what is out of the plane meets constraint torques. Trees and
+        Gravity, tip wrench and offsets may have any direction: constraint torques balance out-of-plane loads. Trees and
         arms with prismatic joints count as spatial.
         """
         if not self.is_serial_revolute:
             return False
         axes, first = self.hinges["axis"].tolist(), self.bodies["first"].tolist()
         turned = [i for i, turns in enumerate(self.bodies["turned"].tolist()) if turns and 0 < first[i] < self.n]
-        if not turned:  # columns of one matrix
+        if not turned:  # all axes in one frame
             return bool(axes.count(axes[0]) == len(axes))
         if any(abs(self.bodies["rotation"][i, axes[first[i] - 1], axes[first[i]]]) < 0.99 for i in turned):
             return False
@@ -155,9 +155,10 @@ class Layout:
 
     @functools.cached_property
     def _layout(self) -> tuple[object, ...]:
-        """What chains side by side have in common: bodies and hinges but for their numbers, and which code they take.
+        """Common data of chains that can be evaluated together: connections and code path, without numerical values.
 
-        Hinges that share their point with others and have a rotor count, too: groups without one are taken out whole.
+        It includes which hinges share their point with others and have a rotor: groups without rotors are eliminated
+        together.
         """
         sizes = self.bodies["stop"] - self.bodies["first"]
         rotors = np.repeat(sizes > 1, sizes) & (self.hinges["armature"] != 0)
@@ -170,30 +171,30 @@ class Layout:
         return self.is_planar, *(part.tobytes() for part in whole)
 
     def same_layout(self, other: Layout) -> bool:
-        """Whether two chains differ in numbers only, so that they can be evaluated side by side."""
+        """Whether two chains differ only in numerical values, so they can be evaluated together."""
         return self._layout == require_type("other", other, type(self))._layout
 
     def tip_body(self, tip: str | int | None = None) -> int:
-        """Number in `bodies` of the tip frame of a link, given by its name or number; by default of the arm's tip.
+        """Index in `bodies` of the tip frame of a link, given by its name or number; by default the arm's tip.
 
         Raises
         ------
         ArgumentError
-            There is no such link, or another hangs on it.
+            There is no such link, or it has child links.
         """
         if tip is None:
             return len(self.bodies) - 1
         name = self.link_names[link_number("tip", tip, self.link_names) - 1]
         if name not in self.tips:
             raise ArgumentError(
-                f"tip = {truncated(tip)}: other links hang on it; tips are {', '.join(self.tips)}", id="tip-not-a-tip"
+                f"tip = {truncated(tip)}: has child links; tips are {', '.join(self.tips)}", id="tip-not-a-tip"
             )
         return self.tips[name]
 
     def index(self, link: int | str, segment: int, axis: int) -> int:
-        """Sequential index of the coordinate (link, segment, axis), the paper's θ_{i,j,k}; the link by number or name.
+        """Sequential index of the coordinate (link, segment, axis), the paper's θ_{i,j,k}; link by number or name.
 
-        (0, 0, 1) … (0, 0, 6) are those of a free base.
+        (0, 0, 1) … (0, 0, 6) are the coordinates of a free base.
 
         Raises
         ------
@@ -228,13 +229,12 @@ class Layout:
     def joint_name(self, k: int | str) -> str:
         """Unique readable name of joint `k`: "upper", "upper.2.z" for a passive hinge, "upper.gear", "upper.root.z".
 
-        Errors as above.
-        Where a link is called like another one's hinge, the hinge is numbered: "upper.2.z_2".
+        A hinge whose name is also the name of a link is numbered: "upper.2.z_2". Errors as in `coordinate`.
         """
         return self.joint_names[self.joint_index("k", k)]
 
     def body(self, k: int | str) -> int:
-        """Number in `bodies` of the one that hangs on joint `k`, given by index or name; errors as above.
+        """Index in `bodies` of the body that joint `k`, given by index or name, moves; errors as in `coordinate`.
 
         Examples
         --------
@@ -244,16 +244,16 @@ class Layout:
         return int(np.searchsorted(self.bodies["stop"], self.joint_index("k", k), side="right"))
 
     def joint_indices(self, name: str, value: Joints) -> NDArray[np.intp]:
-        """Sequential indices of the joints that `value` means.
+        """Sequential indices of the joints specified by `value`.
 
-        A boolean mask, shape (n,), one index, name of a joint (`joint_name`: "boom", "boom.2.z") or name of a link,
-        whose active joint is meant, or a sequence of them. Where the joint of a link is locked in the scene, its name
-        means none.
+        `value` is a boolean mask, shape (n,), one index, the name of a joint (`joint_name`: "boom", "boom.2.z") or of a
+        link, which selects its active joint, or a sequence of these. The name of a link whose joint is locked in the
+        scene selects no joint.
 
         Raises
         ------
         ArgumentError
-            `value` holds something that is no joint; the message says what is allowed.
+            `value` contains something that is not a joint; the message lists what is allowed.
         """
         one = (
             isinstance(value, str)
@@ -271,12 +271,12 @@ class Layout:
         return np.array([k for k in found if k >= 0], dtype=np.intp)
 
     def joint_index(self, name: str, value: object, *, perhaps_locked: bool = False) -> int:
-        """Sequential index of the joint that `value`, an index or a name, means; −1 for a link whose joint is locked.
+        """Sequential index of the joint with index or name `value`; −1 for a link whose joint is locked.
 
         Raises
         ------
         ArgumentError
-            `value` is no joint, or, unless `perhaps_locked`, one that is locked.
+            `value` is not a joint, or is locked and not `perhaps_locked`.
         """
         wanted, names = number_of(value), self.joint_names
         if type(wanted) is int and 0 <= wanted < self.n:
@@ -289,7 +289,7 @@ class Layout:
         hint = f"; did you mean {close[0]!r}?" if close else ""
         links = truncated(", ".join(self.link_names)).strip("'")
         raise ArgumentError(
-            f"{name} = {truncated(value)}: no joint of this chain; allowed are 0 … {self.n - 1}, "
+            f"{name} = {truncated(value)}: not a joint of this chain; allowed are 0 … {self.n - 1}, "
             f"names such as {names[-1]!r}, and links: {links}{hint}",
             id="unknown-joint",
         )
@@ -305,18 +305,18 @@ class Layout:
         return tuple(OF_JOINT[slides].si for slides in self.slides.tolist())
 
     def place_in_words(self, k: int, value: float) -> str:
-        """A value of coordinate `k` as it is told: 30°, 0.5 m."""
+        """Value of coordinate `k` with its unit, for messages: 30°, 0.5 m."""
         return in_words(bool(self.slides[k]), value)
 
     @functools.cached_property
     def torque_units(self) -> tuple[str, ...]:
-        """Unit of what drives every coordinate: N m or N."""
+        """Unit of the drive force or torque of every coordinate: N m or N."""
         return tuple(OF_JOINT[slides].torque for slides in self.slides.tolist())
 
 
 @functools.lru_cache(maxsize=64)
 def _axes(turns: bytes, before: bytes, axes: bytes) -> Array:
-    """`Layout.axes`, read-only, from the turns of the bodies that are turned, how many are before each hinge, axes."""
+    """`Layout.axes`, read-only, from the rotations of turned bodies, their number before each hinge, and the axes."""
     rotations = np.array([*accumulate(np.frombuffer(turns).reshape(-1, 3, 3), np.matmul, initial=np.eye(3))])
     axes_in_base: Array = rotations[np.frombuffer(before, np.intp), :, np.frombuffer(axes, np.int64)]
     axes_in_base.flags.writeable = False
@@ -324,4 +324,4 @@ def _axes(turns: bytes, before: bytes, axes: bytes) -> Array:
 
 
 OF_LAYOUT = [name for name, value in vars(Layout).items() if isinstance(value, functools.cached_property)]
-"""What is kept of a layout once it is found."""
+"""Names of cached properties that chains of the same layout share."""

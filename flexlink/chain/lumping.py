@@ -1,4 +1,4 @@
-"""Scene → Chain: where the hinges sit, their stiffness and damping, and the inertia of the segments."""
+"""Scene → Chain: positions of hinges, their stiffness and damping, and the inertia of the segments."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from flexlink.kernels.layout import COUPLING, HINGE, SLIDES
 
 
 def lump(scene: Scene) -> Chain:
-    """Cut the arm of a scene into rigid segments joined by hinges; locked joints stay at their initial angle.
+    """Divide the arm of a scene into rigid segments joined by hinges; locked joints keep their initial angle.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def lump(scene: Scene) -> Chain:
     Returns
     -------
     Chain
-        With n = Σ over links of (1 if the joint is free) + axes · (segments − 1) degrees of freedom; for one
+        A chain with n = Σ over links of (1 if the joint is free) + axes · (segments − 1) degrees of freedom. For one
         rigid link and equal flexible ones this is ngl = n [tip (nseg − 1) + 1] − tip (nseg − 1), paper eq. 1.
 
     Raises
@@ -55,9 +55,9 @@ def lump(scene: Scene) -> Chain:
         A lumping rule does not exist or does not fit its link, or the dimensions lead to a mass, inertia or stiffness
         beyond float64.
     DataFileError
-        A rule's own file is not valid.
+        The file of a lumping rule is not valid.
     ArgumentError
-        `scene` is no Scene.
+        `scene` is not a Scene.
 
     Examples
     --------
@@ -68,14 +68,14 @@ def lump(scene: Scene) -> Chain:
     ('upper', 'upper.1.z', 'upper.2.z', 'fore', 'fore.1.z', 'fore.2.z')
     """
     arm = require_type("scene", scene, Scene).arm
-    if has_own_rules(scene):
+    if has_user_rules(scene):
         return _lumped(scene)
     known = scene.name, scene.gravity, scene.fluid_density, situation(scene), posture_of(scene)
     return CHAINS(arm, known, lambda: _lumped(scene))
 
 
 def situation(scene: Scene) -> tuple[object, ...]:
-    """What else than the arm its frame depends on."""
+    """Settings of the scene, apart from the arm, on which the frame depends."""
     arm, initial = scene.arm, scene.initial
     starts = zip(arm.links, initial.joint_deg, initial.positions_m, strict=True)
     locked = tuple((deg, m) for link, deg, m in starts if link.joint.locked)
@@ -84,20 +84,20 @@ def situation(scene: Scene) -> tuple[object, ...]:
     return locked, moved, turned, arm.base, scene.wrench.on
 
 
-def has_own_rules(scene: Scene) -> bool:
-    """Whether a lumping rule is a user's own file, which may change."""
+def has_user_rules(scene: Scene) -> bool:
+    """Whether a lumping rule is a user's file, which may change."""
     return any(is_user_file(link.lumping) for link in scene.arm.links)
 
 
 CHAINS = Memo(64)
-"""Chains of arms: runs of one arm with other loads and settings share its chain, and what is found of it."""
+"""Cache of chains: runs of one arm with other loads and settings share its chain and what is derived from it."""
 
 
 def _lumped(scene: Scene) -> Chain:
-    """Of arms with other payloads, springs and gravity the frame is the same, and found once."""
+    """Build the chain. Arms with other payloads, springs and gravity share a frame, which is built once."""
     arm, frame = scene.arm, frame_of(scene)
     bodies, hinges, couplings = frame.bodies.copy(), frame.hinges.copy(), frame.couplings.copy()
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such numbers, by name
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `_check_finite` refuses such values by name
         for springs in frame.springs:
             if not springs.write([arm], hinges[None], couplings[None]).all():
                 raise SceneError(
@@ -113,27 +113,27 @@ def _lumped(scene: Scene) -> Chain:
 
 
 def pieces(scene: Scene) -> list[Piece]:
-    """The straight pieces of the links that `lump` cuts, from the base outward: what a picture of the arm shows.
+    """Straight pieces of the links that `lump` makes, from the base outward, for pictures of the arm.
 
-    Errors as there.
+    Errors as in `lump`.
     """
     return frame_of(require_type("scene", scene, Scene)).builder.pieces
 
 
 @dataclasses.dataclass
 class Frame:
-    """An arm without springs in its beams, and without payload at its tip."""
+    """Chain data of an arm before the springs of its beams and its payload are added."""
 
     bodies: NDArray[np.void]
     hinges: NDArray[np.void]
     couplings: NDArray[np.void]
     builder: Builder
     springs: tuple[Springs, ...]
-    chain: Chain  # the last one that was made of it: what is found of the layout is found once
+    chain: Chain  # the latest one built from the frame, whose cached layout data are reused
 
     @property
     def carrier(self) -> slice:
-        """The body that carries the payload; none where that is fixed."""
+        """The body with the payload; empty if that is fixed to the base."""
         number = self.builder.on
         return slice(max(0, number - 1), number)
 
@@ -142,21 +142,21 @@ def frame_of(scene: Scene) -> Frame:
     """The frame of a scene's arm; errors as in `lump`."""
     arm = scene.arm
     beams = tuple(_beam_of(arm, link) for link in arm.links)
-    own_rules = tuple(lumping_rule(link.lumping) for link in arm.links if is_user_file(link.lumping))
-    return FRAMES(arm.links, (beams, own_rules, situation(scene)), lambda: _framed(scene, beams))
+    user_rules = tuple(lumping_rule(link.lumping) for link in arm.links if is_user_file(link.lumping))
+    return FRAMES(arm.links, (beams, user_rules, situation(scene)), lambda: _framed(scene, beams))
 
 
 FRAMES = Memo(64)
-"""Arms of the same links, without what differs between variants of a material, a payload, a start."""
+"""Cache of arms with the same links, without the data that differ between materials, payloads and initial states."""
 
 
 def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Frame:
-    """Bodies, hinges and pieces, from the base outward to the tip frames."""
+    """Build bodies, hinges and pieces, from the base outward to the tip frames."""
     arm, builder, initial = scene.arm, Builder(), scene.initial
     moved = {arm.number(motion.link) for motion in scene.motion}
     springs, ends, tips = [], {}, {}
     placed, ends_of_arm = hinges_of(arm), arm.tips
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `lump` refuses such numbers, by name
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `lump` refuses such values by name
         _add_base(builder, scene)
         ends[0] = builder.place
         for number, (link, parent) in enumerate(zip(arm.links, arm.parents, strict=True), 1):
@@ -169,12 +169,12 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
             if number == len(arm.links):
                 _add_lags(builder, arm)
             if number in ends_of_arm:
-                builder.start_body()  # of a tip, which has no hinges
+                builder.start_body()  # tip frame, without hinges
                 tips[link.name] = len(builder.bodies) - 2
     builder.go_to(ends[len(arm.links)])
     bodies = recorded(builder.bodies[1:])  # bodies[0] is the base
     if arm.base.free:
-        bodies["turned"][1] = 1  # whatever its attitude is at the start
+        bodies["turned"][1] = 1  # for any initial attitude
     bodies["loaded"][tips[scene.wrench.on or arm.links[-1].name]] = 1
     chain = Chain(
         name=scene.name,
@@ -190,7 +190,7 @@ def _framed(scene: Scene, beams: Sequence[SectionBeam | TableBeam | None]) -> Fr
 
 
 def _beam_of(arm: Arm, link: Link) -> SectionBeam | TableBeam | None:
-    """None of a link without one."""
+    """Beam of a link; None if it has none."""
     if link.rigidity is not None:
         return TableBeam(link.beam.length, arm.rigidities[link.rigidity])
     if link.material is None or link.section is None:
@@ -200,7 +200,7 @@ def _beam_of(arm: Arm, link: Link) -> SectionBeam | TableBeam | None:
 
 
 def _check_finite(name: str, array: NDArray[np.void]) -> None:
-    finite = np.isfinite(array.view(np.float64))  # whole numbers seen so are, too; only limits need not be
+    finite = np.isfinite(array.view(np.float64))  # integers viewed as float64 are finite; only limits may be infinite
     limits = [field for field in array.dtype.names or () if field in {"lower", "upper"}]
     if np.count_nonzero(finite) == finite.size - sum(np.count_nonzero(~np.isfinite(array[name])) for name in limits):
         return
@@ -210,7 +210,7 @@ def _check_finite(name: str, array: NDArray[np.void]) -> None:
 
 
 def _add_base(builder: Builder, scene: Scene) -> None:
-    """The joints of a free base, and its body."""
+    """Add the joints of a free base, and its body."""
     base, hinges = scene.arm.base, itertools.count(1)
     if not base.free:
         return
@@ -224,7 +224,7 @@ def _add_base(builder: Builder, scene: Scene) -> None:
 
 
 def _add_mount(builder: Builder, link: Link, before: Link | None) -> None:
-    """From the end of the link before to the axes of a link at angle zero."""
+    """Move from the end of the previous link to the axes of a link at angle zero."""
     mount, row = link.mount, link.dh
     modified = row is not None and row.convention == "modified"
     if modified and before is not None:
@@ -238,7 +238,7 @@ def _add_mount(builder: Builder, link: Link, before: Link | None) -> None:
 
 
 def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, float], prescribed: bool) -> None:
-    """Joint, gear and hub of a link; a locked joint stays at its start [deg, m]."""
+    """Add joint, gear and hub of a link; a locked joint remains at `start` [deg, m]."""
     joint = link.joint
     axis, turn = turn_to(joint.axis)
     builder.turn(turn)
@@ -263,7 +263,7 @@ def _add_joint(builder: Builder, link: Link, number: int, start: tuple[float, fl
 
 
 def _add_lags(builder: Builder, arm: Arm) -> None:
-    """Internal coordinates of friction that lags behind its joint: rotors d τ with dampers d, which carry nothing."""
+    """Add internal coordinates of lagging joint friction: rotors d τ with dampers d, attached to no body."""
     last = builder.place
     for number, link in enumerate(arm.links, 1):
         joint = link.joint
@@ -278,7 +278,7 @@ def _add_lags(builder: Builder, arm: Arm) -> None:
 def _add_line(
     builder: Builder, link: Link, number: int, beam: SectionBeam | TableBeam | None, nodes: Array, weights: Array
 ) -> list[Springs]:
-    """What stands between the axes of a link at its joint and those at its end: the beam, and the body behind it."""
+    """Add the part between a link's joint and its end: the beam, and the end body."""
     start, length, frame = link.beam
     builder.move(start)
     _add_root(builder, link, number)
@@ -296,7 +296,7 @@ def _add_line(
 
 
 def _add_root(builder: Builder, link: Link, number: int) -> None:
-    """Springs at the root of the beam, about axes of the link's frame."""
+    """Add springs at the root of the beam, about axes of the link's frame."""
     if not link.root_springs:
         return
     builder.start_body()

@@ -1,8 +1,9 @@
-"""Placements of frames, and rigid bodies, which are moved, joined and taken apart exactly.
+"""Poses of frames, and rigid bodies that can be moved, joined and separated exactly.
 
-A body of mass m, centre c and inertia I about it has the covariance Σ = ∫ (x − c)(x − c)ᵀ dm = ½ tr(I) 1 − I; there can
-be such a body exactly if m ≥ 0 and Σ ⪰ 0. As ∫ (1, x)(1, x)ᵀ dm, symmetric of size 4, masses, first and second moments
-simply add (Wensing, Kim & Slotine 2018, Linear matrix inequalities for physically consistent inertial parameters).
+A body of mass m, centre c and inertia I about it has the covariance Σ = ∫ (x − c)(x − c)ᵀ dm = ½ tr(I) 1 − I. Such a
+body exists if and only if m ≥ 0 and Σ ⪰ 0. In the symmetric 4 × 4 form ∫ (1, x)(1, x)ᵀ dm, masses, first and second
+moments simply add (Wensing, Kim & Slotine 2018, Linear matrix inequalities for physically consistent inertial
+parameters).
 """
 
 from __future__ import annotations
@@ -16,18 +17,18 @@ from flexlink.common.types import Array
 
 
 class Pose(NamedTuple):
-    """Placement of a frame in another: v_outer = R v + p."""
+    """Pose of a frame in another one: v_outer = R v + p."""
 
     R: Array
     p: Array
 
     def then(self, inner: Pose) -> Pose:
-        """Of a frame placed by `inner` in this one."""
+        """Pose in the outer frame of a frame that `inner` places in this one."""
         return Pose(product(self.R, inner.R), self.p + product(self.R, inner.p))
 
     @property
     def inverse(self) -> Pose:
-        """Of the outer frame in the inner one."""
+        """Pose of the outer frame in the inner one."""
         return Pose(self.R.T, product(-self.R.T, self.p))
 
 
@@ -42,12 +43,12 @@ class SpatialInertia(NamedTuple):
     inertia: Array
 
     def moved(self, pose: Pose) -> SpatialInertia:
-        """The same body in the frame in which its own is placed by `pose`."""
+        """Return the body in the frame in which `pose` places its present frame."""
         R, p = pose
         return SpatialInertia(self.mass, p + product(R, self.center), product(R, self.inertia, R.T))
 
     def plus(self, other: SpatialInertia) -> SpatialInertia:
-        """Both as one, by parallel axes; two bodies far apart keep their digits, which second moments would lose."""
+        """Join two bodies by the parallel axis theorem; second moments would lose digits of bodies far apart."""
         mass = self.mass + other.mass
         if mass == 0:
             return SpatialInertia(0.0, np.zeros(3), self.inertia + other.inertia)
@@ -73,5 +74,5 @@ NOTHING = SpatialInertia(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 def body_with(mass: float, center: Array, covariance: Array) -> SpatialInertia:
-    """The body of this mass, centre and covariance."""
+    """Body of this mass, centre and covariance."""
     return SpatialInertia(mass, center, np.trace(covariance) * np.eye(3) - covariance)

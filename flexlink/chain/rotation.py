@@ -44,7 +44,7 @@ def _about_axis(axis: int, c: float, s: float) -> Array:
 
 @functools.lru_cache(maxsize=256)
 def turn_to(towards: tuple[float, float, float]) -> tuple[int, Array]:
-    """The coordinate axis nearest to a direction, and the smallest rotation R that takes it there: R e = direction.
+    """Coordinate axis nearest to a direction, and the smallest rotation R from that axis to it: R e = direction.
 
     R = 1 + [v]× + [v]×²/(1 + c) with v = e × direction, c = e · direction; exact for every coordinate axis, and the
     identity for X, Y and Z. R is read-only.
@@ -57,7 +57,7 @@ def turn_to(towards: tuple[float, float, float]) -> tuple[int, Array]:
 
 
 def read_only(array: Array) -> Array:
-    """The array, which many share from here on."""
+    """Make the array read-only, since it is shared from here on."""
     array.flags.writeable = False
     return array
 
@@ -72,8 +72,7 @@ def cos_sin_deg(angle: float) -> tuple[float, float]:
 def rpy_from_matrix(R: Array) -> tuple[float, float, float]:
     """Roll, pitch, yaw [rad] with R = Rz(yaw) Ry(pitch) Rx(roll).
 
-    The yaw is what is left of R after the roll is undone, so that a roll that is badly determined (pitch near ±90°)
-    is made up for.
+    The yaw is computed after the roll is undone, which compensates for a badly conditioned roll (pitch near ±90°).
     """
     roll = math.atan2(R[2, 1], R[2, 2])
     pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
@@ -82,7 +81,7 @@ def rpy_from_matrix(R: Array) -> tuple[float, float, float]:
 
 
 def quaternion_from_matrix(R: Array) -> tuple[float, float, float, float]:
-    """Unit quaternion (w, x, y, z), w ≥ 0; from the largest of the four, so no cancellation (Shepperd 1978)."""
+    """Unit quaternion (w, x, y, z), w ≥ 0; from its largest component, without cancellation (Shepperd 1978)."""
     trace = np.trace(R)
     w, x, y, z = 1 + trace, *(1 + 2 * R[k, k] - trace for k in range(3))
     candidates = {
@@ -103,7 +102,7 @@ def matrix_from_quaternion(q: Sequence[float]) -> Array:
 
 
 def matrices_from_quaternions(quaternions: Array) -> Array:
-    """The same of many, (b, 4), shape (b, 3, 3)."""
+    """R of b unit quaternions (b, 4), shape (b, 3, 3)."""
     R = np.empty((len(quaternions), 3, 3))
     for i, row in enumerate(_rows_of(*quaternions.T)):
         for j, entry in enumerate(row):

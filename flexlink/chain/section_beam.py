@@ -1,4 +1,4 @@
-"""A beam of one material between two sections: its mass and inertia between hinges, by Gauss points."""
+"""A beam of one material that tapers between two sections: its mass and inertia between hinges, by Gauss points."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
 @functools.lru_cache(maxsize=256)
-def _sections(root: Section, tip: Section, places: bytes) -> Array:
-    """`SectionBeam.sections` at places in a row, (4, m), which beams of all materials share."""
-    x = np.frombuffer(places)
+def _sections(root: Section, tip: Section, positions: bytes) -> Array:
+    """`SectionBeam.sections` at positions (m,), shape (4, m); beams of all materials share them."""
+    x = np.frombuffer(positions)
     if root == tip:
         return np.multiply.outer(root.properties, np.ones(len(x)))
-    return np.transpose([root.towards(tip, place) for place in x.tolist()])
+    return np.transpose([root.towards(tip, position) for position in x.tolist()])
 
 
 @dataclasses.dataclass(frozen=True)
 class SectionBeam:
-    """The continuous link: its dimensions run linearly from the root's to the tip's section, x from 0 to 1."""
+    """The continuous link, x from 0 to 1: its dimensions vary linearly from the root section to the tip section."""
 
     length: float
     density: float
@@ -37,7 +37,7 @@ class SectionBeam:
 
     @property
     def knots(self) -> Array:
-        """Where anything has kinks: nowhere."""
+        """Positions of kinks: none."""
         return np.empty(0)
 
     def rotary(self, x: Array) -> Array:
@@ -45,7 +45,7 @@ class SectionBeam:
         return self.density * self.sections(x)[1:3]
 
     def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
-        """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, of the last to the end [kg m²].
+        """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, and from the last to the end [kg m²].
 
         Four Gauss points, as in `slices`.
         """
@@ -57,15 +57,15 @@ class SectionBeam:
         return polar.sum(axis=1), (x * polar).sum(axis=1)
 
     def masses(self, start: Array, end: Array) -> Array:
-        """∫ ρA dx from each start to its end [kg], (N,), negative where the end is before the start."""
+        """∫ ρA dx from each start to its end [kg], (N,), negative if the end is before the start."""
         x = start[:, None] + (end - start)[:, None] * (1 + GAUSS_NODES) / 2
         area = self.density * self.length * self.sections(x)[0]
         return np.asarray((area * GAUSS_WEIGHTS).sum(axis=1) * (end - start) / 2)
 
     def slices(self, edges: Array) -> tuple[Array, Array, Array]:
-        """Between neighbouring edges: mass (N,), distance of the centre (N,), moments of inertia about it (N, 3).
+        """Slices between neighbouring edges: mass (N,), distance of the centre (N,), inertias about it (N, 3).
 
-        Four Gauss points: exact for every shape whose area is quadratic and whose I are of degree 4 in x. For a prism
+        Four Gauss points are exact for sections whose area is quadratic and whose I are of degree 4 in x. For a prism
         I_xx = ρl (I_y + I_z), I_yy = ρl I_y + m l²/12, I_zz = ρl I_z + m l²/12.
         """
         u = (GAUSS_NODES + 1) / 2

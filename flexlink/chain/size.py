@@ -1,16 +1,17 @@
-"""A length of a chain that is never 0, where nothing of it reaches out: a cart, a wheel, a motor and its gear alone.
+"""A characteristic length of a chain that is never 0, even without reach: a cart, a wheel, a motor and its gear.
 
-    L = max |r|                    how far from the origin any mass gets, limits of slides included: the reach
-    L = √(max J / Σ m)             without a reach, J the largest inertia or rotor that turns
-    L = 1 m                        where nothing has length: a cart, a motor without mass
+    L = max |r|                    reach: largest distance of any mass from the origin, with sliding joints at limits
+    L = √(max J / Σ m)             without reach; J is the largest inertia or rotor that turns
+    L = 1 m                        without any length: a cart, a motor without mass
 
-A joint that turns and moves no place has no lever: a wheel, the last wrist of many robots. No place shows an error of
-its angle. It counts by the angle times a length: L where no joint has a lever, else a radius of gyration,
+Some revolute joints have no lever, because no point moves when they turn: a wheel, the last wrist of many robots. An
+angle error there causes no position error. It counts as the angle times a length: L if no joint has a lever, otherwise
+the radius of gyration
 
-    ρ = √(J / m)                   J the inertia about the joint's axis and m the mass of all beyond it; L where 0
+    ρ = √(J / m)                   J inertia about the joint's axis, m mass of the part beyond it; L if ρ is 0
 
-A motor on an elastic gear turns against its spring, and no place moves at once either. An error of its rotor J_r moves
-what is beyond soon after, by its share of the momentum. It counts by ρ J_r / (J_r + J).
+A motor on an elastic gear turns against its spring, so no point moves immediately either. An error of its rotor J_r
+soon moves the part beyond, by its share of the momentum. The factor is then ρ J_r / (J_r + J).
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ from flexlink.kernels.geometry.kinematics import KinematicsWork, forward_kinemat
 from flexlink.kernels.layout import SLIDES, ChainArrays
 
 NEARLY = 1e-9
-"""Part of the size within which a place is on an axis: rounding."""
+"""Distance within which a point counts as on an axis, relative to the size: rounding."""
 
 
 def size_without_reach(bodies: NDArray[np.void], hinges: NDArray[np.void]) -> float:
-    """√(max J / Σ m) [m], or 1 m where there is no mass or no inertia."""
+    """√(max J / Σ m) [m], or 1 m if there is no mass or no inertia."""
     mass = float(bodies["mass"].sum())
     rotors = np.abs(hinges["armature"][hinges["axis"] < SLIDES])
     largest = max(float(np.linalg.eigvalsh(bodies["inertia"]).max()), float(rotors.max(initial=0.0)))
@@ -40,10 +41,10 @@ def size_without_reach(bodies: NDArray[np.void], hinges: NDArray[np.void]) -> fl
 
 
 def without_lever(arrays: ChainArrays, reach: float, anywhere: Callable[[], KinematicsWork]) -> Indices:
-    """Joints that turn and move no place, a hinge point or a tip, at any posture.
+    """Revolute joints that move no hinge point or tip in any configuration.
 
-    A joint on which one with a lever hangs has a lever: the place moves on a circle, which lies on no axis. So those
-    farthest out tell of most arms, and `anywhere`, `at_any_posture`, need not be asked.
+    If a joint has a lever, so has every joint before it: the point moves on a circle, which lies on no axis. For most
+    arms the outermost joints therefore decide, and `anywhere`, `at_any_posture`, is not called.
     """
     last = len(arrays.hinges) - 1
     if (
@@ -51,7 +52,7 @@ def without_lever(arrays: ChainArrays, reach: float, anywhere: Callable[[], Kine
         and last >= 0
         and _offset_of_next(arrays, last, len(arrays.bodies) - 2) > 2 * NEARLY * reach > 0
     ):
-        return np.empty(0, np.intp)  # of bodies in a row the last joint tells of all
+        return np.empty(0, np.intp)  # in a serial arm the last joint decides for all
     passes = (arrays.hinges["axis"] >= SLIDES).tolist()
     if reach == 0 or all(passes):
         return np.flatnonzero(np.logical_not(passes))
@@ -71,11 +72,11 @@ def without_lever(arrays: ChainArrays, reach: float, anywhere: Callable[[], Kine
 
 
 def _offset_of_next(arrays: ChainArrays, k: int, body: int) -> float:
-    """How far the next body is from the axis of a joint of one, if it hangs on it, no joint between; 0 if not."""
+    """Distance of the next body from joint `k`'s axis if it follows `body` directly, with no joint between; else 0."""
     if arrays.bodies["stop"][body] != k + 1 or arrays.bodies["parent"][body + 1] != body + 1:
         return 0.0
-    place: list[float] = arrays.bodies["translation"][body + 1].tolist()
-    return max(abs(x) for i, x in enumerate(place) if i != arrays.hinges["axis"][k])
+    offset: list[float] = arrays.bodies["translation"][body + 1].tolist()
+    return max(abs(x) for i, x in enumerate(offset) if i != arrays.hinges["axis"][k])
 
 
 def _lever(e: list[float], a: list[float], b: list[float]) -> float:
@@ -85,7 +86,7 @@ def _lever(e: list[float], a: list[float], b: list[float]) -> float:
 
 
 def on_elastic_gears(arrays: ChainArrays) -> Indices:
-    """Joints with a rotor whose turning a spring about the same axis at the same point can take back."""
+    """Joints with a rotor in series with a spring about the same axis through the same point."""
     bodies, hinges = arrays.bodies, arrays.hinges
     if not np.count_nonzero(hinges["armature"]):
         return np.empty(0, np.intp)
@@ -100,7 +101,7 @@ def on_elastic_gears(arrays: ChainArrays) -> Indices:
 
 
 def turning_radii(arrays: ChainArrays, free: Indices, motors: Indices, size: float, placed: KinematicsWork) -> Array:
-    """ρ of joints without a lever and of motors on elastic gears [m], 0 of all others, (n,); placed at any posture."""
+    """ρ of joints without lever and motors on elastic gears [m], 0 for others, (n,); `placed` at any configuration."""
     radii = np.zeros(len(arrays.hinges))
     for k in motors:
         J, m = _inertia_beyond(arrays, placed, k)
@@ -113,26 +114,26 @@ def turning_radii(arrays: ChainArrays, free: Indices, motors: Indices, size: flo
 
 
 def _inertia_beyond(arrays: ChainArrays, placed: KinematicsWork, k: int) -> tuple[float, float]:
-    """Inertia about the axis of joint `k` [kg m²] and mass [kg] of all that moves with it."""
+    """Inertia about the axis of joint `k` [kg m²] and mass [kg] of everything that moves with it."""
     bodies = arrays.bodies
     body = int(np.searchsorted(bodies["stop"], k, side="right"))
     beyond = np.array(_beyond(bodies["parent"].tolist(), body))
     mass, R, e = bodies["mass"][beyond], placed.rotations[beyond], placed.axes[k]
     centers = placed.points[beyond] + np.einsum("bij,bj->bi", R, bodies["center"][beyond]) - placed.points[body]
-    own = np.einsum("bij,j->bi", R.transpose(0, 2, 1), e)
-    J = np.einsum("bi,bij,bj->", own, bodies["inertia"][beyond], own) + mass @ (cross(e, centers) ** 2).sum(axis=1)
+    axes = np.einsum("bij,j->bi", R.transpose(0, 2, 1), e)
+    J = np.einsum("bi,bij,bj->", axes, bodies["inertia"][beyond], axes) + mass @ (cross(e, centers) ** 2).sum(axis=1)
     return float(J), float(mass.sum())
 
 
 def at_any_posture(arrays: ChainArrays, length: float) -> KinematicsWork:
-    """Where all is at angles of which none is zero or a right angle."""
+    """Kinematics at angles none of which is zero or a right angle."""
     q: Array = np.where(arrays.hinges["axis"] < SLIDES, 0.7, 0.7 * length) * (1 + np.arange(len(arrays.hinges))) ** 0.5
     placed: KinematicsWork = forward_kinematics(arrays, q)
     return placed
 
 
 def _beyond(parent: list[int], body: int) -> list[int]:
-    """The bodies that move with one, itself first, by what each hangs on, counted from 1."""
+    """Numbers of the bodies that move with `body`, itself first; `parent` is counted from 1."""
     moves = {body}
     for i in range(body + 1, len(parent)):
         if parent[i] - 1 in moves:

@@ -1,4 +1,4 @@
-"""Bodies in a row, one hanging on the other: the branches of an arm, and sums along them."""
+"""Branches of an arm, which are serial chains of bodies, and sums along them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexlink.common.types import Array
 
 
 class Branch(NamedTuple):
-    """Bodies that hang one on the other, from 0, and what the first one hangs on."""
+    """Consecutive bodies, each the parent of the next, counted from 0, and the parent of the first one."""
 
     parent: int  # number from 0, −1: the base
     first: int
@@ -20,13 +20,13 @@ class Branch(NamedTuple):
 
 
 def spans_of(bodies: NDArray[np.void]) -> list[Branch]:
-    """All branches of an arm by its bodies, its base's own joints included; each hangs on a body of one before it."""
+    """All branches of an arm, including the joints of its base; each branch follows the one with its parent."""
     edges = [0, *np.flatnonzero(bodies["begins"]).tolist(), len(bodies)]
     return [Branch(int(bodies["parent"][first]) - 1, first, stop) for first, stop in pairwise(edges)]
 
 
 def sums_outward(spans: list[Branch], terms: Array) -> Array:
-    """Of terms of the bodies, (bodies, …), the sum of all from the base up to each body."""
+    """Sums of body terms, (bodies, …), from the base up to each body."""
     sums = np.empty_like(terms)
     for parent, first, stop in spans:
         start = sums[parent] if parent >= 0 else np.zeros(terms.shape[1:])
@@ -35,7 +35,7 @@ def sums_outward(spans: list[Branch], terms: Array) -> Array:
 
 
 def sums_inward(spans: list[Branch], terms: Array) -> Array:
-    """Of terms of the bodies, (bodies, …), the sum of each and of all that hang on it."""
+    """Sums of body terms, (bodies, …), over the subtree of each body."""
     sums = terms.copy()
     for parent, first, stop in reversed(spans):
         sums[first:stop] = np.cumsum(sums[first:stop][::-1], axis=0)[::-1]

@@ -1,4 +1,4 @@
-"""A beam whose rigidities and mass are a table along it: integrals piece by piece between its rows, to rounding."""
+"""A beam whose rigidities and masses are tabulated along it; integrals between rows are exact up to rounding."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from flexlink.common.types import Array
 from flexlink.describe.rigidity import Rigidity
 
 GAUSS = np.polynomial.legendre.leggauss(4)
-"""Exact for masses that are linear, times x², and for ∫∫ of them."""
+"""Gauss rule that is exact for linear masses times x², and for their double integrals."""
 LARGEST_RATIO = 2.0
-"""Of a rigidity over a piece on which ∫ f/EI is found: 12 Gauss points, more by the degree of f, leave 5.8^−24."""
+"""Largest ratio of rigidities on a piece for ∫ f/EI: 12 Gauss points, more if f has a high degree, err by 5.8^−24."""
 
 
 Points = tuple[NDArray[np.intp], Array, Array]
-"""Gauss points between neighbouring edges: the number of the slice that each is in, x, and weight of ∫ dx over it."""
+"""Gauss points between neighbouring edges: index of the slice that contains each, x, and its weight for ∫ dx."""
 
 
 def points_between(edges: Array, knots: Array, rule: tuple[Array, Array] = GAUSS) -> Points:
-    """Points of a rule on every piece between edges and the knots inside."""
+    """Points of a quadrature rule on every piece between edges and inner knots."""
     if not len(knots) and len(edges) == 2 and edges[0] < edges[1]:  # one piece
         half = (edges[1] - edges[0]) / 2
         return np.zeros(len(rule[0]), np.intp), edges[0] + half * (1 + rule[0]), half * rule[1]
@@ -36,14 +36,14 @@ def points_between(edges: Array, knots: Array, rule: tuple[Array, Array] = GAUSS
 
 @dataclasses.dataclass(frozen=True)
 class TableBeam:
-    """The continuous link, x from 0 to 1, in place of a beam of sections."""
+    """The continuous link with tabulated properties, x from 0 to 1; see `SectionBeam`."""
 
     length: float
     table: Rigidity
 
     @property
     def knots(self) -> Array:
-        """Where columns have kinks or jump."""
+        """Positions of kinks and jumps."""
         return np.unique(self._places)[1:-1]
 
     @property
@@ -52,7 +52,7 @@ class TableBeam:
         return np.asarray(x / x[-1])
 
     def per_length(self, x: Array) -> Array:
-        """ρA [kg/m], ρI_y and ρI_z [kg m] at every x, shape (3, *x.shape); at a jump what lies outward."""
+        """ρA [kg/m], ρI_y and ρI_z [kg m] at every x, shape (3, *x.shape); at a jump the outward value."""
         return np.array([np.interp(x, self._places, column) for column in self.table.rows.masses])
 
     def rigidities(self, x: Array) -> Array:
@@ -64,13 +64,13 @@ class TableBeam:
         return self.per_length(x)[1:]
 
     def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
-        """∫ p dx and ∫ x p dx, p = (ρI_y + ρI_z) L, from each node to the next, of the last to the end [kg m²]."""
+        """∫ p dx and ∫ x p dx, p = (ρI_y + ρI_z) L, from each node to the next, the last one to the end [kg m²]."""
         owner, x, weight = points_between(np.append(nodes, 1.0), self.knots)
         polar = weight * self.length * self.rotary(x).sum(axis=0)
         return _sums(owner, polar, len(nodes)), _sums(owner, x * polar, len(nodes))
 
     def masses(self, start: Array, end: Array) -> Array:
-        """∫ ρA dx from each start to its end [kg], (N,), negative where the end is before the start."""
+        """∫ ρA dx from each start to its end [kg], (N,), negative if the end is before the start."""
         both = np.concatenate([start, end])
         edges = np.unique(np.concatenate([[0.0], both, [1.0]]))
         owner, x, weight = points_between(edges, self.knots)
@@ -79,7 +79,7 @@ class TableBeam:
         return np.asarray(up_to[len(start) :] - up_to[: len(start)])
 
     def slices(self, edges: Array) -> tuple[Array, Array, Array]:
-        """Between neighbouring edges: mass (N,), distance of the centre (N,), moments of inertia about it (N, 3)."""
+        """Slices between neighbouring edges: mass (N,), distance of the centre (N,), inertias about it (N, 3)."""
         owner, x, weight = points_between(edges, self.knots)
 
         def total(part: Array) -> Array:
@@ -93,13 +93,13 @@ class TableBeam:
         return mass, center, np.column_stack([y + z, y + bending, z + bending])
 
     def flexibility(self, edges: Array, degree: int) -> tuple[Points, Array]:
-        """Points between edges for ∫ f/GJ, f/EI_y and f/EI_z, f of a degree, and L/GJ … there, shape (3, points)."""
+        """Gauss points between edges for ∫ f/GJ, f/EI_y, f/EI_z with f of a degree, and L/GJ … there, (3, points)."""
         found = points_between(edges, _fine(self.table), np.polynomial.legendre.leggauss(12 + degree // 2))
         return found, self.length / self.rigidities(found[1])
 
 
 def _sums(owner: NDArray[np.intp], parts: Array, count: int) -> Array:
-    """Of the parts that each of so many slices owns."""
+    """Sum the parts that belong to each of `count` slices."""
     return np.bincount(owner, parts, count).astype(np.float64)
 
 

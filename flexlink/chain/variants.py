@@ -1,4 +1,4 @@
-"""Chains of many scenes at once: those that share a frame differ in a few numbers, found as arrays over all of them."""
+"""Chains of several scenes at once: those that share a frame differ in a few values, computed as arrays over all."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flexlink.chain.builder import symmetric
 from flexlink.chain.chain import Chain
 from flexlink.chain.constant_ratio import posture_of
 from flexlink.chain.forces import with_forces
-from flexlink.chain.lumping import Frame, frame_of, has_own_rules, lump, situation
+from flexlink.chain.lumping import Frame, frame_of, has_user_rules, lump, situation
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
@@ -21,7 +21,7 @@ from flexlink.kernels.layout import COUPLING, HINGE
 
 
 def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
-    """The chain of every scene as `lump` makes it, equal to the bit, or the error that it raises."""
+    """Chain of every scene, bitwise as from `lump`, or the error that `lump` raises."""
     shared: dict[int, list[int]] = {}
     frames: dict[int, Frame] = {}
     frame = None
@@ -32,15 +32,15 @@ def lump_many(scenes: Sequence[Scene]) -> list[Chain | FlexlinkError]:
             frames[id(frame)] = frame
             shared.setdefault(id(frame), []).append(k)
     chains: list[Chain | FlexlinkError | None] = [None] * len(scenes)
-    for place, members in shared.items():
+    for frame_id, members in shared.items():
         if len(members) > 1:
-            for k, chain in zip(members, _of_frame(frames[place], [scenes[k] for k in members]), strict=True):
+            for k, chain in zip(members, _of_frame(frames[frame_id], [scenes[k] for k in members]), strict=True):
                 chains[k] = chain
     return [_alone(scene) if chain is None else chain for scene, chain in zip(scenes, chains, strict=True)]
 
 
 def _same_frame(before: Scene, scene: Scene) -> bool:
-    """Whether it is plain that two scenes share a frame, or that neither has one."""
+    """Whether two scenes obviously share a frame, or neither has one."""
     a, b = before.arm, scene.arm
     same = a.links is b.links and a.sections is b.sections and a.rigidities is b.rigidities
     if not (same and before.motion is scene.motion):
@@ -52,7 +52,7 @@ def _same_frame(before: Scene, scene: Scene) -> bool:
 
 def _frame(scene: Scene) -> Frame | None:
     try:
-        return None if has_own_rules(scene) or posture_of(scene) else frame_of(scene)
+        return None if has_user_rules(scene) or posture_of(scene) else frame_of(scene)
     except FlexlinkError:
         return None
 
@@ -65,7 +65,7 @@ def _alone(scene: Scene) -> Chain | FlexlinkError:
 
 
 def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
-    """Chains of one frame; None where `lump` has to say what is wrong."""
+    """Chains of one frame; None where `lump` has to raise an error."""
     b = len(scenes)
     bodies, hinges = np.empty((b, len(frame.bodies)), frame.bodies.dtype), np.empty((b, len(frame.hinges)), HINGE)
     couplings = np.empty((b, len(frame.couplings)), COUPLING)
@@ -92,7 +92,7 @@ def _of_frame(frame: Frame, scenes: Sequence[Scene]) -> list[Chain | None]:
 
 
 def _write_tips(frame: Frame, tips: Sequence[RigidBody], bodies: NDArray[np.void]) -> None:
-    """The body that carries the payload."""
+    """Write the body with the payload."""
     if frame.carrier.stop == 0:  # the base
         return
     last = bodies[:, frame.carrier.start]
@@ -106,12 +106,12 @@ def _write_tips(frame: Frame, tips: Sequence[RigidBody], bodies: NDArray[np.void
     last["mass"][carrying], last["center"][carrying], last["inertia"][carrying] = masses, centers, symmetric(inertias)
 
 
-def _joined(rigid: SpatialInertia, place: Pose, payloads: Sequence[RigidBody]) -> tuple[Array, Array, Array]:
-    """`SpatialInertia.plus` and `moved` of many bodies: masses (b,), centres (b, 3), inertias (b, 3, 3)."""
+def _joined(rigid: SpatialInertia, frame_id: Pose, payloads: Sequence[RigidBody]) -> tuple[Array, Array, Array]:
+    """`SpatialInertia.plus` and `moved` for b bodies: masses (b,), centres (b, 3), inertias (b, 3, 3)."""
     masses = np.array([body.mass for body in payloads])
     centers, inertias = np.array([body.center for body in payloads]), _matrices(payloads)
-    if place is not HERE:
-        R, p = place
+    if frame_id is not HERE:
+        R, p = frame_id
         centers = p + (R * centers[:, None, :]).sum(axis=2)
         turned = (R[:, :, None] * inertias[:, None]).sum(axis=2)
         inertias = (turned[..., None] * R.T).sum(axis=2)
@@ -129,6 +129,6 @@ def _joined(rigid: SpatialInertia, place: Pose, payloads: Sequence[RigidBody]) -
 
 
 def _matrices(payloads: Sequence[RigidBody]) -> Array:
-    """`RigidBody.matrix` of each, (b, 3, 3)."""
+    """`RigidBody.matrix` of each payload, (b, 3, 3)."""
     xx, yy, zz, xy, xz, yz = np.array([(*body.inertia, 0.0, 0.0, 0.0)[:6] for body in payloads]).T
     return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)

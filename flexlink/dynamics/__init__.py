@@ -1,1 +1,1 @@
-"""The equation of motion at a state, and what follows from it for an arm at rest."""
+"""The equation of motion at a state, its derivatives, static equilibria and small motion."""

@@ -1,4 +1,4 @@
-"""Forward dynamics, M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG: of a state, of a batch, of many chains of one layout."""
+"""Forward dynamics, M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG, of one state, a batch, or chains of one layout."""
 
 from __future__ import annotations
 
@@ -43,22 +43,22 @@ def forward_dynamics(
 ) -> Array:
     """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG.
 
-    Pinocchio calls it `aba`, MuJoCo `mj_forward`. A joint whose motion is prescribed keeps its rate here, q̈ = 0,
-    whatever `tau` says.
+    Pinocchio calls it `aba`, MuJoCo `mj_forward`. A joint with prescribed motion has a constant rate here, q̈ = 0, for
+    any `tau`.
 
     Parameters
     ----------
     chain
         The chain; with (b, n) states also b chains of one layout (`Chain.same_layout`), such as an arm with b payloads.
     q, qd, tau
-        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or (b, n) for b states, a part of shape
-        (n,) being the same in all: "articulated" then takes eight states side by side.
+        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or (b, n) for b states; parts of shape
+        (n,) apply to all states. "articulated" computes eight states at a time.
     tip_wrench, frame
         Force and moment on the tip, shape (6,) [N, N m], or one row per state, (b, 6), in axes of frame 0, "world", or
         of the "tip" frame.
     solver
-        "articulated": articulated bodies (Featherstone 1983), O(n), of plane motion where `chain.is_planar`;
-        "lu": LU decomposition of M, the paper's; "cholesky": M = L Lᵀ.
+        "articulated": articulated bodies (Featherstone 1983), O(n), with a planar version if `chain.is_planar`;
+        "lu": LU decomposition of M, as in the paper; "cholesky": M = L Lᵀ.
 
     Returns
     -------
@@ -68,10 +68,11 @@ def forward_dynamics(
     Raises
     ------
     ArgumentError
-        An argument has a wrong shape, is not real or finite, unknown solver, chains of different layout, q̈ overflows.
+        An argument has a wrong shape, is not real or finite; the solver is unknown; the chains differ in layout; or q̈
+        overflows.
     SingularMassError
-        A joint moves no inertia of its own here; a free base's angle about Y is 90°; to "lu" and "cholesky" next to
-        gimbal lock of a passive group, too.
+        A joint has no inertia attached in this configuration, or a free base's angle about Y is 90°. "lu" and
+        "cholesky" also fail close to gimbal lock of a passive group.
 
     Examples
     --------
@@ -101,7 +102,7 @@ def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
     for k, other in enumerate(chains):
         if not chains[0].same_layout(other):
             raise ArgumentError(
-                f"chain[{k}]: has other joints or bodies than chain[0]; only numbers may differ", id="chains-differ"
+                f"chain[{k}]: joints or bodies differ from chain[0]; only their values may differ", id="chains-differ"
             )
     return chains
 
@@ -139,12 +140,12 @@ def _forward_dynamics_of_many(
 
 
 def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Sequence[Array]) -> Array:
-    """Of wrenches (b, 6), angles, rates and torques (b, n)."""
+    """q̈ for wrenches (b, 6), angles, rates and torques (b, n)."""
     if solver.lanes_workspace is None:
         singles = zip(itertools.cycle(chains), zip(*states, strict=True), strict=False)
         return np.array([solver.accelerations(chain.arrays, *state) for chain, state in singles])
     b = len(states[0])
-    size = b if len(chains) == 1 else LANES  # states that one scratch serves
+    size = b if len(chains) == 1 else LANES  # number of states per workspace
     parts = [slice(start, start + size) for start in range(0, b, size)]
     works = (lanes_workspace(solver, chains[part]) for part in parts)
     many = solvers.accelerations_of_many
@@ -153,11 +154,11 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
 
 
 def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
-    """Scratch of eight chains of one layout side by side, without `forces`; the last one given fills up the eight."""
+    """Workspace of eight chains of one layout, without `forces`; the last one is repeated to fill eight lanes."""
     if any(chain.forces for chain in chains):
-        raise ArgumentError(f"{chains[0].name}: chains with {names_of(chains[0])} go one by one", id="chains-differ")
+        raise ArgumentError(f"{chains[0].name}: {names_of(chains[0])} require chains one by one", id="chains-differ")
     if solver.lanes_workspace is None:
-        raise ArgumentError("solver: several chains at once need solver 'articulated'", id="needs-another-argument")
+        raise ArgumentError("solver: several chains at once require solver 'articulated'", id="needs-another-argument")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
     bodies, hinges = _stacked([c.bodies for c in eight]), _stacked([c.hinges for c in eight])
     rare = None
@@ -167,13 +168,13 @@ def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
 
 
 def _stacked(records: Sequence[NDArray[np.void]]) -> NDArray[np.void]:
-    """One above the other, as bytes: `np.stack` goes field by field, in ten times the time."""
+    """Stack records as bytes: `np.stack` copies field by field, which takes ten times as long."""
     whole = bytearray(b"".join([record.tobytes() for record in records]))
     return np.frombuffer(whole, records[0].dtype).reshape(len(records), len(records[0]))
 
 
 def solver_for(chain: Chain, solver: str) -> solvers.Solver:
-    """The compiled solver of this name for this chain.
+    """Compiled solver of this name for this chain.
 
     Raises
     ------

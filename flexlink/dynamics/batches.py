@@ -1,4 +1,4 @@
-"""Many states at once: one rule of shapes for all functions of a state, and the way through the rows of a batch."""
+"""Batches of states: one rule of shapes for all functions of a state, and a loop over the states."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def is_batch(*state: ArrayLike) -> bool:
         for part in state:
             if part.ndim > 1:  # type: ignore[union-attr]
                 return True
-    except AttributeError:  # of a list
+    except AttributeError:  # a list
         return any(dimensions(part) > 1 for part in state)
     return False
 
 
 def rows(n: int, state: dict[str, ArrayLike]) -> list[Array]:
-    """The parts of b states, shape (b, n) each, of which one has this shape, and any may have the shape (n,).
+    """Return the parts of b states, shape (b, n) each. At least one must have this shape; others may be (n,).
 
-    They are the arrays given, where kernels can read these: a copy of many states costs as much as their dynamics.
+    Arrays that kernels can read are returned without a copy: copying many states costs as much as their dynamics.
 
     Raises
     ------
@@ -43,28 +43,28 @@ def rows(n: int, state: dict[str, ArrayLike]) -> list[Array]:
     b, leader = next((len(part), name) for name, part in parts.items() if part.ndim > 1)
     for name, part in parts.items():
         if part.shape not in {(n,), (b, n)}:
-            many = f"(b, {n}) for b states" if name == leader else f"({b}, {n}), as many as {leader}"
+            many = f"(b, {n}) for b states" if name == leader else f"({b}, {n}), to match {leader}"
             raise ArgumentError(f"{name} has shape {part.shape}; expected ({n},), or {many}", id="wrong-shape")
         if not is_finite(part.reshape(-1)):
-            place = tuple(int(k) for k in np.argwhere(~np.isfinite(part))[0])
+            index = tuple(int(k) for k in np.argwhere(~np.isfinite(part))[0])
             raise ArgumentError(
-                f"{name}{list(place)} = {part[place]} is not finite; expected finite numbers", id="not-finite"
+                f"{name}{list(index)} = {part[index]} is not finite; expected finite numbers", id="not-finite"
             )
     return [part if part.ndim > 1 else np.array(np.broadcast_to(part, (b, n))) for part in parts.values()]
 
 
 def _readable(part: ArrayLike) -> TypeGuard[Array]:
-    """Whether kernels know the type of an array: writable, contiguous, of many states."""
+    """Whether kernels accept an array as it is: float64, writable, contiguous, of several states."""
     return type(part) is np.ndarray and part.dtype == np.float64 and part.ndim > 1 and part.flags.carray
 
 
 def wrench_rows(tip_wrench: ArrayLike | None, b: int) -> Array:
-    """The tip wrench of each of b states, shape (b, 6): the same in all, or one row per state.
+    """Return the tip wrench of each of b states, shape (b, 6); it is given once, or one row per state.
 
     Raises
     ------
     ArgumentError
-        It has another shape, is not real or not finite.
+        The wrench has another shape, is not real or not finite.
     """
     if tip_wrench is None or not is_batch(tip_wrench):
         return np.array(np.broadcast_to(wrench_vector(tip_wrench), (b, 6)))
@@ -77,7 +77,7 @@ def wrench_rows(tip_wrench: ArrayLike | None, b: int) -> Array:
 
 
 def about_state(k: int, error: FlexlinkError) -> FlexlinkError:
-    """An error of one state of many, which says of which."""
+    """Add the number of the state to an error's message."""
     error.args = (f"state {k}: {error}", *error.args[1:])
     return error
 
@@ -90,9 +90,9 @@ def each(
     tip_wrench: ArrayLike | None = None,
     **options: object,
 ) -> R:
-    """What a `function` of a chain and one state finds of b states, along a new first axis; of a Result, per field.
+    """Call a `function` of a chain and one state for b states; stack its results, or the fields of a Result.
 
-    Row by row the results are those of single states, to the bit.
+    Each result is bitwise equal to that of a single state.
 
     Parameters
     ----------
@@ -101,22 +101,22 @@ def each(
     chain
         The chain.
     state
-        Its parts by name, in order; see `rows`.
+        Parts of the state by name, in order; see `rows`.
     tip_wrench
-        Of a `function` that takes one; see `wrench_rows`.
+        For functions that accept one; see `wrench_rows`.
     options
-        The same for all states.
+        Further arguments, the same for all states.
 
     Raises
     ------
     FlexlinkError
-        As of single states; the message says which one.
+        As for single states; the message names the state.
     """
     found: list[R] = []
     many = rows(require_type("chain", chain, Chain).n, state)
     b = len(many[0])
     wrenches = wrench_rows(tip_wrench, b)
-    for k in range(max(b, 1)):  # the first of none shows the shape
+    for k in range(max(b, 1)):  # an empty batch calls it once to obtain the shape
         if tip_wrench is not None and b:
             options["tip_wrench"] = wrenches[k]
         try:

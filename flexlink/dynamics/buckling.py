@@ -1,4 +1,4 @@
-"""Linear buckling: the factors of the present load at which a posture, held where it is, loses its stiffness."""
+"""Linear buckling: factors on the present load at which a configuration loses its stiffness."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ def buckling_loads(
     tip_wrench: ArrayLike | None = None,
     locked: Joints = (),
 ) -> Array:
-    """Factors (dimensionless) of the present load, gravity and tip wrench together, at which the posture can buckle.
+    """Factors (dimensionless) on the present load, gravity and tip wrench together, at which the arm can buckle.
 
-    Linear buckling: K_elastic + s K_load(q) is singular, with the posture held at q, and joints without a spring, too.
-    Only real positive s count; loads that soften nothing give none.
+    Linear buckling: K_elastic + s K_load(q) is singular, at a fixed configuration q with joints without springs locked.
+    Only real positive s are returned; there are none if the loads do not reduce the stiffness.
 
     Parameters
     ----------
     chain
         The chain.
     q
-        Posture [rad], shape (n,); default: springs slack, joints at zero.
+        Configuration [rad], shape (n,); default: springs slack, joints at zero.
     tip_wrench
         Force and moment on the tip [N, N m], shape (6,), axes of frame 0.
     locked
@@ -40,18 +40,18 @@ def buckling_loads(
     Returns
     -------
     Array
-        Factors s, smallest first.
+        Factors s, in ascending order.
 
     Raises
     ------
     ArgumentError
-        An argument has the wrong shape or is not finite, or `locked` names no coordinate.
+        An argument has the wrong shape or is not finite, or `locked` names an unknown coordinate.
 
     Examples
     --------
     >>> standing = np.where(np.arange(chain.n) == 0, np.pi / 2, 0.0)  # rad; upright
     >>> factors = fl.strength.buckling_loads(chain, standing, locked=["upper", "fore"])
-    >>> print(factors[0].round(1))  # times its weight and load
+    >>> print(factors[0].round(1))  # multiple of its weight and load
     140.9
     """
     n = require_type("chain", chain, Chain).n
@@ -64,14 +64,14 @@ def buckling_loads(
     inverse = scipy.linalg.eigvals(-_per_stiffness(load, K, diagonal=not chain.springs_join_hinges))  # 1/s
     rounding = len(K) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
     softening = inverse.real > rounding
-    real = np.abs(inverse.imag) <= np.sqrt(np.finfo(float).eps) * np.abs(inverse)  # of a double eigenvalue, too
+    real = np.abs(inverse.imag) <= np.sqrt(np.finfo(float).eps) * np.abs(inverse)  # double eigenvalues are less exact
     return np.asarray(np.sort(1 / inverse.real[softening & real]))
 
 
 def _per_stiffness(load: Array, K: Array, *, diagonal: bool) -> Array:
-    """L⁻¹ load L⁻ᵀ of K = L Lᵀ, which has the eigenvalues of K⁻¹ load; whether K is `diagonal`, is known.
+    """L⁻¹ load L⁻ᵀ with K = L Lᵀ, which has the eigenvalues of K⁻¹ load; `diagonal`: whether K is diagonal.
 
-    K⁻¹ load itself where K is not positive definite, as rotation vectors' springs may be, bent far.
+    K⁻¹ load itself if K is not positive definite, which is possible for springs of rotation vectors at large angles.
     """
     if diagonal:
         k = K.diagonal()

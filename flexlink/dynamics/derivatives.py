@@ -29,7 +29,7 @@ from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives, 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class InverseDerivatives(Result):
-    """Slopes of τ = M q̈ + T_GC: row i belongs to τ_i, column j to the coordinate that changes."""
+    """Derivatives of τ = M q̈ + T_GC: row i belongs to τ_i, column j to the coordinate that changes."""
 
     dq: Array  # ∂τ/∂q, (…, n, n) [N m/rad]
     dqd: Array  # ∂τ/∂q̇, (…, n, n) [N m s/rad]
@@ -41,7 +41,7 @@ class InverseDerivatives(Result):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class ForwardDerivatives(Result):
-    """Slopes of q̈: row i belongs to q̈_i, column j to the coordinate or torque that changes."""
+    """Derivatives of q̈: row i belongs to q̈_i, column j to the coordinate or torque that changes."""
 
     dq: Array  # ∂q̈/∂q, (…, n, n) [1/s²]
     dqd: Array  # ∂q̈/∂q̇, (…, n, n) [1/s]
@@ -62,7 +62,7 @@ def inverse_dynamics_derivatives(
 ) -> InverseDerivatives:
     """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ of τ = M(q) q̈ + T_GC(q, q̇), `inverse_dynamics`: without springs and friction.
 
-    By recursion, O(n²), without a step size (Carpentier & Mansard 2018; Singh, Russell & Wensing 2022).
+    By an O(n²) recursion, without finite differences (Carpentier & Mansard 2018; Singh, Russell & Wensing 2022).
 
     Parameters
     ----------
@@ -71,13 +71,13 @@ def inverse_dynamics_derivatives(
     q, qd, qdd
         Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
     tip_wrench, frame
-        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", where they keep their direction,
-        or of the "tip" frame, with which they turn.
+        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", where their direction is
+        constant, or of the "tip" frame, with which they turn.
 
     Returns
     -------
     InverseDerivatives
-        `dq`, `dqd`, `dqdd`, shape (n, n), or (b, n, n). The last one is M.
+        `dq`, `dqd`, `dqdd`, shape (n, n), or (b, n, n); `dqdd` is M.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def inverse_dynamics_derivatives(
     Examples
     --------
     >>> slopes = fl.inverse_dynamics_derivatives(chain, q, qd, qdd)
-    >>> print(slopes.dq[0, 0].round(2))  # N m/rad: how the holding torque changes with the first angle
+    >>> print(slopes.dq[0, 0].round(2))  # N m/rad: change of the holding torque with the first angle
     -9.3
     """
     if is_batch(q, qd, qdd):
@@ -120,13 +120,13 @@ def forward_dynamics_derivatives(
 ) -> ForwardDerivatives:
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX of M q̈ = T_EX − T_GC − T_FL − T_FR − T_DRAG, `forward_dynamics`.
 
-    ∂q̈/∂(q, q̇) = −M⁻¹ ∂(M q̈ + T_GC + T_FL + T_FR + T_DRAG)/∂(q, q̇) at constant q̈, every column by articulated
-    bodies, O(n); O(n²) in all. Friction counts with its slope d + c/w sech²(q̇/w) at this rate. Right to 1e-12 of the
-    largest element of each, of random arms of 2 to 14 joints to 3e-13; as q̈ itself, off by more where M is almost
-    singular.
+    ∂q̈/∂(q, q̇) = −M⁻¹ ∂(M q̈ + T_GC + T_FL + T_FR + T_DRAG)/∂(q, q̇) at constant q̈. Each column takes O(n) by
+    articulated bodies, all of them O(n²). Friction enters with its derivative d + c/w sech²(q̇/w) at this rate. The
+    error is below 1e-12 of each matrix's largest element (3e-13 for random arms of 2 to 14 joints); like that of q̈, it
+    is larger if M is almost singular.
 
-    Joints with prescribed motion keep their rate, as in `forward_dynamics`; what moves them is not a torque but an
-    acceleration, so that their columns of `dtau` hold ∂q̈/∂q̈_given, 1 at the joint itself.
+    Joints with prescribed motion have constant rates, as in `forward_dynamics`. Their input is an acceleration, not a
+    torque, so their columns of `dtau` contain ∂q̈/∂q̈_given, with 1 for the joint itself.
 
     Parameters
     ----------
@@ -135,8 +135,8 @@ def forward_dynamics_derivatives(
     q, qd, tau
         Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or (b, n) for b states.
     tip_wrench, frame
-        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", where they keep their direction,
-        or of the "tip" frame, with which they turn.
+        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", where their direction is
+        constant, or of the "tip" frame, with which they turn.
 
     Returns
     -------
@@ -148,7 +148,7 @@ def forward_dynamics_derivatives(
     ArgumentError
         An argument has the wrong shape, is not real or not finite, or a derivative is beyond float64.
     SingularMassError
-        A joint moves no inertia of its own here.
+        A joint has no inertia attached in this configuration.
 
     Examples
     --------
@@ -175,19 +175,19 @@ def forward_dynamics_derivatives(
     wrench = world_wrench(chain, q, tip_wrench, frame)
     found, write = np.empty((3, n, n)), planar_derivatives if chain.is_planar else forward_derivatives
     if not write(*chain.arrays, wrench, q, qd, tau, found):
-        forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises where there is no q̈
+        forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises an error if q̈ does not exist
         raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
     if frame == "tip":
         free = np.flatnonzero(chain.hinges["prescribed"] == 0)
         found[0] -= found[2][:, free] @ _of_turning(chain, q, qd, wrench, tip_wrench)[free]
-    found.setflags(write=False)  # and with it the parts
+    found.setflags(write=False)  # also makes its parts read-only
     return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
 
 
 def _of_many(
     write: Callable[..., bool], n: int, state: dict[str, ArrayLike], tip_wrench: ArrayLike | None, frame: Frame
 ) -> Array | None:
-    """Of b states, (3, b, n, n); None where something is not finite, and of wrenches that turn with the tip."""
+    """Derivatives in b states, (3, b, n, n); None if one is not finite, or the wrench turns with the tip."""
     many = [part.copy() for part in rows(n, state)]
     found = np.empty((3, len(many[0]), n, n))
     if turns_with_tip(frame) or not write(wrench_rows(tip_wrench, len(many[0])), *many, found):
@@ -196,7 +196,7 @@ def _of_many(
 
 
 def _of_turning(chain: Chain, q: Array, qd: Array, wrench: Array, tip_wrench: ArrayLike | None) -> Array:
-    """What ∂T_GC/∂q gains because a wrench in axes of the tip turns with it, shape (n, n); `wrench` in frame 0."""
+    """Contribution to ∂T_GC/∂q of a wrench that turns with the tip, shape (n, n); `wrench` is in frame 0."""
     along_tip = stiffness_matrix(chain, q, qd, wrench_vector(tip_wrench), True)
     return along_tip - stiffness_matrix(chain, q, qd, wrench, False)
 

@@ -1,4 +1,4 @@
-"""Kinetic, gravity and elastic energy of a chain."""
+"""Kinetic, gravitational and elastic energy of a chain."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexlink.kernels.bodies.energy import energies
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Energy(Result):
-    """Energies [J]: scalars for one state, arrays over states or the samples of a `Trajectory`."""
+    """Energies [J]: scalars for one state, arrays for several states or the samples of a `Trajectory`."""
 
     kinetic: Array | float
     gravity: Array | float  # zero when all mass is at the origin of frame 0
@@ -31,7 +31,7 @@ class Energy(Result):
 
     @property
     def parts(self) -> Array:
-        """Kinetic, gravity and elastic one below the other, shape (3, …)."""
+        """Kinetic, gravitational and elastic energy, stacked, shape (3, …)."""
         return np.array([self.kinetic, self.gravity, self.elastic])
 
     def __repr__(self) -> str:
@@ -46,7 +46,7 @@ def _span(values: Array) -> str:
 
 
 def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
-    """Kinetic ½ q̇ᵀMq̇, gravity −Σ m g·p and elastic Σ ½ k (θ − θ₀)² energy.
+    """Return kinetic energy ½ q̇ᵀMq̇, gravitational energy −Σ m g·p and elastic energy Σ ½ k (θ − θ₀)².
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
     Returns
     -------
     Energy
-        Its three parts [J], numbers, or shape (b,) each.
+        The three parts [J], scalars, or shape (b,) each.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""A floating base as steps see it: its three angles stay small, as the attitude that they turn it from follows it.
+"""A floating base during integration: its three angles stay small because their reference attitude follows the base.
 
-Steps go on from the angles zero wherever the base has turned by more than `FAR`, with the attitude that it has there as
-the new reference. This changes coordinates, not the motion: an angle about Y of 90° is never near, and an attitude is
-a unit quaternion, multiplied by the turn that was made.
+When the base has turned by more than `FAR`, its attitude becomes the new reference and the angles restart at zero. This
+changes the coordinates, not the motion: the angle about Y stays far from 90°. An attitude is a unit quaternion,
+multiplied by the rotation since the last reference.
 """
 
 from __future__ import annotations
@@ -24,39 +24,41 @@ from flexlink.common.types import Array
 from flexlink.kernels.forward.articulated_rows import BODY_ROW
 
 FAR = 0.5
-"""Angle of a base [rad] from which steps go on in other coordinates."""
-BODY, ANGLES = 1, slice(3, 6)
-"""Number in `bodies` of the base, and its angles among the coordinates."""
+"""Angle of a base [rad] at which its reference attitude is changed."""
+BODY = 1
+"""Index of the base in `bodies`."""
+ANGLES = slice(3, 6)
+"""Indices of the base's angles among the coordinates."""
 
 
 class FloatingBase:
-    """A chain whose reference attitude can be changed, and what it was in which samples of a run.
+    """A chain with a changeable reference attitude, and the reference of each sample of a run.
 
     Attributes
     ----------
     original
-        The chain with the attitude that it starts from.
+        The chain with its initial reference attitude.
     chain
-        The same one, with the present attitude.
+        The chain with the present reference attitude.
     attitude
-        The present one, a unit quaternion w, x, y, z.
+        The present reference attitude, a unit quaternion w, x, y, z.
     """
 
     def __init__(self, chain: Chain) -> None:
         bodies = chain.bodies.copy()
         self.original, self._rotation = chain, bodies["rotation"][BODY]
-        seen = bodies.view()  # read-only, as kernels expect of a chain
-        self.chain = chain.with_numbers(bodies=seen)
+        view = bodies.view()  # read-only, as kernels require
+        self.chain = chain.with_numbers(bodies=view)
         self.start = np.array(quaternion_from_matrix(self._rotation))
         self.begin()
 
     def begin(self) -> None:
-        """Be where a run starts."""
+        """Reset to the start of a run."""
         self.attitude, self.references = self.start, [(0, self.start)]
         self._rotation[...] = self.original.bodies["rotation"][BODY]
 
     def turn(self, row: int, q: Array, qd: Array, *scratch: Any) -> None:
-        """Take the attitude at a state as the reference from a sample on; changes q and q̇, and tells the scratch."""
+        """Make the attitude of a state the reference from sample `row` on; updates q, q̇ and the workspace."""
         angles = q[ANGLES]
         if angles.any():
             self.attitude = product_of(self.attitude, quaternions_of(angles))
@@ -66,7 +68,7 @@ class FloatingBase:
         self.take(self.attitude, *scratch)
 
     def take(self, attitude: Array, *scratch: Any) -> None:
-        """Put an attitude where kernels read it: into the chain, and into scratch that holds numbers of it."""
+        """Set an attitude where kernels read it: in the chain, and in workspaces with a copy of its data."""
         if attitude is not self.start:
             self._rotation[...] = matrix_from_quaternion(attitude.tolist())
         else:
@@ -76,19 +78,19 @@ class FloatingBase:
                 rows[BODY, BODY_ROW.mount : BODY_ROW.mount + 9] = self._rotation.T.ravel()
 
     def saved(self) -> tuple[Array, int]:
-        """What `turn` changes, for `restore`."""
+        """State that `turn` changes, for `restore`."""
         return self.attitude, len(self.references)
 
     def restore(self, saved: tuple[Array, int], *scratch: Any) -> None:
-        """Go back to where `saved` was."""
+        """Restore the state returned by `saved`."""
         self.attitude, known = saved
         del self.references[known:]
         self.take(self.attitude, *scratch)
 
     def parts(self, first: int, stop: int, *scratch: Any) -> Iterator[slice]:
-        """Samples first … stop − 1 by the attitude that they are told from, which is there meanwhile."""
+        """Samples first … stop − 1, grouped by their reference attitude, which is set during each iteration."""
         for part, attitude in self._parts(first, stop):
-            if attitude is self.attitude:  # which is there
+            if attitude is self.attitude:  # already set
                 yield part
                 continue
             try:
@@ -111,7 +113,7 @@ class FloatingBase:
         return found
 
     def from_the_start(self, q: Array, qd: Array) -> tuple[Array, Array, Array, Array]:
-        """q and q̇ of a run's samples (rows, n) as coordinates of `original`, with attitudes and angular velocities."""
+        """q and q̇ of a run's samples (rows, n) in coordinates of `original`, with attitudes and angular velocities."""
         attitudes, spins = self.attitudes(q), np.einsum("kij,kj->ki", rates_matrices(q[:, ANGLES]), qd[:, ANGLES])
         q, qd = q.copy(), qd.copy()
         q[:, ANGLES] = self.angles(attitudes)
@@ -119,12 +121,12 @@ class FloatingBase:
         return q, qd, attitudes, spins
 
     def angles(self, attitudes: Array) -> Array:
-        """Angles that turn the base from the attitude at the start to others, (rows, 4), shape (rows, 3) [rad]."""
+        """Angles that turn the base from its initial attitude to others, (rows, 4), shape (rows, 3) [rad]."""
         back = self.start * np.array([1.0, -1.0, -1.0, -1.0])
         return angles_of(matrices_from_quaternions(product_of(back, attitudes)))
 
     def told_from_start(self, q: Array, qd: Array) -> tuple[Array, Array]:
-        """The present state (n,) as coordinates of `original`."""
+        """The present state (n,) in coordinates of `original`."""
         ω = rates_matrices(q[ANGLES]) @ qd[ANGLES]
         q, qd = q.copy(), qd.copy()
         q[ANGLES] = self.angles(product_of(self.attitude, quaternions_of(q[ANGLES]))[None])[0]
@@ -133,6 +135,6 @@ class FloatingBase:
 
 
 def rows_of(scratch: Any) -> Any:
-    """The rows of numbers of bodies in scratch of forward dynamics or of steps; None: it reads those of the chain."""
+    """Array of body data in a workspace of forward dynamics or of steps; None if it uses the chain's."""
     rows = getattr(scratch, "posture", scratch)
     return getattr(rows, "rows", getattr(rows, "bodies", None))

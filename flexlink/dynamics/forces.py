@@ -1,4 +1,4 @@
-"""Torques of force elements in motion, such as the drag of links, and their slopes."""
+"""Torques of force elements that depend on motion, such as the drag of links, and their derivatives."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from flexlink.kernels.tools.finite import is_finite
 
 
 def drag_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
-    """T_DRAG = −Σ Jᵀ f: what the joints need beside T_FR to move against the drag of links, `link.drag`.
+    """T_DRAG = −Σ Jᵀ f: joint torques, in addition to T_FR, that overcome the drag of links, `link.drag`.
 
-    f = −½ ρ c_d b Δx |v| v at points along each link, v their velocity across it (`Drag`). q̇·T_DRAG ≥ 0 is the power
-    that is lost [W]. Two Gauss points of every segment and eight of a link at least: exact in a plane where v keeps its
-    sign within a segment and the breadth is constant.
+    f = −½ ρ c_d b Δx |v| v at points along each link, where v is their velocity across it (`Drag`). q̇·T_DRAG ≥ 0 is
+    the dissipated power [W]. Integration uses two Gauss points per segment and at least eight per link: exact in a
+    plane if v keeps its sign within a segment and the breadth is constant.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def drag_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
     Returns
     -------
     Array
-        T_DRAG, shape (n,), or (b, n) [N m]; zero of a chain without drag, and at rest.
+        T_DRAG, shape (n,), or (b, n) [N m]; zero at rest and for a chain without drag.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def drag_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
 
 
 def force_torque(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
-    """T of all force elements of `chain.forces`, T_DRAG among them, shape (n,), or (b, n) [N m]; errors as above."""
+    """Torque T of all force elements in `chain.forces`, shape (n,), or (b, n) [N m]; errors as in `drag_torque`."""
     n, many = require_type("chain", chain, Chain).n, is_batch(q, qd)
     qs, qds = rows(n, {"q": q, "qd": qd}) if many else (vector(k, x, n)[None] for k, x in (("q", q), ("qd", qd)))
     found = np.zeros((len(qs), n))
@@ -71,31 +71,31 @@ def force_slopes(chain: Chain, q: Array, qd: Array) -> tuple[Array, Array]:
 
 
 def of_joint_rates(chain: Chain) -> Chain:
-    """The chain with those force elements alone that act on joints by their rates, and belong to T_FR."""
+    """Return the chain with only the force elements that act on joint rates and so belong to T_FR."""
     return _with(chain, {name for name, rows in chain.forces.items() if "body" not in (rows.dtype.names or ())})
 
 
 def _with(chain: Chain, names: set[str]) -> Chain:
-    """The chain with the force elements of these names alone; itself where it has no others."""
+    """Return the chain with only the force elements of these names; the same chain if it has no others."""
     if len(names) == len(chain.forces):
         return chain
     return dataclasses.replace(chain, forces={name: chain.forces[name] for name in names})
 
 
 def names_of(chain: Chain) -> str:
-    """The force elements of a chain, for messages."""
+    """Names of a chain's force elements, for messages."""
     return ", ".join(chain.forces)
 
 
 def refuse_forces(what: str, chain: Chain, qd: Array | None = None) -> None:
-    """For what does not count force elements; at rest there are none.
+    """Refuse force elements, on behalf of a method that ignores them; at rest they vanish.
 
     Raises
     ------
     ArgumentError
-        The chain has some, and moves.
+        The chain has force elements, and moves.
     """
     if chain.forces and (qd is None or qd.any()):
         raise ArgumentError(
-            f"{chain.name}: {what} do not count {names_of(chain)}; leave them out", id="arguments-not-counted"
+            f"{chain.name}: {what} do not support {names_of(chain)}; leave them out", id="arguments-not-counted"
         )

@@ -1,4 +1,4 @@
-"""InitialValueProblem: the equation of motion of a scene with its initial state, which a run integrates."""
+"""InitialValueProblem: the equation of motion of a scene with its initial state, to be integrated."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from flexlink.kernels.inputs.record import Inputs
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class InitialValueProblem:
-    """The initial value problem M q̈ + T_GC + T_FL + T_FR = T_EX, q(t₀) and q̇(t₀) given.
+    """The initial value problem M q̈ + T_GC + T_FL + T_FR = T_EX with given q(t₀) and q̇(t₀).
 
     Attributes
     ----------
     scene
-        The scene, whose `run` says how to integrate.
+        The scene; its `run` specifies the integration.
     chain
-        What moves.
+        The chain that moves.
     inputs
-        What acts on it: drive, prescribed motions, tip wrench.
+        Inputs: drive, prescribed motions, tip wrench.
     q, qd
-        Where it starts, angles [rad] and rates [rad/s], shape (n,), read-only by agreement.
+        Initial angles [rad] and rates [rad/s], shape (n,); read-only by convention.
     base
-        Of a chain whose base is free: what lets its steps go on in other coordinates; `chain` is its own then.
+        Reference attitude of a chain with a free base; `chain` is then `base.chain`.
     """
 
     scene: Scene
@@ -42,24 +42,24 @@ class InitialValueProblem:
 
     @property
     def original(self) -> Chain:
-        """The chain as it was given, whose free base is where it starts from, however far a run has got."""
+        """The chain with the initial reference attitude of its free base, however far a run has progressed."""
         return self.chain if self.base is None else self.base.original
 
     @property
     def run(self) -> RunSettings:
-        """How to integrate."""
+        """Settings of the integration."""
         return self.scene.run
 
     @property
     def start(self) -> float:
-        """The time t₀ at which it starts [s]."""
+        """Initial time t₀ [s]."""
         return self.scene.initial.time
 
     @functools.cached_property
     def explicit(self) -> bool:
-        """Whether it is integrated in fixed steps of an explicit method."""
+        """Whether it is integrated by an explicit method with fixed steps."""
         return steps_explicitly(self.run)
 
     def workspace(self) -> Any:
-        """New scratch of the run's solver of forward dynamics."""
+        """New workspace for the forward dynamics solver of the run."""
         return solver_for(self.chain, self.run.solver).workspace(self.chain.arrays)

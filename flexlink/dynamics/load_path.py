@@ -1,14 +1,14 @@
-"""The path of equilibria on which a load grows, followed by its arc length.
+"""Continuation of equilibria under a growing load, by arc length.
 
     r(q) = T_FL(q) + L(q) = 0,    L = T_GC(q, q̇) − τ        on the coordinates that are not locked
 
-The load grows in proportion to s from 0 to 1, while the torques that hold the springs at the posture q0 are let go:
+The load factor s grows from 0 to 1, while the torques that hold the springs at the initial q0 are released:
 
-    F(q, s) = T_FL(q) + s L(q) − (1 − s) T_FL(q0)             where there is a spring
-    F(q, s) = L(q) − (1 − s) L(q0)                            where there is none: a load too small would not hold
+    F(q, s) = T_FL(q) + s L(q) − (1 − s) T_FL(q0)             for coordinates with a spring
+    F(q, s) = L(q) − (1 − s) L(q0)                            for others, not held under a reduced load
 
-The path F = 0 is followed by its arc length in (s, q) (Riks 1979; Crisfield 1981), so that it may turn back in s. A
-step of Newton's method takes O(n): ∂F/∂q is eliminated along the chain (`kernels.derivatives.small_motion`).
+The arc length is measured in (s, q) (Riks 1979; Crisfield 1981), so the path may turn back in s. A Newton step takes
+O(n): ∂F/∂q is eliminated along the chain (`kernels.derivatives.small_motion`).
 """
 
 from __future__ import annotations
@@ -23,16 +23,25 @@ from flexlink.dynamics.springs import spring_torque
 from flexlink.dynamics.tangent import LoadedState, falls, load_torque
 from flexlink.kernels.tools.finite import is_finite
 
-FIRST_ARC, LARGEST_ARC, SMALLEST_ARC = 0.5, 1.0, 1e-6  # rad over all joints; of those that slide, of the arm's length
-CORRECTIONS, WANTED = 12, 6  # Newton steps after which a corrector has failed; below which the arc may grow
+FIRST_ARC = 0.5
+"""Length of the first arc [rad over all joints]; sliding joints count relative to the arm's length."""
+LARGEST_ARC = 1.0
+"""Largest length of an arc [rad over all joints]."""
+SMALLEST_ARC = 1e-6
+"""Length of an arc [rad over all joints] below which the path is lost."""
+CORRECTIONS = 12
+"""Largest number of Newton steps of a corrector."""
+WANTED = 6
+"""Number of Newton steps below which the next arc may be longer."""
 STEPS = 500
+"""Largest number of points of a path."""
 TRIES = (1.0, 0.2), (0.1, 0.2), (1.0, 3.0)
-"""Lengths of arcs, over the usual one, and how far a corrector may leave the end of an arc, over its length: the last
-where the others are lost, for free joints that no spring holds and whose path begins with a jump."""
+"""Factors on the arc length, and largest distance of a corrector from the end of an arc, relative to its length. The
+last pair is for free joints without springs, whose path may begin with a jump."""
 
 
 class LostError(Exception):
-    """The path does not reach the full load: how far it came."""
+    """The path does not reach the full load; the error reports how far it got."""
 
     def __init__(self, path: list[Array]) -> None:
         furthest = max(path, key=lambda point: point[0])
@@ -40,9 +49,9 @@ class LostError(Exception):
 
 
 class Equations:
-    """F(x) for x = (s, q), shape (1 + n,), 0 at coordinates that are locked, and its slopes.
+    """F(x) for x = (s, q), shape (1 + n,), and its derivatives; both are 0 at locked coordinates.
 
-    From the posture of `acting`, under its loads, and `drive`, the torques T_EX.
+    `acting` is the initial configuration with its loads, `drive` are the torques T_EX.
     """
 
     def __init__(self, chain: Chain, acting: LoadedState, drive: Array) -> None:
@@ -53,11 +62,11 @@ class Equations:
         self.motion = SmallMotion(chain, start, rates, wrench, follower, self.locked)
         self.start = np.concatenate([[0.0], start])
         self.sizes = rounding.largest_load_stiffness(chain, rates, wrench)
-        self.scales = np.concatenate([[1.0], rounding.scales(chain)])  # of x, as the arc is measured
+        self.scales = np.concatenate([[1.0], rounding.scales(chain)])  # units of x in the arc length
         self.held = np.where(self.sprung, spring_torque(chain, start), self.load(start))
 
     def falls(self, q: Array) -> bool:
-        """Whether a coordinate can fall at a posture, under the full load."""
+        """Whether an equilibrium is unstable under the full load."""
         _, rates, wrench, follower, free = self.acting
         return falls(self.chain, q, rates, wrench, free, follower, self.motion)
 
@@ -77,7 +86,7 @@ class Equations:
         return np.where(self.locked, 0.0, left)
 
     def with_slope(self, x: Array) -> tuple[Array, Array]:
-        """F(x) and ∂F/∂s there; ∂F/∂q is made ready for `solve`."""
+        """F(x) and ∂F/∂s at x; factorizes ∂F/∂q for `solve`."""
         s, q = x[0], x[1:]
         load, w = self.load(q), np.where(self.sprung, s, 1.0)
         by_s = np.where(self.sprung, load, 0.0) + self.held
@@ -85,24 +94,24 @@ class Equations:
         self.motion.eliminate(K_ALONE, w, self.chain.stiffness + np.abs(w) * self.sizes)
         return self._value(x, load), np.where(self.locked, 0.0, by_s)
 
-    def solve(self, by_s: Array, row: Array, left: Array, last: float, *, held: bool = False) -> Array:
-        """Shortest solution (δs, δq) of F' δx = left (n,) and row · δx = last, shape (1 + n,); nan if there is none.
+    def solve(self, by_s: Array, row: Array, residual: Array, last: float, *, held: bool = False) -> Array:
+        """Shortest solution (δs, δq) of F' δx = residual (n,) and row · δx = last, shape (1 + n,); nan if none.
 
-        F' is ∂F/∂(s, q) where `with_slope` was asked for last, with ∂F/∂q eliminated but for the coordinates d whose
-        pivots are too small. With q̂ and p̂ the solutions for a right side and for ∂F/∂s with δq_d = 0, and N those for
-        none with δq_d = 1,
+        F' is ∂F/∂(s, q) at the last x of `with_slope`. ∂F/∂q is eliminated except for the coordinates d whose pivots
+        are too small. Let q̂ and p̂ be the solutions for the residual and for ∂F/∂s with δq_d = 0, and N the
+        homogeneous solutions with δq_d = 1. Then
 
             δq = q̂ − p̂ δs + N δq_d
 
-        so that δs and δq_d follow from the rows d, whose left sides the elimination tells, and from the row below.
+        where δs and δq_d follow from the rows d, whose left sides the elimination returns, and from `row`.
 
-        A joint that nothing holds and nothing pushes stays where it is; where one is pushed there is no solution,
-        unless it is `held` by a weak spring.
+        A joint without stiffness or load keeps its position. If it is loaded there is no solution, unless a weak
+        spring is added (`held`).
         """
-        if not (is_finite(by_s) and is_finite(left)):
-            return np.full(len(row), np.nan)  # which the corrector gives up on
+        if not (is_finite(by_s) and is_finite(residual)):
+            return np.full(len(row), np.nan)  # the corrector then fails
         spared = self.motion.spared
-        x, of_spared = self.motion.solve(np.array([by_s, left]))
+        x, of_spared = self.motion.solve(np.array([by_s, residual]))
         columns = np.concatenate([-x[:1], x[2:]])
         along = columns @ row[1:]
         along[0] += row[0]
@@ -116,7 +125,8 @@ class Equations:
             sizes[sizes == 0] = 1.0
             if held:
                 small[:-1, 1:] += np.diag(np.sqrt(self.motion.rounding) * sizes[:-1])
-            found = _shortest(small, np.append(left[spared] - of_spared[1], right), sizes, self.motion.rounding)
+            right_sides = np.append(residual[spared] - of_spared[1], right)
+            found = _shortest(small, right_sides, sizes, self.motion.rounding)
         else:
             with np.errstate(divide="ignore", invalid="ignore"):
                 found = right / along
@@ -124,9 +134,9 @@ class Equations:
 
 
 def _shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
-    """Shortest solution of A x = b, rows made of numbers of these sizes; nan if there is none.
+    """Shortest solution of A x = b; nan if there is none. `sizes` are the magnitudes of the terms in each row.
 
-    What rounding leaves of a row counts as 0.
+    A row that is below its rounding error counts as 0.
     """
     scaled, right = A / sizes[:, None], b / sizes
     if not (np.isfinite(scaled).all() and np.isfinite(right).all()):
@@ -138,9 +148,10 @@ def _shortest(A: Array, b: Array, sizes: Array, rounding: float) -> Array:
 
 
 def follow(equations: Equations, tolerance: float) -> list[Array]:
-    """Points x = (s, q) from s = 0 to s = 1.
+    """Return points x = (s, q) of the path from s = 0 to s = 1.
 
-    By shorter arcs where the path is lost, or ends unstable: it may have crossed to a buckled arm that stands straight.
+    Shorter arcs are tried if the path is lost or ends unstable: it may have crossed to the arm that should buckle but
+    is still straight.
     """
     path, lost = list[Array](), list[LostError]()
     for part, off in TRIES:
@@ -159,7 +170,7 @@ def follow(equations: Equations, tolerance: float) -> list[Array]:
 
 
 def _arcs(equations: Equations, tolerance: float, part: float, off: float) -> list[Array]:
-    """The same by arcs, this part of their usual length: predictor along the tangent, corrector orthogonal to it."""
+    """Return points of the path, arcs scaled by `part`, with a tangent predictor and an orthogonal corrector."""
     point, arc = equations.start, part * FIRST_ARC
     path, direction = [point], np.append(1.0, np.zeros(len(point) - 1))
     while point[0] < 1:
@@ -174,7 +185,7 @@ def _arcs(equations: Equations, tolerance: float, part: float, off: float) -> li
                 raise LostError(path)
         point = new
         path.append(point)
-        if len(path) > STEPS or point[0] < -1:  # all of the load reversed
+        if len(path) > STEPS or point[0] < -1:  # the load is fully reversed
             raise LostError(path)
         if corrections < WANTED:
             arc = min(2 * arc, part * LARGEST_ARC)
@@ -184,30 +195,30 @@ def _arcs(equations: Equations, tolerance: float, part: float, off: float) -> li
 def _corrected(
     equations: Equations, point: Array, step: float, direction: Array, tolerance: float, off: float
 ) -> tuple[Array | None, int]:
-    """The point of the path that lies a step ahead, or at s = 1; None if there is none near."""
+    """Return the point of the path one step ahead, or at s = 1, and the Newton steps; None if there is none near."""
     scales, target = equations.scales, point + step * direction
     new, corrections = _correct(equations, target, direction / scales**2, tolerance)
-    if new is not None and new[0] + 1e-12 >= 1:  # arrived: land on s = 1
+    if new is not None and new[0] + 1e-12 >= 1:  # end of the path: solve at s = 1
         target = point + (new - point) * ((1 - point[0]) / (new[0] - point[0]))
         target[0] = 1.0
         new, _ = _correct(equations, target, np.append(1.0, np.zeros(len(point) - 1)), tolerance)
-    if new is None or np.linalg.norm((new - target) / scales) > off * step:  # it may be on another path
+    if new is None or np.linalg.norm((new - target) / scales) > off * step:  # possibly on another path
         return None, corrections
     return new, corrections
 
 
 def _direction(equations: Equations, point: Array, before: Array) -> Array:
-    """Unit tangent of the path at a point, on the side of the direction before: F' t = 0."""
+    """Unit tangent of the path at a point, F' t = 0, pointing forward along the previous direction."""
     scales, (_, by_s) = equations.scales, equations.with_slope(point)
     still, row = np.zeros(len(before) - 1), before / scales**2
     t = equations.solve(by_s, row, still, 1.0)
-    if not np.isfinite(t).all():  # at a limit of the load: it moves what it pushes
+    if not np.isfinite(t).all():  # singular at a limit load: add weak springs
         t = equations.solve(by_s, row, still, 1.0, held=True)
     return np.asarray(t / np.linalg.norm(t / scales))
 
 
 def _correct(equations: Equations, target: Array, row: Array, tolerance: float) -> tuple[Array | None, int]:
-    """Newton back to the path in the plane row · (x − target) = 0; None if it does not converge."""
+    """Solve for the path in the plane row · (x − target) = 0 by Newton's method; None if it does not converge."""
     x, k, scales = target.copy(), 0, equations.scales
     while k < CORRECTIONS and is_finite(x) and np.linalg.norm((x - target) / scales) <= 100 * LARGEST_ARC:
         value, by_s = equations.with_slope(x)

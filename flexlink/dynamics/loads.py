@@ -1,12 +1,12 @@
-"""Internal loads: what the parts of an arm do to each other where it is cut, in motion or at rest.
+"""Internal loads: forces and moments between the parts of an arm at a cut, in motion or at rest.
 
-Cut before body i, at its hinge point. All that lies beyond, the bodies that hang on it, moves as gravity, drag, the tip
-wrench, and force f_i and moment n_i of what lies before make it (Newton and Euler):
+The cut is before body i, at its hinge point. The subtree beyond it moves under gravity, drag, the tip wrench, and the
+force f_i and moment n_i that the part before the cut exerts on it (Newton and Euler):
 
     F = m (a + α × c + ω × (ω × c) − g)        f_i = F_i + Σ f_j − f_tip
-    N = I α + ω × I ω + c × F                  n_i = N_i + Σ (n_j + r_j × f_j) − n_tip        r_j = p_j − p_i, j on i
+    N = I α + ω × I ω + c × F                  n_i = N_i + Σ (n_j + r_j × f_j) − n_tip        r_j = p_j − p_i, j child
 
-The loads of a section have the opposite sign: they act on the face that looks outward, as in beam theory.
+Section loads have the opposite sign: they act on the face that points outward, as in beam theory.
 """
 
 from __future__ import annotations
@@ -34,16 +34,17 @@ from flexlink.kernels.tools.finite import is_finite
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class InternalLoads(Result):
-    """Force and moment of what lies beyond a cut on what lies before it, at the hinge point of every body.
+    """Force and moment of the part beyond a cut on the part before it, at the hinge point of every body.
 
-    In axes of the body beyond. In a beam x runs along it: force[0] is the axial force, positive in tension, force[1],
-    force[2] are shear; moment[0] is the torque, GJ φ', moment[1], moment[2] the bending moments about y and z, EI κ.
-    The last body is the tip frame, where the loads are the tip wrench, unless this acts at another one.
+    They are in axes of the body beyond the cut. In a beam x runs along it: force[0] is the axial force, positive in
+    tension, force[1] and force[2] are shear; moment[0] is the torque, GJ φ', moment[1] and moment[2] are the bending
+    moments about y and z, EI κ. The last body is the tip frame, where the loads are the tip wrench, unless that acts on
+    another tip.
     """
 
     force: Array  # (…, bodies, 3) [N]
     moment: Array  # (…, bodies, 3) [N m]
-    hinge_moment: Array  # (…, n), the moment about the axis of each hinge [N m]; the force along one that slides [N]
+    hinge_moment: Array  # (…, n), moment about the axis of each hinge [N m]; force along a sliding joint [N]
 
     def __repr__(self) -> str:
         *states, bodies, _ = self.force.shape
@@ -61,9 +62,10 @@ def internal_loads(
 ) -> InternalLoads:
     """Axial force, shear, torque and bending moment at every hinge and joint.
 
-    They are those of the given motion, whatever drives it; along a run, `run.loads`. With q̈ of `forward_dynamics` the
-    moment about the axis of a hinge is k (θ − θ₀) + T_FR + I_a q̈, that about a driven joint's T_FR + I_a q̈ − T_EX, I_a
-    the armature. At a joint the axes are those of the body there: z is the joint's axis unless the scene names another.
+    They follow from the given motion and are independent of the drive; for a simulation use `run.loads`. If q̈ is from
+    `forward_dynamics`, the moment about the axis of a hinge is k (θ − θ₀) + T_FR + I_a q̈, and about that of a driven
+    joint T_FR + I_a q̈ − T_EX, where I_a is the armature. At a joint the axes are those of its body: z is the joint's
+    axis unless the scene defines another.
 
     Parameters
     ----------
@@ -77,8 +79,8 @@ def internal_loads(
     Returns
     -------
     InternalLoads
-        `force` and `moment`, shape (bodies, 3), one row for each of `chain.bodies`: at a joint or hinge
-        `force[chain.body("upper.2.z")]`; `hinge_moment`, shape (n,); or with a leading b.
+        `force` and `moment`, shape (bodies, 3), one row per body of `chain.bodies`: at a joint or hinge
+        `force[chain.body("upper.2.z")]`; `hinge_moment`, shape (n,); or with a leading axis b.
 
     Raises
     ------
@@ -88,9 +90,9 @@ def internal_loads(
     Examples
     --------
     >>> cuts = fl.strength.internal_loads(chain, q, qd, qdd)
-    >>> print(cuts.moment[chain.body("fore"), 2].round(2))  # N m: what bends the elbow
+    >>> print(cuts.moment[chain.body("fore"), 2].round(2))  # N m: bending moment at the elbow
     -30.31
-    >>> print(run.loads.moment.shape)  # along a run: samples, bodies, axes
+    >>> print(run.loads.moment.shape)  # simulation: samples, bodies, axes
     (101, 7, 3)
     """
     if is_batch(q, qd, qdd):
@@ -120,15 +122,15 @@ def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> Intern
         spans, parents = spans_of(chain.bodies), bodies["parent"]
         f = sums_inward(spans, F)
         moments = cross(p - of_parents(chain, p, np.zeros(3)), f)
-        hang = parents > 0
-        np.add.at(N, parents[hang] - 1, moments[hang])
+        attached = parents > 0
+        np.add.at(N, parents[attached] - 1, moments[attached])
         n = sums_inward(spans, N)
         inward = -R.transpose(0, 2, 1)
-        own = hinge_bodies(chain)
-        about_axes = -(axes * np.where(chain.slides[:, None], f[own], n[own])).sum(axis=1)
+        moved = hinge_bodies(chain)
+        about_axes = -(axes * np.where(chain.slides[:, None], f[moved], n[moved])).sum(axis=1)
         return InternalLoads(_each_by(inward, f), _each_by(inward, n), about_axes)
 
 
 def _each_by(matrices: Array, vectors: Array) -> Array:
-    """Each vector by its matrix."""
+    """Multiply each vector by its matrix."""
     return np.asarray(np.einsum("ijk,ik->ij", matrices, vectors))

@@ -1,4 +1,4 @@
-"""Linear and angular momentum of an arm: what a free base keeps."""
+"""Linear and angular momentum of an arm, which a free base conserves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flexlink.kernels.bodies.momentum import momenta
 
 
 class Momentum(NamedTuple):
-    """Of all bodies, in axes of frame 0, shape (3,) each, or (b, 3)."""
+    """Momentum of all bodies, in axes of frame 0, shape (3,) each, or (b, 3)."""
 
     linear: Array
     """Σ m v [N s]."""
@@ -33,10 +33,10 @@ class Momentum(NamedTuple):
 
 
 def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:
-    """Momentum of all bodies; that of rotors (`armature`), which turn beside them, is not counted.
+    """Return the momentum of all bodies, without that of rotors (`armature`).
 
-    Of a free base on which no wrench acts, the linear momentum changes by m g t and the angular momentum about the
-    centre of mass not at all, whatever its joints do.
+    If no wrench acts on an arm with a free base, its linear momentum changes at the rate m g, and its angular momentum
+    about the centre of mass is constant for any joint motion.
 
     Parameters
     ----------
@@ -48,23 +48,23 @@ def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:
     Returns
     -------
     Momentum
-        In frame 0.
+        Momentum in frame 0.
 
     Raises
     ------
     ArgumentError
-        `q` or `qd` has the wrong shape, is not real or not finite; no body has mass.
+        `q` or `qd` has the wrong shape, is not real or not finite; or no body has mass.
 
     Examples
     --------
-    >>> rates = np.where(np.arange(chain.n) == 0, 1.0, 0.0)  # rad/s: the first joint turns, all else is rigid
+    >>> rates = np.where(np.arange(chain.n) == 0, 1.0, 0.0)  # rad/s: only the first joint turns
     >>> print(fl.momentum(chain, q, rates).linear.round(2))  # N s
     [-0.95  7.91  0.  ]
     """
     n = require_type("chain", chain, Chain).n
     if not chain.mass:
         raise ArgumentError(
-            f"chain {chain.name!r}: no body has mass, so there is no centre of mass; give one a mass", id="no-mass"
+            f"chain {chain.name!r}: no body has mass, so it has no centre of mass; add a mass", id="no-mass"
         )
     if is_batch(q, qd):
         return momentum_of_states(chain, *rows(n, {"q": q, "qd": qd}))
@@ -73,7 +73,7 @@ def momentum(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Momentum:
 
 
 def momentum_of_states(chain: Chain, q: Array, qd: Array) -> Momentum:
-    """Of states (b, n)."""
+    """Momentum in checked states (b, n)."""
     found = np.empty((len(q), 3, 3))
     momenta(chain.arrays, np.ascontiguousarray(q), np.ascontiguousarray(qd), found)
     return Momentum(found[:, 0], found[:, 1], found[:, 2])

@@ -1,4 +1,4 @@
-"""notes(scene): what is legal but likely not meant; defaults(scene): what decides a run unsaid."""
+"""notes(scene): valid but probably unintended input; defaults(scene): defaults that determine the result."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from flexlink.chain.arguments import require_type
 from flexlink.chain.lumping import lump
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.joint import Joint
 from flexlink.describe.link import Link
@@ -16,37 +17,38 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.start_notes import balance, slack_springs, unheld_joints
 from flexlink.dynamics.terms import elastic_torque
 
-ENOUGH = 3
-"""Hinges of a link through whose strains a parabola goes, as that of a uniform load."""
+ENOUGH_HINGES = 3
+"""Smallest number of hinges that resolves a parabolic moment along a link, such as that of a uniform load."""
 
 
-def notes(scene: Scene) -> tuple[str, ...]:
-    """What is likely not meant: what has no effect, and how the arm starts; key, value, cause, what to change.
+def notes(scene: Scene) -> tuple[Diagnostic, ...]:
+    """Input that is probably unintended: keys without effect, and an unusual start. Each note gives cause and remedy.
 
     Parameters
     ----------
     scene
-        The scene; its chain is built, nothing is solved.
+        The scene. Its chain is built, but nothing is solved.
 
     Returns
     -------
-    tuple of str
-        One line each, empty if there is nothing to say.
+    tuple of Diagnostic
+        Strings of one line each; empty if there are no notes.
 
     Raises
     ------
     ArgumentError
-        `scene` is no Scene.
+        `scene` is not a Scene.
     """
     require_type("scene", scene, Scene)
-    starts = _stillness, slack_springs, unheld_joints, balance
-    idle = _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing, _beside_the_arm, _falling_base, _few_hinges
-    with np.errstate(all="ignore"):  # numbers beyond float64 are refused where a run is made of them
-        return tuple(note for each in (*starts, *idle) for note in each(scene))
+    start = _parallel_gravity, slack_springs, unheld_joints, balance
+    unused = _unused_static_start, _unused_torques, _unused_link_keys, _centers_without_mass
+    unusual = _tip_without_length, _falling_base, _few_hinges
+    with np.errstate(all="ignore"):  # values beyond float64 are refused when a run is built from them
+        return tuple(note for each in (*start, *unused, *unusual) for note in each(scene))
 
 
-def defaults(scene: Scene) -> tuple[str, ...]:
-    """What a scene leaves to defaults that decide what comes out: the steps of a run without a word on them.
+def defaults(scene: Scene) -> tuple[Diagnostic, ...]:
+    """Defaults of a scene that determine the result: the step or tolerance of a run that specifies neither.
 
     Parameters
     ----------
@@ -55,14 +57,15 @@ def defaults(scene: Scene) -> tuple[str, ...]:
 
     Returns
     -------
-    tuple of str
-        One line each, empty if there is nothing to say.
+    tuple of Diagnostic
+        Strings of one line each; empty if there are none.
     """
     run = scene.run
     if run.duration == 0 or (run.step is not None or run.has_tolerance):
         return ()
     if not run.by_default:
-        return (f"run: no step given; fixed ones of {run.fixed_step:g} s by {run.method}, unless a tolerance is given",)
+        steps = f"fixed steps of {run.fixed_step:g} s by {run.method}, unless a tolerance is given"
+        return (Diagnostic(f"run: no step given; {steps}", "no-step-given"),)
     chain = lump(scene)
     tolerance, of = run.tolerance_within(chain.size), f"{DEFAULT_TOLERANCE:g} of the {chain.size_name}"
     length = f"{1e3 * tolerance:.3g} mm"
@@ -70,11 +73,12 @@ def defaults(scene: Scene) -> tuple[str, ...]:
         of += f", {chain.size:.3g} m"
     if not chain.has_levers:
         length = f"{tolerance / chain.size:.3g} rad or {length}"
-    return (f"run: no step given; tolerance {length} ({of}), method auto",)
+    text = f"run: no step given; tolerance {length} ({of}), method auto"
+    return (Diagnostic(text, "no-step-given"),)
 
 
-def _stillness(scene: Scene) -> Iterator[str]:
-    """Gravity along all hinge axes turns none of them; with nothing else that pushes, a run shows an arm at rest."""
+def _parallel_gravity(scene: Scene) -> Iterator[Diagnostic]:
+    """Gravity parallel to all joint axes drives no joint; without other loads the arm stays at rest."""
     g = np.array(scene.gravity) / (np.abs(scene.gravity).max() or 1.0)
     pushed = [
         *scene.joint_rates, scene.wrench.acts, *(scene.drive.torque or ()),
@@ -85,70 +89,81 @@ def _stillness(scene: Scene) -> Iterator[str]:
     chain = lump(scene)
     sprung = scene.initial.q is not None and bool(elastic_torque(chain, scene.initial.q).any())
     if not sprung and chain.all_axes_parallel_to(g / np.linalg.norm(g)):
-        yield (
-            f"gravity = {list(scene.gravity)}: is parallel to the axes of all joints and moves none, and nothing else "
-            "moves them; turn gravity, or the first joint by link.1.joint.axis"
+        yield Diagnostic(
+            f"gravity = {list(scene.gravity)}: is parallel to the axes of all joints and moves none, and no other "
+            "load acts; change gravity, or the first joint's axis, link.1.joint.axis",
+            "no-effect",
         )
 
 
-def _stiff_static(scene: Scene) -> Iterator[str]:
+def _unused_static_start(scene: Scene) -> Iterator[Diagnostic]:
     if scene.initial.passive == "static" and not any(link.elastic for link in scene.arm.links):
-        yield "initial.passive = 'static': has no effect, no link bends"
+        yield Diagnostic("initial.passive = 'static': has no effect; all links are rigid", "no-effect")
 
 
-def _idle_drive(scene: Scene) -> Iterator[str]:
-    """A prescribed joint takes what torque it needs, whatever the drive says."""
+def _unused_torques(scene: Scene) -> Iterator[Diagnostic]:
+    """A prescribed joint gets the torque that its motion requires; the drive does not affect it."""
     drive = scene.drive
     for motion in scene.motion:
         k = scene.arm.number(motion.link) - 1
         keys = ["torque"] if drive.torque and drive.torque[k] else []
         keys += ["torques"] if any(row[k] for row in drive.torques or ()) else []
         for key in keys:
-            yield f"drive.{key}: has no effect on {motion.link!r}, whose motion is prescribed"
+            yield Diagnostic(
+                f"drive.{key}: has no effect on {motion.link!r}; the motion of this joint is prescribed", "no-effect"
+            )
 
 
-def _beside_the_arm(scene: Scene) -> Iterator[str]:
-    """Of several tips the last link's is the arm's: unlikely where it has no length, as a wheel or a thruster."""
+def _tip_without_length(scene: Scene) -> Iterator[Diagnostic]:
+    """The last link's tip is the arm's tip; probably unintended if that link has zero length, such as a wheel."""
     arm, last = scene.arm, scene.arm.links[-1]
     if len(arm.tips) < 2 or any(last.stop) or last.line is not None:
         return
     others = ", ".join(repr(arm.links[number - 1].name) for number in arm.tips[:-1])
-    where = f"at {last.name!r}, the last link, which has no length; other tips: {others}"
+    where = f"at {last.name!r}, the last link, which has zero length; other tips: {others}"
     if arm.tip.mass or any(arm.tip.inertia):
-        yield f"tip: the payload is {where}; put it into another link's end, or list that link last"
+        yield Diagnostic(
+            f"tip: the payload is {where}; move it to the end of another link, or list that link last",
+            "tip-without-length",
+        )
     if scene.wrench.acts and not scene.wrench.on:
-        yield f"wrench: acts {where}; wrench.on names another"
+        yield Diagnostic(f"wrench: acts {where}; set wrench.on to choose another", "tip-without-length")
 
 
-def _falling_base(scene: Scene) -> Iterator[str]:
-    """In orbit nothing falls; that gravity is there by default is easily forgotten."""
+def _falling_base(scene: Scene) -> Iterator[Diagnostic]:
+    """A free base falls under the default gravity, which is easily forgotten for an arm in orbit."""
     if scene.arm.base.free and any(scene.gravity) and not scene.wrench.acts:
-        yield f"gravity = {list(scene.gravity)}: nothing holds the free base, which falls; in an orbit it is [0, 0, 0]"
+        yield Diagnostic(
+            f"gravity = {list(scene.gravity)}: the free base is unsupported and falls; for an orbit set [0, 0, 0]",
+            "base-falls",
+        )
 
 
-def _few_hinges(scene: Scene) -> Iterator[str]:
-    """A moment that is a parabola along a link, of its weight and loads, takes three hinges."""
+def _few_hinges(scene: Scene) -> Iterator[Diagnostic]:
+    """The moment of distributed loads is parabolic along a link; three hinges resolve it."""
     placed = hinges_of(scene.arm)
     for sensor in scene.sensor:
-        if sensor.kind == "strain" and (found := len(placed[scene.arm.number(sensor.link) - 1][0])) < ENOUGH:
-            course = "one, so its strain is even" if found == 1 else "two, so its strain runs straight"
-            yield f"sensor.{sensor.name}: of hinges link {sensor.link!r} has {course}; take 5 segments or more"
+        if sensor.kind == "strain" and (found := len(placed[scene.arm.number(sensor.link) - 1][0])) < ENOUGH_HINGES:
+            course = "1 hinge, so its strain is constant" if found == 1 else "2 hinges, so its strain is linear"
+            yield Diagnostic(
+                f"sensor.{sensor.name}: link {sensor.link!r} has only {course}; use 5 segments or more", "few-hinges"
+            )
 
 
-def _centers_of_nothing(scene: Scene) -> Iterator[str]:
+def _centers_without_mass(scene: Scene) -> Iterator[Diagnostic]:
     bodies = {"tip": scene.arm.tip}
     for k, link in enumerate(scene.arm.links, 1):
         path = scene.arm.path(k)
         bodies |= {f"{path}.hub": link.hub, f"{path}.end": link.end}
     for key, body in bodies.items():
         if any(body.center) and not body.mass:
-            yield f"{key}.center = {body.center!r}: has no effect, the body has no mass"
+            yield Diagnostic(f"{key}.center = {body.center!r}: has no effect; the body has no mass", "no-effect")
 
 
-def _idle_link_keys(scene: Scene) -> Iterator[str]:
+def _unused_link_keys(scene: Scene) -> Iterator[Diagnostic]:
     for k, link in enumerate(scene.arm.links, 1):
         for key, value, why in _idle(link):
-            yield f"{scene.arm.path(k)}.{key} = {value!r}: has no effect, {why}"
+            yield Diagnostic(f"{scene.arm.path(k)}.{key} = {value!r}: has no effect; {why}", "no-effect")
 
 
 def _idle(link: Link) -> Iterator[tuple[str, object, str]]:

@@ -1,4 +1,4 @@
-"""Where an arm is: the frames of its bodies and of its tip, of one state or of many (see `terms`)."""
+"""Frames of an arm's bodies and of its tip, for one state or several (see `terms`)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flexlink.kernels.geometry.kinematics import forward_kinematics, tip_points
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Frames(Result):
-    """Where the `chain.bodies` are, in frame 0; the last one is the tip frame."""
+    """Frames of the `chain.bodies` in frame 0; the last one is the tip frame."""
 
     rotations: Array  # (…, bodies, 3, 3), R: v_0 = R v_body
     points: Array  # (…, bodies, 3), origins [m]
@@ -43,7 +43,7 @@ def frames(chain: Chain, q: ArrayLike) -> Frames:
     Returns
     -------
     Frames
-        Rotations (bodies, 3, 3) and origins (bodies, 3) [m], or with a leading b; the last one is the tip frame.
+        Rotations (bodies, 3, 3) and origins (bodies, 3) [m], or with a leading axis b; the last is the tip frame.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def tip_position(chain: Chain, q: ArrayLike, *, tip: str | int | None = None) ->
     q
         Angles [rad], shape (n,), or (b, n) for b states.
     tip
-        Name or number of a link that no other hangs on; default: the last link, whose end is the arm's tip.
+        Name or number of a link without child links; default: the last link, whose end is the arm's tip.
 
     Returns
     -------
@@ -83,13 +83,13 @@ def tip_position(chain: Chain, q: ArrayLike, *, tip: str | int | None = None) ->
     Raises
     ------
     ArgumentError
-        As in `frames`; or other links hang on that of the tip.
+        As in `frames`; or the link has child links.
 
     Examples
     --------
     >>> print(fl.tip_position(chain, q)[:2].round(4))  # m, frame 0
     [1.5578 0.092 ]
-    >>> print(fl.tip_position(chain, [q, 0 * q]).shape)  # of several states at once
+    >>> print(fl.tip_position(chain, [q, 0 * q]).shape)  # several states
     (2, 3)
     """
     number = body_number(chain, -1, tip)
@@ -116,12 +116,12 @@ class Jacobian(Result):
 def jacobian(
     chain: Chain, q: ArrayLike, *, body: int = -1, tip: str | int | None = None, point: ArrayLike = (0.0, 0.0, 0.0)
 ) -> Jacobian:
-    """∂(place and turning of a body)/∂q: v = J_v q̇ of a point of it, ω = J_ω q̇, in axes of frame 0.
+    """Derivative of a body's position and orientation by q: v = J_v q̇ of a point, ω = J_ω q̇, in axes of frame 0.
 
-    The geometric Jacobian, Pinocchio's in `LOCAL_WORLD_ALIGNED`, MuJoCo's `mj_jac`. Column k is e_k × (p − p_k) and
-    e_k, for axis and point of the hinges before the body, of one that slides e_k and 0, and 0 for those that are not
-    between the base and the body. By virtual work a force f and a
-    moment m on the body, f at the point, are the torques J_vᵀ f + J_ωᵀ m.
+    The geometric Jacobian, Pinocchio's in `LOCAL_WORLD_ALIGNED`, MuJoCo's `mj_jac`. Columns k of J_v and J_ω are
+    e_k × (p − p_k) and e_k for a hinge with axis e_k through p_k, e_k and 0 for a sliding joint, and 0 for joints that
+    are not between base and body. By virtual work a force f at the point and a moment m on the body correspond to the
+    torques J_vᵀ f + J_ωᵀ m.
 
     Parameters
     ----------
@@ -130,11 +130,11 @@ def jacobian(
     q
         Angles [rad], shape (n,), or (b, n) for b states.
     body
-        Number of the body in `chain.bodies`, as of `frames`, from −1, the tip frame, backwards or from 0 on.
+        Number of the body in `chain.bodies`, as in `frames`: from 0, or backwards from −1, the tip frame.
     tip
-        In place of the body: the name or number of a link that no other hangs on, whose tip frame is meant.
+        Instead of the body: name or number of a link without child links, whose tip frame is used.
     point
-        The point in axes of the body's frame, from its origin, shape (3,) [m].
+        The point relative to the origin of the body's frame, in its axes, shape (3,) [m].
 
     Returns
     -------
@@ -144,7 +144,7 @@ def jacobian(
     Raises
     ------
     ArgumentError
-        An argument has the wrong shape, is not real or not finite, or there is no such body.
+        An argument has the wrong shape, is not real or not finite, or the body does not exist.
 
     Examples
     --------
@@ -157,27 +157,27 @@ def jacobian(
     number, offset = body_number(chain, body, tip), vector("point", point, 3)
     placed = forward_kinematics(chain.arrays, vector("q", q, chain.n, many=True))
     axes = np.where(hinges_before(chain, number)[:, None], placed.axes, 0.0)
-    place = placed.points[number] + placed.rotations[number] @ offset
-    linear = cross(axes, place - placed.points[hinge_bodies(chain)])
+    position = placed.points[number] + placed.rotations[number] @ offset
+    linear = cross(axes, position - placed.points[hinge_bodies(chain)])
     if chain.slides.any():
         linear[chain.slides], axes[chain.slides] = axes[chain.slides], 0.0
     return Jacobian(np.ascontiguousarray(linear.T), np.ascontiguousarray(axes.T))
 
 
 def body_number(chain: Chain, body: int, tip: str | int | None) -> int:
-    """Number from 0 of a body, given by its number or as the tip frame of a link.
+    """Index of a body, given by its number or as the tip frame of a link.
 
     Raises
     ------
     ArgumentError
-        There is no such body, or other links hang on that of the tip.
+        The body does not exist, or the link has child links.
     """
     m = len(require_type("chain", chain, Chain).bodies)
     return integer("body", body, -m, m - 1) % m if tip is None else chain.tip_body(tip)
 
 
 def hinges_before(chain: Chain, body: int) -> NDArray[np.bool_]:
-    """Which hinges are between the base and a body, its own included, shape (n,)."""
+    """Mask of the hinges between the base and a body, including its own, shape (n,)."""
     first, stop = chain.bodies["first"], chain.bodies["stop"]
     if chain.is_serial:
         return np.asarray(np.arange(chain.n) < stop[body])
@@ -189,10 +189,10 @@ def hinges_before(chain: Chain, body: int) -> NDArray[np.bool_]:
 
 
 def hinge_bodies(chain: Chain) -> NDArray[np.intp]:
-    """Number of the body that hangs on each hinge, whose origin is the hinge point, shape (n,)."""
+    """Index of the body that each hinge moves, whose origin is the hinge point, shape (n,)."""
     return np.repeat(np.arange(len(chain.bodies)), chain.bodies["stop"] - chain.bodies["first"])
 
 
 def unbent(chain: Chain, q: Array) -> Array:
-    """The same angles of joints without springs, with every spring at its angle at rest; shape as of `q`."""
+    """Return q with every spring at its rest angle and the angles of joints without springs unchanged."""
     return np.where(chain.stiffness > 0, chain.rest, q)

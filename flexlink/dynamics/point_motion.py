@@ -1,10 +1,10 @@
-"""How points of an arm move: velocity and acceleration, and what sensors on the arm read (see `terms` for shapes).
+"""Velocity and acceleration of points of an arm, and readings of inertial sensors on it (see `terms` for shapes).
 
     ω_i = Σ e_k q̇_k        α_i = Σ (e_k q̈_k + ω × e_k q̇_k), ω before hinge k        over the hinges k up to body i
-    v_j = v_i + ω_i × r_j        a_j = a_i + α_i × r_j + ω_i × (ω_i × r_j)        r_j = p_j − p_i, j hangs on i
+    v_j = v_i + ω_i × r_j        a_j = a_i + α_i × r_j + ω_i × (ω_i × r_j)        r_j = p_j − p_i, i the parent of j
 
-Where j slides along e, e q̇ adds to its velocity, and e q̈ + 2 ω_i × e q̇ to its acceleration; it does not turn.
-The forward half of recursive Newton-Euler (Luh, Walker & Paul 1980), as sums along the arm, in frame 0.
+If body j slides along e, e q̇ adds to its velocity and e q̈ + 2 ω_i × e q̇ to its acceleration; it does not turn.
+This is the forward half of recursive Newton-Euler (Luh, Walker & Paul 1980), as sums along the arm in frame 0.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from flexlink.dynamics.result import Result
 from flexlink.kernels.geometry.kinematics import forward_kinematics
 from flexlink.kernels.tools.finite import is_finite
 
-AT_ONCE = 1000
-"""States whose bodies are looked at together: a few MB."""
+BATCH = 1000
+"""Number of states processed at once: a few MB."""
 
 
 class BodyMotion(NamedTuple):
-    """All bodies of a chain, in frame 0, at one state, or at several: second axes of all; points are their origins."""
+    """Motion of all bodies of a chain in frame 0; with b states, b is the second axis. Points are body origins."""
 
     rotations: Array  # (bodies, 3, 3), R: v_0 = R v_body
     points: Array  # (bodies, 3) [m]
@@ -42,17 +42,17 @@ class BodyMotion(NamedTuple):
     angular_velocity: Array  # (bodies, 3), ω [rad/s]
     acceleration: Array  # (bodies, 3), without gravity [m/s²]
     angular_acceleration: Array  # (bodies, 3), α [rad/s²]
-    before: tuple[Array, Array]  # (n, 3) each, ω and α of what each hinge turns or slides on
+    before: tuple[Array, Array]  # (n, 3) each, ω and α of the body or hinge before each hinge
 
 
 def body_motion(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
-    """Motion of every body at one state (n,), of checked arguments; beyond float64 it is not finite."""
+    """Motion of every body at one state (n,), for checked arguments; not finite if beyond float64."""
     R, p, axes = forward_kinematics(chain.arrays, q)
     return _moving(chain, R, p, axes, qd, qdd)
 
 
 def body_motions(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
-    """`body_motion` at states (b, n), equal to the bit, with a second axis b in all its parts."""
+    """Motion of every body at states (b, n), bitwise equal to `body_motion`; b is the second axis of all parts."""
     R, p = np.empty((len(chain.bodies), len(q), 3, 3)), np.empty((len(chain.bodies), len(q), 3))
     axes = np.empty((chain.n, len(q), 3))
     for k, angles in enumerate(q):
@@ -61,7 +61,7 @@ def body_motions(chain: Chain, q: Array, qd: Array, qdd: Array) -> BodyMotion:
 
 
 def _moving(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array) -> BodyMotion:
-    """Motion of bodies and hinges placed so, at rates and accelerations (n,) or (n, b)."""
+    """Motion of bodies and hinges at these positions, at rates and accelerations (n,) or (n, b)."""
     spans, rest = spans_of(chain.bodies), np.zeros(p.shape[1:])
     with np.errstate(over="ignore", invalid="ignore"):
         turned, faster = axes * qd[..., None], axes * qdd[..., None]
@@ -80,7 +80,7 @@ def _moving(chain: Chain, R: Array, p: Array, axes: Array, qd: Array, qdd: Array
 
 
 def _slid(chain: Chain, rates: Array) -> Array:
-    """Take the rates along joints that slide out of those of all hinges (n, …, 3); returns their sums by body."""
+    """Remove the rates of sliding joints from those of all hinges (n, …, 3); return their sums by body."""
     slid = np.zeros((len(chain.bodies), *rates.shape[1:]))
     if chain.slides.any():
         np.add.at(slid, hinge_bodies(chain)[chain.slides], rates[chain.slides])
@@ -89,7 +89,7 @@ def _slid(chain: Chain, rates: Array) -> Array:
 
 
 def _after_hinges(chain: Chain, spans: list[Branch], terms: Array) -> tuple[Array, Array]:
-    """Of terms of the hinges, (n, …, 3), the sums from the base up to before each one, and up to each body."""
+    """Sums of hinge terms (n, …, 3) from the base to just before each hinge, and up to each body."""
     before, at = np.empty_like(terms), np.empty((len(chain.bodies), *terms.shape[1:]))
     first, stop = chain.bodies["first"], chain.bodies["stop"]
     for parent, begin, end in spans:
@@ -103,12 +103,12 @@ def _after_hinges(chain: Chain, spans: list[Branch], terms: Array) -> tuple[Arra
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class PointMotion(Result):
-    """Motion of one point of an arm; the first three in frame 0, what sensors there read in axes of their body."""
+    """Motion of one point of an arm in frame 0; sensor readings are in axes of its body."""
 
     position: Array  # (…, 3) [m]
     velocity: Array  # (…, 3) [m/s]
     acceleration: Array  # (…, 3), d²/dt² of the position: without gravity [m/s²]
-    accelerometer: Array  # (…, 3), Rᵀ(acceleration − g): an arm at rest reads 9.81 m/s² upwards [m/s²]
+    accelerometer: Array  # (…, 3), Rᵀ(acceleration − g): at rest 9.81 m/s² upward [m/s²]
     gyroscope: Array  # (…, 3), Rᵀω [rad/s]
 
     def __repr__(self) -> str:
@@ -126,24 +126,24 @@ def point_motion(
     tip: str | int | None = None,
     point: ArrayLike = (0.0, 0.0, 0.0),
 ) -> PointMotion:
-    """Position, velocity and acceleration of a point of a body, and what an inertial sensor (IMU) fixed there reads.
+    """Return position, velocity and acceleration of a point of a body, and readings of an inertial sensor (IMU) there.
 
-    The accelerometer reads a − g in axes of the body: at rest the support, against gravity; in free fall nothing.
+    The accelerometer reads a − g in axes of the body: at rest an upward 9.81 m/s², in free fall zero.
 
     Parameters
     ----------
     chain
         The chain.
     q, qd, qdd
-        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states; along a run
+        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states; for a simulation
         `run.q`, `run.qd`, `run.qdd`.
     body
-        Number of the body in `chain.bodies`, from −1, the tip frame, backwards or from 0 on; of the one that hangs on a
-        joint or hinge `chain.body("upper.2.z")`.
+        Number of the body in `chain.bodies`, from 0, or backwards from −1, the tip frame. `chain.body("upper.2.z")` is
+        the body that a joint or hinge moves.
     tip
-        In place of the body: the name or number of a link that no other hangs on, at whose tip frame the point is.
+        Instead of the body: name or number of a link without child links, whose tip frame is used.
     point
-        The point in axes of the body's frame, from its origin, shape (3,) [m].
+        The point relative to the origin of the body's frame, in its axes, shape (3,) [m].
 
     Returns
     -------
@@ -153,8 +153,8 @@ def point_motion(
     Raises
     ------
     ArgumentError
-        An argument has the wrong shape, is not real or not finite, there is no such body, or a result
-        is beyond float64.
+        An argument has the wrong shape, is not real or not finite; the body does not exist; or a result is beyond
+        float64.
 
     Examples
     --------
@@ -174,11 +174,11 @@ def point_motion(
 
 
 def _of_many(chain: Chain, q: Array, qd: Array, qdd: Array, *, body: int, point: Array) -> PointMotion:
-    """Of checked states (b, n)."""
+    """Motion of a point in checked states (b, n)."""
     found = np.empty((len(PointMotion.__dataclass_fields__), len(q), 3))
-    for start in range(0, len(q), AT_ONCE):
-        some = slice(start, start + AT_ONCE)
-        found[:, some] = _of_point(chain, body_motions(chain, q[some], qd[some], qdd[some]), body, point)
+    for start in range(0, len(q), BATCH):
+        part = slice(start, start + BATCH)
+        found[:, part] = _of_point(chain, body_motions(chain, q[part], qd[part], qdd[part]), body, point)
     for k in np.flatnonzero(~np.isfinite(found).all(axis=(0, 2)))[:1].tolist():
         try:
             point_motion(chain, q[k], qd[k], qdd[k], body=body, point=point)

@@ -1,14 +1,14 @@
-"""How the motion of a point changes with angles, rates and accelerations: slopes of `point_motion`.
+"""Derivatives of `point_motion`: how the motion of a point changes with angles, rates and accelerations.
 
-Hinge j lies at p_j on axis e_j; what is before it moves with ω, α there, what is beyond turns about it, as a whole:
+Hinge j lies at p_j on axis e_j. The part before it moves with ω, α; the part beyond turns about it as a rigid body:
 
     ∂p = e × r        ∂v = ω × (e × r) + e × u        ∂ω_P = e × (ω_P − ω)                  by q_j, r = p − p_j
     ∂a = α × (e × r) + ω × (ω × (e × r)) + 2 ω × (e × u) + e × w
     ∂v = e × r        ∂ω_P = e        ∂a = 2 ω × (e × r) + 2 e × u                          by q̇_j
     ∂a = e × r                                                                              by q̈_j
 
-u and w are velocity and acceleration of the point as seen from before the hinge. One that slides shifts what is beyond:
-e stands for e × r, and 0 for e × u, e × w and ∂ω_P.
+u and w are velocity and acceleration of the point relative to the part before the hinge. A sliding joint shifts the
+part beyond: replace e × r by e, and e × u, e × w and ∂ω_P by 0.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from flexlink.dynamics.point_motion import body_motion
 def point_slopes(
     chain: Chain, q: Array, qd: Array, qdd: Array, body: int, point: Array
 ) -> dict[str, tuple[Array, ...]]:
-    """Slopes of what `point_motion` returns, by its name: by q, q̇ and q̈ where it depends on them, (3, n) each.
+    """Derivatives of the results of `point_motion`, by name: by q, q̇ and q̈, unless they vanish, (3, n) each.
 
-    At a state (n,), of a body's point, which is given in axes of the body [m].
+    At a state (n,), for a point of a body, given in axes of the body [m].
     """
     moving, beyond = body_motion(chain, q, qd, qdd), hinge_bodies(chain)
     R, ω_P, α_P = moving.rotations[body], moving.angular_velocity[body], moving.angular_acceleration[body]
@@ -44,7 +44,7 @@ def point_slopes(
     shift[slides], turn[slides] = e[slides], 0.0
     swung = cross(turn, u)
     by_angle = cross(α, shift) + cross(ω, cross(ω, shift) + 2 * swung) + cross(turn, w)
-    seen_by_angle = by_angle - cross(turn, a - chain.gravity)  # the body turns, too
+    seen_by_angle = by_angle - cross(turn, a - chain.gravity)  # the axes of the sensor turn as well
     spun = -cross(turn, np.broadcast_to(ω, turn.shape))
     accelerometer = _in(R, seen_by_angle), _in(R, 2 * (cross(ω, shift) + swung)), _in(R, shift)
     return {

@@ -1,4 +1,4 @@
-"""Base of the records that functions return: arrays are read-only, in copies and pickles too; files of them."""
+"""Base classes of results: their arrays are read-only, also in copies and pickles, and files can store them."""
 
 from __future__ import annotations
 
@@ -24,49 +24,49 @@ class Result:
                 fields[name] = read_only(value)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copies and pickles are built anew: their arrays, too, are read-only."""
+        """Rebuild copies and pickles with the constructor, so their arrays are read-only."""
         return type(self), tuple(vars(self)[field.name] for field in dataclasses.fields(self))  # type: ignore[arg-type]
 
 
 def read_only(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """A view that cannot be written through."""
+    """Return a read-only view."""
     array = array.view()
     array.setflags(write=False)  # three times as fast as `flags.writeable = False`
     return array
 
 
 class SavedResult(Result):
-    """A result of arrays, numbers and tuples of texts, which a file can hold."""
+    """A result of arrays, numbers and tuples of strings, which a file can store."""
 
     def save(self, path: str | Path) -> Path:
-        """Write all fields into an .npz archive, whole or not at all; `load` reads it back, equal to the bit.
+        """Write all fields into an .npz archive, atomically; `load` reads it back bit by bit.
 
         Raises
         ------
         ArgumentError
             The name does not end in .npz.
         OutputError
-            It cannot be written.
+            The file cannot be written.
         """
         path = archive_path(path)
-        write_whole(path, lambda place: write_archive(place, vars(self)))
+        write_whole(path, lambda temporary: write_archive(temporary, vars(self)))
         return path
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read what `save` has written.
+        """Read a file written by `save`.
 
         Raises
         ------
         ArgumentError
             The name does not end in .npz.
         DataFileError
-            The file is missing, or holds something else.
+            The file is missing, or contains something else.
         """
         arrays = read_archive(path)
         if arrays.keys() != {field.name for field in dataclasses.fields(cls)}:  # type: ignore[arg-type]
             raise DataFileError(
-                f"{path}: holds no {cls.__name__}; expected a file written by its save", id="not-a-result"
+                f"{path}: contains no {cls.__name__}; expected a file written by {cls.__name__}.save", id="not-a-result"
             )
         return cls(**{name: _field(array) for name, array in arrays.items()})
 
@@ -78,12 +78,12 @@ def _field(array: np.ndarray[Any, Any]) -> Any:
 
 
 def archive_path(path: str | Path) -> Path:
-    """`path`, of which the name ends in .npz.
+    """Return `path`, whose name must end in .npz.
 
     Raises
     ------
     ArgumentError
-        It does not, or is no path.
+        The name does not end in .npz, or `path` is not a path.
     """
     path = require_path("path", path)
     if path.suffix != ".npz":
@@ -92,20 +92,20 @@ def archive_path(path: str | Path) -> Path:
 
 
 def write_archive(path: Path, values: dict[str, Any]) -> None:
-    """Write arrays, numbers and tuples of texts into a compressed archive."""
+    """Write arrays, numbers and tuples of strings into a compressed archive."""
     with path.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **values)
 
 
 def read_archive(path: str | Path) -> dict[str, np.ndarray[Any, Any]]:
-    """All arrays of an .npz archive, by name.
+    """Return all arrays of an .npz archive by name.
 
     Raises
     ------
     ArgumentError
         The name does not end in .npz.
     DataFileError
-        The file is missing or not such an archive.
+        The file is missing or not an .npz archive.
     """
     path = archive_path(path)
     try:
@@ -115,7 +115,7 @@ def read_archive(path: str | Path) -> dict[str, np.ndarray[Any, Any]]:
         raise DataFileError(f"{path}: cannot be read: {error.strerror or error}", id="cannot-read") from None
     except (MemoryError, OverflowError):
         raise DataFileError(
-            f"{path}: claims more numbers than fit into memory; expected an .npz file", id="not-a-result"
+            f"{path}: declares more numbers than fit into memory; expected an .npz file", id="not-a-result"
         ) from None
     except (ValueError, TypeError, EOFError, zipfile.BadZipFile):
         raise DataFileError(f"{path}: not an archive of arrays; expected an .npz file", id="not-a-result") from None

@@ -17,23 +17,23 @@ from flexlink.kernels.derivatives.small_motion_cells import cells_workspace
 from flexlink.kernels.derivatives.small_motion_factors import factor, solve
 
 K_ALONE, C_ALONE, M_ALONE = np.eye(3)
-"""Weights of K, C and M in a sum of them."""
+"""Weights that select K, C or M in their weighted sum."""
 
 SMALLEST = 1e-8
-"""Pivot, as a part of what its row is made of, below which a coordinate is spared: half of all digits are left."""
+"""Smallest pivot, relative to the terms of its row, that is eliminated: half of all digits are then correct."""
 
 
 class SmallMotion:
-    """K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇ and M about a posture at constant rates, locked coordinates at rest.
+    """K = ∂(T_GC + T_FL)/∂q, C = ∂(T_GC + T_FR)/∂q̇ and M about a configuration at constant rates, some joints locked.
 
     Attributes
     ----------
     spared
-        Coordinates that `eliminate` has left, since their pivots are too small: sequential indices.
+        Indices of the coordinates that `eliminate` skipped because their pivots are too small.
     sizes
-        What the rows of the matrix that was eliminated are made of, shape (n,).
+        Magnitude of the terms in each row of the eliminated matrix, shape (n,).
     scales
-        What changes of the coordinates compare with, as `rounding.scales`.
+        Unit of the change of each coordinate, as in `rounding.scales`.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class SmallMotion:
         self.spared, self.sizes = np.zeros(0, np.intp), np.zeros(chain.n)
 
     def place(self, q: Array) -> None:
-        """Take on another posture."""
+        """Move to another configuration."""
         if (sprung := about(self._chain, q)) is not self._chain:
             self._bend(sprung)
         wrench, follower, qd = self._state
@@ -59,13 +59,13 @@ class SmallMotion:
         self._q = q
 
     def _bend(self, sprung: Chain) -> None:
-        """Take on the stiffness of the chain about a posture."""
+        """Use the stiffness of the chain about a configuration."""
         self._diagonals[0], self._couplings = sprung.stiffness, sprung.couplings
         self._work = self._work._replace(chain=sprung.arrays)
 
     @property
     def _matrix(self) -> Any:
-        """The scratch with its cells, of which `place` and products need no code."""
+        """The workspace with its cells, which `place` and the products do not need."""
         return self._work._replace(cells=self._cells)
 
     def times(self, weights: Array, x: Array) -> Array:
@@ -78,16 +78,16 @@ class SmallMotion:
         return product
 
     def times_mass(self, x: Array) -> Array:
-        """M x for rows x (m, n), 0 at locked coordinates, shape (m, n): with more digits than `times`."""
+        """M x for rows x (m, n), 0 at locked coordinates, shape (m, n); more accurate than `times`."""
         product = np.empty_like(x)
         mass_products(self._chain.arrays, self._q, x, product)
         product[:, self.locked] = 0.0
         return product
 
     def eliminate(self, weights: Array, w: Array, sizes: Array, smallest: float = SMALLEST) -> int:
-        """Prepare `solve` for k + w (weights · (K, C, M) − k), k what springs, friction and rotors give, w by rows.
+        """Factorize k + w (weights · (K, C, M) − k) for `solve`; k from springs, friction and rotors, w one per row.
 
-        Returns how many pivots are not positive.
+        Returns the number of pivots that are not positive.
         """
         self.sizes, given = sizes, self._work.given
         given[:] = self.locked
@@ -96,7 +96,7 @@ class SmallMotion:
         return int(negative)
 
     def inertias(self) -> tuple[Array, Array]:
-        """The diagonal of M, and what each coordinate moves while all beyond it give way, shape (n,) each [kg m²]."""
+        """Diagonal of M, and the inertia of each coordinate if all beyond it move freely, shape (n,) each [kg m²]."""
         found, ones = [], np.ones(len(self.locked))
         for given in (True, self.locked):
             self._work.given[:] = given
@@ -105,9 +105,9 @@ class SmallMotion:
         return found[0], found[1]
 
     def solve(self, r: Array) -> tuple[Array, Array]:
-        """Solutions for right sides r (m, n), 0 at spared coordinates, and those for none where these are 1 in turn.
+        """Solutions for right sides r (m, n) with skipped coordinates at 0, then for r = 0 with each at 1 in turn.
 
-        Returns the solutions (m + spared, n), and the left sides of the spared rows, (m + spared, spared).
+        Returns the solutions (m + spared, n), and the left sides of the skipped rows, (m + spared, spared).
         """
         m, spared = len(r), self.spared
         right, x = (np.zeros((m + len(spared), r.shape[1])) for _ in range(2))

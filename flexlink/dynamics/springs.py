@@ -1,4 +1,4 @@
-"""Springs and dampers of a chain as matrices and their inverse, couplings included; springs about a bent posture."""
+"""Spring and damper matrices of a chain with couplings, their inverse, and the tangent stiffness."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexlink.kernels.layout import COUPLING
 
 
 def spring_torque(chain: Chain, q: Array) -> Array:
-    """T_FL at angles q (n,), shape (n,) [N m]."""
+    """Return T_FL at angles q (n,), shape (n,) [N m]."""
     torque = chain.times("stiffness", q - chain.rest)
     if chain.has_rotation_springs:
         torque += excess_torque(chain.bodies, chain.hinges, chain.couplings, q)
@@ -22,7 +22,7 @@ def spring_torque(chain: Chain, q: Array) -> Array:
 
 
 def held_angles(chain: Chain, q: Array) -> Array:
-    """What springs hold at angles q (n,) or (b, n): these, or the rotation vectors of triples about their axes."""
+    """Variables of the springs at angles q (n,) or (b, n): q, or the rotation vectors of hinge triples."""
     if not chain.has_rotation_springs:
         return q
     held = [rotation_vectors(chain.bodies, chain.hinges, chain.couplings, row) for row in np.atleast_2d(q)]
@@ -30,9 +30,9 @@ def held_angles(chain: Chain, q: Array) -> Array:
 
 
 def about(chain: Chain, q: Array) -> Chain:
-    """The chain with ∂T_FL/∂q at angles q (n,) for its K: itself, unless springs hold rotation vectors.
+    """Return the chain with ∂T_FL/∂q at angles q (n,) as its K; the same chain unless springs act on rotation vectors.
 
-    Their slopes join all hinges of a triple, and of the triples of a cell, as couplings do.
+    Their derivatives couple all hinges of a triple, and the triples of a cell.
     """
     if not chain.has_rotation_springs:
         return chain
@@ -50,22 +50,22 @@ def about(chain: Chain, q: Array) -> Chain:
 
 
 def _joined(couplings: NDArray[np.void]) -> NDArray[np.void]:
-    """Each pair of hinges once."""
-    pairs, place = np.unique(couplings[["inner", "outer"]], return_inverse=True)
+    """Merge couplings, so that each pair of hinges occurs once."""
+    pairs, pair_index = np.unique(couplings[["inner", "outer"]], return_inverse=True)
     joined = np.zeros(len(pairs), COUPLING)
     joined["inner"], joined["outer"] = pairs["inner"], pairs["outer"]
     for field in ("stiffness", "damping"):
-        np.add.at(joined[field], place, couplings[field])
+        np.add.at(joined[field], pair_index, couplings[field])
     return joined
 
 
 def damping_slope(chain: Chain) -> Array:
-    """Slope of T_FR at rest by each joint's own rate, d + coulomb / coulomb_width, shape (n,)."""
+    """Derivative of T_FR at rest by each joint's own rate, d + coulomb / coulomb_width, shape (n,)."""
     return np.asarray(chain.damping + _dry(chain))
 
 
 def damping_matrix(chain: Chain) -> Array:
-    """Slope of T_FR at rest, D + diag(coulomb / coulomb_width), shape (n, n)."""
+    """Derivative of T_FR at rest, D + diag(coulomb / coulomb_width), shape (n, n)."""
     return np.asarray(chain.matrix("damping") + np.diag(_dry(chain)))
 
 
@@ -81,7 +81,7 @@ def _dry(chain: Chain) -> Array:
 
 
 def deflections(chain: Chain, torques: Array) -> Array:
-    """Angles K⁻¹ τ [rad] by which springs give way to torques τ (n,) or (rows, n); 0 where there is none."""
+    """Deflections K⁻¹ τ [rad] of springs under torques τ (n,) or (rows, n); 0 for joints without a spring."""
     sprung = np.flatnonzero(chain.stiffness > 0)
     angles = np.zeros_like(torques)
     if not len(chain.couplings):

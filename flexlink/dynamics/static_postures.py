@@ -1,4 +1,4 @@
-"""Postures in a row at which a chain rests, its driven joints held: what a static feed-forward goes through."""
+"""Equilibria of a chain for a sequence of driven angles, as needed for static feed-forward."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from flexlink.dynamics.wrench import turns_with_tip
 from flexlink.kernels.derivatives.static_continuation import follow_equilibria
 
 DENSE = 100
-"""Joints up to which a posture is found from the one before with a matrix that is kept."""
+"""Number of joints up to which an equilibrium is found from the previous one with a stored matrix."""
 
 
 POSTURES = Memo(64)
-"""Static equilibria of chains: runs of one scene share that at their start."""
+"""Cache of static equilibria of chains, shared by the runs of one scene when they start."""
 
 
 def static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Array:
-    """The posture (n,) at which a chain rests, its driven joints held as in q; errors as in `solve_static`."""
+    """Equilibrium (n,) of a chain with its driven joints held as in q; errors as in `solve_static`."""
     return POSTURES.calling(_static_posture, chain, q, wrench, frame).copy()
 
 
@@ -35,14 +35,14 @@ def _static_posture(chain: Chain, q: Array, wrench: Array, frame: Frame) -> Arra
 
 
 def static_postures(chain: Chain, angles: Array) -> Array:
-    """Postures (rows, n) at which a chain rests under gravity, its driven joints at angles (rows, driven) [rad].
+    """Equilibria (rows, n) of a chain under gravity with its driven joints held at angles (rows, driven) [rad].
 
-    Each as `solve_static` finds it from the one before: where Newton's method gets there at once, by that alone.
+    Each starts from the previous one. Newton's method is used if it converges at once, otherwise `solve_static`.
 
     Raises
     ------
     ConvergenceError
-        At a row the arm has no equilibrium.
+        The arm has no equilibrium for one of the rows.
     """
     held, q, postures = chain.active, np.zeros(chain.n), np.zeros((len(angles), chain.n))
     free, found = unlocked(chain, held.tolist()), 0
@@ -61,16 +61,16 @@ def static_postures(chain: Chain, angles: Array) -> Array:
 
 
 def _rounded(x: Array, decimals: list[int]) -> Array:
-    """`round` of every number (m, k), half to even, by an exact product with the power of ten (Dekker 1971)."""
-    exact = 22  # decimals whose power of ten is a float64
+    """Python's `round` for every number (m, k), half to even, by exact products with powers of ten (Dekker 1971)."""
+    exact = 22  # largest power of ten that float64 represents exactly
     scale, split = np.array([10.0 ** max(each, 0) for each in decimals]), 2.0**27 + 1.0
     y = x * scale
     if not all(0 <= each <= exact for each in decimals) or np.abs(y).max(initial=0.0) >= 2.0**52:
         return np.array([[*map(round, row, decimals)] for row in x.tolist()])
     (a, b), (c, d) = ((high, z - high) for z in (x, scale) for high in (split * z - (split * z - z),))
-    left = ((a * c - y) + a * d + b * c) + b * d  # of the product beyond its rounding y
+    left = ((a * c - y) + a * d + b * c) + b * d  # rounding error of the product y
     whole = np.rint(y)
-    above, below = 0.5 - (y - whole), -0.5 - (y - whole)  # what may be left, for `whole` to be the nearest
+    above, below = 0.5 - (y - whole), -0.5 - (y - whole)  # range of this error in which `whole` is the nearest integer
     up = (left > above) | ((left == above) & (whole % 2 == 1))
     down = (left < below) | ((left == below) & (whole % 2 == 1))
     return np.asarray((whole + up - down.astype(float)) / scale)

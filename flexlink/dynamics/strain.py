@@ -1,15 +1,15 @@
-"""Curvature and surface strain of a link, as strain gauges read them, from the angles of its hinges.
+"""Curvature and surface strain of a link, as strain gauges measure them, from its hinge angles.
 
-A hinge of weight w stands for a length w L of the beam, k = EI/(w L): its angle is the curvature of this length,
-κ = θ/(w L), so that EI κ = k θ. At rest k θ is the bending moment at the hinge itself, whatever the lumping: there the
-curvature is that of the beam. Between hinges it is for the reader to interpolate. Where the springs of a cell are
-coupled, its angles make the curvature at the cell's Gauss points, which take the place of the hinges:
+A hinge of weight w represents a length w L of the beam, k = EI/(w L). Its angle θ is the integral of the curvature over
+this length, so κ = θ/(w L) and EI κ = k θ. At rest, k θ is the bending moment at the hinge and κ the beam's curvature
+there, for every lumping rule. If the springs of a cell are coupled, its angles determine the curvature at the cell's
+Gauss points instead:
 
     κ(x_q) = 1/h Σ_j C_qj θ_j        ε = z κ_y − y κ_z
 
-Where EI is a table, κ = M/EI there, M the moment that the springs hold.
+If EI is a table, κ = M/EI there, where M is the moment in the springs.
 
-Where springs hold rotation vectors φ, these stand for θ, and in cells of two −φ₁ × φ₂ / (6 h) adds to κ.
+If springs act on rotation vectors φ, these replace θ, and cells of two add −φ₁ × φ₂ / (6 h) to κ.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from flexlink.kernels.tools.finite import is_finite
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class BeamStrain(Result):
-    """How a link bends, at its hinges, or at the Gauss points of cells of coupled springs, as many."""
+    """Curvature and strain of a link at its hinges, or at the same number of Gauss points of coupled cells."""
 
     x: Array  # (hinges,), distance from the root of the beam [m]
     curvature: Array  # (…, hinges, 3), rate of twist φ', then κ about the section's y and z [rad/m]
@@ -51,28 +51,28 @@ class BeamStrain(Result):
 
 
 def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike) -> BeamStrain:
-    """Curvature of a link and bending strain of a fibre at its hinges, or at the Gauss points of cells.
+    """Return the curvature of a link and the bending strain of a fibre at its hinges, or at the Gauss points of cells.
 
-    κ = θ/(w L), or what all angles of a cell make of it where its springs are coupled (lumping "lobatto2", "lobatto4");
-    off by θ² where a hinge bends and twists at once, unless its springs hold rotation vectors. A chain does not
-    stretch: to the strain of bending a gauge adds that of the axial force N, N/(EA), N being
-    `internal_loads(…).force[…, 0]`. At the root of the beam, where no hinge is, κ = M/EI with the moment there.
+    κ = θ/(w L); in cells of coupled springs (lumping "lobatto2", "lobatto4") it follows from all angles of the cell.
+    The error is of order θ² if a hinge bends and twists at once, unless its springs act on rotation vectors. A chain
+    does not stretch: a gauge also measures the axial strain N/(EA), where N is `internal_loads(…).force[…, 0]`. The
+    root of the beam has no hinge; there κ = M/EI.
 
     Parameters
     ----------
     scene
-        The scene: a chain does not know the lengths that its hinges stand for.
+        The scene; a chain does not contain the lengths that its hinges represent.
     q
-        Angles [rad], shape (n,), or (b, n) for b states; along a run `run.q`.
+        Angles [rad], shape (n,), or (b, n) for b states; for a simulation `run.q`.
     link
-        A link that bends, by name, or number from 1.
+        Name or number (from 1) of a link that bends.
     fibre
-        Place (y, z) of the fibre in the section, from the line through its centroid, shape (2,) [m].
+        Position (y, z) of the fibre in the section, relative to its centroid, shape (2,) [m].
 
     Returns
     -------
     BeamStrain
-        `x` (hinges,), `curvature` (hinges, 3), `strain` (hinges,), the last two with a leading b.
+        `x` (hinges,), `curvature` (hinges, 3), `strain` (hinges,); the last two with a leading axis b.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
         `q` or `fibre` has the wrong shape, is not real or not finite; there is no such link, or it is rigid; a strain
         is beyond float64.
     SceneError, DataFileError
-        As of `lump`.
+        As in `lump`.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     bent, (y, z) = arm.links[number - 1], vector("fibre", fibre, 2)
     if not AXES[bent.flex]:
         raise ArgumentError(
-            f"link = {link!r}: is rigid; expected one that bends, with flex of z, yz or xyz", id="link-is-rigid"
+            f"link = {link!r}: is rigid; expected a link that bends, with flex z, yz or xyz", id="link-is-rigid"
         )
     angles = rows(chain.n, {"q": q})[0] if is_batch(q) else vector("q", q, chain.n, many=True)
     nodes, weights = hinges_of(arm)[number - 1]
@@ -121,7 +121,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
 
 
 def known_at(scene: Scene, number: int) -> Array:
-    """Where along the beam of a link the curvature is known, as parts of its length, (hinges,)."""
+    """Positions along the beam of a link at which the curvature is known, relative to its length, (hinges,)."""
     nodes, _ = hinges_of(scene.arm)[number - 1]
     cells = lumping_rule(scene.arm.links[number - 1].lumping).cells
     return nodes if cells is None else cells.gauss_points(len(nodes))

@@ -1,4 +1,4 @@
-"""Slopes of the torques about a state: what modal analysis and Newton's method for statics need (`kernels.slopes`)."""
+"""Derivatives of the torques about a state, for modal analysis and Newton's method in statics (`kernels.slopes`)."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ from flexlink.kernels.geometry.kinematics import forward_kinematics, turned_with
 
 
 class LoadedState(NamedTuple):
-    """What small motion is about: a posture, steady rates, a constant tip wrench, and the coordinates that may move."""
+    """The state of small motion: configuration, steady rates, constant tip wrench, and the free coordinates."""
 
     q: Array
     qd: Array
     wrench: Array
-    follower: bool  # whether it turns with the tip
+    follower: bool  # whether the wrench turns with the tip
     free: NDArray[np.intp]
 
 
 class Stiffness(NamedTuple):
-    """K of the free coordinates, and what is needed to tell its zeros from rounding.
+    """K of the free coordinates, with the data needed to distinguish its zeros from rounding.
 
     Attributes
     ----------
     K
-        Tangent stiffness [N m/rad], shape (n, n); rows of joints that slide [N/…], their columns […/m].
+        Tangent stiffness [N m/rad], shape (n, n); rows of sliding joints [N/…], their columns […/m].
     S
-        Square root of what each row is made of, springs and loads, shape (n,): K̂ = S⁻¹ K S⁻¹ is of order 1.
+        Square root of the magnitude of each row's terms, shape (n,): K̂ = S⁻¹ K S⁻¹ is of order 1.
     conservative
-        K is symmetric up to rounding: the loads have a potential.
+        Whether K is symmetric up to rounding, so the loads have a potential.
     rounding
-        Largest eigenvalue of K̂ that rounding explains.
+        Bound of the rounding error of K̂'s eigenvalues.
     """
 
     K: Array
@@ -56,7 +56,7 @@ class Stiffness(NamedTuple):
 
     @property
     def symmetric(self) -> Array:
-        """The symmetric part; of a K that should be symmetric by its rows of outer hinges, which sum fewer terms."""
+        """Symmetric part of K. Conservative loads: mirrors the lower triangle, whose entries sum fewer terms."""
         return np.tril(self.K) + np.tril(self.K, -1).T if self.conservative else (self.K + self.K.T) / 2
 
     @property
@@ -66,36 +66,37 @@ class Stiffness(NamedTuple):
 
     @property
     def falls(self) -> bool:
-        """Some eigenvalue of K̂ has a negative real part that rounding does not explain."""
+        """Whether an eigenvalue of K̂ has a negative real part beyond rounding."""
         if self.conservative:
             return bool((np.linalg.eigvalsh(self.scaled) < -self.rounding).any())
         return bool((np.linalg.eigvals(self.K / np.outer(self.S, self.S)).real < -self.rounding).any())
 
 
 def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
-    """Sequential indices of the coordinates that may move: neither `locked`, nor moving as prescribed, nor internal.
+    """Sequential indices of the free coordinates: not `locked`, not prescribed, not internal.
 
     Raises
     ------
     ArgumentError
-        `locked` holds something that is no joint, or leaves nothing to move.
+        `locked` contains something that is not a joint, or leaves no free coordinate.
     """
     moves = chain.hinges["prescribed"] == 0
     moves[chain.joint_indices("locked", locked)] = moves[chain.internal] = False
     free = np.flatnonzero(moves)
     if not len(free):
         raise ArgumentError(
-            f"locked = {truncated(locked)}: nothing is left to move; prescribed joints do not, either",
+            f"locked = {truncated(locked)}: no joint is free to move (prescribed joints are not free either); lock "
+            "fewer joints",
             id="nothing-to-move",
         )
     return free
 
 
 def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
-    """T_GC and T of force elements with a dead or a follower wrench, (n,) [N m]; T_EX − T_FL in (relative) equilibrium.
+    """T_GC and T of force elements under a dead or follower wrench, (n,) [N m]; T_EX − T_FL in (relative) equilibrium.
 
-    `wrench` (6,) [N, N m] acts on the tip in axes of frame 0 and keeps its direction there; with `follower` its
-    components are in axes of the tip frame and it turns with the tip.
+    `wrench` (6,) [N, N m] acts on the tip in axes of frame 0 and keeps its direction there. With `follower` it is given
+    in axes of the tip frame and turns with the tip.
     """
     if follower:
         wrench = turned_with_tip(chain.arrays, wrench, q)
@@ -106,7 +107,7 @@ def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool
 def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
     """K = ∂(T_GC + T_FL + T of force elements)/∂q at constant rates, shape (n, n) [N m/rad], exact up to rounding.
 
-    Elastic + gravity + load + centrifugal stiffness; not symmetric under a follower wrench or a spatial moment.
+    Elastic, gravity, load and centrifugal stiffness; not symmetric under a follower wrench or a spatial moment.
     """
     K = about(chain, q).matrix("stiffness")
     K += load_matrices(chain, q, qd, wrench, follower)[0]
@@ -123,11 +124,11 @@ def load_matrices(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bo
 def tangent(
     chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.intp], follower: bool = False
 ) -> Stiffness:
-    """`stiffness_matrix` of the coordinates `free`, with the sizes that its rounding is judged by."""
+    """`stiffness_matrix` of the coordinates `free`, with the magnitudes that bound its rounding error."""
     K = stiffness_matrix(chain, q, qd, wrench, follower)[np.ix_(free, free)]
     load, entry = rounding.largest_load_stiffness(chain, qd, wrench)[free], rounding.of_load_stiffness(chain)
     S = np.sqrt(chain.stiffness[free] + load)
-    S[S == 0] = 1.0  # a row of zeros
+    S[S == 0] = 1.0  # zero rows
     scale = rounding.scales(chain)[free]
     left, moment = np.abs(K - K.T) * np.outer(scale, scale), load * scale**2
     conservative = bool((left <= entry * np.add.outer(moment, moment)).all())
@@ -143,9 +144,9 @@ def falls(
     follower: bool = False,
     motion: SmallMotion | None = None,
 ) -> bool:
-    """`tangent(…).falls` in O(n): of loads with a potential by the signs of pivots, of others by Arnoldi's method.
+    """`tangent(…).falls` in O(n): by the signs of pivots if the loads have a potential, else by Arnoldi's method.
 
-    `motion`: of this chain under these loads, which may be taken to the posture.
+    `motion` is the small motion of this chain under these loads; its configuration is changed to q.
     """
     potential = has_potential(chain, wrench, follower) and not qd.any()
     if not potential and len(free) <= DENSE:
@@ -167,12 +168,12 @@ def falls(
 
 
 DENSE = 100
-"""Coordinates up to which eigenvalues of a stiffness that is not symmetric are found by matrices, in O(n³)."""
+"""Number of coordinates up to which eigenvalues of an unsymmetric stiffness are computed with dense matrices, O(n³)."""
 
 
 def _least_eigenvalue(motion: SmallMotion, S: Array, free: NDArray[np.intp]) -> float:
-    """The least real part of an eigenvalue of K̂, most of which are 1 or nearly; nan if it is not found."""
-    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs  # noqa: PLC0415  0.1 s that only long chains need
+    """Smallest real part of the eigenvalues of K̂, most of which are close to 1; nan if the iteration fails."""
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs  # noqa: PLC0415  0.1 s; only long chains need it
 
     def times(φ: Array) -> Array:
         x = np.zeros((1, len(S)))
@@ -187,13 +188,13 @@ def _least_eigenvalue(motion: SmallMotion, S: Array, free: NDArray[np.intp]) -> 
 
 
 def has_potential(chain: Chain, wrench: Array, follower: bool) -> bool:
-    """Whether the tip wrench has a potential: a force that keeps its direction, in a plane a moment, too."""
+    """Whether the tip wrench has a potential: a force of constant direction, in a plane also a moment."""
     moment = wrench[3:].any() and not chain.is_planar
     return not (moment or (follower and wrench[:3].any()))
 
 
 def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
-    """G = ∂(T_GC + T of force elements)/∂q̇, shape (n, n) [N m s/rad]; at rest that of gyrators alone."""
+    """G = ∂(T_GC + T of force elements)/∂q̇, shape (n, n) [N m s/rad]; at rest only that of gyrators."""
     G = np.zeros((chain.n, chain.n))
     if qd.any():
         G += load_matrices(chain, q, qd, np.zeros(6))[1]
@@ -203,10 +204,10 @@ def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
 
 
 def displacements(chain: Chain, q: Array, φ: NDArray[np.inexact]) -> NDArray[np.inexact]:
-    """Displacements of body origins and tips, frame 0, that go with small angles φ (m, n), shape (m, bodies, 3) [m].
+    """Displacements of body origins and tips for small angles φ (m, n), in frame 0, shape (m, bodies, 3) [m].
 
-    Each body turns by the sum of φ_k e_k before it, and carries the origins of those along that hang on it; one that
-    slides is moved by φ_k e_k, too.
+    Each body turns by the sum of φ_k e_k before it and moves the origins of its child bodies. A sliding joint also
+    shifts its body by φ_k e_k.
     """
     _, points, axes = forward_kinematics(chain.arrays, q)
     steps, first, stop = φ[:, :, None] * axes, chain.bodies["first"], chain.bodies["stop"]
@@ -216,13 +217,13 @@ def displacements(chain: Chain, q: Array, φ: NDArray[np.inexact]) -> NDArray[np
         steps[:, chain.slides] = 0.0
     turned, moved, rest = np.zeros_like(slid), np.zeros_like(slid), np.zeros((len(φ), 3))
     for parent, begin, end in spans_of(chain.bodies):
-        turn, move, place = rest, rest, np.zeros(3)
+        turn, move, origin = rest, rest, np.zeros(3)
         if parent >= 0:
-            turn, move, place = turned[:, parent], moved[:, parent], points[parent]
+            turn, move, origin = turned[:, parent], moved[:, parent], points[parent]
         ahead = np.cumsum(np.concatenate([turn[:, None], steps[:, first[begin] : stop[end - 1]]], axis=1), axis=1)
         turned[:, begin:end] = ahead[:, stop[begin:end] - first[begin]]
         before = np.concatenate([turn[:, None], turned[:, begin : end - 1]], axis=1)
-        levers = np.diff(points[begin:end], axis=0, prepend=place[None])
+        levers = np.diff(points[begin:end], axis=0, prepend=origin[None])
         shifts = cross(before, levers) + slid[:, begin:end]
         moved[:, begin:end] = np.cumsum(np.concatenate([move[:, None], shifts], axis=1), axis=1)[:, 1:]
     return moved

@@ -1,9 +1,9 @@
-"""The checked public functions of a chain: shapes and finiteness here, then the kernel.
+"""Public functions for the terms of the equation of motion: they check shapes and finiteness, then call a kernel.
 
     M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX                         (paper, equations 2 and 3)
 
-All torques are in N m, all angles in rad, arrays are float64 of shape (n,) in sequential order, or (b, n) for b states:
-results then have a leading b, and a part of the state of shape (n,) belongs to all of them. The tip wrench
+All torques are in N m, all angles in rad. Arrays are float64 of shape (n,) in sequential order, or (b, n) for b states:
+results then have a leading axis b, and parts of the state of shape (n,) apply to all states. The tip wrench
 (f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame, in axes of `frame`.
 """
 
@@ -37,7 +37,7 @@ MASS_ALGORITHMS = {
 
 
 def algorithms_of(chain: Chain) -> tuple[str, ...]:
-    """Names of the algorithms for the mass matrix of a chain."""
+    """Names of the mass matrix algorithms available for a chain."""
     return tuple(MASS_ALGORITHMS) if chain.is_serial_revolute else ("upper", "composite")
 
 
@@ -50,7 +50,7 @@ def inverse_dynamics(
     tip_wrench: ArrayLike | None = None,
     frame: Frame = "world",
 ) -> Array:
-    """Torque M q̈ + T_GC that the rigid-body motion takes, without springs and friction.
+    """Torque M q̈ + T_GC of the rigid-body motion, without springs and friction.
 
     Recursive Newton-Euler (Luh, Walker & Paul 1980; paper, section 3): Pinocchio's `rnea`, MuJoCo's `mj_rne`.
 
@@ -59,8 +59,8 @@ def inverse_dynamics(
     chain
         The chain.
     q, qd, qdd
-        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states, eight of which
-        go side by side: equal to the single calls up to rounding (`rounding.of_residual`).
+        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states. Eight states are
+        computed at a time; results equal those of single calls up to rounding (`rounding.of_residual`).
     tip_wrench, frame
         Force and moment on the tip, shape (6,) [N, N m], or one row per state, (b, 6), in axes of frame 0, "world",
         or of the "tip" frame.
@@ -78,7 +78,7 @@ def inverse_dynamics(
     Examples
     --------
     >>> torque = fl.inverse_dynamics(chain, q, qd, qdd) + fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd)
-    >>> print(torque.round(2) + 0.0)  # N m; bent by gravity, springs hold their hinges
+    >>> print(torque.round(2) + 0.0)  # N m; equilibrium: zero at hinges with springs
     [77.6   0.    0.   30.31  0.    0.  ]
     """
     if is_batch(q, qd, qdd):
@@ -99,11 +99,11 @@ def _inverse_dynamics_of_many(
     tau: Array = inverse_dynamics_of_many(chain.arrays, world_wrenches([chain], many[0], tip_wrench, frame), *many)
     if is_finite(tau.reshape(-1)):
         return tau
-    return each(inverse_dynamics, chain, state, tip_wrench=tip_wrench, frame=frame)  # says which state overflows
+    return each(inverse_dynamics, chain, state, tip_wrench=tip_wrench, frame=frame)  # its error names the state
 
 
 def _at(what: str, chain: Chain, values: Array) -> str:
-    """Words for the first of `values`, one per joint, that is not finite."""
+    """Description of the first of `values`, one per joint, that is not finite."""
     return f"the {what} of joint {chain.joint_name(int(np.argmin(np.isfinite(values))))!r}"
 
 
@@ -135,7 +135,7 @@ def bias_torque(
 
     Examples
     --------
-    >>> print(fl.bias_torque(chain, q, qd)[chain.active].round(2))  # N m; at rest that of gravity
+    >>> print(fl.bias_torque(chain, q, qd)[chain.active].round(2))  # N m; at rest the gravity torque
     [77.6  30.31]
     """
     return inverse_dynamics(
@@ -165,16 +165,16 @@ def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
 
     Examples
     --------
-    >>> print(fl.gravity_torque(chain, q)[chain.active].round(2))  # N m that hold the arm
+    >>> print(fl.gravity_torque(chain, q)[chain.active].round(2))  # N m
     [77.6  30.31]
     """
     return bias_torque(chain, q, np.zeros(require_type("chain", chain, Chain).n))
 
 
 def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
-    """T_FL = k (θ − θ₀) on passive joints, 0 on active ones; of coupled springs, K (θ − θ₀).
+    """T_FL = k (θ − θ₀) for passive joints, 0 for active ones; K (θ − θ₀) for coupled springs.
 
-    Springs of rotation vectors (a rule with `springs = "rotation"`) take the slope of ½ φ·K φ along the angles.
+    For springs of rotation vectors (a rule with `springs = "rotation"`) it is the gradient of ½ φ·K φ by the angles.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
 
     Examples
     --------
-    >>> print(fl.elastic_torque(chain, q).round(2) + 0.0)  # N m; none on driven joints
+    >>> print(fl.elastic_torque(chain, q).round(2) + 0.0)  # N m; zero for driven joints
     [  0.   -66.78 -39.47   0.   -23.36  -5.86]
     """
     if is_batch(q):
@@ -211,8 +211,8 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
 def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
     """T_FR = d q̇ + c tanh(q̇ / w).
 
-    d is viscous friction on active joints and structural damping on passive ones; c is the Coulomb torque and w the
-    `coulomb_width` over which the law turns round smoothly.
+    d is viscous friction of active joints and structural damping of passive ones. c is the Coulomb torque, and w the
+    `coulomb_width` over which it changes sign smoothly.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
         return each(friction_torque, chain, {"qd": qd})
     qd = vector("qd", qd, require_type("chain", chain, Chain).n, many=True)
     hinges = chain.hinges
-    with np.errstate(over="ignore"):  # far beyond the width tanh is 1
+    with np.errstate(over="ignore"):  # tanh saturates at 1
         torque: Array = chain.times("damping", qd) + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
         if chain.forces:
             torque = torque + force_torque(of_joint_rates(chain), np.zeros(chain.n), qd)
@@ -257,14 +257,14 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     chain
         The chain.
     q
-        Angles [rad], shape (n,), or (b, n) for b states, of which "composite" takes eight side by side: equal to the
-        single calls up to rounding (`rounding.of_mass_matrix`).
+        Angles [rad], shape (n,), or (b, n) for b states. "composite" computes eight states at a time; results equal
+        those of single calls up to rounding (`rounding.of_mass_matrix`).
     algorithm
-        "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper; the first two for
-        arms without branches whose joints all turn;
+        "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper; the first two only
+        for unbranched arms without sliding joints;
         "composite": composite rigid bodies in inertial axes (Featherstone 2008, section 6.2), the fastest.
-        Every element is right to eps of the largest; relative to √(M_jj M_kk), of a twist j that moves next to no
-        inertia in a slender arm that is nearly straight, only those of methods 1 to 3 are, in body axes.
+        Every element is accurate to eps of the largest. Methods 1 to 3, in body axes, are also accurate relative to
+        √(M_jj M_kk), for example for the twist j of a slender, nearly straight arm, which moves almost no inertia.
 
     Returns
     -------
@@ -274,8 +274,8 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     Raises
     ------
     ArgumentError
-        `q` has the wrong shape, is not real or not finite, the algorithm is unknown or not for this chain, or M is
-        beyond float64.
+        `q` has the wrong shape, is not real or not finite; the algorithm is unknown or not available for this chain; or
+        M is beyond float64.
 
     Examples
     --------
@@ -287,7 +287,7 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     if algorithm not in algorithms_of(chain):
         allowed = " or ".join(map(repr, algorithms_of(chain)))
         raise ArgumentError(
-            f"algorithm = {algorithm!r}: for arms without branches whose joints all turn; take {allowed}",
+            f"algorithm = {algorithm!r}: requires an unbranched arm without sliding joints; use {allowed}",
             id="not-supported-here",
         )
     if is_batch(q):
@@ -301,6 +301,6 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     trace = kernel(chain.arrays, q, M)
     if not math.isfinite(trace):
         raise ArgumentError(
-            f"the mass matrix of {chain.name!r} overflows float64; expected smaller masses and lengths", id="overflow"
+            f"the mass matrix of {chain.name!r} overflows float64; use smaller masses and lengths", id="overflow"
         )
     return M

@@ -1,4 +1,4 @@
-"""The tip wrench in axes of frame 0, whatever axes it is given in."""
+"""The tip wrench in axes of frame 0, whichever axes it is given in."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ def turns_with_tip(frame: Frame) -> bool:
 
 
 def world_wrench(chain: Chain, q: Array, tip_wrench: ArrayLike | None, frame: Frame) -> Array:
-    """The tip wrench at checked angles (n,), frame 0, shape (6,); errors as in `turns_with_tip`, `wrench_vector`."""
+    """Tip wrench at checked angles (n,), in frame 0, shape (6,); errors as in `turns_with_tip`, `wrench_vector`."""
     wrench = wrench_vector(tip_wrench)
-    if frame == "world" or not turns_with_tip(frame):  # the first is the fast way
+    if frame == "world" or not turns_with_tip(frame):  # the first test is fast
         return wrench
     turned: Array = turned_with_tip(chain.arrays, wrench, q)
     return turned
 
 
 def world_wrenches(chains: Sequence[Chain], q: Array, tip_wrench: ArrayLike | None, frame: Frame) -> Array:
-    """The same of b states, of one chain or of one each, shape (b, 6); see `wrench_rows`."""
+    """Tip wrenches at b states of one chain, or of b chains, in frame 0, shape (b, 6); see `wrench_rows`."""
     wrenches = wrench_rows(tip_wrench, len(q))
     if frame == "world" or not turns_with_tip(frame):
         return wrenches

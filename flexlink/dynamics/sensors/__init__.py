@@ -1,1 +1,1 @@
-"""What sensors on an arm see, and what their instruments make of it."""
+"""Sensors on an arm: ideal signals, and readings of their instruments."""

@@ -1,4 +1,4 @@
-"""The columns of the sensors of a scene, of a run."""
+"""Columns of a scene's sensors for the samples of a run."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import Sensor, column_names
 from flexlink.dynamics.sensors.instrument import Instrument
@@ -15,7 +16,7 @@ from flexlink.dynamics.sensors.signals import Samples, signal_of
 
 
 def readings_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
-    """What a sensor shows in the samples of a run, shape (columns, samples); errors as in `signal_of`."""
+    """Readings of a sensor in the samples of a run, shape (columns, samples); errors as in `signal_of`."""
     return _shown(sensor, scene, run.t, signal_of(sensor, scene, run).T)
 
 
@@ -26,18 +27,19 @@ def _shown(sensor: Sensor, scene: Scene, t: Array, signal: Array) -> Array:
 
 
 def sensor_columns(scene: Scene, run: Samples) -> dict[str, Array]:
-    """Columns of all sensors by their names; errors as in `signal_of`."""
+    """Columns of all sensors by name; errors as in `signal_of`."""
     found = [column for sensor in scene.sensor for column in readings_of(sensor, scene, run)] if len(run.t) else []
     found = found or [np.empty(0)] * len(column_names(scene.sensor, scene.arm))
     return dict(zip(column_names(scene.sensor, scene.arm), found, strict=True))
 
 
-def coarse_samples(scene: Scene, run: Samples) -> Iterator[str]:
-    """Sensors of which samples of a run are too far apart: a signal that is straight in between is not the real one.
+def coarse_samples(scene: Scene, run: Samples) -> Iterator[Diagnostic]:
+    """Warn about sensors whose signal is not resolved: it is interpolated linearly between samples of a run.
 
-    Without every other sample, the error is up to four times as large. Errors as in `signal_of`.
+    The error is estimated by leaving out every other sample, which makes it up to four times as large. Errors as in
+    `signal_of`.
     """
-    # samples from which on an error can be told by leaving out every other one
+    # fewer samples do not allow an estimate
     for sensor in scene.sensor if len(run.t) > 8 else ():
         if Instrument(sensor, scene.run.spacing).known_at_samples:
             continue
@@ -45,10 +47,10 @@ def coarse_samples(scene: Scene, run: Samples) -> Iterator[str]:
         signal = signal_of(sensor, scene, run).T
         fine, coarse = _shown(plain, scene, run.t, signal), _shown(plain, scene, run.t[::2], signal[::2])
         off, size = np.abs(fine[:, ::2] - coarse).max(), np.ptp(fine)
-        # part of the range of a column by which half of the samples may change it untold
+        # largest error that is not reported, relative to the range of a column
         if off > 0.01 * size:
-            yield (
-                f"sensor.{sensor.name}: between samples, {scene.run.spacing:g} s apart, its signal is taken as "
-                f"straight; half of them would change what it shows by {off / size:.1%} of its range; take a smaller "
-                "run.sample"
+            yield Diagnostic(
+                f"sensor.{sensor.name}: its signal is interpolated linearly between samples {scene.run.spacing:g} s "
+                f"apart; with half of them its readings change by {off / size:.1%} of their range; reduce run.sample",
+                "coarse-samples",
             )

@@ -1,7 +1,7 @@
-"""A strain gauge: the strain at the hinges nearest to it, by the cubic through them, and how it changes with angles.
+"""A strain gauge: strain interpolated by a cubic through the nearest hinges, and its derivative by the angles.
 
-Where EI is a table, which may have kinks and jump, curvature does, too, but not the moment M = EI κ: the cubic goes
-through that of the hinges, and κ = M/EI with the rigidity at the gauge.
+If EI is a table, it may have kinks and jumps, and so may the curvature, but not the moment M = EI κ. The cubic then
+interpolates the moment at the hinges, and κ = M/EI with the rigidity at the gauge.
 """
 
 from __future__ import annotations
@@ -18,29 +18,31 @@ from flexlink.dynamics.strain import beam_strain, known_at
 
 
 def gauge_strain(sensor: Sensor, scene: Scene, q: Array) -> Array:
-    """ε at the gauge [1], shape (samples,), at angles q (samples, n)."""
-    (y, z), place = sensor.fibre or (0.0, 0.0), sensor.x or 0.0
+    """Strain ε at the gauge [1], shape (samples,), at angles q (samples, n)."""
+    (y, z), position = sensor.fibre or (0.0, 0.0), sensor.x or 0.0
     found = beam_strain(scene, q, link=sensor.link, fibre=(y, z))
-    nearest, weights = interpolation(found.x, place)
+    nearest, weights = interpolation(found.x, position)
     number = scene.arm.number(sensor.link)
     link = scene.arm.links[number - 1]
     if link.rigidity is None:
         strain: Array = found.strain[..., nearest] @ weights
         return strain
     beam = TableBeam(link.beam.length, scene.arm.rigidities[link.rigidity])
-    there, here = (beam.rigidities(x)[1:] for x in (known_at(scene, number)[nearest], np.array([place / beam.length])))
+    there, here = (
+        beam.rigidities(x)[1:] for x in (known_at(scene, number)[nearest], np.array([position / beam.length]))
+    )
     κ_y, κ_z = (found.curvature[..., nearest, k + 1] @ (weights * there[k]) / here[k] for k in range(2))
     return np.asarray(z * κ_y - y * κ_z)
 
 
 def interpolation(nodes: Array, x: float) -> tuple[NDArray[np.intp], Array]:
-    """Numbers of the nodes nearest to x, at most four, and Lagrange's weights of their values.
+    """Indices of the nodes nearest to x, at most four, and the Lagrange weights of their values.
 
     >>> nearest, weights = interpolation(np.array([0.0, 1.0, 2.0, 3.0, 4.0]), 1.0)
     >>> print(nearest, weights)
     [0 1 2 3] [0. 1. 0. 0.]
     """
-    most = 4  # between hinges h apart the strain at a gauge is off by h⁴ ε⁗/24, or so
+    most = 4  # between hinges h apart the error of the strain is about h⁴ ε⁗/24
     nearest = np.sort(np.argsort(np.abs(nodes - x), kind="stable")[:most])
     known = nodes[nearest]
     apart = known[:, None] - known
@@ -52,10 +54,9 @@ def interpolation(nodes: Array, x: float) -> tuple[NDArray[np.intp], Array]:
 def gauge_slope(sensor: Sensor, scene: Scene, chain: Chain, q: Array) -> Array:
     """∂ε/∂q at angles q (n,), shape (n,).
 
-    ε is linear in the angles of springs that hold them, and exact but for rounding; springs that hold rotation vectors
-    make it curved.
+    ε is linear in the angles, and the derivative is exact up to rounding, unless springs act on rotation vectors.
     """
-    nudge = 1e-3  # angle [rad] of the differences of fourth order: off by 1e-13 and what rounding makes of it
+    nudge = 1e-3  # step [rad] of the fourth-order differences; error 1e-13, and rounding
     steps = nudge * np.array([1.0, -1.0, 2.0, -2.0])
     states = q + steps[:, None, None] * np.eye(chain.n)
     near, nearer, far, farther = gauge_strain(sensor, scene, states.reshape(-1, chain.n)).reshape(4, chain.n)

@@ -1,8 +1,8 @@
-"""What an instrument makes of a signal that is known at samples, and straight in between.
+"""Instrument readings of a signal that is known at samples and linear between them.
 
     y(t) = gain · LP[u](t_k − delay) + bias + noise_k, rounded to multiples of `resolution`, t_k = k / rate ≤ t
 
-LP is exact for such a signal. Between samples h apart a smooth one differs from it by h² ü / 8, at most.
+LP is exact for such a signal. Linear interpolation of a smooth signal with samples h apart is off by at most h² ü / 8.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from flexlink.describe.whole_steps import is_whole
 from flexlink.dynamics.sensors.low_pass import LowPass, butterworth
 
 BLOCK = 256
-"""Numbers of noise that are made at once."""
+"""Number of noise values generated at once."""
 
 
 class Signal:
-    """A signal up to now, at samples and straight in between, and what a low-pass has made of it.
+    """A signal up to now, linear between samples, with the state of its low-pass.
 
-    Before the first sample it was as it is there. Samples are added one by one, or again from an earlier time on.
+    Before the first sample it is constant. Samples are appended one by one, or replaced from an earlier time on.
     """
 
     def __init__(self, columns: int, low_pass: LowPass | None) -> None:
@@ -36,7 +36,7 @@ class Signal:
         self._z: Complex = np.empty((16, columns, modes), np.complex128)
 
     def add(self, t: Array, u: Array) -> None:
-        """Append samples u (samples, columns) at increasing times t [s]; what was there from the first one on goes."""
+        """Append samples u (samples, columns) at increasing times t [s]; replaces samples from t[0] on."""
         first = int(np.searchsorted(self._t[: self.count], t[0]))
         self.count = stop = first + len(t)
         while stop > len(self._t):
@@ -53,25 +53,25 @@ class Signal:
         h = np.diff(self._t[first - 1 : stop])[:, None]
         g = np.diff(self._u[first - 1 : stop], axis=0) / h
         forced = low_pass.advanced(np.zeros_like(self._z[before]), self._u[before], g, np.broadcast_to(h, g.shape))
-        kept = np.exp(h * low_pass.poles)
+        decay = np.exp(h * low_pass.poles)
         for k in range(first, stop):
-            self._z[k] = kept[k - first] * self._z[k - 1] + forced[k - first]
+            self._z[k] = decay[k - first] * self._z[k - 1] + forced[k - first]
 
     def at(self, times: Array) -> Array:
-        """What comes out of the low-pass at times [s] up to the last sample, shape (times, columns)."""
+        """Output of the low-pass at times [s] up to the last sample, shape (times, columns)."""
         t, u = self._t[: self.count], self._u[: self.count]
         k = np.maximum(np.searchsorted(t, times, side="right") - 1, 0)
         after = np.minimum(k + 1, self.count - 1)
         h = np.where(after > k, t[after] - t[k], 1.0)[:, None]
         g = (u[after] - u[k]) / h
-        τ = np.maximum(times - t[k], 0.0)[:, None]  # nothing has changed before the first sample
+        τ = np.maximum(times - t[k], 0.0)[:, None]  # constant before the first sample
         if self.low_pass is None:
             return np.asarray(u[k] + g * τ)
         return self.low_pass.output(self.low_pass.advanced(self._z[k], u[k], g, np.broadcast_to(τ, g.shape)))
 
 
 class Instrument:
-    """The instrument of a sensor; without a rate it has a number of noise every `between` seconds."""
+    """The instrument of a sensor. Without a sampling rate its noise changes every `between` seconds."""
 
     def __init__(self, sensor: Sensor, between: float) -> None:
         self.sensor, self.between, self.rate = sensor, between, sensor.rate or 1 / between
@@ -79,42 +79,40 @@ class Instrument:
         self.signal = Signal(len(sensor.components), low_pass)
 
     def readings(self, times: Array) -> Array:
-        """What it shows at times [s] up to the last sample of its signal, shape (times, columns)."""
+        """Readings at times [s] up to the last sample of the signal, shape (times, columns)."""
         sensor = self.sensor
-        on_time = (
-            1e-9  # part of the time between two instants by which a sample may be early and still be at the later one
-        )
+        on_time = 1e-9  # a time may precede an instant by this part of the period and still belong to it
         instants = np.floor(times * self.rate + on_time * np.maximum(1.0, times * self.rate))
-        asked = times if sensor.rate is None else instants / sensor.rate
-        shown = sensor.gain * self.signal.at(asked - sensor.delay) + sensor.bias
+        read_at = times if sensor.rate is None else instants / sensor.rate
+        shown = sensor.gain * self.signal.at(read_at - sensor.delay) + sensor.bias
         if sensor.noise:
-            numbers = [noise(f"{sensor.seed or 0} {sensor.name}{part}", instants) for part in sensor.components]
-            shown += sensor.noise * np.column_stack(numbers)
+            values = [noise(f"{sensor.seed or 0} {sensor.name}{part}", instants) for part in sensor.components]
+            shown += sensor.noise * np.column_stack(values)
         if sensor.resolution is not None:
             shown = np.round(shown / sensor.resolution) * sensor.resolution
         return np.asarray(shown)
 
     @property
     def known_at_samples(self) -> bool:
-        """Whether all that it asks of its signal, at every instant and so much earlier, is a sample of the run."""
+        """Whether readings need the signal only at samples of the run: no low-pass, and no times between samples."""
         sensor, apart = self.sensor, self.between
         times = [sensor.delay, *([] if sensor.rate is None else [1 / sensor.rate])]
         return sensor.low_pass is None and all(is_whole(time / apart) for time in times)
 
 
 def noise(key: str, instants: Array) -> Array:
-    """Numbers of a normal distribution that belong to instants of these numbers, the same in whatever order and run."""
-    blocks, places = np.divmod(instants.astype(np.int64), BLOCK)
+    """Normally distributed values for instants with these numbers, independent of their order and of the run."""
+    blocks, offsets = np.divmod(instants.astype(np.int64), BLOCK)
     found = np.empty(len(instants))
     for block in np.unique(blocks).tolist():
-        found[blocks == block] = _block(key, block)[places[blocks == block]]
+        found[blocks == block] = _block(key, block)[offsets[blocks == block]]
     return found
 
 
 @functools.lru_cache(maxsize=256)
 def _block(key: str, number: int) -> Array:
-    """By Philox's counter and the inverse of the distribution, which all versions of NumPy agree on."""
-    from scipy.special import ndtri  # noqa: PLC0415  time that few scenes need
+    """Noise values from Philox's counter and the inverse distribution, the same in all versions of NumPy."""
+    from scipy.special import ndtri  # noqa: PLC0415  slow import that few scenes need
 
     hashed = int.from_bytes(hashlib.sha256(key.encode()).digest()[:16])
     raw: NDArray[np.uint64] = np.random.Philox(key=hashed, counter=[0, number, 0, 0]).random_raw(BLOCK)

@@ -1,4 +1,4 @@
-"""What sensors show as outputs of a linear model."""
+"""Sensor readings as outputs of a linear model."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from flexlink.dynamics.vibration.outputs import Output
 
 
 class SensorOutputs:
-    """The sensors of a scene, or those of some names, as outputs of `linearize`.
+    """All or some sensors of a scene as outputs of `linearize`.
 
-    Gains and biases count, low-passes become states of the model, delays stand beside it. Sampling, resolution and
-    noise, which no linear model has, do not count.
+    Gains and biases are included, low-passes become states of the model, delays are listed separately. Sampling,
+    resolution and noise, which are not linear, are left out.
 
     Parameters
     ----------
     scene
         The scene.
     names
-        Of sensors; none: all.
+        Names of sensors; default: all.
 
     Raises
     ------
     ArgumentError
-        The scene has no sensors, or none of such a name.
+        The scene has no sensors, or no sensor with such a name.
 
     Examples
     --------
@@ -68,7 +68,7 @@ class SensorOutputs:
         Raises
         ------
         ArgumentError
-            A sensor shows the torque that a prescribed motion takes.
+            A sensor measures the torque of a joint with prescribed motion.
         SceneError
             As in `Trajectory.readings`.
         """
@@ -78,8 +78,8 @@ class SensorOutputs:
         scene = self.scene
         if sensor.kind in {"torque", "current"} and chain.hinges["prescribed"][joint_of(sensor, chain, scene)]:
             raise ArgumentError(
-                f"outputs: sensor {sensor.name!r}: the motion of its joint is prescribed, its acceleration an input; "
-                "what torque that takes is no output of a linear model",
+                f"outputs: sensor {sensor.name!r}: the motion of its joint is prescribed; a linear model has the "
+                "acceleration of this joint as input and no torque as output; leave the sensor out",
                 id="sensor-of-prescribed-joint",
             )
         here = SimpleNamespace(chain=chain, t=np.zeros(1), q=q[None], qd=qd[None], qdd=qdd[None], tau=tau[None])

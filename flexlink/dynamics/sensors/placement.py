@@ -1,4 +1,4 @@
-"""Where a sensor sits: the body that carries it, its place there, and the directions that it measures."""
+"""Placement of a sensor: its body, its position there, and the directions that it measures."""
 
 from __future__ import annotations
 
@@ -18,62 +18,62 @@ from flexlink.kernels.geometry.kinematics import forward_kinematics
 
 
 def placement_of(sensor: Sensor, scene: Scene) -> tuple[int, Array, Array]:
-    """Where a sensor that sees how a point moves sits on the lumped arm.
+    """Placement on the lumped arm of a sensor that measures the motion of a point.
 
-    The number of a body in `chain.bodies`; a point from its origin, in its axes [m], (3,); what is measured there, unit
-    vectors in axes of the body, of a position in those of frame 0, (columns, 3).
+    Returns the index of a body in `chain.bodies`, the point in its axes [m], (3,), and the measured directions as unit
+    vectors (columns, 3), in axes of the body; for a position, in axes of frame 0.
 
-    Of the segments of a link that bends it is on the one in which its place lies, at a hinge on the outer one.
+    On a flexible link the body is the segment at the sensor's position; at a hinge, the outer one.
 
     Raises
     ------
     SceneError
-        It sits on what is fixed in frame 0; or as in `lump`.
+        The sensor is mounted on a part that is fixed in frame 0; or as in `lump`.
     """
     chain, arm = lump(scene), scene.arm
     wanted = np.eye(3) if sensor.axis is None else unit("axis", sensor.axis)[None]
     if is_on_base(sensor, arm):
         return BODY, np.array(sensor.point or (0.0, 0.0, 0.0)), wanted
     number = arm.number(sensor.link)
-    link, own = arm.links[number - 1], [piece for piece in pieces(scene) if piece.link == number]
+    link, of_link = arm.links[number - 1], [piece for piece in pieces(scene) if piece.link == number]
     unbent = forward_kinematics(chain.arrays, np.zeros(chain.n))
     R, p = np.concatenate([np.eye(3)[None], unbent.rotations]), np.concatenate([np.zeros((1, 3)), unbent.points])
-    (start, length, frame), root = link.beam, own[0]
+    (start, length, frame), root = link.beam, of_link[0]
     axes = R[root.body] @ root.place.R @ frame.T  # of the link, in frame 0
     origin = p[root.body] + R[root.body] @ root.place.p - axes @ start
-    body, place = _place(sensor, chain, link, own)
+    body, position = _beam_position(sensor, chain, link, of_link)
     if sensor.point is not None:
         along = float((np.array(sensor.point) - start) @ frame[:, 0])
-        body = _at(own, along / length if length else 1.0).body
-        place = R[body].T @ (origin + axes @ sensor.point - p[body])
+        body = _piece_at(of_link, along / length if length else 1.0).body
+        position = R[body].T @ (origin + axes @ sensor.point - p[body])
     if not body:
         raise SceneError(
-            f"sensor.{sensor.name}: sits on what is fixed in frame 0, where nothing moves; a place beyond the first "
-            "hinge does",
+            f"sensor.{sensor.name}: is mounted on a part that is fixed in frame 0; choose a position beyond the first "
+            "hinge",
             id="sensor-on-fixed-part",
         )
     directions = wanted if sensor.kind == "position" else wanted @ axes.T @ R[body]
-    return body - 1, place, directions
+    return body - 1, position, directions
 
 
 def check_placements(scene: Scene) -> None:
-    """Know before a run where all sensors that see how points move sit; errors as in `placement_of`."""
+    """Check the placement of all sensors of point motion before a run; errors as in `placement_of`."""
     for sensor in scene.sensor:
         if sensor.sees_points:
             placement_of(sensor, scene)
 
 
-def _place(sensor: Sensor, chain: Chain, link: Link, own: list[Piece]) -> tuple[int, Array]:
-    """Body, from 1, and place of a sensor along the beam, by default at the end of the link."""
+def _beam_position(sensor: Sensor, chain: Chain, link: Link, of_link: list[Piece]) -> tuple[int, Array]:
+    """Body, counted from 1, and position of a sensor along the beam, by default the end of the link."""
     if sensor.x is None and link.name in chain.tips:
         return chain.tips[link.name] + 1, np.zeros(3)
     part = 1.0 if sensor.x is None or not link.beam.length else sensor.x / link.beam.length
-    piece = _at(own, part)
+    piece = _piece_at(of_link, part)
     first, last = piece.part
     gone = (part - first) / (last - first) if last > first else 0.0
     return piece.body, piece.place.p + piece.place.R @ (piece.end * gone)
 
 
-def _at(own: list[Piece], part: float) -> Piece:
-    """The piece that holds this part of the link's length, the outer one of two."""
-    return next((piece for piece in reversed(own) if piece.part[0] <= part), own[0])
+def _piece_at(of_link: list[Piece], part: float) -> Piece:
+    """Piece of the link that contains this part of its length; the outer one of two."""
+    return next((piece for piece in reversed(of_link) if piece.part[0] <= part), of_link[0])

@@ -1,4 +1,4 @@
-"""What the sensors of a scene show as time goes on: for control laws, and arms that are stepped from outside."""
+"""Sensor readings during a simulation, for controllers and for arms that are stepped by the caller."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from flexlink.dynamics.sensors.signals import Samples, signal_of
 
 
 class Readings:
-    """Instruments of a scene's sensors, and what each has seen so far."""
+    """Instruments of a scene's sensors with the signals so far."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self.names = scene, column_names(scene.sensor, scene.arm)
         self._instruments = [Instrument(sensor, scene.run.spacing) for sensor in scene.sensor]
 
     def after(self, seen: Samples) -> dict[str, float]:
-        """What they show, by the names of their columns, after one more sample; later ones are forgotten.
+        """Return readings by column name after one more sample; samples at later times are discarded.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What the sensors of a scene see, before their instruments: of the states of a run, and its slopes at one state."""
+"""Ideal signals of a scene's sensors, before their instruments, for the states of a run; derivatives at one state."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flexlink.dynamics.sensors.placement import placement_of
 
 
 class Samples(Protocol):
-    """What a run knows of its samples."""
+    """The samples of a run."""
 
     @property
     def t(self) -> Array:
@@ -25,7 +25,7 @@ class Samples(Protocol):
 
     @property
     def chain(self) -> Chain:
-        """What moved."""
+        """The chain that moves."""
 
     @property
     def q(self) -> Array:
@@ -45,7 +45,7 @@ class Samples(Protocol):
 
 
 class Slopes(NamedTuple):
-    """Slopes of signals (columns,) by angles, rates, accelerations and drive torques, each (columns, n)."""
+    """Derivatives of signals (columns,) by angles, rates, accelerations and drive torques, each (columns, n)."""
 
     q: Array
     qd: Array
@@ -54,14 +54,14 @@ class Slopes(NamedTuple):
 
 
 def signal_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
-    """What a sensor sees in the samples of a run, in SI units and radians, shape (columns, samples).
+    """Ideal signal of a sensor in the samples of a run, in SI units and radians, shape (columns, samples).
 
     Raises
     ------
     SceneError
         As in `placement_of`.
     SingularMassError
-        Of accelerometers, as in `forward_dynamics`.
+        For accelerometers, as in `forward_dynamics`.
     """
     if sensor.kind == "strain":
         return gauge_strain(sensor, scene, run.q)[None]
@@ -75,18 +75,18 @@ def signal_of(sensor: Sensor, scene: Scene, run: Samples) -> Array:
 
 
 def joint_of(sensor: Sensor, chain: Chain, scene: Scene) -> int:
-    """Sequential index of the joint that a sensor of a joint sits at."""
+    """Sequential index of the joint at which a joint sensor is mounted."""
     return chain.index(scene.arm.number(sensor.link), 0, 0)
 
 
 def slopes_of(sensor: Sensor, scene: Scene, chain: Chain, q: Array, qd: Array, qdd: Array) -> Slopes:
-    """Slopes of `signal_of` at a state (n,); errors as there."""
+    """Derivatives of `signal_of` at a state (n,); errors as in `signal_of`."""
     if sensor.kind == "strain":
         return _slopes(chain.n, q=gauge_slope(sensor, scene, chain, q)[None])
     if sensor.kind in OF_THE_DRIVE:
-        own = np.zeros((1, chain.n))
-        own[0, joint_of(sensor, chain, scene)] = 1.0 / (sensor.torque_constant or 1.0)
-        return _slopes(chain.n, **{"q" if sensor.kind == "joint" else "tau": own})
+        selected = np.zeros((1, chain.n))
+        selected[0, joint_of(sensor, chain, scene)] = 1.0 / (sensor.torque_constant or 1.0)
+        return _slopes(chain.n, **{"q" if sensor.kind == "joint" else "tau": selected})
     body, point, axes = placement_of(sensor, scene)
     parts = point_slopes(chain, q, qd, qdd, body, point)[sensor.kind]
     return _slopes(chain.n, **{name: axes @ part for name, part in zip(Slopes._fields, parts, strict=False)})

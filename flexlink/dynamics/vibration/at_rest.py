@@ -14,9 +14,9 @@ from flexlink.dynamics.vibration.modal import Modes, modes
 
 
 def rest_of(chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world") -> Equilibrium:
-    """Static equilibrium with the driven joints held at their angles in a posture q, shape (n,) [rad].
+    """Static equilibrium with the driven joints held at their angles in q, shape (n,) [rad].
 
-    Errors as of `solve_static`.
+    Errors as in `solve_static`.
     """
     held = chain.active.tolist()
     return solve_static(chain, unbent(chain, q), tip_wrench=tip_wrench, frame=frame, locked=held)
@@ -30,16 +30,16 @@ def modes_at_rest(
     frame: Frame = "world",
     count: int | None = None,
 ) -> Modes:
-    """Modes about such an equilibrium, the driven joints held; the slowest `count`, or all."""
+    """Modes about the equilibrium `rest` with the driven joints held; the slowest `count`, or all."""
     return modes(chain, rest.q, tip_wrench=tip_wrench, frame=frame, locked=chain.active.tolist(), count=count)
 
 
 def first_elastic_frequency(
     chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world"
 ) -> float:
-    """The lowest elastic frequency of the arm at rest [Hz], its driven joints held at their angles in q; nan if none.
+    """Lowest elastic frequency of the arm at rest [Hz] with its driven joints held at their angles in q; nan if none.
 
-    Errors as of `solve_static`.
+    Errors as in `solve_static`.
     """
     if not (chain.stiffness[chain.hinges["prescribed"] == 0] > 0).any():
         return np.nan
@@ -51,4 +51,4 @@ def first_elastic_frequency(
 
 
 FEW = 8
-"""Modes among which the first elastic one is looked for, of long chains much cheaper than all."""
+"""Number of modes computed first; for a long chain this is much cheaper than computing all of them."""

@@ -1,11 +1,11 @@
 """The eigenproblem of small motion, (λ² M + λ C + K) φ = 0, for stiffnesses that differ by many orders of magnitude.
 
-1.  K = S K̂ S, S diagonal, K̂ of order 1. By Sylvester's law of inertia K̂ has as many negative and zero eigenvalues as
-    there are modes that fall and that rest, whatever M is; rounding is judged there, where all rows have one size.
+1.  K = S K̂ S, S diagonal, K̂ of order 1. By Sylvester's law of inertia negative and zero eigenvalues of K̂ count the
+    unstable and neutral modes for any M. Rounding is checked here, where all rows have the same magnitude.
 2.  K = Y Yᵀ and M = L Lᵀ make ω the singular values of Yᵀ L⁻ᵀ. Nothing is squared: ω has the relative error
-    eps · ω_max/ω, where the eigenvalues of M⁻¹ K have eps · (ω_max/ω)².  A K that falls is lifted: K + σ M.
-3.  With damping, rotation or a load that has no potential, λ are those of the first-order system in these modes, the
-    fastest first: a matrix whose rows shrink downwards, which the QR algorithm treats row by row.
+    eps · ω_max/ω, whereas the eigenvalues of M⁻¹ K have eps · (ω_max/ω)². An indefinite K is shifted: K + σ M.
+3.  With damping, rotation or a load without a potential, λ follow from the first-order system in these modes, fastest
+    first. The rows of its matrix decrease in size, so the QR algorithm is accurate row by row.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ EPS = np.finfo(float).eps
 
 
 class Solution(NamedTuple):
-    """λ [1/s], slowest first, φ in columns, and how far rounding may have moved each λ [1/s]."""
+    """λ [1/s], slowest first, φ in columns, and the rounding error of each λ [1/s]."""
 
     eigenvalues: Complex
     shapes: NDArray[np.inexact]
@@ -32,7 +32,7 @@ class Solution(NamedTuple):
 
 
 class _Modes(NamedTuple):
-    """K φ = μ M φ of the symmetric part of K, μ = −λ² from the one that falls fastest; Φᵀ M Φ = 1."""
+    """Modes of K φ = μ M φ with the symmetric part of K; μ = −λ² in ascending order; Φᵀ M Φ = 1."""
 
     μ: Array
     Φ: Array
@@ -41,7 +41,7 @@ class _Modes(NamedTuple):
 
 
 def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
-    """One of each conjugate pair, and every real one that is not paired by symmetry.
+    """Return one eigenvalue of each conjugate pair, and every real one that is not paired by symmetry.
 
     Parameters
     ----------
@@ -50,12 +50,12 @@ def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
     C
         Damping and gyroscopic matrix, shape (n, n).
     stiffness
-        K with its scale.
+        K with the magnitude of its terms.
 
     Raises
     ------
     ArgumentError
-        Numbers beyond float64.
+        A number is beyond float64.
     """
     if not all(np.isfinite(part).all() for part in (stiffness.K, stiffness.S, C)):
         raise ArgumentError(
@@ -70,8 +70,8 @@ def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
 
 
 def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
-    """Step 2. Twice where something falls: the first lift is a bound that may be far too high."""
-    w, V = np.linalg.eigh(stiffness.scaled)  # looks at the lower triangle: rows of outer hinges, of the smaller sums
+    """Step 2. If K is indefinite it is done twice: the first shift is a bound that may be far too high."""
+    w, V = np.linalg.eigh(stiffness.scaled)  # reads the lower triangle: rows of outer hinges, which are more accurate
     falling = int((w < -stiffness.rounding).sum())
     resting = int((np.abs(w) <= stiffness.rounding).sum())
     S = stiffness.S
@@ -79,7 +79,7 @@ def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
         squares, Φ = _swinging(L, S, w, V, resting)
         return _Modes(squares, Φ, falling, resting)
     down = scipy.linalg.solve_triangular(L, S[:, None] * V[:, :falling] * np.sqrt(-w[:falling]), lower=True)
-    lift = 2 * float(np.linalg.norm(down, 2)) ** 2  # of μ ≥ −‖L⁻¹ Y₋‖²
+    lift = 2 * float(np.linalg.norm(down, 2)) ** 2  # since μ ≥ −‖L⁻¹ Y₋‖²
     for _ in range(2):
         lifted = np.sqrt(S**2 + lift * np.diag(M))
         w, V = np.linalg.eigh((stiffness.symmetric + lift * M) / np.outer(lifted, lifted))
@@ -91,15 +91,16 @@ def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
 
 
 def _swinging(L: Array, S: Array, w: Array, V: Array, resting: int) -> tuple[Array, Array]:
-    """ω², slowest first, and Φ of K = Y Yᵀ, Y = S V √w; the first `resting` of w count as zero.
+    """ω², slowest first, and Φ of K = Y Yᵀ, Y = S V √w; the first `resting` entries of w count as zero.
 
-    With Yᵀ L⁻ᵀ = U ω Rᵀ the shapes are Φ = L⁻ᵀ R, and Yᵀ Φ = U ω, too: the first rounds row i by eps ‖(L⁻ᵀ)_i‖, the
-    second by eps ω/S_i, which is less where a stiff hinge takes part in a slow mode. Each entry is the better one.
+    With Yᵀ L⁻ᵀ = U ω Rᵀ the mode shapes are Φ = L⁻ᵀ R, and also Yᵀ Φ = U ω. The rounding error of row i is
+    eps ‖(L⁻ᵀ)_i‖ by the first formula and eps ω/S_i by the second, which is smaller for stiff hinges in slow modes.
+    Each entry is taken from the more accurate formula.
     """
     still, root = V[:, :resting], np.sqrt(w[resting:])
     Y = S[:, None] * V[:, resting:] * root
     inverse = scipy.linalg.solve_triangular(L, np.eye(len(L)), lower=True).T
-    U, ω, right = np.linalg.svd(Y.T @ inverse)  # all n rows of `right`
+    U, ω, right = np.linalg.svd(Y.T @ inverse)  # `right` has all n rows
     Φ = inverse @ right.T
     moving = Φ[:, : len(ω)]
     by_springs = (V[:, resting:] @ (U * ω / root[:, None]) + still @ (still.T @ (S[:, None] * moving))) / S[:, None]
@@ -108,7 +109,7 @@ def _swinging(L: Array, S: Array, w: Array, V: Array, resting: int) -> tuple[Arr
 
 
 def _undamped(modes: _Modes, without_potential: Array) -> Solution:
-    """λ = √−μ: of each pair the one with Im λ > 0, or the growing one of two real ones."""
+    """λ = √−μ: the one with Im λ > 0 of each conjugate pair, the growing one of each real pair."""
     μ: Complex = modes.μ.astype(complex)
     shapes: NDArray[np.inexact] = modes.Φ
     moved = np.zeros(len(μ))
@@ -125,24 +126,24 @@ def _undamped(modes: _Modes, without_potential: Array) -> Solution:
 
 
 def _eigenvalues(A: Array) -> tuple[Complex, Complex, Array]:
-    """Eigenvalues and right eigenvectors of A, and how far rounding may have moved each."""
+    """Eigenvalues and right eigenvectors of A, and the rounding error of each eigenvalue."""
     λ, left, right = scipy.linalg.eig(A, left=True)
     overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
-    # The QR algorithm moves a simple eigenvalue by N eps ‖A‖/|wᴴ v| at most (Golub & Van Loan, section 7.2.2), a
-    # multiple one as many times as far: two where a joint rests, four where two such meet.
+    # The QR algorithm moves a simple eigenvalue by at most N eps ‖A‖/|wᴴ v| (Golub & Van Loan, section 7.2.2), and an
+    # eigenvalue of multiplicity m by m times as much: m = 2 for a neutral joint, 4 if two of them coincide.
     defect = 4
     size = defect * len(A) * EPS * np.linalg.norm(A, 2)
     return λ, right, np.asarray(size / np.maximum(overlap, EPS))
 
 
 def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
-    """d/dt of the modes' x = s a and y = ȧ, s = √|μ|, for amplitudes a: ẋ = s y, ẏ = −μ a − Φᵀ (C Φ y + N Φ a).
+    """Solve d/dt of x = s a and y = ȧ for mode amplitudes a, s = √|μ|: ẋ = s y, ẏ = −μ a − Φᵀ (C Φ y + N Φ a).
 
-    A resting mode has no x, nothing depends on its amplitude; it is a λ = 0 of its own, and where nothing brakes it,
-    the steady motion of its y is the other half of that double root.
+    The amplitude of a neutral mode has no effect, so it has no x, but contributes one λ = 0. If nothing brakes it, its
+    steady motion y is the other half of that double root.
     """
     n, resting = len(modes.μ), 0 if without_potential.any() else modes.resting
-    fast = np.argsort(-np.abs(modes.μ), kind="stable")  # the resting ones are last
+    fast = np.argsort(-np.abs(modes.μ), kind="stable")  # neutral modes last
     μ, Φ, m = modes.μ[fast], modes.Φ[:, fast], n - resting
     s = np.sqrt(np.abs(μ[:m]))
     s[s == 0] = s[s > 0].min(initial=1.0)
@@ -158,7 +159,7 @@ def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
         )
     λ, right, rounding = _eigenvalues(A)
     if modes.falling == 0 and not without_potential.any() and _dissipative(C):
-        λ.real, rounding = np.minimum(λ.real, 0.0), np.zeros(len(λ))  # energy ½ ȧ² + ½ μ a² ≥ 0 never grows
+        λ.real, rounding = np.minimum(λ.real, 0.0), np.zeros(len(λ))  # the energy ½ ȧ² + ½ μ a² ≥ 0 never grows
     order = np.argsort(np.abs(λ), kind="stable")
     steady = order[:resting][np.abs(λ[order[:resting]]) <= len(A) * EPS * np.linalg.norm(A, 2)]
     kept = np.setdiff1d(order[λ[order].imag >= 0], steady, assume_unique=True)
@@ -173,7 +174,7 @@ def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
 
 
 def _dissipative(C: Array) -> bool:
-    """Whether q̇ᵀ C q̇ ≥ 0 for all q̇, up to rounding, with every row scaled to one size."""
+    """Whether q̇ᵀ C q̇ ≥ 0 for all q̇, up to rounding, with all rows scaled to the same magnitude."""
     size = np.sqrt(np.abs(C).max(axis=1))
     size[size == 0] = 1.0
     scaled = (C + C.T) / 2 / np.outer(size, size)
@@ -181,7 +182,7 @@ def _dissipative(C: Array) -> bool:
 
 
 def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
-    """A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n), M as `factored_mass` found it regular."""
+    """A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n); M must have passed `factored_mass`."""
     L, _ = scipy.linalg.lapack.dpotrf(M, lower=1)
     lower = [-scipy.linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
     A = np.block([[np.zeros_like(M), np.eye(len(M))], lower])

@@ -1,4 +1,4 @@
-"""The slowest and the fastest swing of a chain's springs, in O(n) a step: what a method and its steps are chosen by."""
+"""Lowest and highest natural frequency of a chain's springs, in O(n) per iteration; they determine method and step."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from flexlink.kernels.forward.mass_plus_space import SpacePosture, space_posture
 from flexlink.kernels.forward.power_iteration import largest_eigenvalue, smallest_square
 
 FOUND = Memo(256)
-"""Frequencies by chain and posture: runs of one scene share them."""
+"""Frequencies by chain and configuration, shared by the runs of one scene."""
 
-PASSES, CLOSE = 30, 1e-2
-"""Passes of the power iteration at most, and the relative change of ω² at which it ends: what depends on it, an error's
-weight and the choice of a method, asks for no more."""
+PASSES = 30
+"""Largest number of power iterations."""
+CLOSE = 1e-2
+"""Relative change of ω² at which power iterations end: accurate enough for error weights and the choice of a method."""
 
 
 def inertia_alone(chain: Chain) -> Chain:
-    """The chain without gravity, springs and friction: at rest its dynamics are M q̈ = τ."""
+    """Return the chain without gravity, springs and friction; at rest its dynamics are M q̈ = τ."""
     hinges = chain.hinges.copy()
     for name in ("stiffness", "damping", "coulomb"):
         hinges[name] = 0.0
@@ -32,40 +33,40 @@ def inertia_alone(chain: Chain) -> Chain:
 
 
 def slowest_frequency(chain: Chain, q: Array) -> float:
-    """Lowest angular frequency of the springs [rad/s], joints without one free, without gravity.
+    """Lowest angular frequency of the springs [rad/s], with joints without springs free and no gravity.
 
-    inf if none bends, or if what bends is so light that rounding leaves nothing of its mass.
+    inf if no joint has a spring, or if the sprung mass is below rounding.
 
-    K φ = ω² S φ on the hinges with springs, S = M_pp − M_pa M_aa⁺ M_ap what is left of M with the free joints a, whose
-    M_aa is singular where a stretched arm moves nothing but a point mass: the power iteration φ ← K⁻¹ S φ.
+    Power iteration φ ← K⁻¹ S φ for K φ = ω² S φ on the hinges p with springs. S = M_pp − M_pa M_aa⁺ M_ap is the inertia
+    with the joints a free. M_aa is singular if a stretched arm moves only a point mass.
     """
     return FOUND.calling(_slowest_frequency, chain, q)
 
 
 def _slowest_frequency(chain: Chain, q: Array) -> float:
     square = smallest_square(chain.arrays, q, PASSES, CLOSE)
-    if math.isnan(square):  # a torque is beyond float64: this names it
+    if math.isnan(square):  # a torque is beyond float64: raise an error that names it
         inverse_dynamics(inertia_alone(chain), q, np.zeros(chain.n), (chain.stiffness > 0) * 1.0)
     return math.sqrt(square) if square > 0 else math.inf
 
 
 def fastest_frequency(chain: Chain, q: Array, stiffness: Array | None = None) -> float:
-    """Highest angular frequency of springs [rad/s], as an estimate from below: K φ = ω² M φ.
+    """Highest angular frequency of the springs [rad/s], K φ = ω² M φ, as an estimate from below.
 
-    `stiffness` is the diagonal of K, the chain's or others; couplings are the chain's.
+    `stiffness` is the diagonal of K, by default the chain's; couplings are the chain's.
 
-    0 if there is none; inf where rounding leaves a joint nothing of its inertia.
+    0 if there are no springs; inf if the inertia of a joint is below rounding.
     """
     return float(np.sqrt(_found(chain, "stiffness", q, chain.stiffness if stiffness is None else stiffness)))
 
 
 def fastest_decay(chain: Chain, q: Array, damping: Array | None = None) -> float:
-    """Highest rate at which dampers take away a speed [1/s], from below: D φ = δ M φ, D likewise."""
+    """Highest decay rate by dampers [1/s], D φ = δ M φ, from below; `damping` is the diagonal of D."""
     return _found(chain, "damping", q, chain.damping if damping is None else damping)
 
 
 def fastest_of(chain: Chain, q: Array, stiffness: Array, damping: Array) -> tuple[float, float]:
-    """`fastest_frequency` [rad/s] and `fastest_decay` [1/s] of these diagonals, found together."""
+    """`fastest_frequency` [rad/s] and `fastest_decay` [1/s] for these diagonals, computed together."""
     return FOUND.calling(_fastest, chain, q, stiffness, damping)
 
 
@@ -82,7 +83,7 @@ def _found(chain: Chain, name: str, q: Array, weights: Array) -> float:
 
 
 def scratch(chain: Chain) -> PlanePosture | SpacePosture:
-    """Scratch of a chain's postures."""
+    """Workspace for configurations of a chain."""
     posture: PlanePosture | SpacePosture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
     return posture
 
@@ -90,9 +91,9 @@ def scratch(chain: Chain) -> PlanePosture | SpacePosture:
 def _largest_eigenvalue(
     chain: Chain, name: str, q: Array, weights: Array, posture: PlanePosture | SpacePosture | None = None
 ) -> float:
-    """Largest λ of W φ = λ M φ: the power iteration φ ← M⁻¹ W φ, at rest where motion is prescribed.
+    """Largest λ of W φ = λ M φ by the power iteration φ ← M⁻¹ W φ; prescribed joints are at rest.
 
-    W is of "stiffness" or "damping": `weights` on its diagonal, and the chain's couplings.
+    W is stiffness or damping, by `name`: `weights` on its diagonal, and the chain's couplings.
     """
     posture = posture or scratch(chain)
     weights, coupled = np.ascontiguousarray(weights), np.ascontiguousarray(chain.couplings[name])

@@ -1,7 +1,7 @@
-"""Modes of an arm that moves steadily: about a shaft that spins, along a rail at constant speed.
+"""Modes of an arm in steady motion: about a spinning shaft, along a rail at constant speed.
 
-A motion with constant rates is an equilibrium of what else moves, T_GC(q, q̇) + T_FL(q) = 0, if it stays one: if neither
-these torques, nor M, nor K change along it. So do gravity along the shaft, none, and loads that turn with the tip.
+A motion with constant rates is an equilibrium of the other joints, T_GC(q, q̇) + T_FL(q) = 0, if these torques, M and K
+do not change along it. That is true without gravity, for gravity along the shaft, and for loads that turn with the tip.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.wrench import turns_with_tip
 
 LATER = 1.0, 2.5
-"""How far on a motion is looked at [rad], of joints that slide in lengths of the arm."""
+"""Distances along the motion at which steadiness is checked [rad], for sliding joints in lengths of the arm."""
 SAME = 1e-9
-"""Part of the sizes that torques, M and K are made of which may be rounding."""
+"""Largest change of torques, M and K that counts as rounding, relative to the magnitude of their terms."""
 
 
 def modes_in_motion(
@@ -42,36 +42,36 @@ def modes_in_motion(
     locked: Joints = (),
     count: int | None = None,
 ) -> Modes:
-    """Modes about the posture that an arm has while some of its joints move with constant rates.
+    """Modes about the configuration of an arm some of whose joints move at constant rates.
 
-    The posture is `equilibrium_in_motion`, where centrifugal forces, gravity, springs and loads balance; modes about it
-    have centrifugal stiffness and gyroscopic coupling: M δq̈ + (D + G) δq̇ + K δq = 0, as `modes` says.
+    The configuration is `equilibrium_in_motion`, in which centrifugal forces, gravity, springs and loads balance. The
+    modes include centrifugal stiffness and gyroscopic coupling: M δq̈ + (D + G) δq̇ + K δq = 0, as in `modes`.
 
     Parameters
     ----------
     chain
         The chain.
     rates
-        Constant rates [rad/s], of joints that slide [m/s], by the names of their links; they are held.
+        Constant rates [rad/s], of sliding joints [m/s], by the names of their links; these joints are held at them.
     q
-        Posture to start from [rad], shape (n,); default: springs slack, joints at zero.
+        Initial configuration [rad], shape (n,); default: springs slack, joints at zero.
     tip_wrench, frame
         Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame.
     locked
-        Further coordinates that do not move, as in `modes`; a driven joint that is not locked swings freely.
+        Further locked coordinates, as in `modes`; a driven joint that is not locked moves freely.
     count
-        How many modes, the slowest ones; None: all.
+        Number of modes, slowest first; None: all.
 
     Returns
     -------
     Modes
-        Eigenvalues [1/s], shapes, paths [m], slowest first.
+        Eigenvalues [1/s], mode shapes, paths [m], slowest first.
 
     Raises
     ------
     ArgumentError
-        `rates` names no driven joint, or one that is locked; the motion is no steady one, as with gravity or a load
-        across a shaft; or as in `modes`.
+        `rates` names a joint that is not driven, or is locked; the motion is not steady, for example under gravity or a
+        load across a shaft; or as in `modes`.
     ConvergenceError, SingularMassError
         As in `solve_static` and `modes`.
 
@@ -97,19 +97,19 @@ def equilibrium_in_motion(
     frame: Frame = "world",
     locked: Joints = (),
 ) -> Equilibrium:
-    """Posture of an arm some of whose joints move with constant rates: T_GC(q, q̇) + T_FL(q) = 0 of all others.
+    """Configuration of an arm with some joints at constant rates; all others satisfy T_GC(q, q̇) + T_FL(q) = 0.
 
-    It is `solve_static(chain, q, qd)`, from springs that are slack, of a motion that is known to be a steady one.
+    It is `solve_static(chain, q, qd)`, starting from slack springs, with a check that the motion is steady.
 
     Parameters
     ----------
     chain, rates, q, tip_wrench, frame, locked
-        As in `modes_in_motion`; of `q` [rad, m], shape (n,), only the driven joints count.
+        As in `modes_in_motion`; only the driven joints of `q` [rad, m], shape (n,), have an effect.
 
     Returns
     -------
     Equilibrium
-        As of `solve_static`.
+        As in `solve_static`.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def _steady_posture(
     tip_wrench: ArrayLike | None,
     frame: Frame,
 ) -> Equilibrium:
-    """The posture, of rates (n,), of which those of the joints that are `held` do not change."""
+    """Equilibrium at rates (n,) of the joints that are `held`."""
     start = unbent(chain, chain.rest.copy() if q is None else vector("q", q, chain.n))
     rest = solve_static(chain, start, turning, tip_wrench=tip_wrench, frame=frame, locked=held)
     if turning.any():
@@ -146,13 +146,13 @@ def _steady_posture(
 
 
 def _moving(chain: Chain, rates: Mapping[str, float], locked: Joints) -> tuple[Array, NDArray[np.intp]]:
-    """Rates of all joints (n,), and the numbers of those that are held."""
+    """Rates of all joints (n,), and the indices of the held joints."""
     turning = _rates(require_type("chain", chain, Chain), rates)
     return turning, _held(chain, turning, rates, locked)
 
 
 def _rates(chain: Chain, rates: Mapping[str, float]) -> Array:
-    """Rates of all joints (n,), of those that are not named 0."""
+    """Rates of all joints (n,); 0 for joints that are not named."""
     if not isinstance(rates, Mapping) or not rates:
         raise ArgumentError(
             f"rates = {truncated(rates)}: expected a dict such as {{'hub': 50.0}}, in rad/s", id="wrong-type"
@@ -165,7 +165,7 @@ def _rates(chain: Chain, rates: Mapping[str, float]) -> Array:
 
 
 def _held(chain: Chain, turning: Array, rates: Mapping[str, float], locked: Joints) -> NDArray[np.intp]:
-    """Joints that move as told, and those that are locked."""
+    """Indices of the joints that move at given rates or are locked."""
     named = [steady_joint(chain, name) for name in rates]
     held = chain.joint_indices("locked", locked)
     for k in named:
@@ -178,7 +178,7 @@ def _held(chain: Chain, turning: Array, rates: Mapping[str, float], locked: Join
 
 
 def steady_joint(chain: Chain, name: str) -> int:
-    """Number of the joint that `name` means.
+    """Index of the joint called `name`.
 
     Raises
     ------
@@ -188,19 +188,19 @@ def steady_joint(chain: Chain, name: str) -> int:
     k = chain.joint_index("rates", name, perhaps_locked=True)
     if k < 0:
         raise ArgumentError(
-            f"rates: {name!r} is locked in the scene; set its joint.locked to false, it is held at its rate",
+            f"rates: {name!r} is locked in the scene; set its joint.locked to false, and it is held at its rate",
             id="locked-and-moving",
         )
     if k not in chain.active and not chain.coordinates[k].of_base:
         driven = ", ".join(chain.joint_name(int(each)) for each in chain.active)
         raise ArgumentError(
-            f"rates: {name!r} is a hinge with a spring; allowed are driven joints: {driven}", id="rate-of-hinge"
+            f"rates: {name!r} is a hinge with a spring; name a driven joint: {driven}", id="rate-of-hinge"
         )
     return k
 
 
 def _check_steady(chain: Chain, steady: LoadedState) -> None:
-    """Refuse a motion along which torques, M or K of what is free change."""
+    """Refuse a motion along which torques, M or K of the free coordinates change."""
     step = steady.qd / np.abs(steady.qd / rounding.scales(chain)).max()
     now = _scaled_terms(chain, steady.q, steady)
     for far in LATER:
@@ -211,14 +211,14 @@ def _check_steady(chain: Chain, steady: LoadedState) -> None:
             if np.abs(after - before).max() > SAME:
                 moving = ", ".join(chain.joint_name(int(k)) for k in np.flatnonzero(steady.qd))
                 raise ArgumentError(
-                    f"rates: no steady motion: {what} what is free to move change as {moving} goes on, as with gravity "
-                    "or a load across a shaft; there are modes only about a motion that looks alike at all times",
+                    f"rates: the motion of {moving} is not steady: it changes {what} the free joints, for example "
+                    "under gravity or a load across a shaft; modes exist only about a steady motion",
                     id="no-steady-motion",
                 )
 
 
 def _scaled_terms(chain: Chain, q: Array, steady: LoadedState) -> tuple[Array, Array, Array]:
-    """T_GC, M and K of the free coordinates at a posture, each over the sizes that it is made of."""
+    """T_GC, M and K of the free coordinates in a configuration, each relative to the magnitude of its terms."""
     _, qd, wrench, follower, free = steady
     loads = rounding.largest_load_stiffness(chain, qd, wrench)
     stiff = np.sqrt(np.where(chain.stiffness + loads > 0, chain.stiffness + loads, 1.0))[free]

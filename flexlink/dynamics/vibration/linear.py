@@ -1,12 +1,12 @@
-"""Linear model of a chain about a state: what controllers and observers are designed from.
+"""Linear model of a chain about a state, for the design of controllers and observers.
 
     δẋ = A δx + B δu        δy = C δx + D δu        x = (q, q̇)
 
     A = | 0          1          |        B = | 0          |
         | ∂q̈/∂q      ∂q̈/∂q̇      |            | ∂q̈/∂u      |
 
-u are the drive torques; where a motion is prescribed, the acceleration. Low-passes of sensors add states z behind x.
-Of internal coordinates, as of lagging friction, the rate is a state, the angle none: nothing depends on it.
+u are the drive torques; for prescribed joints, the acceleration. Low-passes of sensors append states z to x. Only the
+rate of an internal coordinate, such as that of lagging friction, is a state; its angle has no effect.
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.vibration.outputs import OUTPUTS, Output, OutputSource, joints_as
 
 LOW_PASS = "low-pass "
-"""How names of states of low-passes begin."""
+"""Prefix in the names of low-pass states."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(SavedResult):
     """δẋ = A δx + B δu, δy = C δx + D δu about a state, at which ẋ = `rate` and y = `y`.
 
-    What SciPy's and python-control's functions take: `scipy.linalg.solve_continuous_are(m.A, m.B, Q, R)`.
+    SciPy and python-control accept the matrices: `scipy.linalg.solve_continuous_are(m.A, m.B, Q, R)`.
 
     Attributes
     ----------
     A, B, C, D
-        Shapes (2n + f, 2n + f), (2n + f, m), (p, 2n + f), (p, m), in SI units and radians; f is the number of states of
-        low-passes of sensors, 0 without them.
+        Shapes (2n + f, 2n + f), (2n + f, m), (p, 2n + f), (p, m), in SI units and radians. f is the number of low-pass
+        states of sensors, 0 without sensors.
     x, u, y
-        The state (q, q̇, z), inputs and outputs that the model is about, shapes (2n + f,), (m,), (p,).
+        State (q, q̇, z), inputs and outputs about which the model is linearized, shapes (2n + f,), (m,), (p,).
     rate
-        ẋ = (q̇, q̈, ż) there, shape (2n + f,); zero at an equilibrium.
+        ẋ = (q̇, q̈, ż) at x, shape (2n + f,); zero at an equilibrium.
     states, inputs, outputs
-        Their names with units: "q upper [rad]", "tau upper [N m]", "tip x [m]".
+        Names with units: "q upper [rad]", "tau upper [N m]", "tip x [m]".
     delays
-        By how much each output is seen later than C δx + D δu [s], shape (p,); zero but for sensors with a delay.
+        Delay of each output behind C δx + D δu [s], shape (p,); zero except for sensors with a delay.
     eigenvalues
-        Of A [1/s], shape (2n + f,), slowest first; the slowest as accurate as the slowest joint's row, not the
-        stiffest's.
+        Eigenvalues of A [1/s], shape (2n + f,), slowest first. The accuracy of the slow ones is not limited by the
+        stiffest joint.
     """
 
     A: Array
@@ -71,10 +71,10 @@ class LinearModel(SavedResult):
 
     @property
     def eigenvalues(self) -> Complex:
-        """λ of A [1/s], shape (2n + f,), slowest first, of A `graded`; low-passes, which nothing hears, keep theirs."""
+        """λ of A [1/s], shape (2n + f,), slowest first; the arm's from the `graded` matrix, low-passes separately."""
         n2 = len([name for name in self.states if not name.startswith(LOW_PASS)])
         own = self.A[:n2, :n2]
-        angles = sum(name.startswith("q ") for name in self.states)  # internal coordinates have a rate alone
+        angles = sum(name.startswith("q ") for name in self.states)  # internal coordinates have only a rate
         λ = np.diag(scipy.linalg.schur(graded(own) if 2 * angles == n2 else own, output="complex")[0])
         if n2 < len(self.A):
             λ = np.concatenate([λ, scipy.linalg.eigvals(self.A[n2:, n2:])])
@@ -86,11 +86,11 @@ class LinearModel(SavedResult):
 
 
 def graded(A: Array) -> Array:
-    """A similar matrix whose rows shrink downwards: a solver moves the slowest λ by 2n eps of the last ones.
+    """Return a similar matrix whose rows decrease in size, for which eigenvalue solvers find slow λ accurately.
 
-    Stiff arms have λ from 1/100 to 1e5 1/s, which a solver may all move by 2n eps ‖A‖. Angles are counted in units
-    of 1/ω, so that A = | 0 ω | −ω 0 |, and joints stand in the order of their ω² = |∂q̈_k/∂q_k|, each angle beside its
-    rate.
+    The λ of stiff arms range from 1/100 to 1e5 1/s, and rounding may change each by 2n eps ‖A‖. With decreasing rows
+    the slow ones change only by 2n eps times the last rows. Angles are scaled by ω, so A = | 0 ω | −ω 0 |. Joints are
+    sorted by ω² = |∂q̈_k/∂q_k|, with each angle next to its rate.
     """
     n = len(A) // 2
     ω = np.sqrt(np.abs(np.diag(A[n:, :n])))
@@ -110,40 +110,38 @@ def linearize(
     frame: Frame = "world",
     outputs: Sequence[str | OutputSource] = ("tip",),
 ) -> LinearModel:
-    """Linear model about any state, exact up to rounding: springs, friction, gravity, rates and loads counted.
+    """Linear model about any state, exact up to rounding, with springs, friction, gravity, rates and loads.
 
-    M δq̈ = δT_EX − ∂(M q̈ + T_GC + T_FL + T_FR)/∂q δq − ∂(T_GC + T_FR)/∂q̇ δq̇ (`forward_dynamics_derivatives`). About an
-    equilibrium, `linearize(chain, rest.q, tau=rest.tau)` of `rest = solve_static(…)`, its eigenvalues are those of
-    `modes`.
+    M δq̈ = δT_EX − ∂(M q̈ + T_GC + T_FL + T_FR)/∂q δq − ∂(T_GC + T_FR)/∂q̇ δq̇ (`forward_dynamics_derivatives`). Its
+    eigenvalues about an equilibrium, `linearize(chain, rest.q, tau=rest.tau)` with `rest = solve_static(…)`, are those
+    of `modes`.
 
     Parameters
     ----------
     chain
         The chain.
     q, qd, tau
-        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,); without rates at rest, without torques
-        not driven.
+        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,); default rates and torques: zero.
     tip_wrench, frame
-        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame,
-        with which they turn.
+        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame;
+        in the latter they turn with the tip.
     outputs
         Any of "tip" and "tip_rate", position [m] and velocity [m/s] of the tip in frame 0; "joints" and "joint_rates",
-        angles [rad] and rates [rad/s] of the driven joints; "state", (q, q̇) itself; and `SensorOutputs(scene)`, what
-        sensors show: their low-passes are states of their own behind the arm's, their delays are told beside the model;
-        one below the other.
+        angles [rad] and rates [rad/s] of the driven joints; "state", (q, q̇); and `SensorOutputs(scene)`, readings of
+        sensors. Outputs are stacked in this order. Low-passes of sensors append states; their delays are in `delays`.
 
     Returns
     -------
     LinearModel
-        A, B, C, D. Inputs are the torques of the driven joints, `chain.active`, and the acceleration of those whose
-        motion is prescribed, which have been 0 here, as in `forward_dynamics`.
+        A, B, C, D. Inputs are the torques of the driven joints, `chain.active`, or the accelerations of joints with
+        prescribed motion, whose nominal value is 0, as in `forward_dynamics`.
 
     Raises
     ------
     ArgumentError
         An argument has the wrong shape or is not finite, or there is no such output.
     SingularMassError
-        A joint moves no inertia of its own here.
+        A joint has no inertia attached in this configuration.
 
     Examples
     --------
@@ -164,7 +162,7 @@ def linearize(
     driven = chain.active
     given_motion = chain.hinges["prescribed"][driven] != 0
     size = 2 * n + sum(len(output.names) * len(output.low_pass[1]) for output in found if output.low_pass)
-    A, B = np.zeros((size, size)), np.zeros((size, len(driven)))  # no block of zeros besides: half a gigabyte each
+    A, B = np.zeros((size, size)), np.zeros((size, len(driven)))  # no other blocks of zeros: half a gigabyte each
     np.fill_diagonal(A[:n, n : 2 * n], 1.0)
     A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n], B[n : 2 * n] = slopes.dq, slopes.dqd, slopes.dtau[:, driven]
     C, D, z, states = _put_outputs(found, A, B, driven, n)
@@ -190,7 +188,7 @@ def linearize(
 
 
 def _without(model: LinearModel, angles: NDArray[np.intp]) -> LinearModel:
-    """The model without some states on which nothing depends: the angles of internal coordinates."""
+    """Return the model without the angles of internal coordinates, which have no effect."""
     kept = np.delete(np.arange(len(model.x)), angles)
     states = tuple(model.states[k] for k in kept)
     parts = {name: getattr(model, name)[kept] for name in ("B", "x", "rate")}
@@ -200,7 +198,7 @@ def _without(model: LinearModel, angles: NDArray[np.intp]) -> LinearModel:
 def _put_outputs(
     found: Sequence[Output], A: Array, B: Array, driven: NDArray[np.intp], n: int
 ) -> tuple[Array, Array, Array, tuple[str, ...]]:
-    """C, D and the states z of low-passes with their names, whose rows are written into A and B."""
+    """C, D, and the low-pass states z with their names; writes the equations of z into A and B."""
     rows = sum(len(output.names) for output in found)
     C, D, z, states = np.zeros((rows, len(A))), np.zeros((rows, B.shape[1])), np.zeros(len(A) - 2 * n), list[str]()
     row, at = 0, 2 * n
@@ -215,9 +213,9 @@ def _put_outputs(
                 C[row, : 2 * n], D[row] = output.gain * by_state, output.gain * by_input
             else:
                 own, b, c = output.low_pass
-                mine = slice(at, at := at + len(b))
-                A[mine, : 2 * n], A[mine, mine], B[mine] = np.outer(b, by_state), own, np.outer(b, by_input)
-                C[row, mine], z[mine.start - 2 * n : at - 2 * n] = (
+                block = slice(at, at := at + len(b))
+                A[block, : 2 * n], A[block, block], B[block] = np.outer(b, by_state), own, np.outer(b, by_input)
+                C[row, block], z[block.start - 2 * n : at - 2 * n] = (
                     output.gain * c,
                     -np.linalg.solve(own, b) * output.signal[k],
                 )

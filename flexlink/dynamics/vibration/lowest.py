@@ -1,11 +1,11 @@
-"""The lowest modes of a long chain, (λ² M + λ C + K) φ = 0, in O(n): Rayleigh and Ritz in a subspace that grows.
+"""Lowest modes of a long chain, (λ² M + λ C + K) φ = 0, in O(n): Rayleigh-Ritz in a growing subspace.
 
     φ = Wᵀ a        W M Wᵀ = 1        W ← W, (K + σ C + σ² M)⁻¹ (λ² M + λ C + K) φ        σ = |λ|
 
-K, C and M projected on the rows of W are an eigenproblem of some dozen unknowns (`eigenproblem`). What is left over of
-its slowest modes, divided by a matrix that is positive definite and as large as the parts that should cancel, are the
-next rows (Davidson 1975; with an exact division, as here, Lanczos' method with shift and inversion, by blocks). A real
-symmetric problem's modes are counted by Sylvester's law of inertia: none is passed over.
+K, C and M projected on the rows of W form an eigenproblem of a few dozen unknowns (`eigenproblem`). The residuals of
+its slowest modes are divided by a positive definite matrix and added to W (Davidson 1975). The division is exact here,
+which makes this the shift-and-invert block Lanczos method. For a real symmetric problem Sylvester's law of inertia
+counts the modes, so none is missed.
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ from flexlink.dynamics.tangent import Stiffness
 from flexlink.dynamics.vibration import eigenproblem
 
 CLOSE = 1e-9
-"""Change of a shape, as a part of its largest entry, that one more division would bring, below which it is found. The
-error of ω² is of the order of its square where damping and rotation do not couple the modes."""
+"""Largest correction of a converged mode shape, relative to its largest entry. The error of ω² is of the order of its
+square, unless damping or rotation couples the modes."""
 
 EPS = np.finfo(float).eps
 
-GUARD, ROUNDS = 4, 16
-"""Rows of W at the start beside those that are wanted, and how often it may grow. It takes 5 to 7 rounds, unless modes
-lie so close as those that creep, when dampers are as strong as springs, do."""
+GUARD = 4
+"""Number of initial rows of W in addition to the modes wanted."""
+ROUNDS = 16
+"""Largest number of iterations. 5 to 7 suffice unless modes lie very close, as overdamped ones may."""
 
 NEARLY = 1e-9
-"""Part of ω² within which two modes are one when they are counted."""
+"""Relative distance in ω² within which two modes count as one."""
 
 
 class Subspace:
@@ -43,7 +44,7 @@ class Subspace:
         self.W = self.MW = self.KW = self.CW = np.zeros((0, len(square)))
 
     def grow(self, rows: Array) -> bool:
-        """Add what is new of some rows; whether anything was."""
+        """Extend W by the new directions among `rows`; return whether there were any."""
         new, M = self._orthonormal(rows)
         K, C = self.motion.times(K_ALONE, new), self.motion.times(C_ALONE, new) if self.damped else np.zeros_like(new)
         known = self.W, self.MW, self.KW, self.CW
@@ -51,7 +52,7 @@ class Subspace:
         return len(new) > 0
 
     def _orthonormal(self, rows: Array) -> tuple[Array, Array]:
-        """Directions of their own, W M Wᵀ = 1, and M times them; twice: what cancels in the first pass is noise."""
+        """New directions with W M Wᵀ = 1, and M times them. Two passes: cancellation in the first one leaves noise."""
         for least in (1e-10, 0.5):
             M = self.motion.times_mass(rows)
             size = np.sqrt(np.maximum(np.einsum("mn,mn->m", rows, M), 0.0))
@@ -68,7 +69,7 @@ class Subspace:
         return M, scipy.linalg.cholesky((M + M.T) / 2, lower=True)
 
     def stiffness(self) -> Stiffness:
-        """K, with the sizes of its parts."""
+        """K of the subspace, with the magnitudes of its terms."""
         n, K, each = len(self.square), self.W @ self.KW.T, np.abs(self.W)
         S = np.sqrt(self.W**2 @ self.square)
         scales = self.motion.scales
@@ -77,23 +78,23 @@ class Subspace:
         return Stiffness(K, S, symmetric, self.motion.rounding)
 
     def modes(self) -> eigenproblem.Solution:
-        """Those of the subspace."""
+        """Modes of the subspace."""
         return eigenproblem.solve(*self._mass(), self.W @ self.CW.T, self.stiffness())
 
-    def left_over(self, λ: NDArray[np.inexact], shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
-        """(K + σ C + σ² M)⁻¹ (λ² M + λ C + K) φ for columns of amplitudes, as parts of the largest entry of φ."""
+    def corrections(self, λ: NDArray[np.inexact], shapes: NDArray[np.inexact]) -> NDArray[np.inexact]:
+        """(K + σ C + σ² M)⁻¹ (λ² M + λ C + K) φ for columns of amplitudes, relative to the largest entry of φ."""
         square = λ**2 if np.iscomplexobj(shapes) else (λ**2).real
-        left = square[:, None] * (shapes.T @ self.MW) + shapes.T @ self.KW
+        residual = square[:, None] * (shapes.T @ self.MW) + shapes.T @ self.KW
         if self.damped:
-            left = left + λ[:, None] * (shapes.T @ self.CW)
+            residual = residual + λ[:, None] * (shapes.T @ self.CW)
         for k, rate in enumerate(np.abs(λ)):
             self._shift(max(rate, self.least))
-            left[k] = self._divide(left[k])
+            residual[k] = self._divide(residual[k])
         largest = np.abs(shapes.T @ self.W / self.motion.scales).max(axis=1, keepdims=True)
-        return np.asarray(left / self.motion.scales / largest)
+        return np.asarray(residual / self.motion.scales / largest)
 
     def bent(self, dice: np.random.Generator, count: int) -> Array:
-        """Shapes that random accelerations bend it to, shape (count, n)."""
+        """Static deflections under the inertia forces of random accelerations, shape (count, n)."""
         rows = dice.normal(size=(count, len(self.square)))
         rows[:, self.motion.locked] = 0.0
         self._shift(self.least)
@@ -104,14 +105,14 @@ class Subspace:
         return np.asarray(real + 1j * imaginary) if np.iscomplexobj(r) else real
 
     def _shift(self, σ: float, smallest: float = 0.0) -> bool:
-        """Eliminate K + σ C + σ² M; whether all pivots are positive and larger than a part of their rows."""
+        """Factorize K + σ C + σ² M; return whether all pivots are positive and not small compared with their rows."""
         weights, ones = np.array([1.0, σ, σ**2]), np.ones(len(self.square))
         return not self.motion.eliminate(weights, ones, self.square, smallest) and not len(self.motion.spared)
 
     def _least_shift(self) -> float:
-        """The first σ of 0, σ₁, 2 σ₁ … where K + σ C + σ² M is regular.
+        """Return the first σ of 0, σ₁, 2 σ₁ … for which K + σ C + σ² M is regular.
 
-        σ₁² is the quotient of Rayleigh of the shape to which the inertia of a common acceleration bends the springs.
+        σ₁² is the Rayleigh quotient of the deflection under the inertia forces of a common acceleration.
         """
         if self._shift(0.0, SMALLEST):
             return 0.0
@@ -122,7 +123,7 @@ class Subspace:
         return σ
 
     def is_complete(self, λ: NDArray[np.inexact]) -> bool:
-        """Whether no mode below the highest of these is missing; True where that is not known."""
+        """Whether no mode below the highest of these is missing; True if that cannot be checked."""
         if self.damped or not self.stiffness().conservative:
             return True
         μ = -(λ**2).real
@@ -132,7 +133,7 @@ class Subspace:
 
 
 def lowest(chain: Chain, motion: SmallMotion, loads: Array, count: int, damped: bool) -> eigenproblem.Solution | None:
-    """The slowest modes, shapes in columns (n, count); None if they are not found.
+    """Return the slowest modes, with mode shapes in columns (n, count); None if the iteration does not converge.
 
     Parameters
     ----------
@@ -141,9 +142,9 @@ def lowest(chain: Chain, motion: SmallMotion, loads: Array, count: int, damped: 
     loads
         `rounding.largest_load_stiffness`, shape (n,).
     count
-        How many are wanted, fewer than a third of the coordinates that are free.
+        Number of modes, less than a third of the free coordinates.
     damped
-        Whether C is not 0.
+        Whether C is nonzero.
     """
     square, dice = chain.stiffness + loads, np.random.default_rng(0)
     space = Subspace(motion, loads, np.where(square > 0, square, 1.0), damped)
@@ -151,8 +152,8 @@ def lowest(chain: Chain, motion: SmallMotion, loads: Array, count: int, damped: 
     for _ in range(ROUNDS):
         found = space.modes()
         λ, shapes = found.eigenvalues[:count], found.shapes[:, :count]
-        left = space.left_over(λ, shapes)
-        open_ = left[np.abs(left).max(axis=1) > CLOSE]
+        change = space.corrections(λ, shapes)
+        open_ = change[np.abs(change).max(axis=1) > CLOSE]
         if not len(open_):
             if space.is_complete(λ):
                 return eigenproblem.Solution(λ, space.W.T @ shapes, found.rounding[:count])

@@ -1,9 +1,9 @@
-"""Modes of small motion of a chain about a posture.
+"""Modes of small motion of a chain about a configuration.
 
     M δq̈ + (D + G) δq̇ + K δq = 0,        δq = φ exp(λt)
 
-K is the tangent of T_GC + T_FL (elastic, gravity, load and centrifugal stiffness), G the gyroscopic matrix, D the
-slope of T_FR at rest.
+K is the tangent stiffness of T_GC + T_FL (elastic, gravity, load and centrifugal stiffness), G the gyroscopic matrix, D
+the derivative of T_FR at rest.
 """
 
 from __future__ import annotations
@@ -38,26 +38,26 @@ from flexlink.dynamics.wrench import turns_with_tip
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Modes(SavedResult):
-    """Modes of small motion about a posture, slowest first.
+    """Modes of small motion about a configuration, slowest first.
 
     Attributes
     ----------
     eigenvalues
         λ [1/s], shape (modes,): one of each conjugate pair, and every real one that is not paired by symmetry.
     shapes
-        φ, shape (modes, n): largest entry 1, zero on locked coordinates; complex where damping or rotation makes
-        the joints move out of phase.
+        Mode shapes φ, shape (modes, n): largest entry 1, zero for locked coordinates; complex if damping or rotation
+        makes the joints move out of phase.
     paths
-        Displacement of the body origins and the tip that goes with φ, frame 0, shape (modes, bodies, 3) [m].
+        Displacements of the body origins and the tip for φ, frame 0, shape (modes, bodies, 3) [m].
     points
-        Body origins and tip at the posture itself, frame 0, shape (bodies, 3) [m].
+        Body origins and tip in the configuration, frame 0, shape (bodies, 3) [m].
     rounding
-        How far rounding may have moved each λ [1/s], shape (modes,); 0 where the sign of its real part is certain.
+        Rounding error of each λ [1/s], shape (modes,); 0 if the sign of its real part is certain.
     kinds
-        "elastic" if springs hold most of a mode's energy, "pendulum" if gravity and loads do, "rigid" if nothing holds
-        it.
+        "elastic" if springs store most of a mode's energy, "pendulum" if gravity and loads do, "rigid" if it has no
+        stiffness.
     elastic_shares
-        Share of the springs in its energy, shape (modes,), as in `vibration.mode_kinds`.
+        Share of the springs in the energy, shape (modes,), as in `vibration.mode_kinds`.
     """
 
     eigenvalues: Complex
@@ -69,8 +69,8 @@ class Modes(SavedResult):
     elastic_shares: Array
 
     def __repr__(self) -> str:
-        told = short_list([f"{f:.4g}" for f in self.hertz])
-        return f"<Modes: {len(self.eigenvalues)} {'' if self.stable else 'un'}stable, {told} Hz>"
+        listed = short_list([f"{f:.4g}" for f in self.hertz])
+        return f"<Modes: {len(self.eigenvalues)} {'' if self.stable else 'un'}stable, {listed} Hz>"
 
     def _repr_html_(self) -> str:
         columns = (self.hertz, self.damping_ratios, self.eigenvalues.real, self.eigenvalues.imag)
@@ -78,9 +78,9 @@ class Modes(SavedResult):
         return html_table(repr(self), ("mode", "frequency [Hz]", "damping ratio", "Re λ [1/s]", "Im λ [1/s]"), rows)
 
     def plot(self, chain: Chain, *, count: int = 8) -> Any:
-        """Draw the first `count` modes as displaced arms, a panel each; `chain` is the one that they are of.
+        """Draw the first `count` modes as displaced arms, one panel each; `chain` is the chain of these modes.
 
-        Returns a matplotlib Figure, which a notebook shows once.
+        Returns a matplotlib Figure, which a notebook displays.
 
         Raises
         ------
@@ -96,7 +96,7 @@ class Modes(SavedResult):
 
     @property
     def frequencies(self) -> Array:
-        """Natural angular frequencies |λ| [rad/s], shape (modes,); nan for a motion that just falls, λ real > 0."""
+        """Natural angular frequencies |λ| [rad/s], shape (modes,); nan for aperiodic growth, λ real > 0."""
         λ = self.eigenvalues
         return np.where((λ.imag == 0) & (λ.real > 0), np.nan, np.abs(λ))
 
@@ -113,13 +113,13 @@ class Modes(SavedResult):
 
     @property
     def damping_ratios(self) -> Array:
-        """ζ = −Re λ / |λ|, shape (modes,): 0 undamped, 1 creeping back, negative growing; 0 for λ = 0."""
+        """ζ = −Re λ / |λ|, shape (modes,): 0 undamped, 1 aperiodic decay, negative if growing; 0 for λ = 0."""
         size = np.abs(self.eigenvalues)
         return 0.0 - self.eigenvalues.real / np.where(size > 0, size, 1.0)
 
     @property
     def stable(self) -> bool:
-        """Nothing grows: no Re λ > 0 that rounding does not explain; a neutral joint, λ = 0, does not."""
+        """Whether no mode grows: no Re λ > 0 beyond rounding. A neutral joint, λ = 0, counts as stable."""
         return bool((self.eigenvalues.real <= self.rounding).all())
 
 
@@ -133,40 +133,40 @@ def modes(
     locked: Joints = (),
     count: int | None = None,
 ) -> Modes:
-    """Modes of small motion about a posture, which should be an equilibrium (`solve_static`).
+    """Modes of small motion about a configuration, which should be an equilibrium (`solve_static`).
 
-    M δq̈ + (D + G) δq̇ + K δq = 0,  δq = φ exp(λt):  K = ∂(T_GC + T_FL)/∂q, G = ∂T_GC/∂q̇, D the slope of T_FR at rest.
+    M δq̈ + (D + G) δq̇ + K δq = 0,  δq = φ exp(λt):  K = ∂(T_GC + T_FL)/∂q, G = ∂T_GC/∂q̇, D = ∂T_FR/∂q̇ at rest.
 
     Parameters
     ----------
     chain
-        The chain. Its gravity counts: hanging stiffens, standing softens.
+        The chain. Its gravity is included: it stiffens a hanging arm and softens an upright one.
     q
-        Posture [rad], shape (n,); default: springs slack, joints at zero.
+        Configuration [rad], shape (n,); default: springs slack, joints at zero.
     qd
-        Rates of steady rotation [rad/s], shape (n,), such as Ω on a joint that is also `locked` (held at that
-        rate): centrifugal stiffness and gyroscopic coupling.
+        Rates of steady rotation [rad/s], shape (n,), for centrifugal stiffness and gyroscopic coupling, such as Ω of a
+        joint that is also `locked`, which holds it at that rate.
     tip_wrench, frame
-        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame,
-        with which they turn.
+        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame;
+        in the latter they turn with the tip.
     locked
         Coordinates that do not move, such as servo-held joints: names or sequential indices of joints, names of links,
-        or a boolean mask, shape (n,). Prescribed joints never do.
+        or a boolean mask, shape (n,). Prescribed joints are always locked.
     count
-        How many modes, the slowest ones; None: all. Of more than 100 free coordinates few modes are found in O(n), with
-        the digits that they have among all, where neither damping nor rotation couples them; else λ to 1e-9 of itself.
+        Number of modes, slowest first; None: all. For more than 100 free coordinates a few modes are computed in O(n),
+        as accurately as all modes unless damping or rotation couples them; then λ has a relative error of 1e-9.
 
     Returns
     -------
     Modes
-        Eigenvalues [1/s], shapes, paths [m], slowest first.
+        Eigenvalues [1/s], mode shapes, paths [m], slowest first.
 
     Raises
     ------
     ArgumentError
-        An argument has the wrong shape or is not finite, or `locked` names no coordinate.
+        An argument has the wrong shape or is not finite, or `locked` names an unknown coordinate.
     SingularMassError
-        A coordinate moves no inertia of its own at this posture.
+        A coordinate has no inertia attached in this configuration.
 
     Examples
     --------
@@ -179,7 +179,7 @@ def modes(
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
-    refuse_states(chain, "modes do not count it", ", lock the joint, or take the eigenvalues of linearize", free=free)
+    refuse_states(chain, "modes do not support it", ", lock the joint, or use the eigenvalues of linearize", free=free)
     few = None if count is None else integer("count", count, 1)
     state = LoadedState(q, rates, wrench, follower, free)
     found = None
@@ -197,22 +197,22 @@ def modes(
 
 
 EQUAL = 1e-6
-"""Relative difference up to which two entries of a shape are as large: in symmetric arms only rounding tells them."""
+"""Relative difference up to which entries of a mode shape count as equal: in symmetric arms they differ by rounding."""
 
 
 def scaled(vectors: NDArray[np.inexact]) -> NDArray[np.inexact]:
-    """Columns over their largest entry, the first of equal ones, so that rounding decides no sign."""
+    """Divide columns by their largest entry, the first of equal ones, so the sign does not depend on rounding."""
     sizes = np.abs(vectors)
     first = (sizes >= (1 - EQUAL) * sizes.max(axis=0)).argmax(axis=0)
     return np.asarray(vectors / vectors[first, np.arange(vectors.shape[1])])
 
 
 DENSE = 100
-"""Free coordinates up to which all modes are found, however few are asked for: by matrices, in O(n³)."""
+"""Number of free coordinates up to which all modes are computed with dense matrices, in O(n³)."""
 
 
 Found = tuple[eigenproblem.Solution, Callable[[NDArray[np.inexact]], Loads]]
-"""Modes of the free coordinates, and what loads hold of shapes (modes, n)."""
+"""Modes of the free coordinates, and a function that returns the load terms of mode shapes (modes, n)."""
 
 
 def _all(chain: Chain, state: LoadedState) -> Found:
@@ -229,13 +229,13 @@ def _all(chain: Chain, state: LoadedState) -> Found:
 
 
 def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
-    """The slowest ones; None if the iteration does not find them."""
+    """Return the slowest modes; None if the iteration does not converge."""
     q, qd, wrench, follower, free = state
     locked = np.ones(chain.n, dtype=bool)
     locked[free] = False
     motion, sizes = SmallMotion(chain, q, qd, wrench, follower, locked), largest_load_stiffness(chain, qd, wrench)
-    whole, own = (part[free] for part in motion.inertias())
-    idle = ~(own > len(free) * np.finfo(float).eps * whole)
+    diagonal, moved = (part[free] for part in motion.inertias())
+    idle = ~(moved > len(free) * np.finfo(float).eps * diagonal)
     if idle.any():
         raise idle_error(chain, int(free[np.flatnonzero(idle)[-1]]))
     found = lowest(chain, motion, sizes, count, bool(qd.any() or damping_slope(chain)[free].any()))
@@ -253,7 +253,7 @@ def _lowest(chain: Chain, state: LoadedState, count: int) -> Found | None:
 
 
 def _coupled_energy(chain: Chain, λ: Complex, shapes: NDArray[np.inexact]) -> Array:
-    """Σ 2 (K_ij + |λ| D_ij) Re φ̄_i φ_j of all couplings, for shapes (modes, n)."""
+    """Σ 2 (K_ij + |λ| D_ij) Re φ̄_i φ_j over all couplings, for mode shapes (modes, n)."""
     pairs = chain.couplings
     together = 2 * (shapes[:, pairs["inner"]].conj() * shapes[:, pairs["outer"]]).real
     return np.asarray(together @ pairs["stiffness"] + np.abs(λ) * (together @ pairs["damping"]))
@@ -268,18 +268,18 @@ def natural_frequencies(
     frame: Frame = "world",
     locked: Joints = (),
 ) -> Array:
-    """Natural angular frequencies, slowest first, nan for a motion that just falls.
+    """Natural angular frequencies, slowest first; nan for aperiodic growth.
 
-    They are `modes(...).frequencies`.
+    These are `modes(...).frequencies`.
 
     Parameters
     ----------
     chain
         The chain.
     q, qd
-        Posture [rad] and rates of steady rotation [rad/s], shape (n,), as in `modes`.
+        Configuration [rad] and rates of steady rotation [rad/s], shape (n,), as in `modes`.
     tip_wrench, frame, locked
-        Load on the tip, whether it turns with the tip, and coordinates that do not move, as in `modes`.
+        Load on the tip, whether it turns with the tip, and locked coordinates, as in `modes`.
 
     Returns
     -------

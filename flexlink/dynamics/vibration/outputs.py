@@ -1,4 +1,4 @@
-"""Outputs of a linear model: how positions, rates, and what sensors see, change with the state and the torques."""
+"""Outputs of a linear model: derivatives of positions, rates and sensor signals by the state and the torques."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from flexlink.common.types import Array
 from flexlink.dynamics.placement import jacobian, tip_position
 
 Filter = tuple[Array, Array, Array]
-"""A (f, f), B (f,), C (f,) of ż = A z + B u, y = C z, which lets a constant through: −C A⁻¹ B = 1."""
+"""A (f, f), B (f,), C (f,) of ż = A z + B u, y = C z, with unit gain for constants: −C A⁻¹ B = 1."""
 
 
 class Output(NamedTuple):
-    """Some outputs y = gain · s + bias of signals s, which may be behind a low-pass and a delay, with their slopes."""
+    """Outputs y = gain · s + bias of signals s, with their derivatives; a low-pass and a delay may follow."""
 
     names: tuple[str, ...]
     signal: Array  # (p,) s
@@ -32,15 +32,15 @@ class Output(NamedTuple):
 
     @property
     def values(self) -> Array:
-        """(p,) y, of signals that have been so for ever."""
+        """(p,) y in the steady state of the signals."""
         return self.gain * self.signal + self.bias
 
 
 class OutputSource(Protocol):
-    """What has outputs of its own, such as the sensors of a scene."""
+    """An object that provides outputs, such as the sensors of a scene."""
 
     def outputs(self, chain: Chain, q: Array, qd: Array, qdd: Array, tau: Array) -> Sequence[Output]:
-        """Its outputs at a state (n,)."""
+        """Return its outputs at a state (n,)."""
 
 
 def joints_as(chain: Chain, joints: Sequence[int] | NDArray[np.intp], pattern: str) -> tuple[str, ...]:
@@ -54,7 +54,7 @@ def _tip(chain: Chain, q: Array, qd: Array) -> Output:
 
 
 def _tip_rate(chain: Chain, q: Array, qd: Array) -> Output:
-    """v = Σ_k q̇_k J_k: a turn of hinge j turns the terms from j on, and moves the tip in all terms before.
+    """v = Σ_k q̇_k J_k: a rotation about hinge j turns the terms from j on, and moves the tip in all terms before.
 
     ∂v/∂q_j = e_j × Σ_{k ≥ j} q̇_k J_k + Σ_{k < j} q̇_k e_k × J_j
     """

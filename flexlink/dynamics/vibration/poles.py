@@ -1,4 +1,4 @@
-"""Poles of an arm on its motors: what an input shaper is tuned to."""
+"""Poles of an arm with motor control, to which input shapers are tuned."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from flexlink.dynamics.vibration.linear import linearize
 def pd_poles(
     chain: Chain, q: ArrayLike, *, kp: ArrayLike, kd: ArrayLike, tip_wrench: ArrayLike | None = None
 ) -> Complex:
-    """Vibrations about a posture at rest, the driven joints under T_EX = kp (target − q) − kd q̇ + what holds the arm.
+    """Vibrations about a configuration at rest, driven joints under T_EX = kp (target − q) − kd q̇ + holding torque.
 
-    Eigenvalues of A − B (kp, kd), of the linear model of `linearize` in a state where every torque is balanced. Through
-    an input shaper on the slowest of them, `InputShaper.at(pd_poles(…)[:2])`, a reference leaves next to no vibration.
+    Eigenvalues of A − B (kp, kd) of the linear model of `linearize`, in a state where all torques balance. A reference
+    filtered by an input shaper for the slowest poles, `InputShaper.at(pd_poles(…)[:2])`, excites almost no vibration.
 
     Parameters
     ----------
     chain
-        The chain. Joints whose motion is prescribed stay where they are.
+        The chain. Joints with prescribed motion are held.
     q
-        Angles [rad], shape (n,), bent as gravity bends the arm: those of `solve_static`.
+        Angles [rad], shape (n,), bent under gravity: from `solve_static`.
     kp, kd
         Gains [N m/rad], [N m s/rad], ≥ 0, one for all driven joints or one each, shape (d,).
     tip_wrench
@@ -36,15 +36,14 @@ def pd_poles(
     Returns
     -------
     Array
-        Complex poles λ = −σ + iω_d with ω_d > 0 [1/s], the lowest frequency |λ| first; conjugates and aperiodic poles
-        left out.
+        Complex poles λ = −σ + iω_d with ω_d > 0 [1/s], sorted by |λ|; conjugates and aperiodic poles are left out.
 
     Raises
     ------
     ArgumentError
         An argument has the wrong shape, is not finite, or is negative.
     SingularMassError
-        A joint moves no inertia of its own here.
+        A joint has no inertia attached in this configuration.
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""A bound of the eigenvalues of small motion about a state, for those who need not know them if they are small.
+"""A cheap bound of the eigenvalues of small motion about a state, to skip their computation if they are small.
 
-    λ² φ + λ M⁻¹C φ + M⁻¹K φ = 0,    so that    |λ|² ≤ c |λ| + k        c = ‖M⁻¹C‖, k = ‖M⁻¹K‖
+    λ² φ + λ M⁻¹C φ + M⁻¹K φ = 0,    so    |λ|² ≤ c |λ| + k        c = ‖M⁻¹C‖, k = ‖M⁻¹K‖
 
-in any norm of matrices that goes with one of vectors: Frobenius's.
+in any matrix norm consistent with a vector norm; here the Frobenius norm.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from flexlink.dynamics.wrench import turns_with_tip
 
 
 def rate_bound(chain: Chain, q: Array, qd: Array, *, tip_wrench: Array, frame: Frame, gains: Gains) -> float:
-    """What none of the |λ| of `eigenvalues` exceeds [1/s]; arguments as there.
+    """Return an upper bound of the |λ| of `eigenvalues` [1/s]; arguments as in `eigenvalues`.
 
-    inf where none is known: of more than 100 joints, of prescribed ones, of a mass that may be singular.
+    The bound is inf if unknown: for more than 100 joints, prescribed joints, or a possibly singular mass matrix.
     """
     n = chain.n
     if n > DENSE or np.count_nonzero(chain.hinges["prescribed"]):

@@ -1,9 +1,9 @@
-"""What a Runge-Kutta method may do on a chain: its eigenvalues about a state, and the largest stable step.
+"""Stability of Runge-Kutta methods on a chain: its eigenvalues about a state, and the largest stable step.
 
-    λ² M + λ (D + G) + K = 0        K = ∂(T_GC + T_FL)/∂q + k_p,  G = ∂T_GC/∂q̇,  D = slope of T_FR at rest + k_d
+    λ² M + λ (D + G) + K = 0        K = ∂(T_GC + T_FL)/∂q + k_p,  G = ∂T_GC/∂q̇,  D = ∂T_FR/∂q̇ at rest + k_d
 
-Springs, gravity, wrench, centrifugal forces and a drive's gains all stiffen or brake, so all of them are in it. Dry
-friction counts with its slope at rest, c/w, the largest that it has: sooner or later a joint comes to rest.
+Springs, gravity, wrench, centrifugal forces and drive gains all add stiffness or damping, so all are included. Dry
+friction enters with its derivative at rest, c/w, which is the largest: sooner or later a joint comes to rest.
 """
 
 from __future__ import annotations
@@ -35,32 +35,33 @@ from flexlink.kernels.bodies.mass import mass_upper
 from flexlink.kernels.tools.finite import is_finite
 
 DENSE = 100
-"""Joints up to which all eigenvalues are found, in O(n³); beyond, only those that bound the step, in O(n)."""
+"""Number of joints up to which all eigenvalues are computed, in O(n³); above it, only those that bound the step, in
+O(n)."""
 
 NUDGE = 1e-4
-"""Angle [rad] of the central difference along a direction, of slides a part of the arm's length; its error, of order
-NUDGE², is far below Lanczos' 1e-4."""
+"""Step of the central difference along a direction [rad], for sliding joints relative to the arm's length. Its error,
+of order NUDGE², is far below the tolerance of the Lanczos method, 1e-4."""
 
 
 class Gains(NamedTuple):
-    """Slopes of a drive: T_EX = … − k_p q − k_d q̇, each (n,), or (n, n) where joints act on others' [N m/rad, …]."""
+    """Gains of a drive, T_EX = … − k_p q − k_d q̇: each (n,), or (n, n) if joints affect each other [N m/rad, …]."""
 
     kp: Array
     kd: Array
 
     def matrices(self) -> tuple[Array, Array]:
-        """Both as (n, n)."""
+        """Both gains as matrices (n, n)."""
         kp, kd = (np.diag(slope) if slope.ndim == 1 else slope for slope in self)
         return kp, kd
 
     def diagonals(self) -> tuple[Array, Array]:
-        """Both as (n,), of every joint its own."""
+        """Both gains as vectors (n,), without those between joints."""
         kp, kd = (slope if slope.ndim == 1 else np.diag(slope).copy() for slope in self)
         return kp, kd
 
 
 def _along(slope: Array, φ: Array) -> Array:
-    """The symmetric part of a slope of gains times φ."""
+    """Product of φ and the symmetric part of gains."""
     return slope * φ if slope.ndim == 1 else np.asarray(slope @ φ + slope.T @ φ) / 2
 
 
@@ -73,19 +74,19 @@ def eigenvalues(
     frame: Frame = "world",
     gains: Gains | None = None,
 ) -> Complex:
-    """Eigenvalues λ [1/s] of small motion about a state, 2 per free joint; prescribed joints do not take part.
+    """Eigenvalues λ [1/s] of small motion about a state, 2 per free joint; prescribed joints are excluded.
 
-    λ² M + λ (D + G) + K = 0 with K = ∂(T_GC + T_FL)/∂q + k_p and D the slope of T_FR at rest + k_d.
+    λ² M + λ (D + G) + K = 0 with K = ∂(T_GC + T_FL)/∂q + k_p and D = ∂T_FR/∂q̇ at rest + k_d.
 
     Parameters
     ----------
     chain
-        The chain. Its gravity counts: hanging stiffens, standing softens.
+        The chain. Its gravity is included: it stiffens a hanging arm and softens an upright one.
     q, qd
-        Posture [rad] and rates [rad/s], shape (n,); default: at rest.
+        Configuration [rad] and rates [rad/s], shape (n,); default: at rest.
     tip_wrench, frame
-        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame,
-        with which they turn.
+        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame;
+        in the latter they turn with the tip.
     gains
         Gains of a drive, k_p [N m/rad] and k_d [N m s/rad], shape (n,) or (n, n) each.
 
@@ -94,7 +95,7 @@ def eigenvalues(
     ArgumentError
         An argument has the wrong shape, is not real or not finite, or leads to numbers beyond float64.
     SingularMassError
-        A coordinate moves no inertia of its own at this posture.
+        A coordinate has no inertia attached in this configuration.
     """
     return _all_eigenvalues(chain, *_about(chain, q, qd, tip_wrench, frame, gains))
 
@@ -108,10 +109,10 @@ def fastest_eigenvalues(
     frame: Frame = "world",
     gains: Gains | None = None,
 ) -> Complex:
-    """Those of `eigenvalues` that bound an explicit method's step; of more than 100 joints, estimates in O(n) [1/s].
+    """Eigenvalues that bound the step of an explicit method [1/s]; with more than 100 joints, estimates in O(n).
 
-    The largest ω² of K φ = ω² M φ and the largest δ of D φ = δ M φ by Lanczos' method, M and M⁻¹ through inverse and
-    forward dynamics. They are then combined by `bounding_eigenvalues`. Arguments and errors as in `eigenvalues`.
+    The Lanczos method finds the largest ω² of K φ = ω² M φ and the largest δ of D φ = δ M φ, with M and M⁻¹ applied by
+    inverse and forward dynamics. `bounding_eigenvalues` combines them. Arguments and errors as in `eigenvalues`.
     """
     state, gains = _about(chain, q, qd, tip_wrench, frame, gains)
     if chain.n <= DENSE:
@@ -123,14 +124,15 @@ def fastest_eigenvalues(
 
 
 def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequence[Mapping[str, Any]]) -> list[float]:
-    """What none of the |λ| of `eigenvalues` exceeds [1/s], for a fraction of their cost, of chains of one size.
+    """Upper bounds of the |λ| of `eigenvalues` [1/s], at a fraction of their cost, for chains of equal size.
 
-    A mode φ has φ*M φ λ² + φ*C φ λ + φ*K φ = 0, so that with M = L Lᵀ
+    A mode φ satisfies φ*M φ λ² + φ*C φ λ + φ*K φ = 0. With M = L Lᵀ,
 
         |λ|² ≤ c |λ| + k        c = ‖L⁻¹ C L⁻ᵀ‖, k = ‖L⁻¹ K L⁻ᵀ‖
 
-    in Frobenius's norm, of which an undamped chain's largest ω² is at least the part 1/√n. About states q, q̇, `acting`
-    what else `eigenvalues` takes; inf where no bound is known: of more than 100 joints, a mass that is singular.
+    in the Frobenius norm, which exceeds the largest ω² of an undamped chain by at most a factor √n. `abouts` are states
+    q, q̇ with their chains, `acting` the other arguments of `eigenvalues`. The bound is inf if unknown: for more than
+    100 joints, or a singular mass matrix.
     """
     n, count = abouts[0][0].n if abouts else 0, len(abouts)
     if n > DENSE or not n:
@@ -155,7 +157,7 @@ def eigenvalue_bounds(abouts: Sequence[tuple[Chain, Array, Array]], acting: Sequ
             A[held] = A.swapaxes(1, 2)[held] = 0.0
         M[:, each, each] += held
     try:
-        with np.errstate(all="ignore"):  # what is beyond float64 is no bound
+        with np.errstate(all="ignore"):  # overflow means that there is no bound
             L = np.linalg.cholesky(M)
             pivots, least = L[:, each, each], np.sqrt(n * np.finfo(float).eps * M[:, each, each])
             W = np.linalg.inv(L)
@@ -186,7 +188,7 @@ def _about(
 def _all_eigenvalues(chain: Chain, state: LoadedState, gains: Gains) -> Complex:
     M = regular_mass(chain, state.q, state.free)
     C, K = _damping_and_stiffness(chain, state, gains)
-    if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # the rounding of K
+    if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # rounding error of K
         values: Complex = scipy.linalg.eigvals(first_order_matrix(M, C, K))
         return values
     ω = np.sqrt(_squares((K + K.T) / 2, M).astype(complex))
@@ -194,17 +196,17 @@ def _all_eigenvalues(chain: Chain, state: LoadedState, gains: Gains) -> Complex:
 
 
 def _squares(K: Array, M: Array) -> Array:
-    """SciPy's `eigh(K, M, eigvals_only=True)`, less its checks of what is known, which take three times as long."""
-    if not K.size:  # nothing is free to move
+    """SciPy's `eigh(K, M, eigvals_only=True)` without its checks of the input, which take three times as long."""
+    if not K.size:  # no free coordinate
         return np.zeros(0)
     squares, _, failed = scipy.linalg.lapack.dsygvd(K, M, jobz="N", uplo="L")
     if failed or not is_finite(squares):
-        squares = scipy.linalg.eigh(K, M, eigvals_only=True)  # says what is wrong
+        squares = scipy.linalg.eigh(K, M, eigvals_only=True)  # raises an error with the cause
     return np.asarray(squares)
 
 
 def _damping_and_stiffness(chain: Chain, state: LoadedState, gains: Gains) -> tuple[Array, Array]:
-    """D + G and K of the joints that are not prescribed, those of the drive's gains counted."""
+    """D + G and K of the joints that are not prescribed, including drive gains."""
     block = (slice(None), slice(None)) if len(state.free) == chain.n else np.ix_(state.free, state.free)
     K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)[block]
     C = (gyroscopic_matrix(chain, state.q, state.qd) + damping_matrix(chain))[block]
@@ -215,7 +217,7 @@ def _damping_and_stiffness(chain: Chain, state: LoadedState, gains: Gains) -> tu
 
 
 def _stiffness_along(chain: Chain, state: LoadedState, kp: Array, φ: Array) -> Array:
-    """K φ [N m/rad], the load's part by a central difference along φ."""
+    """K φ [N m/rad]; load stiffness by a central difference along φ."""
     size = np.abs(φ / scales(chain)).max()
     if size == 0:
         return np.zeros_like(φ)
@@ -226,8 +228,8 @@ def _stiffness_along(chain: Chain, state: LoadedState, kp: Array, φ: Array) -> 
 
 
 def _largest_ratio(chain: Chain, state: LoadedState, apply: Callable[[Array], Array]) -> float:
-    """Largest μ of A φ = μ M φ over the joints that are not prescribed, A given by its products."""
-    from scipy.sparse.linalg import LinearOperator, eigsh  # noqa: PLC0415  0.1 s that only long chains need
+    """Largest μ of A φ = μ M φ over the joints that are not prescribed; `apply` multiplies by A."""
+    from scipy.sparse.linalg import LinearOperator, eigsh  # noqa: PLC0415  0.1 s; only long chains need it
 
     free, zero = np.zeros(chain.n), np.zeros(chain.n)
     free[state.free] = 1.0
@@ -241,14 +243,14 @@ def _largest_ratio(chain: Chain, state: LoadedState, apply: Callable[[Array], Ar
         k=1,
         M=LinearOperator(shape, lambda φ: inverse_dynamics(bare, state.q, zero, φ.ravel()), dtype=np.float64),
         Minv=LinearOperator(shape, lambda τ: forward_dynamics(bare, state.q, zero, τ.ravel()), dtype=np.float64),
-        which="LA", tol=1e-4,  # relative: beside the few per cent to stay below a stable step, nothing
+        which="LA", tol=1e-4,  # relative; small compared with the margin of a few per cent of a stable step
         v0=first, return_eigenvectors=False,
     )  # fmt: skip
     return float(found[0])
 
 
 def largest_frequency(chain: Chain, q: ArrayLike) -> float:
-    """Largest |λ| of `fastest_eigenvalues` at rest [rad/s]: what the step of an explicit method has to follow."""
+    """Largest |λ| of `fastest_eigenvalues` at rest [rad/s], which limits the step of an explicit method."""
     return float(np.abs(fastest_eigenvalues(chain, q)).max(initial=0.0))
 
 
@@ -262,18 +264,19 @@ def stable_step(
     gains: Gains | None = None,
     method: str = "RK4",
 ) -> float:
-    """Largest step [s] at which `method` does not blow up on this chain about a state.
+    """Largest step [s] at which `method` is stable on this chain about a state.
 
-    The largest h with |R(h'λ)| ≤ 1 + 1e-6 for all `eigenvalues` λ of the chain and all h' ≤ h; a motion that grows by
-    itself, Re λ > 0, is judged as one that swings at the rate |λ|. Motion to other postures and rates shifts the
-    eigenvalues; stay a few per cent below. Of an A-stable method, as Radau IIA and Gauss, every step is: inf.
+    It is the largest h with |R(h'λ)| ≤ 1 + 1e-6 for all `eigenvalues` λ of the chain and all h' ≤ h. An unstable
+    motion, Re λ > 0, is treated as an oscillation at the rate |λ|. The eigenvalues change with configuration and rates;
+    stay a few per cent below the limit. For A-stable methods, such as Radau IIA and Gauss, the result is inf.
 
     Parameters
     ----------
     chain
         The chain.
     q, qd
-        Posture [rad] and rates [rad/s], shape (n,); default: springs slack, joints at zero, as in `modes`; at rest.
+        Configuration [rad] and rates [rad/s], shape (n,); default: springs slack, joints at zero, as in `modes`, at
+        rest.
     tip_wrench, frame, gains
         As in `eigenvalues`.
     method
@@ -282,16 +285,16 @@ def stable_step(
     Returns
     -------
     float
-        The step [s]; inf if nothing holds or brakes any joint.
+        The step [s]; inf if no joint has stiffness or damping.
 
     Raises
     ------
     ArgumentError
-        An argument has the wrong shape, is not real or not finite; unknown method.
+        An argument has the wrong shape, is not real or not finite; or the method is unknown.
     DataFileError
-        The method's own file is not valid.
+        The file of the method is not valid.
     SingularMassError
-        A coordinate moves no inertia of its own at this posture.
+        A coordinate has no inertia attached in this configuration.
 
     Examples
     --------
@@ -306,24 +309,24 @@ def stable_step(
 
 
 def bounding_eigenvalues(ω: float, δ: float) -> Complex:
-    """λ [1/s] that bound an explicit method's step where the fastest motions swing at ω [rad/s] and decay at δ [1/s].
+    """λ [1/s] that bound the step of an explicit method: the fastest modes oscillate at ω [rad/s], or decay at δ [1/s].
 
-    λ² + δ λ + ω² = 0, as if the stiffest mode were the most damped one, which it is under Kelvin-Voigt damping; and
-    either alone.
+    They are the roots of λ² + δ λ + ω² = 0, as if the stiffest mode were also the most damped one (true for
+    Kelvin-Voigt damping), and ±iω and −δ alone.
     """
     pair = np.roots([1.0, δ, ω * ω]).astype(complex)
     return np.concatenate([pair, [1j * ω, -1j * ω, -δ]])
 
 
 def stable_step_of(λ: Complex, method: str) -> float:
-    """The `stable_step` [s] of eigenvalues λ [1/s]; inf if nothing holds or brakes any joint.
+    """Stable step [s] for eigenvalues λ [1/s]; inf if no joint has stiffness or damping.
 
-    Of few of them it is sought how far the method reaches in their direction: not of those whose step is no shorter
-    wherever they point, within the half disc that is stable.
+    The reach of the method is computed for few directions only: an eigenvalue is skipped if the stable half disc alone
+    allows it a step as long as the smallest one so far.
     """
     moving, rule, least = λ[λ != 0], methods.method(method), np.inf
     rates = np.abs(moving)
-    if not moving.real.any():  # all swing, and none is damped
+    if not moving.real.any():  # undamped oscillations only
         return float((stable_reach(rule, np.array([1j])) / rates).min(initial=np.inf))
     directions = np.where(moving.real > 0, 1j, moving.real / rates + 1j * np.abs(moving.imag) / rates)  # R(z̄) = R(z)̄
     within = stable_half_disc(rule)

@@ -1,13 +1,13 @@
-"""The stability function of a Runge-Kutta method, and how far it reaches: y' = λ y is carried on by R(hλ).
+"""The stability function R of a Runge-Kutta method, with y_new = R(hλ) y for y' = λ y, and the reach of stable steps.
 
     R(z) = 1 + z b·(1 − zA)⁻¹·1 = P(z) / Q(z)        Q(z) = det(1 − zA)        (Hairer & Wanner, II, IV.3)
 
-A step is stable where |R| ≤ 1 + g. Along a direction d that is the sign of a polynomial,
+A step is stable if |R| ≤ 1 + g. Along a direction d this depends on the sign of a polynomial,
 
     E_d(x) = (1 + g)² |Q(xd)|² − |P(xd)|² ≥ 0
 
-and along d = i of one in x². If E_i has no zero and the poles of R lie on the right, |R| ≤ 1 + g on the whole left
-half-plane, by the maximum principle. Sturm's sequence, in fractions, tells that there is none: a proof, no sampling.
+which for d = i is a polynomial in x². If E_i has no zero and the poles of R lie in the right half-plane, |R| ≤ 1 + g
+on the entire left half-plane, by the maximum principle. A Sturm sequence in rational numbers proves that E_i has none.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from flexlink.common.types import Array, Complex
 from flexlink.describe.schemes.methods import Method
 
 GROWTH = Fraction(1, 10**6)
-"""Growth of the amplitude per step that still counts as stable, g: a factor e in a million steps. Exactly zero would
-call RK2 unstable at every step, since its amplitude grows by (ω h)⁴/8."""
+"""Growth g of the amplitude per step that still counts as stable: a factor e in a million steps. With g = 0, RK2 would
+be unstable at every step, since its amplitude grows by (ω h)⁴/8."""
 
 SQUARE = float((1 + GROWTH) ** 2)
 EPS = float(np.finfo(np.float64).eps)
 
 
 def stability_function(method: Method, z: NDArray[Any]) -> Complex:
-    """R(z), of the shape of `z`."""
+    """R(z), with the shape of `z`."""
     P, Q = (np.polynomial.polynomial.polyval(z, float64(p)) for p in stability_polynomials(method))
     return np.asarray(P / Q)
 
 
 @functools.lru_cache(maxsize=64)
 def stability_polynomials(method: Method) -> tuple[Polynomial, Polynomial]:
-    """P and Q, exact. R is the power series 1 + Σ b A^(k−1) 1 z^k; P = R Q is of degree s, so that s + 1 terms do."""
+    """P and Q, exact. R = 1 + Σ b A^(k−1) 1 z^k, and P = R Q has degree s, so s + 1 terms of the series suffice."""
     A, b, _ = method.exact
     series, power = [Fraction(1)], [Fraction(1)] * method.stages
     for _ in range(method.stages):
@@ -52,14 +52,14 @@ def stability_polynomials(method: Method) -> tuple[Polynomial, Polynomial]:
 
 
 def stable_reach(method: Method, directions: Complex) -> Array:
-    """The largest r such that |R(xd)| ≤ 1 + g for all 0 ≤ x ≤ r, inf if for all x.
+    """Largest r such that |R(xd)| ≤ 1 + g for all 0 ≤ x ≤ r; inf if this is true of all x.
 
     Parameters
     ----------
     method
         The method.
     directions
-        d, on the left half of the unit circle, shape (m,).
+        d, unit complex numbers in the left half-plane, shape (m,).
 
     Returns
     -------
@@ -76,16 +76,16 @@ def stable_reach(method: Method, directions: Complex) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _reach_of_polynomial(method: Method, direction: complex, stable: int) -> float:
-    """`stable_reach` of an explicit method, piece by piece: E_d has degree 2 s, so that 2 s + 1 values tell all of it.
+    """`stable_reach` of an explicit method, piece by piece: E_d has degree 2 s, so 2 s + 1 values determine it.
 
-    In powers of x the terms of E_d cancel, more with every stage; values of R by the stages themselves do not. There is
-    an end: |R| ≤ 1 on [0, x] with R'(0) = 1 and degree s leaves x ≤ 2 s², in any direction (Markov's inequality). Up to
-    x = `stable` nothing is looked for.
+    Coefficients of E_d in powers of x suffer from cancellation, which grows with the number of stages; values of R
+    computed by the stages do not. The search ends: if |R| ≤ 1 on [0, x], R'(0) = 1 and the degree is s, then x ≤ 2 s²
+    in any direction (Markov's inequality). It starts at x = `stable`, below which the method is known to be stable.
     """
     nodes, to_series = _series_of(2 * method.stages)
     for start in range(stable, 2 * method.stages**2 + 1):
         E = SQUARE - np.abs(_by_stages(method, direction * (start + (1 + nodes) / 2))) ** 2
-        zeros = _zeros_of_series((np.array([E, E]) @ to_series.T)[0])  # of one row alone BLAS has other last digits
+        zeros = _zeros_of_series((np.array([E, E]) @ to_series.T)[0])  # for a single row BLAS rounds differently
         if zeros.size:
             return float(start + (1 + zeros.min()) / 2)
     return 2.0 * method.stages**2
@@ -93,11 +93,11 @@ def _reach_of_polynomial(method: Method, direction: complex, stable: int) -> flo
 
 @functools.lru_cache(maxsize=64)
 def stable_half_disc(method: Method) -> float:
-    """A radius r such that |R(z)| ≤ 1 + g wherever |z| ≤ r, Re z ≤ 0: the largest one to eight digits, from below.
+    """Radius r such that |R(z)| ≤ 1 + g for all |z| ≤ r, Re z ≤ 0: the largest one to eight digits, from below.
 
-    By the maximum principle it suffices to look at the edge. Along the axis it ends at `stable_reach`; on the arc
-    |R(r exp iφ)|² is a polynomial of degree s in cos φ, so that s + 1 values tell all of it. Smaller half discs lie in
-    larger ones, which bisection needs. Of an implicit method that is not A-stable nothing is said, r = 0.
+    By the maximum principle it suffices to check the boundary. The imaginary axis is stable up to `stable_reach`; on
+    the arc |R(r exp iφ)|² is a polynomial of degree s in cos φ, so s + 1 values determine it. Half discs are nested,
+    so bisection works. For implicit methods that are not A-stable r = 0 is returned.
     """
     if is_stable_everywhere(method):
         return np.inf
@@ -106,7 +106,7 @@ def stable_half_disc(method: Method) -> float:
     stable, beyond, close = 0.0, _reach_of_polynomial(method, 1j, 0), 1e-8
     if _is_stable_on_the_arc(method, beyond):
         return beyond
-    middle = (1 - close) * beyond  # of many methods the axis ends it, up to rounding
+    middle = (1 - close) * beyond  # for many methods the axis is the limit, up to rounding
     while beyond - stable > close * beyond:
         if _is_stable_on_the_arc(method, middle):
             stable = middle
@@ -125,7 +125,7 @@ def _is_stable_on_the_arc(method: Method, r: float) -> bool:
 
 @functools.cache
 def _series_of(degree: int) -> tuple[NDArray[Any], Array]:
-    """Nodes in [−1, 1], and the matrix that makes a polynomial's values there its Chebyshev series."""
+    """Nodes in [−1, 1], and the matrix that maps values of a polynomial there to its Chebyshev coefficients."""
     nodes = np.polynomial.chebyshev.chebpts1(degree + 1)
     return nodes, np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, degree)), dtype=np.float64)
 
@@ -140,7 +140,7 @@ def _by_stages(method: Method, z: NDArray[Any]) -> Complex:
 
 
 def _zeros_of_series(series: Array) -> Array:
-    """Real zeros in [−1, 1] of Σ c_k T_k, |T_k| ≤ 1; none if the first term outweighs all others."""
+    """Real zeros in [−1, 1] of Σ c_k T_k, |T_k| ≤ 1; none if the first coefficient exceeds the sum of the others."""
     size = np.abs(series)
     if series[0] > size[1:].sum():
         return np.empty(0)
@@ -150,11 +150,11 @@ def _zeros_of_series(series: Array) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def is_stable_everywhere(method: Method) -> bool:
-    """Whether |R| ≤ 1 + g on the whole left half-plane: A-stable.
+    """Whether |R| ≤ 1 + g on the entire left half-plane: A-stable.
 
-    The poles of R are 1 / λ of A, which lie on the right: `Method` takes no others.
+    The poles of R are 1 / λ for eigenvalues λ of A. They lie in the right half-plane; `Method` refuses others.
     """
-    if method.explicit:  # a polynomial
+    if method.explicit:  # R is a polynomial
         return False
     P, Q = stability_polynomials(method)
     square = (1 + GROWTH) ** 2
@@ -162,23 +162,23 @@ def is_stable_everywhere(method: Method) -> bool:
 
 
 def _along_i(p: Polynomial) -> Polynomial:
-    """|p(iy)|² by powers of y²: the even powers of p(iy) p(−iy), whose odd ones are zero."""
+    """|p(iy)|² in powers of y²: the even powers of p(iy) p(−iy); its odd powers vanish."""
     turned = multiply(p, [(-1) ** k * x for k, x in enumerate(p)])  # p(z) p(−z), even; z² = −y²
     return [(-1) ** k * x for k, x in enumerate(turned[::2])]
 
 
 def _positive_zeros(p: Polynomial) -> int:
-    """Number of zeros x > 0, by Sturm's sequence; p(0) ≠ 0."""
+    """Number of zeros x > 0, by a Sturm sequence; requires p(0) ≠ 0."""
     sequence = [p, derivative(p)]
     while len(sequence[-1]) > 0:
         sequence.append([-x for x in _remainder(sequence[-2], sequence[-1])])
-    ends = ([q[end] for q in sequence[:-1] if q[end] != 0] for end in (0, -1))  # the signs at 0 and at infinity
+    ends = ([q[end] for q in sequence[:-1] if q[end] != 0] for end in (0, -1))  # signs at 0 and at infinity
     at_zero, at_infinity = (sum(x * y < 0 for x, y in pairwise(signs)) for signs in ends)
     return at_zero - at_infinity
 
 
 def _remainder(p: Polynomial, q: Polynomial) -> Polynomial:
-    """The remainder of p / q times a positive number, with 1 or −1 in front."""
+    """Remainder of p / q, scaled by a positive number to a leading coefficient of ±1."""
     p = list(p)
     while len(p) >= len(q):
         factor, shift = p[-1] / q[-1], len(p) - len(q)
@@ -187,7 +187,7 @@ def _remainder(p: Polynomial, q: Polynomial) -> Polynomial:
 
 
 def _trimmed(p: Iterable[Fraction]) -> Polynomial:
-    """Without zeros in front of the highest powers."""
+    """Remove zero coefficients of the highest powers."""
     found = list(p)
     while found and found[-1] == 0:
         found.pop()
@@ -195,7 +195,7 @@ def _trimmed(p: Iterable[Fraction]) -> Polynomial:
 
 
 def _determinant(A: Sequence[Sequence[Fraction]]) -> Polynomial:
-    """det(1 − zA) by Faddeev and Le Verrier: M_1 = 1, c_k = −tr(A M_k) / k, M_k+1 = A M_k + c_k 1."""
+    """det(1 − zA) by the Faddeev-LeVerrier algorithm: M_1 = 1, c_k = −tr(A M_k) / k, M_k+1 = A M_k + c_k 1."""
     stages = range(len(A))
     M, c = [[Fraction(i == j) for j in stages] for i in stages], [Fraction(1)]
     for k in range(1, len(A) + 1):
@@ -208,12 +208,12 @@ def _determinant(A: Sequence[Sequence[Fraction]]) -> Polynomial:
 
 
 def _square(p: Array, d: complex) -> Array:
-    """|p(xd)|² by powers of x."""
+    """|p(xd)|² in powers of x."""
     along = p * d ** np.arange(len(p))
     return np.asarray(np.convolve(along, along.conj()).real)
 
 
 def _first_zero(p: Array) -> float:
-    """The smallest x > 0 with p(x) = 0, inf if there is none; where p only touches 0 rounding decides."""
+    """Smallest x > 0 with p(x) = 0; inf if there is none. A double zero depends on rounding."""
     zeros = np.roots(p[::-1])
     return float(zeros[(zeros.imag == 0) & (zeros.real > 0)].real.min(initial=np.inf))
