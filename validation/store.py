@@ -126,9 +126,7 @@ class Environment:
     processor: str = ""
     cores: int = 0
     system: str = ""
-    sources: Mapping[str, str] = dataclasses.field(
-        default_factory=dict
-    )  # path → digest, from `validation.sources`
+    sources: Mapping[str, str] = dataclasses.field(default_factory=dict)  # path → digest, from `validation.sources`
 
 
 @dataclasses.dataclass(frozen=True)

@@ -71,7 +71,8 @@ def _refined(case: Case, settings: Settings) -> Iterator[Measured]:
         bare, scene = _scene(case, rule, {}), _scene(case, rule, {"link.*.damping": damping})
         found = fl.modes(fl.lump(scene))
         facts: Facts = {"damping ratio": settings.target, **rule.facts}
-        ratio, expected = float(found.damping_ratios[0]), settings.target * float(found.frequencies[0]) / settings.slowest
+        ratio = float(found.damping_ratios[0])
+        expected = settings.target * float(found.frequencies[0]) / settings.slowest
         yield Measured("damping ratio of the slowest mode", ratio, scene.name, varied=facts)
         yield Measured("damping ratio of the slowest mode, asked", abs(ratio / expected - 1), scene.name, varied=facts)
         cost = _step(bare, settings.method) / _step(scene, settings.method)

@@ -46,7 +46,7 @@ SINGULAR_CONDITION = 1e16
 
 
 class States(Spec, frozen=True):
-    """Ranges of uniformly random states, with rates up to `rate` [rad/s] and T_EX of driven joints up to `torque` [N m].
+    """Ranges of uniformly random states: rates up to `rate` [rad/s], T_EX of driven joints up to `torque` [N m].
 
     angle, bend
         Largest angles of driven joints and of hinges [rad].

@@ -42,7 +42,7 @@ ORDERS_OF_OTHERS: Mapping[str, Mapping[str, float]] = {
 
 
 class Settings(Spec, frozen=True):
-    """Scenes; errors, as fractions of the motion; methods; the longest runs [s of CPU]; other programs and their scenes.
+    """Scenes; errors, as fractions of the motion; methods; longest runs [s of CPU]; other programs and their scenes.
 
     `methods` have tolerances, `stepped` steps. `solvers` and `witnesses` that are not installed are skipped.
     `pinocchio` is the largest number of evaluations of its runs.

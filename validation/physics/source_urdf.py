@@ -31,9 +31,7 @@ class Original:
         whole = pin.buildModelFromUrdf(str(path), *([pin.JointModelFreeFlyer()] if free_base else []))
         floats = 6 * free_base
         for frame in whole.frames:
-            if (
-                frame.type == pin.FrameType.BODY
-            ):  # `buildReducedModel` refuses a link with the name of a joint
+            if frame.type == pin.FrameType.BODY:  # `buildReducedModel` refuses a link with the name of a joint
                 frame.name += " link"
         held = [number for number in range(1 + free_base, whole.njoints) if whole.names[number] not in names]
         posture = pin.neutral(whole)
