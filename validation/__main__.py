@@ -32,7 +32,7 @@ HERE = Path(__file__).parent
 REPORT = HERE.parent / "reports" / "latest"
 
 EXAMPLES = """examples:
-  python -m validation                      run what is not stored or was timed on a busy machine, then report
+  python -m validation                      run cases not stored or timed on a busy machine, then report
   python -m validation speed                every case named speed or speed_…, or of such a kind
   python -m validation pointwise 'traj*'    cases by name, kind or glob
   python -m validation --force --no-report  measure again, keep the old report
@@ -139,7 +139,7 @@ def _parser() -> argparse.ArgumentParser:
 def _run(
     console: Console, cases: Sequence[Case], store: Store, options: argparse.Namespace
 ) -> dict[str, FlexlinkError]:
-    bar, started = Progress("reading what is stored"), 0
+    bar, started = Progress("reading stored results"), 0
 
     def report(case: str, row: Row | None) -> None:
         nonlocal started
@@ -206,7 +206,7 @@ def _same(console: Console, results: Path, folder: Path) -> int:
     same = importlib.import_module("reports.same")
     found = same.compare(importlib.import_module("reports.results").Results.read(results), folder)
     if not found.pairs:
-        raise FlexlinkError(f"{results} and {folder}: no common numbers; run python -m validation first")
+        raise FlexlinkError(f"{results} and {folder}: no number in common; run python -m validation first")
     for line in same.differences(found):
         console.print(f"[red]DIFFERENT[/red] {escape(line)}", highlight=False, soft_wrap=True)
     for sentence in reversed(found.sentences()):

@@ -91,7 +91,7 @@ class Case(Spec, frozen=True):
     claim: str = ""
     sheet: Sheet | None = None  # of a benchmark that other codes can be compared with
     parts: str = ""
-    whole: str = ""  # of a part: name of its file
+    whole: str = ""  # of a part: name of its case file
 
     @property
     def part(self) -> str:
@@ -172,7 +172,7 @@ class Measured(NamedTuple):
     value: float
     scene: str = ""
     engine: str = "native"
-    varied: Facts = NOTHING_VARIED  # what was varied: names of `validation.facts`
+    varied: Facts = NOTHING_VARIED  # varied conditions: names of `validation.facts`
     scale: float = 1.0  # unit of the case's tolerance, if the limit follows from the physics of the run
     note: str = ""  # computed remark on this value
     timed: bool = False  # whether it measures speed, not correctness

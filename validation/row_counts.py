@@ -29,7 +29,7 @@ def wrong(case: Case, rows: Sequence[Row]) -> Iterator[Row]:
 
 
 def _measured(row: Row) -> str:
-    """What a row measures, apart from its quantity."""
+    """Scene, engine and varied conditions of a row."""
     return ", ".join([row.scene, row.engine, *(f"{name} {value}" for name, value in row.varied.items())])
 
 

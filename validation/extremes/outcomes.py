@@ -7,7 +7,7 @@ With ε the tip's largest distance from the reference at any sample, in units of
     warned          ε > 1, and the result has a warning
     false doubt     ε ≤ 1, and the result is called doubtful
     error           a FlexlinkError that names the cause and the remedy
-    dear            stopped because it exceeded the budget
+    dear            the run exceeded the budget and was stopped
     unknown         the two references disagree too much
     silent wrong    ε > 10 without a warning: there must be none
 """
@@ -61,7 +61,7 @@ class Truth(NamedTuple):
     """Reference path of the tip, on which two methods agree."""
 
     tip: Array  # (samples, 3) of the finer one [m]; no samples if there is no reference
-    apart: float  # distance between the two [m]; inf if there are not two
+    apart: float  # distance between the two references [m]; inf without two
     methods: str
 
 

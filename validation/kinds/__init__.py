@@ -1,6 +1,6 @@
 """Kinds of measurement: one file each, with a generator `run`.
 
-A kind is found by its file in this folder, whose name it has. A case's table `settings` contains the parameters of
+A kind is a file in this folder and has the file's name. A case's table `settings` contains the parameters of
 `run` after `case`; a kind that needs them together declares a class `Settings`, which its `run(case, settings)` takes.
 
 A kind that measures time sets `TIMED = True`: nothing else runs meanwhile, and the study records the load of the

@@ -6,7 +6,7 @@ each state; it is capped at 1, which means no correct digit. For M, the error re
 
 A cell's ratio is flexlink's error divided by that of the better engine, which counts as at least √n eps. Ten times that
 is explained by rounding (`dynamics.rounding`); an engine may be better by chance. Cells with cond(M) above 10¹⁶ are
-listed separately: there the rounded M is singular, and any correct result depends on which elements are zero.
+listed separately: there the rounded M is singular, and correct digits are accidental.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     rows = [("run", x, 1e3 * a) for x, a in zip(t.tolist(), amplitudes.tolist(), strict=True)]
     rows += [("closed form", x, 1e3 / (1 / amplitudes[0] + _decay(ringing) * (x - t[0]))) for x in t.tolist()]
     yield Series(
-        "decay", "Amplitude of a strip that drag alone damps", table(("curve", "t [s]", "amplitude [mm]"), rows),
+        "decay", "Amplitude of a strip damped only by drag", table(("curve", "t [s]", "amplitude [mm]"), rows),
         "t [s]", "t [s]", "amplitude of the tip [mm]", group="curve", scene=strip.name,
     )  # fmt: skip
     yield Measured("T_DRAG in 50 digits", _torque_error(arm, settings), arm.name)

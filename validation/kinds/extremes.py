@@ -214,4 +214,4 @@ def _series(case: Case, found: list[Cell]) -> Series:
         for number, cell in enumerate(found)
     ]  # fmt: skip
     columns, (x, *_, y, _) = table(COLUMNS, rows), COLUMNS
-    return Series("outcomes", "What became of every run", columns, x, x, y, "linear", "log", group="outcome")
+    return Series("outcomes", "Outcome of every run", columns, x, x, y, "linear", "log", group="outcome")

@@ -112,7 +112,7 @@ def _inverse(chain: Chain, s: State) -> float:
 
 
 def _hinge_moments(chain: Chain, s: State) -> float:
-    """The cut moment about a hinge axis is minus the inverse-dynamics torque without the rotor's."""
+    """The internal moment about a hinge axis is minus the inverse-dynamics torque without the rotor's."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
     found = fl.strength.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
     torque = fl.inverse_dynamics(chain, s.q, s.qd, qdd, tip_wrench=s.wrench) - chain.hinges["armature"] * qdd

@@ -1,4 +1,4 @@
-"""A laboratory's two-link arm: strains predicted in held-out recordings, compared with a linear model of that order.
+"""A laboratory's two-link arm: strains predicted in held-out recordings, against a linear model of the same order.
 
 Fitted parameters: of the arm, by `fl.fit` on the first half of one recording, 10 (two roots, one damping, two of its
 tilt, the second axis' position, two gains and two offsets); of the linear model 12, with offsets 14. Both models start

@@ -41,7 +41,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
 
     `best` is the chain that is checked, `beside` a second one in the figure, `parity` the one run in MuJoCo. `columns`
     are the columns of the tip's x and y in the reference. With `lag` the tip is given in the first joint's frame. Every
-    chain runs with the fraction `of_stable` of its largest stable step.
+    chain runs with `of_stable` times its largest stable step.
     """
 
     reference: str

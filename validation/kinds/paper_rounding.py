@@ -56,7 +56,7 @@ def run(
 def _verdict(parts: Mapping[str, float]) -> str:
     """Verdict from the fraction of the largest stable step at which rounding and truncation errors are equal."""
     limits = ", ".join(f"{number(100 * part, 2)} % for {method}" for method, part in parts.items())
-    return f"holds up to these parts of the largest stable step: {limits}; above, the error of the step is larger"
+    return f"holds up to these fractions of the largest stable step: {limits}; above, the truncation error is larger"
 
 
 def _errors(scene: Scene, setups: Sequence[Setup], exact: Fine) -> Iterator[Errors]:
@@ -77,6 +77,6 @@ def _meeting(errors: Sequence[Errors], order: int) -> float:
 def _series(scene: Scene, found: Mapping[str, Sequence[Errors]]) -> Series:
     rows = [(method, *errors) for method, each in found.items() for errors in each]
     columns = table(("method", "step [s]", "steps", "rounding"), rows)
-    title = f"Error of the steps, and of rounding alone: {scene.name}, {scene.run.duration:g} s"
+    title = f"Total error and rounding error: {scene.name}, {scene.run.duration:g} s"
     labels = "step [s]", "step [s]", "error of the tip [m]"
     return Series("rounding", title, columns, *labels, "log", "log", group="method", scene=scene.name)

@@ -50,16 +50,16 @@ def run(case: Case, scene: dict[str, Motion]) -> Iterator[Measured]:
 
 
 def _verdict(gains: Mapping[str, float]) -> str:
-    """Verdict from the gains of each type over the one before, by type and scene; references are known to a tenth."""
+    """Verdict from the gain of each type over the previous one, by type and scene; references are accurate to a tenth."""
     known = 0.1  # fraction of an error: largest error estimate of the references, by the case's limit
     worse = _named({name: gain for name, gain in gains.items() if gain < 1.0 - known})
     if worse:
-        return f"does not hold: worse than the type before: {worse}"
+        return f"does not hold: less precise than the previous type: {worse}"
     idle = _named({name: gain for name, gain in gains.items() if gain < LEAST_GAIN})
     if idle:
         return (
-            "holds as the paper limits it, by manipulator and task: the type before is less than "
-            f"{number(LEAST_GAIN)} times worse in {idle}"
+            "holds as the paper limits it, by manipulator and task: the error of the previous type is less than "
+            f"{number(LEAST_GAIN)} times larger in {idle}"
         )
     return "holds"
 

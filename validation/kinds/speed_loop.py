@@ -74,7 +74,7 @@ def _pd(scene: Scene, chain: Chain, kp: Array, kd: Array) -> Law:
     """PD controller for angles that oscillate about the initial ones, with gravity compensation for those."""
     driven, (start, _) = chain.active, initial_state(scene, chain)
     target, hold = start[driven], gravity_torque(chain, start)[driven]
-    swing = 0.1  # rad, once a second
+    swing = 0.1  # rad, at 1 Hz
     return lambda t, q, qd: hold + kp * (target + swing * math.sin(2 * math.pi * t) - q[driven]) - kd * qd[driven]
 
 

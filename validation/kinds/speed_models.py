@@ -111,7 +111,7 @@ def run(
                     "CPU time", 1e3 * best.seconds, base.name, varied={"error": error}, note=best.in_words, timed=True
                 )
         columns = table(COLUMNS, [run.row for run in made])
-        title = f"{base.name}: which model, and what it costs"
+        title = f"{base.name}: error and cost of each model"
         x, y = COLUMNS[-2:]
         yield Series("models", title, columns, x, x, y, "log", "log", group="type", scene=base.name)
 

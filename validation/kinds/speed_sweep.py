@@ -34,7 +34,7 @@ def run(
     """Yield members per second of a sweep, MuJoCo's time per member in three ways, their ratios, and CPU times.
 
     The sweep is one of validation/sweeps. Contestants take turns, and the fastest turns count: ours runs all members on
-    all workers, MuJoCo's `beside` members, for `turn` [s] or longer.
+    all workers, MuJoCo's runs `beside` members for at least `turn` [s].
     """
     facts: Facts = {"members": members}
     with tempfile.TemporaryDirectory() as folder:

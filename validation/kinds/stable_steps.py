@@ -37,7 +37,7 @@ from validation.store import Series, table
 LONG = True
 
 STEPS_OF_A_RUN = 3
-"""Steps of a run, few enough that a physically growing mode, tenfold per step, leaves differences small."""
+"""Number of steps of a run: few, since an inverted arm may grow tenfold per step and differences must stay small."""
 
 ANGLE_ASIDE, RATE_ASIDE_OF_WIDTH = 1e-8, 1e-4
 """Largest initial difference of angles [rad], and of rates as a fraction of the width of the friction law. Their

@@ -29,7 +29,7 @@ STRAINS = ("strain angle 1 [deg]", "strain angle 2 [deg]")
 LINKS = ("one", "two")
 CUTOFF = 15.0  # Hz, low-pass of the recorded angles; their motion is below 3 Hz
 LOW_PASS, ORDER = 2.0, 2  # cutoff [Hz] and order of the recorder's filter of strains
-SETTLED = 1.2  # s: the first run's strain 1 is missing before
+SETTLED = 1.2  # s: start of strain 1 in the first run
 
 
 class Window(NamedTuple):

@@ -103,7 +103,7 @@ class Comparison(NamedTuple):
         """The verdict in words.
 
         "not validated": |E| > 2 u_val: the model error is at least |E| − 2 u_val. "cannot be told": E is explained by
-        data, inputs and grid, but their uncertainty exceeds what is wanted. Otherwise "validated to u_val".
+        data, inputs and grid, but their uncertainty exceeds `wanted`. Otherwise "validated to u_val".
         """
         within = COVERAGE * self.u_val
         if not abs(self.error) <= within:  # also if nan

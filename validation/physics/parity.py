@@ -42,7 +42,7 @@ def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
     """Derivative of T_GC as in `load_stiffness`, for a tip force [N] that rotates with the tip, in tip axes."""
 
     def torque(x: Array) -> Array:
-        engine.gravity_torque(x)  # places the bodies
+        engine.gravity_torque(x)  # updates the poses of the bodies
         R = engine.data.xmat[engine.tip].reshape(3, 3)
         return engine.bias_torque(x, np.zeros(engine.n), tip_wrench=np.concatenate([R @ force, np.zeros(3)]))
 

@@ -20,7 +20,7 @@ from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cos_
 
 
 class Rows(NamedTuple):
-    """A row for each hinge, and for each body without one, whose axis is 0."""
+    """A row for each hinge, and for each body without a hinge (its axis is 0)."""
 
     hinge: NDArray[np.int64]  # number of the hinge; 0 for a body without hinges
     axis: Array  # (m, 3)

@@ -1,4 +1,4 @@
-"""Split the error of a run into model, space, time and rounding errors, each by a run converged in that part.
+"""Split the error of a run into model, space, time and rounding errors, each from a run converged in that part.
 
     run → the same chain, exact in time → the same type, infinitely many hinges → the true type, infinitely many hinges
        time                            space                                   model

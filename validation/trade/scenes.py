@@ -44,7 +44,7 @@ class Varied(Spec, frozen=True):
 
 @functools.cache
 def scenes() -> dict[str, Varied]:
-    """Contents of the file, by name."""
+    """Definitions in the file, by name of the scene."""
     return {name: decode(raw, Varied, name) for name, raw in documents.read_toml(FILE).items()}
 
 
