@@ -1,7 +1,7 @@
 """Drift of energy, angular momentum and time over millions of steps of a conservative arm.
 
-Without gravity and friction the energy E is constant, and so is the momentum (M q̇)₁ of the first joint, which has no
-drive torque. Their drift grows by the method's error and by rounding, at most eps of their size, in every step: at most
+Without gravity and friction the energy E is constant, and so is the momentum (M q̇)₁ of the first joint, about which no
+torque acts. Their drift grows by the method's error and by rounding, at most eps of their size, in every step: at most
 proportionally to the number of steps. A run's drift is therefore compared with that of its first hundredth.
 """
 

@@ -50,7 +50,7 @@ def run(case: Case, scene: dict[str, Motion]) -> Iterator[Measured]:
 
 
 def _verdict(gains: Mapping[str, float]) -> str:
-    """Verdict from the gain of each type over the previous one, by type and scene; references are accurate to a tenth."""
+    """Verdict from the gain of each type over the previous one, by type and scene; references are known to a tenth."""
     known = 0.1  # fraction of an error: largest error estimate of the references, by the case's limit
     worse = _named({name: gain for name, gain in gains.items() if gain < 1.0 - known})
     if worse:

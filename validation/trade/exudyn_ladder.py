@@ -72,7 +72,7 @@ class ExudynRuns:
         begun = time.thread_time()
         try:
             good = bool(self.system.mbs.SolveDynamic(settings, solverType=SOLVERS[solver]))
-        except Exception:  # Exudyn raises various types: no result
+        except Exception:  # Exudyn raises various types; any of them means no result
             good = False
         seconds = time.thread_time() - begun
         return max(seconds - self.setting_up, 1e-9), good
