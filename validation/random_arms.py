@@ -85,7 +85,7 @@ def random_tree(seed: int) -> fl.Scene:
         links.append(msgspec.structs.replace(link, on=on, joint=_sliding(dice, link.joint)))
     if all(link.joint.locked and not link.elastic for link in links):
         links[0] = msgspec.structs.replace(links[0], joint=fl.Joint())
-    hung_on = {link.on or before for link, before in zip(links, ["", *names], strict=False)}
+    parents = {link.on or before for link, before in zip(links, ["", *names], strict=False)}
     free, base = (
         dice.chance(0.5),
         fl.details.BaseState(xyz=dice.three(1.0), quaternion=(dice.linear(-1, 1), *dice.three(1.0))),
@@ -107,7 +107,7 @@ def random_tree(seed: int) -> fl.Scene:
             joint_m=tuple(dice.linear(-0.5, 0.5) if link.joint.slides else 0.0 for link in links),
             base=base if free else fl.details.BaseState(),
         ),
-        wrench=fl.Wrench(on=dice.one_of(*(name for name in names if name not in hung_on))),
+        wrench=fl.Wrench(on=dice.one_of(*(name for name in names if name not in parents))),
         run=fl.RunSettings(step=1e-4),
     )  # fmt: skip
 

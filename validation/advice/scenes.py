@@ -128,7 +128,7 @@ def _link(dice: Dice, k: int, stuff: str, sections: dict[str, fl.Section], plana
 
 
 def _thicken(
-    links: tuple[fl.Link, ...], sections: dict[str, fl.Section], material: fl.Material, carried: float
+    links: tuple[fl.Link, ...], sections: dict[str, fl.Section], material: fl.Material, outer_mass: float
 ) -> None:
     """Thicken links, from the tip inwards, that bend by more than `SOFTEST_LINK` of their length.
 
@@ -138,11 +138,11 @@ def _thicken(
         thinnest = sections[link.section_tip or link.section or ""].properties
         own = material.density * sections[link.section or ""].properties.area * link.length
         inertia = min(thinnest.i_y, thinnest.i_z)
-        bent = 9.81 * (carried + link.end.mass + own) * link.length**2 / (3 * material.young * inertia)
+        bent = 9.81 * (outer_mass + link.end.mass + own) * link.length**2 / (3 * material.young * inertia)
         scale = max(1.0, bent / SOFTEST_LINK) ** 0.5
         for name in filter(None, (link.section, link.section_tip)):
             sections[name] = _scaled(sections[name], scale)
-        carried += link.end.mass + scale**2 * own
+        outer_mass += link.end.mass + scale**2 * own
 
 
 def _scaled(section: fl.Section, scale: float) -> fl.Section:
@@ -158,12 +158,12 @@ def _mass(links: tuple[fl.Link, ...], sections: dict[str, fl.Section], material:
 
 def _inertias(arm: fl.Arm, material: fl.Material) -> list[float]:
     """Inertia about each joint of everything beyond it, stretched out, with links as rods [kg m²]."""
-    found, carried, reach = [], arm.tip.mass, 0.0
+    found, outer_mass, reach = [], arm.tip.mass, 0.0
     for link in reversed(arm.links):
         beam = arm.sections[link.section or ""].properties.area * material.density * link.length
-        carried, reach = carried + link.end.mass + beam / 3, reach + link.length
-        found.append(carried * reach**2)
-        carried += 2 * beam / 3
+        outer_mass, reach = outer_mass + link.end.mass + beam / 3, reach + link.length
+        found.append(outer_mass * reach**2)
+        outer_mass += 2 * beam / 3
     return found[::-1]
 
 

@@ -44,23 +44,23 @@ class Settings(Spec, frozen=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """Yield the cost of the advised family relative to the cheapest for each scene, and the worst of both groups."""
     worst: dict[bool, list[float]] = {True: [], False: []}
-    for asked in settings.asked:
-        scene = varied_scene(asked.scene, asked.name)
-        advice = fl.advise(scene, tip=f"{asked.error:.3g} m")
+    for aim in settings.asked:
+        scene = varied_scene(aim.scene, aim.name)
+        advice = fl.advise(scene, tip=f"{aim.error:.3g} m")
         true = exact(scene, settings.reference)
-        yield Measured("reference, its own error / allowed error", true.own / asked.error, asked.name)
-        tolerances = [part * asked.error for part in settings.of_error]
+        yield Measured("reference, its own error / allowed error", true.own / aim.error, aim.name)
+        tolerances = [part * aim.error for part in settings.of_error]
         grid = ladder(scene, settings.hinges, settings.methods, tolerances, true.tip, settings.longest)
-        met = [each for each in grid if each.point.error <= asked.error]
+        met = [each for each in grid if each.point.error <= aim.error]
         family = _family(settings, case, advice.scene)
-        facts: Facts = {"family": family, "tip error": asked.error}
+        facts: Facts = {"family": family, "tip error": aim.error}
         words = "; ".join(line for line in advice.lines if "hinge" in line)
-        yield Measured("advised within the allowed error", float(advice.met), asked.name, varied=facts, note=words)
+        yield Measured("advised within the allowed error", float(advice.met), aim.name, varied=facts, note=words)
         listed, note = _over_cheapest(settings, family, met, [each.listed for each in met])
-        worst[asked.axial].append(listed)
-        yield Measured("advised family / cheapest, listed costs", listed, asked.name, varied=facts, note=note)
+        worst[aim.axial].append(listed)
+        yield Measured("advised family / cheapest, listed costs", listed, aim.name, varied=facts, note=note)
         clocked, note = _over_cheapest(settings, family, met, [each.point.seconds for each in met])
-        yield Measured("advised family / cheapest, CPU time", clocked, asked.name, varied=facts, note=note, timed=True)
+        yield Measured("advised family / cheapest, CPU time", clocked, aim.name, varied=facts, note=note, timed=True)
     for axial, word in ((True, "under axial load or bent far"), (False, "others")):
         if worst[axial]:
             yield Measured(f"advised family / cheapest, listed costs, {word}", max(worst[axial]))

@@ -90,7 +90,7 @@ def planted(seed: int, sought: Sequence[str]) -> tuple[fl.fits.FitProblem, dict[
 
 
 def arm(rng: np.random.Generator) -> fl.Scene:
-    """One to three flexible links of a strip at an angle to gravity, falling freely."""
+    """One to three flexible links of a strip released at random angles under gravity."""
     links = rng.integers(1, 4)
     return fl.Scene(
         name="random",

@@ -52,11 +52,11 @@ def _determinant(columns: Columns, ω: float) -> float:
     state = np.eye(4)[:, 2:]  # clamped: unit moment, unit shear force
     for k in range(len(x) - 1):
         if x[k + 1] > x[k]:
-            state = _carried(state, x[k : k + 2], EI[k : k + 2], ρA[k : k + 2], ω)
+            state = _integrated(state, x[k : k + 2], EI[k : k + 2], ρA[k : k + 2], ω)
     return float(np.linalg.det(state[2:]))
 
 
-def _carried(state: np.ndarray, x: np.ndarray, EI: np.ndarray, ρA: np.ndarray, ω: float) -> np.ndarray:
+def _integrated(state: np.ndarray, x: np.ndarray, EI: np.ndarray, ρA: np.ndarray, ω: float) -> np.ndarray:
     def slope(at: float, flat: np.ndarray) -> np.ndarray:
         w, φ, M, V = flat.reshape(4, -1)
         stiff, heavy = (np.interp(at, x, column) for column in (EI, ρA))
