@@ -76,7 +76,7 @@ def test_a_pattern_of_scenes_means_all_of_models_that_it_matches() -> None:
     (("kind  =", "knd  ="), "knd = 'order_conditions': unknown key"),
     (("tolerance = 1e-40", "tolerance = true"), "quantity.residual.tolerance = True: expected float"),
     (('reason    = "exact"', ""), "quantity.residual.reason: missing; a tolerance needs one"),
-    (("kind  =", 'name = "other"\nkind  ='), "name = 'other': unknown key; the name of a case is its file's"),
+    (("kind  =", 'name = "other"\nkind  ='), "name = 'other': unknown key; a case is named after its file"),
 ])  # fmt: skip
 def test_a_malformed_case_is_one_line_with_file_key_and_value(tmp_path, change, message):
     path = tmp_path / "bad.toml"
@@ -209,7 +209,7 @@ def test_a_killed_run_loses_only_the_case_in_hand(study, monkeypatch):
 def test_a_limit_that_nothing_measures_is_an_error(study, capsys):
     study.case_file.write_text(CASE.replace("quantity.residual", "quantity.residue"), encoding="utf-8")
     assert study()[0] == 2
-    assert "quantity.residue: kind 'order_conditions' does not measure this here" in capsys.readouterr().err
+    assert "quantity.residue: kind 'order_conditions' does not measure it here" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("change", "message"), [
@@ -238,7 +238,7 @@ def test_why_a_case_could_not_be_run_is_stored_until_it_is(study):
 
 def test_a_case_that_does_not_exist_is_named_with_those_that_do(study, capsys):
     assert study("nothing*")[0] == 2
-    assert "case = 'nothing*': no such case; there are small" in capsys.readouterr().err
+    assert "case = 'nothing*': no such case; available: small" in capsys.readouterr().err
 
 
 def test_a_full_study_takes_all_cases_even_those_that_run_by_name_and_skips_what_is_stored(study):
@@ -252,7 +252,7 @@ def test_a_full_study_takes_all_cases_even_those_that_run_by_name_and_skips_what
 
 def test_a_full_study_of_some_cases_is_none(study, capsys):
     assert study("--full", "small")[0] == 2
-    assert "--full small: --full means all cases; leave one of both away" in capsys.readouterr().err
+    assert "--full small: --full runs all cases; specify only one of the two" in capsys.readouterr().err
 
 
 def test_a_case_that_cannot_be_run_is_named_and_keeps_no_other_from_running(study, capsys):
@@ -316,7 +316,7 @@ def test_a_case_in_parts_is_stored_part_by_part_each_with_the_limits_of_all_and_
 def test_parts_that_are_no_list_of_the_settings_are_one_line(study, capsys):
     study.case_file.write_text(CASE.replace("settings", 'parts = "method"\nsettings', 1), encoding="utf-8")
     assert study()[0] == 2
-    assert "parts = 'method': not a list of the settings" in capsys.readouterr().err
+    assert "parts = 'method': is not a list in the settings" in capsys.readouterr().err
 
 
 def test_the_full_study_measures_times_alone_the_short_one_those_that_a_limit_judges(study, monkeypatch):
@@ -553,7 +553,7 @@ def test_a_study_without_its_checkout_says_that_it_needs_one(study, capsys, monk
     monkeypatch.setattr("validation.__main__.MODELS", tmp_path / "site-packages" / "models")
     assert study()[0] == 2
     error = capsys.readouterr().err
-    assert "models: no such folder; the study runs in a checkout of the project" in error
+    assert "models: no such folder; the study needs a checkout of the project" in error
     assert error.count("\n") == 1
 
 
