@@ -1,9 +1,9 @@
 """Build the site: python -m docs, then open docs/_site/index.html.
 
-python -m docs            all of it; gallery pages whose example has not changed are not run again
+python -m docs            the complete site; unchanged gallery examples are not run again
 python -m docs --quick    without running any code of pages and gallery
-python -m docs --links    check every link to other sites, too (needs a network)
-python -m docs --readme   write the README's tables from the stored study
+python -m docs --links    check links to other sites as well (needs a network)
+python -m docs --readme   update the README's tables from the stored study
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ HERE = Path(__file__).parent
 
 
 def main() -> int:
-    """Build, warnings as errors, every reference checked."""
+    """Build the site with warnings as errors and every reference checked."""
     parser = argparse.ArgumentParser(
         prog="python -m docs", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--quick", action="store_true", help="do not run code of pages and gallery")
     parser.add_argument("--links", action="store_true", help="check links to other sites (needs a network)")
-    parser.add_argument("--readme", action="store_true", help="write the README's tables from the stored study, only")
+    parser.add_argument("--readme", action="store_true", help="only update the README's tables from the stored study")
     parser.add_argument("--out", type=Path, default=HERE / "_site", help="folder of the pages; default: docs/_site")
     options = parser.parse_args()
     if options.readme:

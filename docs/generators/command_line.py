@@ -1,4 +1,4 @@
-"""The command line's page, from its parser."""
+"""The command-line page, from the parser."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from docs.generators.rest import directive, heading, prose
 from flexlink.cli.main import build_parser
 
 EXIT_CODES = """\
-Exit codes: 0 done; 1 engines disagree, or no model is good enough; 2 an error, told in one line; 130 Ctrl-C; 143
-SIGTERM.
+Exit codes: 0 success; 1 engines disagree, or no model meets the requirement; 2 an error, printed as one line; 130
+Ctrl-C;
+143 SIGTERM.
 """
 
 
 def page(_: Path) -> str:
-    """Every command with its options and examples."""
+    """Return every command with its options and examples."""
     parser = build_parser()
     parts = [heading("Command line"), EXIT_CODES, _command("flexlink", parser, 1)]
     for name, command in commands(parser).items():
@@ -24,7 +25,7 @@ def page(_: Path) -> str:
 
 
 def commands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """Subcommands by name."""
+    """Return the subcommands by name."""
     (action,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
     return dict(action.choices)
 
@@ -50,7 +51,7 @@ def _option(action: argparse.Action) -> str:
 
 
 def _help(action: argparse.Action) -> str:
-    """The help text, in which argparse writes a percent sign twice."""
+    """Return the help text, with the doubled percent signs of argparse undone."""
     choices = f" One of {', '.join(f'`{choice}`' for choice in action.choices)}." if action.choices else ""
     text = (action.help or "").replace("%%", "%")
     return f"{text[:1].upper()}{text[1:]}{choices}"

@@ -1,4 +1,4 @@
-"""Tables of the README: numbers of the full study, never typed; `python -m docs --readme` writes them anew."""
+"""Tables of the README, from the numbers of the full study; `python -m docs --readme` writes them."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ SPEED = [
     ("the same, as a checked call from Python", "the same as a checked call from Python"),
     ("the paper's figure 5, RK4 at its own step", "the paper's figure 5 on one core"),
 ]
-"""Rows: what was measured, and words of the study's sentence that has the number before its first colon."""
+"""Rows: the quantity, and words that identify the sentence of the study whose text before the colon is the number."""
 
 
 def proof() -> str:
-    """The study's verdict."""
-    told = study.counts()
-    verdict = f"**{told['passed']:,} of {told['checks']:,} checks pass**, in {told['cases']} cases"
+    """Return the table of the study's verdicts."""
+    counts = study.counts()
+    verdict = f"**{counts['passed']:,} of {counts['checks']:,} checks pass**, in {counts['cases']} cases"
     return f"{_table('compared', 'largest difference', PROOF)}\n\n{verdict}."
 
 
 def speed() -> str:
-    """CPU times beside other engines."""
+    """Return the table of CPU times compared with other engines."""
     return _table("job", "time of others", SPEED)
 
 
 def with_tables(text: str) -> str:
-    """The README with both tables as the stored study has them."""
+    """Return the README with both tables from the stored study."""
     for name, table in (("proof", proof()), ("speed", speed())):
         begin, end = f"<!-- {name}: python -m docs --readme writes this table -->\n", f"\n<!-- end of {name} -->"
         before, _, rest = text.partition(begin)
@@ -55,7 +55,7 @@ def _table(left: str, right: str, rows: list[tuple[str, str]]) -> str:
 
 
 def _number(words: str) -> str:
-    """What stands before the words in the one sentence that has them; "0 runs … were" if it has no colon."""
+    """Return the text before the colon of the only sentence with these words; without a colon, the sentence itself."""
     sentences: list[str] = [each for chapter in study.stored()["chapters"] for each in chapter["headlines"]]
     (sentence,) = (each for each in sentences if words in each)
     value, colon, _ = sentence.partition(":")

@@ -1,4 +1,4 @@
-"""The study's results, from `reports/full`: what was compared with what, and how it came out."""
+"""Results of the study, from `reports/full`: what was compared with what, and the outcome."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ SECTIONS = FULL.parent / "sections.toml"
 
 @functools.cache
 def stored() -> dict[str, Any]:
-    """Chapters of the full study."""
+    """Return the chapters of the full study."""
     chapters: dict[str, Any] = json.loads((FULL / "chapters.json").read_text(encoding="utf-8"))
     return chapters
 
 
 @functools.cache
 def checks() -> list[dict[str, str]]:
-    """Every number of the full study, with its limit where it has one."""
+    """Return every number of the full study, with its limit if it has one."""
     with gzip.open(FULL / "all_checks.csv.gz", "rt", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
 def counts() -> dict[str, int]:
-    """How many checks of correctness were judged, how many passed, of how many cases."""
+    """Return the numbers of correctness checks, of passed checks, and of cases."""
     judged = [row for row in checks() if row["passed"] and row["timed"] == "False"]
     return {
         "checks": len(judged),
@@ -41,17 +41,17 @@ def counts() -> dict[str, int]:
 
 
 def page(_: Path) -> str:
-    """Verdict, then chapter by chapter: findings, figures, cases."""
-    told = counts()
+    """Return the verdict, then findings, figures and cases by chapter."""
+    total = counts()
     titles = {
         section["id"]: section["title"] for section in tomllib.loads(SECTIONS.read_text(encoding="utf-8"))["section"]
     }
     parts = [
         heading("Results of the study"),
-        f"**{told['passed']} of {told['checks']} checks pass**, in {told['cases']} cases. "
+        f"**{total['passed']} of {total['checks']} checks pass**, in {total['cases']} cases. "
         f"{prose(stored()['measured'])}.\n",
-        "To run it yourself: ``python -m validation --full``; whether yours are the published numbers:\n"
-        "``python -m validation --same reports/full``. How the study judges: :doc:`../../explanation/study`.\n",
+        "To run the study: ``python -m validation --full``. To check your results against the published ones:\n"
+        "``python -m validation --same reports/full``. Method of the study: :doc:`../../explanation/study`.\n",
     ]
     for chapter in stored()["chapters"]:
         if chapter["figures"] or chapter["cases"] or chapter["findings"]:
