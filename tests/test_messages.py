@@ -1,4 +1,4 @@
-"""Usual messages on the page "When it says …" are printed by the library in these very words."""
+"""The library prints the usual messages of the page "Messages" in exactly these words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page "When it says …": what the usual messages mean, and then every error text of the library."""
+"""The page "Messages": meaning and remedy of the usual messages, then every error text of the library."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ LIBRARY = Path(flexlink.__file__).parent
 USUAL = Path(__file__).parent / "messages.toml"
 
 INTRO = """\
-What flexlink refuses or doubts it says in one line: the thing, its value, what is allowed, and what to do. Python
-raises an error of :class:`flexlink.FlexlinkError`; the command line prints it and exits with 2. Doubts are printed
-as ``warning:`` and kept in ``Trajectory.warnings``; what has no effect, or is likely not meant, is a ``note:``.
-Below, in bold, parts of what is printed, without its numbers and names.
+A message is one line: the object, its value, what is allowed, and a remedy. In Python a refusal raises a subclass of
+:class:`flexlink.FlexlinkError`; the command line prints it and exits with 2. Doubtful results cause a ``warning:``,
+also stored in ``Trajectory.warnings``. Values without effect, or probably unintended, cause a ``note:``. The headings
+below are parts of messages, without their numbers and names.
 """
 
 
 def page(_: Path) -> str:
-    """Usual messages with cause and remedy, then all of them by class."""
-    parts = [heading("When it says …"), INTRO]
+    """Return the usual messages with cause and remedy, then all messages by class."""
+    parts = [heading("Messages"), INTRO]
     for group in tomllib.loads(USUAL.read_text(encoding="utf-8"))["group"]:
         parts.append(heading(group["title"], 1))
         for message in group["message"]:
-            body = f"{prose(message['means'])}\n\n**Do:** {prose(message['do'])}"
+            body = f"{prose(message['means'])}\n\n**Remedy:** {prose(message['do'])}"
             parts.append(f"{prose(message['text'])}\n{_hanging(body)}\n")
     parts.append(heading("All errors by class", 1))
-    parts.append("Values are shown as …\n")
+    parts.append("… is a value.\n")
     for name, texts in sorted(error_texts().items()):
         kind = getattr(errors, name)
         parts += [heading(name, 2), f":class:`flexlink.{'errors.' * (name != 'FlexlinkError')}{name}`: "
@@ -48,7 +48,7 @@ def _hanging(text: str) -> str:
 
 
 def error_texts() -> dict[str, list[str]]:
-    """Texts of every `raise` of a public error, by its class."""
+    """Texts of every `raise` of a public error, by class."""
     found: defaultdict[str, set[str]] = defaultdict(set)
     for name, text in _source()[0]:
         found[name].add(text)
@@ -56,7 +56,7 @@ def error_texts() -> dict[str, list[str]]:
 
 
 def literals() -> Iterator[str]:
-    """Every text in the library's source."""
+    """Yield every string of the library's source and data files."""
     yield from _source()[1]
     for path in LIBRARY.rglob("*.toml"):
         yield path.read_text(encoding="utf-8")
@@ -64,7 +64,7 @@ def literals() -> Iterator[str]:
 
 @functools.cache
 def _source() -> tuple[list[tuple[str, str]], list[str]]:
-    """What every `raise` says, and every text."""
+    """Texts of every `raise`, and every string, of the library's source."""
     raised, texts = list[tuple[str, str]](), list[str]()
     for path in LIBRARY.rglob("*.py"):
         nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
@@ -88,7 +88,7 @@ def _raised(nodes: Iterable[ast.AST]) -> Iterator[tuple[str, str]]:
 
 
 def _template(node: ast.expr) -> str:
-    """A text with … for every value in it."""
+    """Return a text with … in place of every value."""
     if isinstance(node, ast.Constant):
         return str(node.value)
     if isinstance(node, ast.JoinedStr):
