@@ -128,9 +128,7 @@ class Arm(Spec, frozen=True):
                 path = f"{self.path(k)}.section_tip = {link.section_tip!r}"
                 yield Diagnostic(f"{path}: is a {shapes[1]}, not a {shapes[0]}", "section-shapes-differ")
         if len({link.dh.convention for link in self.links if link.dh is not None}) > 1:
-            yield Diagnostic(
-                "link.dh.convention: differs between links; a table has only one", "dh-conventions-differ"
-            )
+            yield Diagnostic("link.dh.convention: differs between links; a table has only one", "dh-conventions-differ")
         yield from self._wrong_law()
         if not self.base.free and all(link.joint.locked and not link.elastic for link in self.links):
             yield Diagnostic(

@@ -34,7 +34,7 @@ def of_angles(scene: Scene) -> Iterator[Diagnostic]:
             angles += [(f"{path}.dh.alpha_deg", (link.dh.alpha_deg,)), (f"{path}.dh.theta_deg", (link.dh.theta_deg,))]
         if max(map(abs, link.mount.rpy or (0.0,))) > 2 * math.pi + 1e-3:
             yield Diagnostic(
-                f"{path}.mount.rpy = {list(link.mount.rpy or ())} rad: more than one turn; probably given in deg: use "
+                f"{path}.mount.rpy = {list(link.mount.rpy or ())} rad: more than one turn; likely given in deg: use "
                 "rpy_deg",
                 "likely-degrees",
             )
@@ -44,7 +44,7 @@ def of_angles(scene: Scene) -> Iterator[Diagnostic]:
             inner = ", ".join(f"{math.degrees(value):.4g}" for value in values)
             why = "the digits match round angles in radians"
             yield Diagnostic(
-                f"{path} = {list(values)} deg: {why}; probably given in rad: in degrees [{inner}]", "likely-radians"
+                f"{path} = {list(values)} deg: {why}; likely given in rad: in degrees [{inner}]", "likely-radians"
             )
 
 

@@ -1,4 +1,4 @@
-"""hints(scene): numbers that were probably given in another unit, one line each."""
+"""hints(scene): numbers that were likely given in another unit, one line each."""
 
 from __future__ import annotations
 

@@ -149,13 +149,13 @@ def _overload(arm: Arm, link: Link, cause: str, strain: float, known: Range, sce
     young = f"material.{link.material}.young"
     E = arm.materials[link.material or ""].young
     if cause == "tip.mass":
-        text = f"tip.mass = {arm.tip.mass:g} kg: {why}; probably given in g: in SI {arm.tip.mass / 1e3:g} kg"
+        text = f"tip.mass = {arm.tip.mass:g} kg: {why}; likely given in g: in SI {arm.tip.mass / 1e3:g} kg"
     elif cause:
         value = getattr(scene.wrench, cause.partition(".")[2])
         unit = "mN" if cause == "wrench.force" else "N mm"
-        text = f"{cause} = {list(value)}: {why}; probably given in {unit}: in SI a thousandth"
+        text = f"{cause} = {list(value)}: {why}; likely given in {unit}: in SI a thousandth"
     elif strain < 1e3 * known.usual[1]:
-        text = f"{young} = {E:g} Pa: {why}; probably given in kPa: in SI {E * 1e3:g} Pa"
+        text = f"{young} = {E:g} Pa: {why}; likely given in kPa: in SI {E * 1e3:g} Pa"
     else:
         text = f"{young} = {E:g} Pa, section.{link.section}: {why}; check their units"
     return Diagnostic(text, "likely-unit")

@@ -67,7 +67,7 @@ def hint_if_outside(
         yield Diagnostic(f"{start}; check its unit", "likely-unit")
         return
     other, factor = found
-    yield Diagnostic(f"{start}; probably given in {other}: in SI {_shown(value, factor)}{unit}", "likely-unit")
+    yield Diagnostic(f"{start}; likely given in {other}: in SI {_shown(value, factor)}{unit}", "likely-unit")
 
 
 def _shown(value: float | Sequence[float], factor: float = 1.0) -> str:
