@@ -202,7 +202,7 @@ class Scene(Spec, frozen=True):
         changes
             Values by path, applied in order; a value replaces everything at its path, and None removes the key, which
             restores its default. Paths lead through tables by key (`run.step`), through materials and sections by name,
-            through links by name, number from 1 or `*`, likewise through motions and lists of one number per link
+            through links by name, number from 1 or `*`, through motions and lists of one number per link
             (`initial.joint_deg.upper`), and into vectors by x, y and z (`gravity.x`). Put a name with a dot in quotes.
             `*` selects all links on which the key has an effect: `flex`, `segments`, `lumping` and `damping` of
             flexible links, `material` and `section` of links that have them, friction, armature, rates and torques of
