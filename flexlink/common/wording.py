@@ -29,9 +29,12 @@ class Diagnostic(str):
 
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:
-    """End of a message that suggests the closest name in `allowed`; empty if none is close."""
+    """End of a message that suggests the name in `allowed` with a unit added, or the closest; empty if none is close."""
+    if not isinstance(value, str):
+        return ""
     by_case = {name.casefold(): name for name in reversed(list(allowed))}
-    close = difflib.get_close_matches(value.casefold(), by_case, n=1) if isinstance(value, str) else []
+    with_unit = [name for unit in ("deg", "hz", "m") if (name := f"{value.casefold()}_{unit}") in by_case]
+    close = with_unit or difflib.get_close_matches(value.casefold(), by_case, n=1)
     return f"; did you mean {by_case[close[0]]!r}?" if close else ""
 
 

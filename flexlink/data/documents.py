@@ -38,8 +38,8 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises
     ------
     SceneError
-        The file is missing, unreadable, a pipe (which might block forever), larger than 1 MB, empty, not UTF-8 or not
-        TOML.
+        The file is missing, unreadable, a pipe (which might block forever), larger than 1 MB, empty, not UTF-8, XML or
+        not TOML.
     """
     data = read_regular(path, largest=1_000_000, error=SceneError)
     try:
@@ -48,6 +48,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise SceneError(f"{path}: not UTF-8 at byte {error.start}; save the file as UTF-8", id="not-utf8") from None
     if not text.strip():
         raise SceneError(f"{path}: empty; expected a TOML file", id="file-empty")
+    if text.lstrip().startswith("<"):
+        raise SceneError(f"{path}: is XML; import it first: flexlink import {path}", id="is-xml")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits

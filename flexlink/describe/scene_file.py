@@ -49,6 +49,18 @@ def load_scene(path: str | Path) -> Scene:
         return scene
 
 
+def refuse_scene(document: dict[str, Any], path: Path, what: str) -> None:
+    """Refuse a scene file given instead of a file that names a scene.
+
+    Raises
+    ------
+    SceneError
+        The file is a scene; the message states how `what`, such as "a sweep plan", names it.
+    """
+    if "link" in document and "scene" not in document:
+        raise SceneError(f"this is a scene; {what} names one by scene = {path.name!r}", id="is-a-scene")
+
+
 def scene_named(document: dict[str, Any], folder: Path) -> Scene:
     """Remove `scene` from a parsed TOML file in a folder, and read the scene that it names.
 

@@ -162,13 +162,16 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     reason, _, tail = str(error).rpartition(" - at `$") if " - at `$" in str(error) else (str(error), "", "")
     value, below = cast("Any", raw), kind
     keys: list[Any] = []
+    units = units_of(kind)
     for part in re.findall(r"\w+|\.\.\.", tail.rstrip("`")):
         if part == "...":  # msgspec does not name the key of a dict
             key = next(k for k, item in value.items() if not _fits(item, type_below(below, k)))
         else:
             key = int(part) if isinstance(value, list | tuple) else part
         keys.append(key)
-        value, below = value[key], type_below(below, key)
+        inner = type_below(below, key)
+        units = units_of(inner) if isinstance(bare_type(below), type) else units  # a list has the unit of its numbers
+        value, below = value[key], inner
     where, kind = path_to(keys, raw, kind, path), bare_type(below)
     if error.__cause__ is not None:  # the message of a nested Spec already names field, value and what is allowed
         return Diagnostic(f"{where}.{error.__cause__}".lstrip("."), getattr(error.__cause__, "id", ""))
@@ -179,7 +182,7 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     missing = re.search(r"missing required field `(.*)`", reason)
     if missing:
         return _missing(f"{where}.{missing[1]}".lstrip("."))
-    wanted = expected(str(where), kind, value) or _lower(reason)
+    wanted = expected(str(where), kind, value, reason, units)
     text = f"{where} = {truncated(value)}: {wanted}{why_not('', value)}".removeprefix(" = ")
     return Diagnostic(text, "wrong-value")
 
@@ -337,9 +340,3 @@ def _flaw(value: object) -> tuple[Any, ...] | None:
         if flaw is not None:
             return key, *flaw
     return None
-
-
-def _lower(reason: str) -> str:
-    """msgspec's reason in the words of TOML."""
-    words = (reason[:1].lower() + reason[1:]).replace("`", "")
-    return words.replace(" | null", "").replace("object", "table").replace("array", "a list")

@@ -19,6 +19,7 @@ import msgspec
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.memo import keep_last
 from flexlink.common.wording import did_you_mean, truncated
+from flexlink.describe.expected import why_not
 from flexlink.describe.own_units import IN_METRES, TWINS
 from flexlink.describe.spec import Spec, Vector3, bare_type, fields_of, is_per_link, to_builtin, type_below
 
@@ -217,9 +218,8 @@ class _Change:
 
     def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str]) -> str:
         if part not in names:
-            raise self.error(
-                f"{part!r} is unknown here; allowed are {', '.join(names) or 'none'}{did_you_mean(part, names)}"
-            )
+            listed = f"; allowed are {', '.join(names) or 'none'}{did_you_mean(part, names)}"
+            raise self.error(f"{part!r} is unknown here{why_not(part, None) or listed}")
         return part
 
     def _numbers(self, part: str, names: list[str], concerned: list[bool]) -> list[int]:
