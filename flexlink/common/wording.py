@@ -29,7 +29,7 @@ class Diagnostic(str):
 
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:
-    """End of a message that suggests the name in `allowed` with a unit added, or the closest; empty if none is close."""
+    """End of a message that suggests the name in `allowed` with a unit appended, or the closest; empty if none."""
     if not isinstance(value, str):
         return ""
     by_case = {name.casefold(): name for name in reversed(list(allowed))}

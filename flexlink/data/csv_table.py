@@ -67,7 +67,7 @@ class CsvTable(NamedTuple):
         given, column = head_of(self.heads[found[0]])[1], self.values[:, found[0]]
         if not given:
             raise DataFileError(
-                f"{self.path}: column {quantity!r}: has no unit; expected one, as in {wanted!r}", id="unit-missing"
+                f"{self.path}: column {quantity!r}: without a unit; expected one, as in {wanted!r}", id="unit-missing"
             )
         factor = conversion(given, unit)
         if factor is None:

@@ -91,11 +91,11 @@ def _why_unknown(head: str, known: Mapping[str, object]) -> str:
     same = next((name for name in known if head_of(name)[0] == quantity), None)
     if same is not None:
         fitting = ", ".join(units_like(head_of(same)[1]))
-        return f"{'has no unit' if not unit else 'unknown with this unit'}; expected {same!r}, or in {fitting}"
+        return f"{'without a unit' if not unit else 'not known with this unit'}; expected {same!r}, or in {fitting}"
     alike = [name for name in known if conversion(unit, head_of(name)[1]) is not None and name != TIME]
     others = f"columns in {unit} are {short_list(alike)}" if alike else ""
     expected = others or f"expected {short_list(list(known))}, or in deg, mm, µm, ms"
     return (
-        f"unknown; {expected}; remove the column if it is not needed (in a fit: list the needed ones in compare)"
+        f"not known; {expected}; remove the column if it is not needed (in a fit: list the needed ones in compare)"
         f"{did_you_mean(head, known)}"
     )

@@ -22,7 +22,7 @@ BETWEEN = (
     "a branch or a prismatic joint lies between the links with this law; give it to one link, or use law = "
     "'proportional'"
 )
-"""Why dampers that couple hinges are not available."""
+"""Why dampers between hinges are not available."""
 BASE = "base"
 """Name of the base as a parent, unless a link has this name."""
 
@@ -156,7 +156,7 @@ class Arm(Spec, frozen=True):
         # relative tolerance for the end of the table: rounding of written numbers
         if abs(table.x[-1] - link.beam.length) > 1e-6 * link.beam.length:
             yield Diagnostic(
-                f"{path}: ends at x = {table.x[-1]!r} m; must end with the beam, at {link.beam.length!r} m",
+                f"{path}: ends at x = {table.x[-1]!r} m; the beam ends at {link.beam.length!r} m; both must be equal",
                 "rigidity-table",
             )
 

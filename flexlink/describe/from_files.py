@@ -212,7 +212,7 @@ def wrench_from_file(wrench: Wrench) -> Wrench:
         for head, quantity in zip(table.heads, quantities, strict=True):
             if quantity not in allowed and quantity.startswith(("force", "moment")):
                 raise DataFileError(
-                    f"{table.path}: column {head!r}: unknown; expected {short_list(sorted(allowed))}",
+                    f"{table.path}: column {head!r}: not known; expected {short_list(sorted(allowed))}",
                     id="unknown-column",
                 )
         if not allowed & set(quantities):

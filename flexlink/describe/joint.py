@@ -24,7 +24,7 @@ class Joint(Spec, frozen=True):
     The link's frame turns about the axis of a revolute joint and slides along that of a prismatic one; at zero it is
     the mount's frame. Units are those of a revolute joint; a prismatic joint has N/m instead of N m/rad, and so on.
     With `gear_stiffness` k the gear is elastic: the motor (with armature, friction and drive) and the link turn about
-    the same axis, coupled by k (θ_link − θ_motor) and by `gear_damping` times the difference of their rates. The
+    the same axis, connected by k (θ_link − θ_motor) and by `gear_damping` times the difference of their rates. The
     joint's angle is then the motor's; `locked` holds the motor.
     Friction torque T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh smooths Coulomb's law, as
     Runge-Kutta methods require: at |q̇| = 3 · coulomb_width it reaches 99.5 % of the dry torque.

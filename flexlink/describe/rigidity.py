@@ -73,7 +73,7 @@ class Rigidity(Spec, frozen=True):
         for k, (before, x) in enumerate(itertools.pairwise(self.x), 1):
             if x < before or (k >= 2 and x == before == self.x[k - 2]):
                 raise SceneError(
-                    f"x[{k}] = {x!r}: must not be below x[{k - 1}] = {before!r}; at most two rows may be equal",
+                    f"x[{k}] = {x!r}: must not be less than x[{k - 1}] = {before!r}; at most two rows may be equal",
                     id="rigidity-table",
                 )
         if self.x[0] == self.x[1] or self.x[-1] == self.x[-2]:
@@ -132,7 +132,7 @@ def _columns(file: Path) -> dict[str, tuple[float, ...]]:
         if quantity != "x" and quantity not in heads:
             known = [f"{known} [{COLUMNS[name]}]" for known, name in heads.items()]
             raise DataFileError(
-                f"{file}: column {head!r}: unknown; expected {', '.join(['x [m]', *known])}", id="unknown-column"
+                f"{file}: column {head!r}: not known; expected {', '.join(['x [m]', *known])}", id="unknown-column"
             )
     found = {"x": table.column("x", "m"), "rho_a": table.column("rhoA", COLUMNS["rho_a"])}
     found |= {name: table.column(head, COLUMNS[name]) for head, name in heads.items() if head in given}

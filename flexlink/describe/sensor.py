@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -22,23 +22,16 @@ Kind = Literal["strain", "accelerometer", "gyroscope", "joint", "torque", "curre
 """Measured quantity of a sensor."""
 
 
-class KindOfSensor(NamedTuple):
-    """Required and optional keys of a kind, and the unit of its signal; "" if it depends on the joint."""
-
-    needs: tuple[str, ...]
-    may: tuple[str, ...]
-    unit: str
-
-
-KINDS: dict[str, KindOfSensor] = {
-    "strain": KindOfSensor(("x", "fibre"), (), "1"),
-    "accelerometer": KindOfSensor((), ("x", "point", "axis"), "m/s²"),
-    "gyroscope": KindOfSensor((), ("x", "point", "axis"), "rad/s"),
-    "position": KindOfSensor((), ("x", "point", "axis"), "m"),
-    "joint": KindOfSensor((), (), ""),
-    "torque": KindOfSensor((), (), ""),
-    "current": KindOfSensor(("torque_constant",), (), "A"),
+KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
+    "strain": (("x", "fibre"), (), "1"),
+    "accelerometer": ((), ("x", "point", "axis"), "m/s²"),
+    "gyroscope": ((), ("x", "point", "axis"), "rad/s"),
+    "position": ((), ("x", "point", "axis"), "m"),
+    "joint": ((), (), ""),
+    "torque": ((), (), ""),
+    "current": (("torque_constant",), (), "A"),
 }
+"""For each kind its required keys, its optional keys, and the unit of its signal; "" if that depends on the joint."""
 ON_A_BASE = ("accelerometer", "gyroscope", "position")
 """Kinds that may be attached to a free base."""
 OF_THE_DRIVE = ("joint", "torque", "current")
@@ -194,7 +187,7 @@ class Sensor(Spec, frozen=True):
     def _own_unit(self, slides: bool) -> str:
         """SI unit of its signal, at a joint that is prismatic (`slides`) or revolute."""
         of_joint = OF_JOINT[slides]
-        return KINDS[self.kind].unit or (of_joint.si if self.kind == "joint" else of_joint.torque)
+        return KINDS[self.kind][2] or (of_joint.si if self.kind == "joint" else of_joint.torque)
 
 
 def column_names(sensors: Sequence[Sensor], arm: Arm) -> tuple[str, ...]:

@@ -214,7 +214,7 @@ class _Change:
             )
         if isinstance(node, list) and kind == Vector3 and len(node) == len(axes):
             return [axes.index(self._one_of(part, axes))]
-        raise self.error(f"{above} is one value; set the complete value")
+        raise self.error(f"{above} is one value; set it as a whole")
 
     def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str]) -> str:
         if part not in names:

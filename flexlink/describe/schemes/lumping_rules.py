@@ -116,7 +116,7 @@ class LumpingRule(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if sum(kind is not None for kind in (self.grid, self.element, self.jacobi, self.cells)) != 1:
-            raise SceneError("grid, element, jacobi, cells: a rule needs exactly one of these", id="rule-kind")
+            raise SceneError("grid, element, jacobi, cells: a rule has exactly one of the four", id="rule-kind")
         if self.cells is not None and self.matched_twist:
             raise SceneError(
                 "matched_twist = true: not needed with cells, whose twist has order 4 without it; leave it out",
