@@ -31,7 +31,7 @@ def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> byt
         Of class `error`: the file is missing, unreadable, larger than `largest`, or a pipe (which might block forever).
     """
     try:
-        if path.exists() and not path.is_file() and not path.is_dir():  # `open` itself explains a folder
+        if path.exists() and not path.is_file() and not path.is_dir():  # for a folder, `open` raises a clear error
             raise OSError(errno.EINVAL, "is a pipe or a device; give a regular file")
         with path.open("rb") as file:
             data = file.read(largest + 1)

@@ -42,7 +42,7 @@ class Stop:
         self.signal = self.signal or number
         self._counts[number] += 1
         if self._counts[number] == LAST - 1:
-            _say("saving the results; one more signal quits without them")
+            _print_line("saving the results; one more signal quits without them")
         if self._counts[number] >= LAST:
             raise StoppedError(number, f"{word(number)} at once")
 
@@ -121,11 +121,11 @@ def _quit(number: int, _: FrameType | None) -> None:
         return
     with contextlib.suppress(Exception):  # flush earlier output; fails if the signal interrupted a write
         sys.stdout.flush()
-    _say(word(number) + ("; no samples yet" if "simulate" in sys.argv[1:2] else ""))
+    _print_line(word(number) + ("; no samples yet" if "simulate" in sys.argv[1:2] else ""))
     os._exit(128 + number)
 
 
-def _say(text: str) -> None:
+def _print_line(text: str) -> None:
     """Write one line to stderr, bypassing Python's buffers, which the signal may have interrupted."""
     with contextlib.suppress(OSError):
         os.write(2, f"{chr(10) if os.isatty(2) else ''}flexlink: {text}\n".encode())

@@ -28,24 +28,24 @@ class Memo:
 
     def kept(self, of: object, key: Hashable) -> Any:
         """The result kept for `of` and `key`, or None."""
-        place = id(of), key
+        slot = id(of), key
         with self._lock:
-            if place not in self._results:
+            if slot not in self._results:
                 return None
-            self._results.move_to_end(place)
-            return self._results[place][1]
+            self._results.move_to_end(slot)
+            return self._results[slot][1]
 
     def __call__(self, of: object, key: Hashable, find: Callable[[], T]) -> T:
         """The result kept for `of` and `key`; if there is none, that of `find`, which is then kept."""
-        place = id(of), key
+        slot = id(of), key
         with self._lock:
-            if place in self._results:
-                self._results.move_to_end(place)
-                kept: T = self._results[place][1]
+            if slot in self._results:
+                self._results.move_to_end(slot)
+                kept: T = self._results[slot][1]
                 return kept
         result = find()
         with self._lock:
-            self._results[place] = of, result
+            self._results[slot] = of, result
             while len(self._results) > self._size:
                 self._results.popitem(last=False)
         return result

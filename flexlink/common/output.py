@@ -80,7 +80,7 @@ def write_text(path: Path, text: str) -> None:
 
 def write_or_keep(path: Path, write: Callable[[Path], object]) -> None:
     """Write a finished result as `write_whole` does; if `path` fails, save it as `or_keep` does."""
-    or_keep(path, lambda place: write_whole(place, write))
+    or_keep(path, lambda target: write_whole(target, write))
 
 
 def or_keep(path: Path, write: Callable[[Path], T]) -> T:

@@ -31,10 +31,10 @@ def smoothed(t: Array, y: Array, cutoff: float) -> tuple[Array, Array, Array]:
         raise SceneError(
             f"cutoff = {cutoff!r}: {len(t)} samples are too few; expected {fewest} or more", id="too-few-samples"
         )
-    apart = float(np.diff(t).max())
-    if 2 * apart * cutoff >= 1:
+    spacing = float(np.diff(t).max())
+    if 2 * spacing * cutoff >= 1:
         raise SceneError(
-            f"cutoff = {cutoff!r}: samples are up to {apart:.6g} s apart; expected less than {0.5 / apart:.6g} Hz, "
+            f"cutoff = {cutoff!r}: samples are up to {spacing:.6g} s apart; expected less than {0.5 / spacing:.6g} Hz, "
             "half the sampling rate",
             id="cutoff-too-high",
         )

@@ -189,11 +189,11 @@ def reference_from_file(reference: Reference, arm: Arm, moved: set[int], starts:
 def _angles(table: CsvTable, link: Link, cutoff: float | None, rates: Collection[str]) -> list[Array]:
     """Positions of a joint in its unit, with rates and accelerations from a cutoff, or the requested `rates`."""
     unit = OF_JOINT[link.joint.slides].unit
-    place = table.column(f"q {link.name}", unit)
+    positions = table.column(f"q {link.name}", unit)
     if cutoff is not None:
-        return [*smoothed(table.times, place, cutoff)]
+        return [*smoothed(table.times, positions, cutoff)]
     found = (table.column(f"{name} {link.name}", f"{unit}{per}") for name, per in RATES.items() if name in rates)
-    return [place, *found]
+    return [positions, *found]
 
 
 def wrench_from_file(wrench: Wrench) -> Wrench:

@@ -33,7 +33,7 @@ def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
 
 
 HINGES = Memo(64)
-"""Nodes and weights by the links of an arm; variants of a material or a payload share them."""
+"""Cached nodes and weights, keyed by an arm's links; variants of a material or a payload share them."""
 
 
 def _of_all(arm: Arm) -> list[tuple[Array, Array]]:

@@ -199,9 +199,9 @@ def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, Joint
     reached = in_own([joint.slides for _, joint in joints], course.extremes())
     for (name, joint), *extremes in zip(joints, *reached, strict=True):
         low, high = joint.own_limits or (-math.inf, math.inf)
-        for place in extremes:
-            if max(low - place, place - high) > rounding * np.abs(extremes).max():
+        for position in extremes:
+            if max(low - position, position - high) > rounding * np.abs(extremes).max():
                 reason = f"outside {joint.limits_key} = {[low, high]} of the joint of {name!r}"
                 raise SceneError(
-                    f"reaches {place:.9g} {OF_JOINT[joint.slides].unit}: {reason}", id="wrench-out-of-reach"
+                    f"reaches {position:.9g} {OF_JOINT[joint.slides].unit}: {reason}", id="wrench-out-of-reach"
                 )

@@ -15,7 +15,7 @@ from flexlink.common.wording import truncated
 from flexlink.describe import profiles
 from flexlink.describe.numbers import require_increasing, require_positive
 from flexlink.describe.own_units import IN_METRES, OF_JOINT, Row, Slides, in_si, together
-from flexlink.describe.reference_trajectory import ReferenceTrajectory, apart, from_rest_to_rest, side_by_side, still
+from flexlink.describe.reference_trajectory import ReferenceTrajectory, distinct, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import InputShaper
 from flexlink.describe.spec import NonNegative, NonNegativePerLink, PerLink, Positive, Spec, measured_in
 
@@ -281,7 +281,7 @@ class Reference(Spec, frozen=True):
             knots, c = shapes[k].lasting(lasts).pieces
             knots, c = knots + self.start, (b - a) * c
             c[:, 0] += a
-            there = apart(knots)
+            there = distinct(knots)
             if not there[:-1].any():
                 raise SceneError(
                     f"start = {self.start!r}: too late: float64 cannot resolve a move of {lasts:.3g} s at that time; "

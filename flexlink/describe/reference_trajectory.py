@@ -210,10 +210,10 @@ def common_knots(courses: Sequence[ReferenceTrajectory]) -> Array:
     """All knots except the first ones (nothing moves before them) plus the earliest; of equal times only the last."""
     later = np.unique(np.concatenate([course.knots[1:] for course in courses]))
     first = min(course.knots[0] for course in courses)
-    return np.concatenate([[first], later[apart(later)]])
+    return np.concatenate([[first], later[distinct(later)]])
 
 
-def apart(knots: Array) -> NDArray[np.bool_]:
+def distinct(knots: Array) -> NDArray[np.bool_]:
     """Whether each knot differs from the next by more than rounding: sums of the same delays depend on their order."""
     rounding = 16 * np.finfo(float).eps
     return np.asarray(np.diff(knots, append=np.inf) > rounding * np.abs(knots).max(initial=0.0))

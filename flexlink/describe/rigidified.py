@@ -48,7 +48,9 @@ def rigidified(scene: Scene) -> Scene:
 
 def _rigidified(scene: Scene) -> Scene:
     links, given = scene.arm.links, scene.initial
-    free = [place for place, link in zip(scene.joint_positions.tolist(), links, strict=True) if not link.joint.locked]
+    free = [
+        position for position, link in zip(scene.joint_positions.tolist(), links, strict=True) if not link.joint.locked
+    ]
     # coordinates of a free base, which come first in a chain
     of_base = (given.q or ())[: 6 if scene.arm.base.free else 0]
     q = None if given.q is None else (*of_base, *free)  # a complete state may exceed the limits

@@ -277,7 +277,6 @@ def check_method(run: RunSettings) -> None:
     if not supported:
         allowed = ", ".join([AUTO, *(name for name in data_files.names("methods") if method(name).controlled)])
         raise SceneError(
-            f"run.method = {truncated(run.method)}: has no error estimate; methods allowed with a tolerance are "
-            f"{allowed}",
+            f"run.method = {truncated(run.method)}: has no error estimate; with a tolerance use {allowed}",
             id="method-without-error",
         )

@@ -275,14 +275,14 @@ def check_rate(initial: InitialState, drive: Drive, run: RunSettings) -> None:
     rate = drive.rate
     if rate is None:
         return
-    apart = 1 / rate
-    long, short_one = (run.said("sample", "run."), run.spacing), ("1 / rate", apart)
-    if apart > run.spacing:
+    period = 1 / rate
+    long, short_one = (run.said("sample", "run."), run.spacing), ("1 / rate", period)
+    if period > run.spacing:
         long, short_one = short_one, long
     try:
         if not run.controlled:
-            whole("1 / rate", apart, run.said("step", "run."), run.fixed_step)
-        whole("initial.time", initial.time, "1 / rate", apart)
+            whole("1 / rate", period, run.said("step", "run."), run.fixed_step)
+        whole("initial.time", initial.time, "1 / rate", period)
         whole(*long, *short_one)
     except SceneError as error:
         fitting = max(1, round(run.spacing * rate)) / rate

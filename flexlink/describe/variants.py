@@ -33,13 +33,13 @@ class Variants:
 
     def __init__(self, scene: Scene, paths: Sequence[str]) -> None:
         # tables whose paths do not depend on the links
-        beside_links = {"tip", "material", "section", "rigidity", "gravity", "run"}
+        independent = {"tip", "material", "section", "rigidity", "gravity", "run"}
         self.scene = scene
         elsewhere = {"run.tolerance", "run.relative_tolerance"}  # these replace other settings
         numbers = [path for path in paths if path not in elsewhere and _is_number(scene, path)]
         tops = {parts_of(path)[:1] for path in paths if path not in numbers}
         if ("link",) in tops or ("motion",) in tops:
-            numbers = [path for path in numbers if parts_of(path)[0] in beside_links]
+            numbers = [path for path in numbers if parts_of(path)[0] in independent]
             tops = {parts_of(path)[:1] for path in paths if path not in numbers}
         self.numbers = tuple(path for path in numbers if parts_of(path)[:1] not in tops)
         self._base: tuple[list[object], Base | None] | None = None  # for the last values that are not numbers

@@ -55,7 +55,7 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
         if not isinstance(path, str):
             raise ArgumentError(f"changes: {truncated(path)}: expected a path such as 'run.step'", id="path-form")
         change = _Change(document, path, value)
-        for node, key, _ in change.places(document, kinds):
+        for node, key, _ in change.targets(document, kinds):
             if change.drops and isinstance(node, dict):
                 node.pop(key, None)
             else:
@@ -86,8 +86,8 @@ def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> 
     SceneError
         The path does not exist.
     """
-    places = _Change(document, path, None).places(document, kinds)
-    return [node.get(key) if isinstance(node, dict) else node[key] for node, key, _ in places]
+    targets = _Change(document, path, None).targets(document, kinds)
+    return [node.get(key) if isinstance(node, dict) else node[key] for node, key, _ in targets]
 
 
 def number_in(values: Sequence[Any]) -> float:
@@ -111,7 +111,7 @@ def routes_to(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> 
     Arguments and errors as in `values_at`.
     """
     routes = []
-    for _, _, route in _Change(document, path, None).places(document, kinds):
+    for _, _, route in _Change(document, path, None).targets(document, kinds):
         kind: Any = kinds
         for key in route:
             kind = kind[key] if isinstance(kind, dict) else type_below(kind, str(key))
@@ -171,7 +171,7 @@ class _Change:
     def error(self, reason: str) -> SceneError:
         return SceneError(f"{truncated(self.path)[1:-1]} = {truncated(self.value)}: {reason}", id="cannot-set")
 
-    def places(self, node: Any, kind: Any, above: Keys = ()) -> Iterator[tuple[Any, Any, Keys]]:
+    def targets(self, node: Any, kind: Any, above: Keys = ()) -> Iterator[tuple[Any, Any, Keys]]:
         """Follow the remaining path from a table or list of this kind.
 
         Yields tables or lists at the end of the path, their keys, and all keys of the route.
@@ -184,7 +184,7 @@ class _Change:
                     node[key] = [0.0] * len(self.links) if is_per_link(below) else {}
                 elif isinstance(node[key], dict | list):
                     node[key] = node[key].copy()
-                yield from self.places(node[key], below, (*above, key))
+                yield from self.targets(node[key], below, (*above, key))
             else:
                 yield node, key, (*above, key)
 

@@ -42,7 +42,7 @@ def of_angles(scene: Scene) -> Iterator[Diagnostic]:
         nonzero = [value for value in values if value]
         if nonzero and max(map(abs, nonzero)) <= 2 * math.pi + 0.01 and any(map(_looks_like_radians, nonzero)):
             inner = ", ".join(f"{math.degrees(value):.4g}" for value in values)
-            why = "the digits match round angles in radians"
+            why = "the digits are those of round angles in radians"
             yield Diagnostic(
                 f"{path} = {list(values)} deg: {why}; likely given in rad: in degrees [{inner}]", "likely-radians"
             )

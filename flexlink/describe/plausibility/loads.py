@@ -30,16 +30,16 @@ def of_places(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
     """Offsets and centres of mass far beyond the arm."""
     arm = scene.arm
     lengths = sum(span(link) for link in arm.links)
-    places: list[tuple[str, Vector3, float]] = [("tip.center", arm.tip.center, about.reach)]
+    points: list[tuple[str, Vector3, float]] = [("tip.center", arm.tip.center, about.reach)]
     for k, link in enumerate(arm.links, 1):
         path = arm.path(k)
-        places += [(f"{path}.mount.xyz", link.mount.xyz, lengths if k > 1 else math.inf)]
-        places += [(f"{path}.hub.center", link.hub.center, about.reach)]
-        places += [(f"{path}.end.center", link.end.center, about.reach)]
-    for path, place, size in places:
-        far = math.hypot(*place)
+        points += [(f"{path}.mount.xyz", link.mount.xyz, lengths if k > 1 else math.inf)]
+        points += [(f"{path}.hub.center", link.hub.center, about.reach)]
+        points += [(f"{path}.end.center", link.end.center, about.reach)]
+    for path, point, size in points:
+        far = math.hypot(*point)
         if far > 100.0 or (far > 3.0 and size > 0 and far > 20.0 * size):
-            yield from hint_if_outside(path, place, "place", max(far, 100.1))
+            yield from hint_if_outside(path, point, "place", max(far, 100.1))
 
 
 def of_bodies(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
@@ -98,11 +98,13 @@ def _of_sliding_joint(scene: Scene, about: Situation, k: int) -> Iterator[Diagno
         yield from hint_if_outside(
             f"{path}.joint.gear_stiffness", joint.gear_stiffness, "gear_slip", sag, -1.0, f" {sag:.2g} m"
         )
-    kept = {f"{path}.joint.limits_m": joint.limits_m or (), arm.path(k + 1, "initial.joint_m"): (scene.starts[k],)}
-    for key, places in kept.items():
+    travel = {f"{path}.joint.limits_m": joint.limits_m or (), arm.path(k + 1, "initial.joint_m"): (scene.starts[k],)}
+    for key, positions in travel.items():
         # position of a prismatic joint beyond the travel of cranes [m]
-        if places and max(map(abs, places)) > 100.0:
-            yield from hint_if_outside(key, places if len(places) > 1 else places[0], "place", max(map(abs, places)))
+        if positions and max(map(abs, positions)) > 100.0:
+            yield from hint_if_outside(
+                key, positions if len(positions) > 1 else positions[0], "place", max(map(abs, positions))
+            )
 
 
 def _torques(scene: Scene) -> list[tuple[str, Sequence[float]]]:
