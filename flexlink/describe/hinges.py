@@ -110,7 +110,9 @@ def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:
         return _placed(rule, count)
     except ArgumentError as error:
         name = f"{link.lumping!r}{', the default,' if link.lumping == default else ''}"
-        raise SceneError(f"segments = {link.segments}, so {count} hinges: rule {name} {error}") from None
+        raise SceneError(
+            f"segments = {link.segments}, so {count} hinge{'s' * (count != 1)}: rule {name} {error}"
+        ) from None
 
 
 @functools.lru_cache(maxsize=64)

@@ -146,7 +146,7 @@ def check_motions(arm: Arm, initial: InitialState, drive: Drive, motions: Sequen
     for motion in motions:
         number = _check_motion(arm, initial, motion)
         if number in moved:
-            raise SceneError(f"motion.{motion.link}: the second motion of this link; give one", id="motion-twice")
+            raise SceneError(f"motion.{motion.link}: the second motion of this link; give only one", id="motion-twice")
         moved.add(number)
         for name in ("kp", "kd"):
             gains = getattr(drive, name)

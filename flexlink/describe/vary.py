@@ -199,10 +199,10 @@ class _Change:
         named = {"motion": "link", "sensor": "name"}
         part = self.parts[depth]
         if isinstance(kind, dict):
-            return [self._one_of(part, kind)]
+            return [self._one_of(part, kind, keys=True)]
         above, per_link, kind = self._above(depth), is_per_link(kind), bare_type(kind)
         if isinstance(node, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-            return [self._one_of(part, _keys_of(kind))]
+            return [self._one_of(part, _keys_of(kind), keys=True)]
         if isinstance(node, dict) and get_origin(kind) is dict:
             new = depth == len(self.parts) - 1  # a complete material or section
             return list(node) if part == "*" else [part if new else self._one_of(part, node)]
@@ -216,10 +216,11 @@ class _Change:
             return [axes.index(self._one_of(part, axes))]
         raise self.error(f"{above} is one value; set it as a whole")
 
-    def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str]) -> str:
+    def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str], *, keys: bool = False) -> str:
+        """`part`, which must be one of the names; `keys`: they are keys, for which alternatives are known."""
         if part not in names:
             listed = f"; allowed are {', '.join(names) or 'none'}{did_you_mean(part, names)}"
-            raise self.error(f"{part!r} is unknown here{why_not(part, None) or listed}")
+            raise self.error(f"{part!r} is unknown here{(keys and why_not(part, None)) or listed}")
         return part
 
     def _numbers(self, part: str, names: list[str], concerned: list[bool]) -> list[int]:
