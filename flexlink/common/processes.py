@@ -10,7 +10,7 @@ from threading import Thread
 def exit_when_closed(pipe: Connection | int) -> None:
     """End this process as soon as the other end of a pipe is closed, whatever Python code it is running.
 
-    The system closes that end when its owner ends, for whatever reason.
+    The operating system closes that end when its owner ends, for whatever reason.
 
     Parameters
     ----------

@@ -27,8 +27,8 @@ class Link(Spec, frozen=True):
     """One link: an active joint, its hub, a beam that is rigid or divided into segments, and a rigid body at its end.
 
     The beam runs along local X over `length` [m], or along `line`, between two points of the link's frame [m]. The z
-    axis of its section points to `up`, by default along the joint's axis (see `line_of`). The link ends where the beam
-    ends, with the axes of the link's frame: `end` and the mount of the next link are attached there.
+    axis of its section points along `up`, by default along the joint's axis (see `line_of`). The link ends where the
+    beam ends, with the axes of the link's frame: `end` and the mount of the next link are attached there.
     A flexible link has segments − 1 hinges, placed by the rule `lumping`.
 
     Examples

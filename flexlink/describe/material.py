@@ -52,7 +52,7 @@ class Section(Spec, frozen=True):
     """
 
     shape: Literal["rectangle", "circle", "tube", "box", "general"]
-    """Shape, which determines the dimensions to give."""
+    """Shape of the section; it determines the required dimensions."""
     height: Annotated[Positive | None, measured_in("m")] = None
     """For a rectangle or box: outer size along the section's y [m]."""
     width: Annotated[Positive | None, measured_in("m")] = None

@@ -42,7 +42,7 @@ class RunSettings(Spec, frozen=True, dict=True):  # the dict is for cached prope
     steps of 1e-4 s.
 
     A run with a tolerance is limited to `max_evaluations` of forward or inverse dynamics: a hundred times the cost of
-    dry friction on the stiffest arms, and half a minute for ten joints. If it needs more, it stops with the cause.
+    dry friction on the stiffest arms, and half a minute for ten joints. If it needs more, it stops and reports why.
 
     `unstable` = "allow" permits a step above the stability limit, and a run whose energy does not balance.
 

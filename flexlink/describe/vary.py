@@ -217,7 +217,7 @@ class _Change:
         raise self.error(f"{above} is one value; set it as a whole")
 
     def _one_of(self, part: str, names: Mapping[str, Any] | Sequence[str], *, keys: bool = False) -> str:
-        """`part`, which must be one of the names; `keys`: they are keys, for which alternatives are known."""
+        """Return `part`, which must be one of the names; if these are `keys`, the message may name an alternative."""
         if part not in names:
             listed = f"; allowed are {', '.join(names) or 'none'}{did_you_mean(part, names)}"
             raise self.error(f"{part!r} is unknown here{(keys and why_not(part, None)) or listed}")

@@ -69,4 +69,4 @@ def of_times(scene: Scene, about: Situation) -> Iterator[Diagnostic]:
             yield from hint_if_outside(f"{path}.times[{len(times) - 1}]", times[-1], "times", times[-1] / run.duration)
     if run.tolerance is not None and about.reach > 0:
         part = run.tolerance / about.reach
-        yield from hint_if_outside("run.tolerance", run.tolerance, "tolerance", part, 1.0, f" of {part:.2g}")
+        yield from hint_if_outside("run.tolerance", run.tolerance, "tolerance", part, 1.0, f" {part:.2g}")

@@ -59,7 +59,7 @@ class Element(Spec, frozen=True):
             raise SceneError(f"nodes = {truncated(self.nodes)}: must increase within [0, 1]", id="rule-nodes")
         if abs(sum(self.weights) - 1) > 1e-12:  # rounding of weights written with 13 digits or more
             raise SceneError(
-                f"weights = {truncated(self.weights)}: must sum to 1, the complete element",
+                f"weights = {truncated(self.weights)}: must sum to 1",
                 id="rule-weights",
             )
 
