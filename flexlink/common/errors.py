@@ -42,7 +42,7 @@ class FlexlinkError(Exception):
 
     @property
     def id(self) -> str:
-        """Its own id, or the id of the error that was being handled when this one was raised."""
+        """Stable name of the mistake; by default that of the error which was being handled when this one was raised."""
         return self._id or getattr(self.__cause__ or self.__context__, "id", "")
 
     @property
