@@ -31,8 +31,10 @@ class DivergenceError(FlexlinkError, ArithmeticError):
 
     _id = "diverged"
 
-    def __init__(self, message: str, trajectory: Trajectory, runs: Sequence[Trajectory] = ()) -> None:
-        super().__init__(message)
+    def __init__(
+        self, message: str, trajectory: Trajectory, runs: Sequence[Trajectory] = (), *, id: str = ""
+    ) -> None:
+        super().__init__(message, id=id)
         self.trajectory, self.runs = trajectory, runs
 
 
@@ -57,6 +59,7 @@ class Failure(NamedTuple):
     text: str
     advice: str = ""  # of what is known of the cause; empty: as of any run
     kind: type[DivergenceError] = DivergenceError
+    id: str = ""  # empty: that of `kind`
 
 
 def ended_early(reached: float, end: float) -> Failure | None:
