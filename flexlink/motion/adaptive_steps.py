@@ -64,7 +64,7 @@ class AdaptiveSteps(MethodSteps):
                 pace.start()
 
     def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
-        """Integrate from `start` to `end` [s] under these inputs; return the failure, if any; equal times compile."""
+        """Integrate from `start` to `end` [s] under these inputs; return the failure, if any. Equal times: compile."""
         self.act(inputs)
         self.aim(start, end)
         self.budget.begin(self._spent(), end, self.dearest)
@@ -131,7 +131,8 @@ class AdaptiveSteps(MethodSteps):
             h = self.work.stepper[STEPPER.step] if self.run.controlled else self.run.fixed_step / 64
             unsolved = self.work.stepper[STEPPER.refusal] == REFUSAL.iteration
             worst = int(self.work.stepper[STEPPER.worst_joint]) if unsolved else None
-            self.failure = stuck(self.record, self.state[0], self.time, h, worst)
+            explicit = self.method.explicit
+            self.failure = stuck(self.record, self.state[0], self.time, h, unsolved=worst, explicit=explicit)
         return how
 
     def _affordable(self, most: int) -> int:

@@ -45,14 +45,15 @@ def hanging(record: Record, state: Sequence[Array], t: float, how: str) -> tuple
     return f"{text}; {worst}", f"try {own}a larger tolerance or fixed steps, or raise max_evaluations"
 
 
-def stuck(record: Record, q: Array, t: float, h: float, unsolved: int | None) -> Failure:
-    """Failure of a run if no step down to h [s] works at time t [s]; `unsolved`: joint whose stages do not converge."""
+def stuck(record: Record, q: Array, t: float, h: float, *, unsolved: int | None, explicit: bool) -> Failure:
+    """Failure of a run if no step down to h [s] works at time t [s]; `unsolved`: joint whose stages are not found."""
     run, chain = record.run, record.chain
     text, id = f"no step down to {h:.3g} s meets the tolerance at t = {t:.6g} s", "tolerance-not-met"
     if unsolved is not None:
-        iteration = f"Newton's iteration does not converge (joint {chain.joint_name(unsolved)!r})"
-        text = f"no step down to {h:.3g} s works at t = {t:.6g} s: {iteration}"
-        id = "newton-failed"
+        reason, id = "Newton's iteration does not converge", "newton-failed"
+        if explicit:
+            reason, id = "the state is no longer finite", "diverged"
+        text = f"no step down to {h:.3g} s works at t = {t:.6g} s: {reason} (joint {chain.joint_name(unsolved)!r})"
     if known := hindrance(record, q):
         cause, advice = known
         return Failure(f"{text}; {cause}", advice, id=id)

@@ -176,8 +176,8 @@ class Monitor:
             for row, key, text in sorted(self._findings(slice(first, self.n_valid)), key=lambda found: found[0]):
                 self._warn(key, row, text)
         if seen[SEEN.garbage] >= 0 and self.run.unstable != "allow":
-            text = f"{self._imbalance()} (at most {balance.SHARE:.0%} allowed)"
-            self.failure = Diagnostic(text, "energy-imbalance")
+            unbalanced = f"{self._imbalance()} (at most {balance.SHARE:.0%} allowed)"
+            self.failure = Diagnostic(unbalanced, "energy-imbalance")
         self.failure = wrong_samples.get(wrong, self.failure)
 
     def _findings(self, rows: slice) -> Iterator[tuple[int, str, Diagnostic]]:

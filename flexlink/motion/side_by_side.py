@@ -16,6 +16,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.interruption import Stop
 from flexlink.common.memo import Kept
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.whole_steps import multiples
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.dynamics.energy import Energy
@@ -42,7 +43,7 @@ class Member(NamedTuple):
     """A problem whose step has been checked."""
 
     problem: InitialValueProblem
-    warnings: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...]
     along: bool  # may run side by side with others
     compared: bool = True  # with a verification run, if its steps require one
 
@@ -97,7 +98,7 @@ class Block:
         self.q, self.qd = np.empty((2, b, rows, n))
         self.tau, self.tip = np.empty((b, rows, n)), np.empty((b, rows, 3))
         self.energy, self.works = np.empty((b, 3, rows)), np.zeros((b, rows))
-        shared = None if problem.inputs.motion.joints.size else kept  # prescribed joints: workspace of their own chain
+        shared = None if problem.inputs.motion.joints.size else kept  # prescribed joints need a workspace per chain
         each = zip(self.q, self.qd, self.tau, self.tip, self.energy, self.works, strict=True)
         steps = noted(problem, rows)
         self.records = [

@@ -171,8 +171,8 @@ class Simulator:
         Examples
         --------
         >>> arm = fl.Simulator(scene)
-        >>> after = arm.step([30.0, 10.0], duration=0.01)  # N m of the driven joints, held for 0.01 s
         >>> after = arm.step([30.0, 10.0], duration=0.01)  # N m on the driven joints, held for 0.01 s
+        >>> print(after.t, after.q.shape)
         0.01 (6,)
         """
         inputs, end, steps = self._driven, self._later(self._run.spacing if duration is None else duration), self._steps

@@ -163,7 +163,7 @@ class SingleRun:
 
 def verify(monitor: Monitor, name: str, stop: Stop) -> Iterator[Diagnostic]:
     """Compare a finished run of this method with verification runs; yield a warning if they contradict it."""
-    text: Diagnostic | None = None
+    text = Diagnostic("", "")
     own, problem = monitor.steps.evaluations, monitor.record.problem
     for second in second_runs(monitor, name):
         text = text or Diagnostic(

@@ -64,8 +64,8 @@ def second_runs(monitor: Monitor, name: str) -> Iterator[Second]:
         yield Second(_within(run, AUTO, STRICTER * _tolerance(monitor)), 1, 1.0)
 
 
-def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic | None:
-    """Warning that follows from the path of a verification run; None if both runs agree."""
+def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic:
+    """Warning that follows from the path of a verification run; empty if both runs agree."""
     own = monitor.record.compared(monitor.n_valid)[:: second.every][: len(path)]
     error = float(apart(own, path).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(monitor)
@@ -81,7 +81,7 @@ def doubt(monitor: Monitor, second: Second, path: Array) -> Diagnostic | None:
         grown = multiplies(monitor) if monitor.explicit else ""
         text = f"{text}, {motion_in_words(chain, monitor.extent)}{grown}"
         return Diagnostic(f"{text}; {advice(monitor)} and compare", "doubtful-comparison")
-    return None
+    return Diagnostic("", "")
 
 
 def multiplies(monitor: Monitor) -> str:

@@ -111,7 +111,7 @@ def remembered(drive: Drive) -> tuple[NDArray[Any], ...]:
 def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains:
     """−∂T_EX/∂q and −∂T_EX/∂q̇ of a drive at a state, without its limits; zero if it is sampled.
 
-    Each has shape (n,) if every joint's torque depends only on its own motion, else (n, n).
+    Each has shape (n,) if every joint's torque depends only on the joint's motion, else (n, n).
     """
     n, joints = chain.n, drive.joints
     if not len(joints) or drive.law == TABLE:  # independent of the state
