@@ -148,7 +148,7 @@ class ModelRunner:
             if spent > self.budget:
                 self.seconds += spent
                 raise OverBudgetError(
-                    f"{chain.name}: a run reached only {fraction:.0%} in {self.budget:g} s; use a larger budget",
+                    f"{chain.name}: a run used up the budget of {self.budget:g} s at {fraction:.0%} of its duration; raise it",
                     id="over-budget",
                 )
 

@@ -13,7 +13,7 @@ from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
 from flexlink.motion.budget import FEWEST, Budget, Spent, warn
 from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.floating_steps import is_far
-from flexlink.motion.hindrance import hanging, loop_is_unstable, stuck
+from flexlink.motion.hindrance import loop_is_unstable, slow_progress, stuck
 from flexlink.motion.method_steps import MethodSteps
 from flexlink.motion.method_trial import begin, consider
 from flexlink.motion.sampled_control import Control
@@ -58,7 +58,7 @@ class AdaptiveSteps(MethodSteps):
             if how == OUTCOME.stuck:
                 yield self.row, self._part
                 return
-            yield from self._ask(k)
+            yield from self._call_law(k)
             if pace.over or k == len(self.ends):
                 yield self.row, self._part
                 pace.start()
@@ -79,7 +79,7 @@ class AdaptiveSteps(MethodSteps):
                 warned = True
         return self.failure
 
-    def _ask(self, k: int) -> Iterator[Reached]:
+    def _call_law(self, k: int) -> Iterator[Reached]:
         """Call the controller at instant `k`, if there is one; if it fails, first yield the samples before it."""
         if self.control is None or k == len(self.control.times):
             return
@@ -140,11 +140,11 @@ class AdaptiveSteps(MethodSteps):
         if self.dearest and self.evaluations + most * self.dearest > self.budget.safe:
             most = min(most, self.budget.affordable(self._spent(), self.dearest))
             if self.budget.slow and not self.slow[1]:
-                self.slow = self.row, "; ".join(hanging(self.record, self.state, self.time, self.budget.slow))
+                self.slow = self.row, "; ".join(slow_progress(self.record, self.state, self.time, self.budget.slow))
             if most and self.budget.slow and loop_is_unstable(self.record):  # motion only grows: stop at once
                 most, self.budget.over = 0, self.budget.slow
             if not most:
-                where = hanging(self.record, self.state, self.time, self.budget.over)
+                where = slow_progress(self.record, self.state, self.time, self.budget.over)
                 self.failure = Failure(*where, EvaluationLimitError)
         return most
 

@@ -21,7 +21,7 @@ from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.budget import warn
 from flexlink.motion.inputs.problem import problems_of
 from flexlink.motion.inputs.step_check import judge_steps
-from flexlink.motion.side_by_side import Block, Ended, Member, Run, alike, goes_along
+from flexlink.motion.side_by_side import Block, Ended, Member, Run, alike, fits_lanes
 from flexlink.motion.single_run import SingleRun
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
@@ -119,17 +119,17 @@ def prepared(scenes: Sequence[Scene], compared: int | None = None) -> list[Membe
     most = len(scenes) if compared is None else compared
     problems = problems_of(scenes)
     good = [problem for problem in problems if isinstance(problem, InitialValueProblem)]
-    judged = iter(judge_steps(good))
+    checked = iter(judge_steps(good))
     members: list[Member | FlexlinkError] = []
     for number, problem in enumerate(problems):
         if isinstance(problem, FlexlinkError):
             members.append(problem)
         else:
-            warnings = next(judged)
+            warnings = next(checked)
             if isinstance(warnings, FlexlinkError):
                 members.append(warnings)
             else:
-                members.append(Member(problem, warnings, goes_along(problem), number < most))
+                members.append(Member(problem, warnings, fits_lanes(problem), number < most))
     return members
 
 

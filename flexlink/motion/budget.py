@@ -63,7 +63,7 @@ class Budget:
                 f"after {used:,} evaluations (max_evaluations = {self.most:g}) only {part:.2%} of the duration is done"
             )
         elif now.evaluations - self._last.evaluations + dearest > pause:
-            self._look(now)
+            self._check_progress(now)
         if self.over:
             return 0
         self.safe = min(self._start.evaluations + self.most, self._last.evaluations + pause)
@@ -73,7 +73,7 @@ class Budget:
         """Evaluations between two checks."""
         return max(self.most / LOOKS, float(FEWEST * dearest))
 
-    def _look(self, now: Spent) -> None:
+    def _check_progress(self, now: Spent) -> None:
         """Check that the run has progressed since the last check."""
         past, steps, evaluations = (float(b - a) for a, b in zip(self._last, now, strict=True))
         self._last = now

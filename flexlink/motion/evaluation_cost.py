@@ -106,12 +106,12 @@ def operation_costs(chain: Chain, *, explicit: bool, drive: Drive | None = None)
     has = "plain" if chain.arrays.rare is None else "full"
     costs = listed("plane" if chain.is_planar else "space", has, "explicit" if explicit else "implicit")
     parts = parts_of(chain, drive)
-    asked = [True] * 9
+    counted = [True] * 9
     if drive is not None:
         limited = min(drive.effort.tolist(), default=np.inf) < np.inf and not drive.rate
-        asked = [not drive.rate, limited, drive.rate > 0, *[False] * 6]
+        counted = [not drive.rate, limited, drive.rate > 0, *[False] * 6]
     all_parts = [*parts[:7].tolist(), 0.0, 0.0], parts.tolist()
-    return [1e-6 * sum(map(operator.mul, row, all_parts[a])) for row, a in zip(costs, asked, strict=True)]
+    return [1e-6 * sum(map(operator.mul, row, all_parts[a])) for row, a in zip(costs, counted, strict=True)]
 
 
 def evaluation_cost(chain: Chain, *, explicit: bool) -> float:

@@ -33,7 +33,7 @@ def hindrance(record: Record, q: Array) -> tuple[str, str] | None:
     return _locked_gimbal(record, q)
 
 
-def hanging(record: Record, state: Sequence[Array], t: float, how: str) -> tuple[str, str]:
+def slow_progress(record: Record, state: Sequence[Array], t: float, how: str) -> tuple[str, str]:
     """Time and cause of slow progress in a state q, q̇, q̈ at time t [s], and a remedy."""
     text, (q, _, qdd, *_), chain = f"t = {t:.6g} s: {how}", state, record.chain
     if known := hindrance(record, q):

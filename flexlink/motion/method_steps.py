@@ -26,7 +26,7 @@ from flexlink.kernels.stepping.step_state import COUNT, SO_FAR, STEPPER
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.method_choice import cheapest, fastest_motion, prices
 from flexlink.motion.step_settings import longest_step, longest_step_of, settings
-from flexlink.motion.step_workspace import FEW_PASSES, carried, drive_gains, stages_of, workspace
+from flexlink.motion.step_workspace import FEW_PASSES, drive_gains, remembered, stages_of, workspace
 from flexlink.motion.stop_times import StopTimes, only
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -219,8 +219,8 @@ class MethodSteps:
         self._take((name, why or f"{self.why}; {self.name} until t = {time:.3g} s"), time)
         self._put_gains()  # of the present inputs: a simulator's may differ from the record's
         self.aim(time, end)
-        now, carried = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
-        now[carried], now[STEPPER.step] = before[carried], min(before[STEPPER.step], self.settings[-1])
+        now, continued = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
+        now[continued], now[STEPPER.step] = before[continued], min(before[STEPPER.step], self.settings[-1])
 
     def _take(self, choice: tuple[str, str], now: float) -> None:
         """Prepare steps by a method, with its reason, from a time on; compiles while signals are not deferred."""
@@ -257,8 +257,8 @@ class MethodSteps:
         kept, key, name = self.record.kept, (self.method, self.run.controlled), self.name
         work: EmbeddedWork | ImplicitWork
         work = kept(("scratch", name), key, lambda: workspace(self.method, self.record, self.slowest))
-        new = kept(("new scratch", name), key, lambda: [array.copy() for array in carried(work)])
-        for array, value in zip(carried(work), new, strict=True):
+        new = kept(("new scratch", name), key, lambda: [array.copy() for array in remembered(work)])
+        for array, value in zip(remembered(work), new, strict=True):
             array[:] = value
         work.stepper[STEPPER.inverse_ω1] = 1.0 / self.slowest
         if self.record.base is not None:

@@ -95,7 +95,7 @@ class Monitor:
             return not self.failure
         self.record.derive(first, stop)
         definite = self._definite(first, stop) if self.negative_rotors else stop
-        self._look(first, definite, methods)
+        self._check_samples(first, definite, methods)
         if self.n_valid == definite < stop:
             bent = self._bent(definite, self._bends(slice(definite, stop))[0])
             text = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
@@ -155,7 +155,7 @@ class Monitor:
         found = hindrance(self.record, self.record.q[0]) if self.record.inputs.drive.rate else None
         return "; ".join(found or ())
 
-    def _look(self, first: int, stop: int, methods: Sequence[tuple[int, str, str]]) -> None:
+    def _check_samples(self, first: int, stop: int, methods: Sequence[tuple[int, str, str]]) -> None:
         """Check samples: finite numbers, positive kinetic energy, energy balance, bends of hinges, joint limits."""
         wrong_samples = {
             WRONG.kinetic: Diagnostic(

@@ -89,17 +89,17 @@ class Control:
         try:
             given = np.asarray(self.law(t, q.copy(), qd.copy(), **(sensors or {})))
         except Exception as error:
-            raise LawFailure(f"{self._asked(t)} raised {type(error).__name__}: {error}") from error
+            raise LawFailure(f"{self._label(t)} raised {type(error).__name__}: {error}") from error
         if given.dtype.kind in "fiu" and given.shape == (self.joints,):
             torque = given.astype(np.float64)
             if is_finite(torque):
                 return np.clip(torque, -self.effort, self.effort) if self.limited else torque
         raise LawFailure(
-            f"{self._asked(t)} returned {truncated(given.tolist())}; expected one finite number per driven joint, "
+            f"{self._label(t)} returned {truncated(given.tolist())}; expected one finite number per driven joint, "
             f"shape ({self.joints},)"
         )
 
-    def _asked(self, t: float) -> str:
+    def _label(self, t: float) -> str:
         """Time and name of the law, for messages."""
         return f"t = {t:.6g} s: control law {getattr(self.law, '__qualname__', type(self.law).__name__)}"
 

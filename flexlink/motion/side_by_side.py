@@ -48,7 +48,7 @@ class Member(NamedTuple):
     compared: bool = True  # with a verification run, if its steps require one
 
 
-def goes_along(problem: InitialValueProblem) -> bool:
+def fits_lanes(problem: InitialValueProblem) -> bool:
     """Whether the compiled loop can run it in lanes, with others or alone."""
     solver = solver_for(problem.chain, problem.run.solver)
     acts = problem.inputs.changing is not None or bool(problem.chain.forces) or not acts_on_many(problem.inputs.drive)

@@ -109,10 +109,10 @@ class Simulator:
         self._sensing = Readings(scene) if scene.sensor else None
         self._monitor.begin()
         self._steps.go(self._pushed, self._time, self._time)  # compiles
-        self._look(self._driven)
+        self._sense(self._driven)
         return self.state
 
-    def _look(self, inputs: Inputs) -> None:
+    def _sense(self, inputs: Inputs) -> None:
         """Update the sensor readings from the present state and the inputs that act."""
         if self._sensing is not None:
             q, qd, *_ = self._steps.state
@@ -195,7 +195,7 @@ class Simulator:
             held = end - self._time if tau is not None else 0.0
             raise self._diverged(fault, held)
         self._time, self._calls = end, calls
-        self._look(inputs)
+        self._sense(inputs)
         return self.state
 
     def _restore(self, steps: Any, drive: Sequence[NDArray[Any]], remembered: Sequence[NDArray[Any]]) -> None:

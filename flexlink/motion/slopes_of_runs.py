@@ -119,13 +119,13 @@ def neighbours(
     FlexlinkError
         There is no value at x.
     """
-    asked = [k for k in range(len(x)) if steps[k]]
-    points = [moved(x, k, place * steps[k]) for k in asked for place in at[k]]
+    varied = [k for k in range(len(x)) if steps[k]]
+    points = [moved(x, k, place * steps[k]) for k in varied for place in at[k]]
     middle, *beside = many([x, *points])
     if isinstance(middle, FlexlinkError):
         raise middle
     found, left = list[Neighbours[Value] | FlexlinkError](), iter(beside)
-    for k in asked:
+    for k in varied:
         places, values = at[k], [next(left) for _ in at[k]]
         for other in (mirrored(one_sided), one_sided):
             if any(isinstance(value, FlexlinkError) for value in values) and places != other:
@@ -215,19 +215,19 @@ def slopes_of_runs(scene: Scene, paths: Sequence[str]) -> RunSlopes:
     first, part = (fifth, 1e-2) if scene.run.controlled else (third, 1e-5)  # step over the parameter
     rounding = 1e-8 if scene.run.controlled else 1e-13  # upper bound for runs whose motion is not sensitive
     enough = 3e-6  # estimated error of third order that needs no other step: mostly far more than the error itself
-    steps, best = part * size, dict[int, _Judged]()
+    steps, best = part * size, dict[int, _Candidate]()
     for at in (first, fifth, fifth):
-        asked = np.flatnonzero(steps).tolist()
+        varied = np.flatnonzero(steps).tolist()
         middle, found = neighbours(runs.many, x, steps, [at] * len(x), tuple(range(1, len(at) + 1)))
-        for k, one in zip(asked, found, strict=True):
+        for k, one in zip(varied, found, strict=True):
             if isinstance(one, FlexlinkError):  # the scene may run only with a smaller step
                 if k not in best:
                     raise one
                 steps[k] = 0.0
                 continue
-            judged = _judged(one, middle, size[k], rounding)
-            best[k] = min(judged, best.get(k, judged), key=lambda each: each.error)
-            steps[k] = 0.0 if judged.error <= enough else _other(judged)
+            candidate = _candidate(one, middle, size[k], rounding)
+            best[k] = min(candidate, best.get(k, candidate), key=lambda each: each.error)
+            steps[k] = 0.0 if candidate.error <= enough else _other(candidate)
         if not steps.any():
             break
     return RunSlopes(runs.known[0], middle, x, tuple(best[k].beside for k in range(len(x))))
@@ -241,7 +241,7 @@ def _tip(run: Trajectory) -> Array:
     return run.tip
 
 
-class _Judged(NamedTuple):
+class _Candidate(NamedTuple):
     """Neighbours of a run, the largest error of their derivatives and its rounding error, relative to these."""
 
     beside: Neighbours[Trajectory]
@@ -249,7 +249,7 @@ class _Judged(NamedTuple):
     rounding: float
 
 
-def _judged(beside: Neighbours[Trajectory], middle: Trajectory, size: float, rounding: float) -> _Judged:
+def _candidate(beside: Neighbours[Trajectory], middle: Trajectory, size: float, rounding: float) -> _Candidate:
     error = of_rounding = 0.0
     for read in (_angles, _tip):
         f = read(middle)
@@ -258,19 +258,19 @@ def _judged(beside: Neighbours[Trajectory], middle: Trajectory, size: float, rou
         most = max(float(np.abs(slope).max()), 1e-10 * largest / size)  # a smaller effect is none
         if most > 0 and off / most > error:
             error, of_rounding = off / most, rounding * largest / (beside.step * most)
-    return _Judged(beside, error, of_rounding)
+    return _Candidate(beside, error, of_rounding)
 
 
-def _other(judged: _Judged) -> float:
+def _other(candidate: _Candidate) -> float:
     """A step of fifth order with a smaller error.
 
     A function that changes by its own size over a length L has an error of order 2 of (h/L)²/6; the estimate is three
     times that. The new step is a hundredth of L.
     """
-    step = judged.beside.step
-    if judged.error <= judged.rounding:
-        return step * max(math.sqrt(judged.error / 1e-8), 5.0)
-    return step * (0.01 / math.sqrt(2 * judged.error) if len(judged.beside.at) == 3 else 0.2)
+    step = candidate.beside.step
+    if candidate.error <= candidate.rounding:
+        return step * max(math.sqrt(candidate.error / 1e-8), 5.0)
+    return step * (0.01 / math.sqrt(2 * candidate.error) if len(candidate.beside.at) == 3 else 0.2)
 
 
 class _Runs:

@@ -87,7 +87,7 @@ def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
     return *gains.diagonals(), kick
 
 
-def carried(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
+def remembered(work: EmbeddedWork | ImplicitWork) -> tuple[Array, ...]:
     """Arrays that steps remember from one to the next; all others are temporary."""
     springs = work.springs
     return work.stepper, springs.kp, springs.kd, springs.impulse, *work.saturation[:2], *stages_of(work)

@@ -94,16 +94,16 @@ class StopTimes:
         if not (fixed or self.at_samples or self.drive):
             return only(end)
         samples = self._samples(start, end) if self.at_samples else range(0)
-        asked = instants(self.drive, start, end)
+        sampled = instants(self.drive, start, end)
         if not self.run.controlled:  # snap to the grid, or a step as short as a rounding error would result
-            asked = np.round(asked / self.run.fixed_step) * self.run.fixed_step
-        if not fixed and not samples and not len(asked):
+            sampled = np.round(sampled / self.run.fixed_step) * self.run.fixed_step
+        if not fixed and not samples and not len(sampled):
             return only(end)
-        times, must = self._times(np.arange(samples.start, samples.stop)), np.concatenate([fixed, asked])
+        times, must = self._times(np.arange(samples.start, samples.stop)), np.concatenate([fixed, sampled])
         if len(times) and len(must):
             times = np.unique(np.concatenate([must, times]))
         elif len(must):  # already sorted if of one kind
-            times = np.unique(must) if fixed and len(asked) else must
+            times = np.unique(must) if fixed and len(sampled) else must
         shortest = SHORTEST * self.run.duration + 2 * np.spacing(end)
         times = times[(times > start + shortest) & (times < end - shortest)]
         passed_by = np.full(len(times) + 1, self.passed_by)

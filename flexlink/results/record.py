@@ -19,7 +19,7 @@ from flexlink.kernels.stepping.samples import derive, prescribed_torques
 from flexlink.kernels.stepping.step_state import SO_FAR
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.samples import BaseMotion, Steps
-from flexlink.results.tip_motion import compared_path, judged_path
+from flexlink.results.tip_motion import checked_path, compared_path
 from flexlink.results.trajectory import Trajectory
 
 
@@ -96,7 +96,7 @@ class Record:
 
     @property
     def path(self) -> Array:
-        """The `judged_path` of the samples: that of the tip, or of all bodies if rotations move no point."""
+        """The `checked_path` of the samples: that of the tip, or of all bodies if rotations move no point."""
         return self.tip if self._placed is None else self._placed
 
     def compared(self, stop: int) -> Array:
@@ -128,7 +128,7 @@ class Record:
             if len(self.inputs.motion.joints):
                 self._prescribe(part)
             if self._placed is not None:
-                self._placed[part] = judged_path(self.chain, self.q[part])
+                self._placed[part] = checked_path(self.chain, self.q[part])
 
     def _prescribe(self, rows: slice) -> None:
         t, q, qd, tau = (part[rows] for part in self.samples[:4])

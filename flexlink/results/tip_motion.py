@@ -13,7 +13,7 @@ from flexlink.common.types import Array
 from flexlink.kernels.geometry.kinematics import forward_kinematics, tip_points
 
 
-def judged_path(chain: Chain, q: Array) -> Array:
+def checked_path(chain: Chain, q: Array) -> Array:
     """Path of the tip at angles q (samples, n), or of all bodies if rotations move no point."""
     if chain.has_levers:
         tips = np.empty((len(q), 3))
@@ -27,9 +27,9 @@ def judged_path(chain: Chain, q: Array) -> Array:
 
 
 def compared_path(chain: Chain, q: Array) -> Array:
-    """The judged path; for a tree the paths of all its tips, (samples, tips, 3) [m]."""
+    """`checked_path`; for a tree the paths of all its tips, (samples, tips, 3) [m]."""
     if len(chain.tips) == 1 or not chain.has_levers:
-        return judged_path(chain, q)
+        return checked_path(chain, q)
     tips = list(chain.tips.values())
     return np.array([forward_kinematics(chain.arrays, angles).points[tips] for angles in np.ascontiguousarray(q)])
 

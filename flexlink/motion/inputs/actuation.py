@@ -43,8 +43,8 @@ def of_kind(scene: Scene, chain: Chain) -> Chain:
 
     There are two kinds, each in a plane and in space. *Plain* loops support springs and friction of joints, prescribed
     motions, laws without a model, and a constant wrench on the arm's tip. *Full* loops also support branches, sliding
-    joints, bases that move, force elements (`kernels.forces.elements`), laws that evaluate a rigid model, and wrenches that
-    change or act on another tip. A plain chain with one of the last two uses the full loops.
+    joints, bases that move, force elements (`kernels.forces.elements`), laws that evaluate a rigid model, and wrenches
+    that change or act on another tip. A plain chain with one of the last two uses the full loops.
     """
     modelled = scene.drive.kind == "computed_torque" or scene.drive.gravity == "rigid"
     return chain.as_full() if chain.arrays.rare is None and (modelled or loads_of(scene, chain)) else chain

@@ -133,13 +133,13 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
 
 
 @keep_last(64)
-def gains_at_zero(drive: Drive, chain: Chain, asked: bool = False) -> Gains:
+def gains_at_zero(drive: Drive, chain: Chain, continuous: bool = False) -> Gains:
     """Gains at zero angles and rates, so that a continued run is identical bit for bit; read-only.
 
-    `asked`: the gains of a sampled law as if it were continuous.
+    `continuous`: the gains of a sampled law as if it were continuous.
     """
     zero = np.zeros(chain.n)
-    return gains_of(chain, drive._replace(rate=0.0) if asked else drive, 0.0, zero, zero)
+    return gains_of(chain, drive._replace(rate=0.0) if continuous else drive, 0.0, zero, zero)
 
 
 def _table(scene: Scene, chain: Chain) -> Drive:

@@ -46,12 +46,12 @@ def check_start(scene: Scene, chain: Chain) -> None:
     for k in chain.active.tolist():
         link = chain.coordinates[k].link - 1
         slides = scene.arm.slides[link]
-        starts, said, unit = float(in_own([slides], [initial.q[k]])[0]), scene.starts[link], OF_JOINT[slides].unit
+        starts, stated, unit = float(in_own([slides], [initial.q[k]])[0]), scene.starts[link], OF_JOINT[slides].unit
         missing, default = f"from_{unit}", f"joint_{unit}"
-        if reference.starts_at_initial(slides=slides) and abs(starts - said) > close:
+        if reference.starts_at_initial(slides=slides) and abs(starts - stated) > close:
             raise SceneError(
                 f"drive.reference.{missing}: missing; the joint of {chain.link_names[link]!r} starts at "
-                f"{starts:.9g} {unit} by initial.q, but at {said:.9g} by initial.{default}",
+                f"{starts:.9g} {unit} by initial.q, but at {stated:.9g} by initial.{default}",
                 id="missing-key",
             )
 

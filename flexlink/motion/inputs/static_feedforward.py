@@ -43,13 +43,13 @@ def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyn
     x = NODES * h[:, None]
     angles = np.einsum("kjd,knj->knd", c, x[:, :, None] ** np.arange(c.shape[1]))
     moving = np.asarray(c[:, 1:].any(axis=(1, 2)))
-    asked = np.arange(len(NODES)) < np.where(moving, len(NODES), 1)[:, None]  # a constant piece needs one node
-    nodes, which = _different(angles[asked])
+    needed = np.arange(len(NODES)) < np.where(moving, len(NODES), 1)[:, None]  # a constant piece needs one node
+    nodes, which = _different(angles[needed])
     postures = nodes if len(chain.active) == chain.n else static_postures(chain, nodes)
     holding = np.empty_like(postures)
     gravity_torques(chain.arrays, postures, holding)
     torques = np.zeros_like(angles)
-    torques[asked] = holding[which][:, chain.active]
+    torques[needed] = holding[which][:, chain.active]
     torques[~moving] = torques[~moving, :1]
     powers = np.einsum("jn,knd->kjd", TO_POWERS, torques) / h[:, None, None] ** np.arange(len(NODES))[:, None]
     powers[~moving, 1:] = 0.0

@@ -20,12 +20,12 @@ from flexlink.motion.inputs.actuation import acting_at
 def judge_steps(problems: Sequence[InitialValueProblem]) -> list[tuple[Diagnostic, ...] | FlexlinkError]:
     """`judge_step` of every problem, or its error; bounds computed together decide most."""
     within = _within_bounds(problems)
-    return [() if known else _judged(problem) for problem, known in zip(problems, within, strict=True)]
+    return [() if known else _checked(problem) for problem, known in zip(problems, within, strict=True)]
 
 
-def _judged(problem: InitialValueProblem) -> tuple[Diagnostic, ...] | FlexlinkError:
+def _checked(problem: InitialValueProblem) -> tuple[Diagnostic, ...] | FlexlinkError:
     try:
-        return _judge_by_eigenvalues(problem)
+        return _check_by_eigenvalues(problem)
     except FlexlinkError as error:
         return error
 
@@ -65,10 +65,10 @@ def judge_step(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
     """
     if problem.run.duration == 0 or not problem.explicit or _within_bounds([problem])[0]:
         return ()
-    return _judge_by_eigenvalues(problem)
+    return _check_by_eigenvalues(problem)
 
 
-def _judge_by_eigenvalues(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
+def _check_by_eigenvalues(problem: InitialValueProblem) -> tuple[Diagnostic, ...]:
     """`judge_step` of a step that the bound does not decide."""
     run = problem.run
     if run.duration == 0 or not problem.explicit:

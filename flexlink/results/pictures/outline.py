@@ -105,10 +105,10 @@ def _cuts(arm: Arm, chain: Chain, found: list[Piece]) -> list[Cuts]:
         behind[arm.parents[k - 1]] |= behind[k]
     parents, cuts = chain.bodies["parent"].tolist(), []
     for k, piece in enumerate(found):
-        hang = [j for j, parent in enumerate(parents) if parent == piece.body]
-        beyond = tuple(j for j in hang if of_body[j] in behind[piece.link])
+        children = [j for j, parent in enumerate(parents) if parent == piece.body]
+        beyond = tuple(j for j in children if of_body[j] in behind[piece.link])
         first = piece.body > 0 and (not k or found[k - 1].body != piece.body)
-        alone = len(beyond) == len(hang) or of_body[piece.body - 1] == piece.link
+        alone = len(beyond) == len(children) or of_body[piece.body - 1] == piece.link
         cuts.append(((piece.body - 1,) if first and alone else beyond, beyond))
     return cuts
 
