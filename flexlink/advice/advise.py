@@ -217,7 +217,7 @@ class Advisor:
                 line("limit", f"the extrapolated path of the tip is known within {length(known_to)}; see converged_tip")
             )
         if growth > Thresholds.sensitive_growth:
-            fold = f", by e in {e_fold:.3g} s" if np.isfinite(e_fold) else ""
+            fold = f" (by e every {e_fold:.3g} s)" if np.isfinite(e_fold) else ""
             lines.append(line("sensitive", f"initial errors grow by a factor of {growth:.2g}{fold}"))
         lines.append(line("horizon", f"the tolerance is met up to t = {holds:.6g} s"))
         limit = refinement.limit._replace(errors=known)

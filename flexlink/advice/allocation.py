@@ -2,8 +2,8 @@
 
     N_k ∝ (C_k / c_k)^(1/(p+1))        minimizes Σ c_k N_k for an allowed Σ C_k / N_k^p, c_k the cost of a hinge
 
-N_k is rounded up to a number that the rules offer. Then the reduction that saves most is made, by a hinge, an axis or
-all bending of a link, as long as the error is allowed.
+N_k is rounded up to a number that the rules offer. Then a hinge, an axis or all bending of a link
+is removed, whichever saves most, as long as the error is allowed.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ FAMILIES = {
 def rule_of(family: str, hinges: int) -> str:
     """The lumping rule of a family for this number of hinges.
 
-    `gauss` needs even numbers, and cells have four hinges, or two; a single hinge is in the middle.
+    `gauss` needs an even number of hinges. Cells have four hinges, or two. A single hinge is in the middle.
     """
     if hinges == 1:
         return "midpoint"

@@ -92,7 +92,7 @@ def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNor
     loads = inverse_dynamics(chain, q, qd, qdd, tip_wrench=run.tip_wrench) + force_torque(chain, q, qd)
     bent = np.array([c.segment > 0 for c in chain.coordinates])
     θ = np.zeros_like(q)
-    θ[:, bent] = np.clip(deflections(chain, -loads)[:, bent], -1.0, 1.0)  # [rad]; larger angles are simply too large
+    θ[:, bent] = np.clip(deflections(chain, -loads)[:, bent], -1.0, 1.0)  # [rad]; larger values do not matter
     u = tip_position(chain, q + θ) - run.tip
     ω = slowest_frequency(chain, q[0])
     start, drift = release(runner, strict, model, q[0])

@@ -30,7 +30,7 @@ class Thresholds:
     Runs are compared, not loads: an axis that loads bent by 3e-4 of the motion changed the motion by 6e-3.
     """
     allowed_share: float = 0.1
-    """Change of the tip by all omitted axes together that is allowed, over the tolerance."""
+    """Allowed change of the tip by all omitted axes together, over the tolerance."""
     strict: float = 0.1
     """Tolerance of the steps that measure the step errors of levels, over the tolerance of the levels."""
     scatter: float = 5.0

@@ -64,7 +64,10 @@ class AdaptiveSteps(MethodSteps):
                 pace.start()
 
     def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
-        """Integrate from `start` to `end` [s] under these inputs; return the failure, if any. Equal times: compile."""
+        """Integrate from `start` to `end` [s] under these inputs, and return the failure, if any.
+
+        If both times are equal, it only compiles.
+        """
         self.act(inputs)
         self.aim(start, end)
         self.budget.begin(self._spent(), end, self.dearest)

@@ -46,7 +46,7 @@ def slow_progress(record: Record, state: Sequence[Array], t: float, how: str) ->
 
 
 def stuck(record: Record, q: Array, t: float, h: float, *, unsolved: int | None, explicit: bool) -> Failure:
-    """Failure of a run if no step down to h [s] works at time t [s]; `unsolved`: joint whose stages are not found."""
+    """Failure of a run if no step down to h [s] works at time t [s]; `unsolved`: joint at which stages failed."""
     run, chain = record.run, record.chain
     text, id = f"no step down to {h:.3g} s meets the tolerance at t = {t:.6g} s", "tolerance-not-met"
     if unsolved is not None:

@@ -153,7 +153,7 @@ class MethodSteps:
 
     def _choose_branches(self) -> None:
         """Keep each adaptive step on one branch of the torques where motors saturate."""
-        if self.run.controlled and self.inputs is not self.given:  # only then steps write limits of torques
+        if self.run.controlled and self.inputs is not self.given:  # steps write limits only then
             choose_branches(self.time, self.inputs, self.state, self.work)
 
     def aim(self, start: float, end: float) -> None:

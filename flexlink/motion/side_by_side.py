@@ -49,7 +49,7 @@ class Member(NamedTuple):
 
 
 def fits_lanes(problem: InitialValueProblem) -> bool:
-    """Whether the compiled loop can run it in lanes, with others or alone."""
+    """Whether the compiled loop can run a problem in lanes, with others or alone."""
     solver = solver_for(problem.chain, problem.run.solver)
     acts = problem.inputs.changing is not None or bool(problem.chain.forces) or not acts_on_many(problem.inputs.drive)
     alone = not problem.explicit or acts
@@ -57,7 +57,7 @@ def fits_lanes(problem: InitialValueProblem) -> bool:
 
 
 def alike(one: InitialValueProblem, other: InitialValueProblem) -> bool:
-    """Whether two problems that can each run side by side with others can do so with each other."""
+    """Whether two problems that fit lanes can run side by side."""
     if one.start != other.start:  # all share the time
         return False
     a, b = one.scene, other.scene

@@ -309,7 +309,7 @@ class _Runs:
             return error
 
     def _checked(self, k: int, end: object) -> Trajectory | FlexlinkError:
-        """A neighbouring run if it has the same joints, else the error."""
+        """Return a neighbouring run if it has the same joints, else an error."""
         reason = end if isinstance(end, FlexlinkError) else ""
         if not reason and not self.known[-1].chain.same_layout(_run(end).chain):
             reason = "a small change of it changes the number or type of joints"

@@ -72,10 +72,10 @@ def tolerance_of(run: RunSettings, chain: Chain, deflection: float) -> float:
 def allowed_imbalance(run: RunSettings, chain: Chain, least: float, explicit: bool, compared: bool) -> Allowance:
     """Energy imbalance explained by position errors δ of the bodies as large as the tolerance: m g δ and m v δ/τ.
 
-    τ, the time in which a body deviates by δ, is a long step. Errors of `Thresholds.tolerable` δ that are proportional
-    to the motion change rates by their ratio to it, and energies by twice that. An implicit method damps vibrations
-    below δ at any frequency, and these may contain all the energy, or the work of a drive. Such a run is `compared`
-    with a second run, if there is one, which decides. δ is at least the `least` tolerance [m].
+    τ, the time in which a body deviates by δ, is a long step. If errors of `Thresholds.tolerable` δ are proportional to
+    the motion, rates have the same relative error as positions, and energies have twice that. An implicit method damps
+    vibrations below δ at any frequency, and these may contain all the energy, or the work of a drive. Such a run is
+    `compared` with a second run, if there is one, which decides. δ is at least the `least` tolerance [m].
     """
     if not run.controlled or run.duration == 0:
         return balance.NOTHING

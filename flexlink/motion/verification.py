@@ -44,8 +44,8 @@ def second_runs(monitor: Monitor, name: str) -> Iterator[Second]:
 
     There are none if a control law drives the arm: it may have memory.
     """
-    # Distance to a run with twice the step over the error of the first run, for order two: steps that hardly resolve
-    # the motion do not show the order of their method, and two such runs may be wrong alike.
+    # Ratio of the distance to a run with twice the step to the error of the first run, at order two. Steps that hardly
+    # resolve the motion do not show the order of their method, and two such runs may be wrong alike.
     error_ratio = 2**2 - 1.0
     run = monitor.run
     if monitor.control is not None:

@@ -48,7 +48,7 @@ def check_chain(chain: Chain) -> None:
     Raises
     ------
     ValueError
-        They are not.
+        The chain is not valid.
     """
     # fields that may be infinite
     unlimited = {"lower", "upper"}

@@ -56,7 +56,7 @@ def extrapolated(levels: Sequence[Level], order: float = 2.0) -> Limit:
 
 
 def change_of_limit(levels: Sequence[Level], order: float = 2.0) -> Array:
-    """Change of the limit by the last level (samples, 3) [m]; needs three levels."""
+    """Change of the limit when the last level is added (samples, 3) [m]; needs three levels."""
     return extrapolated(levels, order).tip - extrapolated(levels[:-1], order).tip
 
 

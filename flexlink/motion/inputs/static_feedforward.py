@@ -57,7 +57,7 @@ def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyn
 
 
 def _different(nodes: Array) -> tuple[Array, Indices]:
-    """The nodes (rows, d) that differ from the one before, and for each node the index of its equal."""
+    """The nodes (rows, d) that differ from the one before, and for each node the index of the equal one."""
     new = np.append(True, (np.diff(nodes, axis=0) != 0).any(axis=1))
     return np.ascontiguousarray(nodes[new]), np.cumsum(new) - 1
 

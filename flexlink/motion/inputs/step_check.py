@@ -18,7 +18,7 @@ from flexlink.motion.inputs.actuation import acting_at
 
 
 def judge_steps(problems: Sequence[InitialValueProblem]) -> list[tuple[Diagnostic, ...] | FlexlinkError]:
-    """`judge_step` of every problem, or its error; bounds computed together decide most."""
+    """Warnings from `judge_step` for every problem, or its error; bounds computed for all problems decide most."""
     within = _within_bounds(problems)
     return [() if known else _checked(problem) for problem, known in zip(problems, within, strict=True)]
 

@@ -69,7 +69,7 @@ def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: fl
     require_film(path)
     fps, width = positive("fps", fps), integer("width", width, 320, 3840)
     if path.suffix == ".gif":
-        ticks = 100  # per second; a GIF shows each frame for a multiple of one
+        ticks = 100  # per second; a GIF shows each frame for an integer number of ticks
         fps = ticks / max(round(ticks / fps), 2)
     magnify, speed = positive("magnify", magnify), positive("speed", speed)
     width += width % 2  # a video needs an even width

@@ -190,6 +190,6 @@ def _level(view: View) -> Array:
 
 
 def nice(length: float) -> float:
-    """The next of 1, 2, 5 × 10ⁿ from `length` on."""
+    """Smallest number among 1, 2, 5 × 10ⁿ that is at least `length`."""
     power = 10.0 ** np.floor(np.log10(max(length, 1e-12)))
     return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= length * (1 - 1e-9)))
