@@ -148,7 +148,8 @@ class ModelRunner:
             if spent > self.budget:
                 self.seconds += spent
                 raise OverBudgetError(
-                    f"{chain.name}: a run used up the budget of {self.budget:g} s at {fraction:.0%} of its duration",
+                    f"{chain.name}: a run used up the budget of {self.budget:g} s at {fraction:.0%} of its "
+                    "duration; use a larger budget",
                     id="over-budget",
                 )
 
