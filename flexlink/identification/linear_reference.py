@@ -49,9 +49,9 @@ def linear_models(
     start = np.concatenate([np.log(np.abs(λ)), -λ.real / np.abs(λ)])
 
     def residual(p: Array) -> Array:
-        return np.concatenate([_projected(*fit) for fit in fits])
+        shapes: Shapes = {}
         fits = [_stacked(name, _poles(p), fitted, inputs, shapes)[:2] for name in columns]
-        return np.concatenate([_left(*fit) for fit in fits])
+        return np.concatenate([_projected(*fit) for fit in fits])
 
     far = np.concatenate([np.full(len(λ), 0.7), np.full(len(λ), 0.3)])
     found = scipy.optimize.least_squares(residual, start, bounds=(start - far, start + far), max_nfev=40).x
