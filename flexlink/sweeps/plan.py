@@ -189,24 +189,24 @@ def load_sweep(path: str | Path) -> Sweep:
     Parameters
     ----------
     path
-        A TOML file: `scene`, a path from the file's own folder, then tables `set`, `grid`, `together`, `sample` and
-        `quantity`. Keys may be written as tables, `run.duration = 1.0`, or in quotes, `"run.duration" = 1.0`.
         A TOML file: `scene`, a path relative to the file, then tables `set`, `grid`, `together`, `sample` and
         `quantity`. Keys may be written as tables, `run.duration = 1.0`, or in quotes, `"run.duration" = 1.0`.
+
+    Returns
     -------
     Sweep
-        As the file says.
-
         The sweep in the file.
+
+    Raises
     ------
     ArgumentError
-        `path` is no path.
-    SceneError
         `path` is not a path.
-    DataFileError
+    SceneError
         The message names the file, the key path, the value and the allowed values.
-
+    DataFileError
         The file of a lumping rule or method in the scene is not valid.
+
+    Examples
     --------
     >>> plan = fl.load_sweep("models/sweeps/payload.toml")
     >>> print(plan.scene.name, list(plan.quantity))
@@ -233,6 +233,6 @@ def load_sweep(path: str | Path) -> Sweep:
 
 
 def _is_slow(axis: Axis) -> bool:
-    """Whether members that differ in it cannot run side by side, so that it varies slowest."""
-    tables, fields = {"engine", "run", "drive", "motion", "wrench"}, {"flex", "segments", "lumping", "locked", "axis"}
     """Whether members that differ in these keys cannot run side by side; such an axis varies slowest."""
+    tables, fields = {"engine", "run", "drive", "motion", "wrench"}, {"flex", "segments", "lumping", "locked", "axis"}
+    return any(key.split(".")[0] in tables or key.split(".")[-1] in fields for key in axis.keys)

@@ -45,7 +45,7 @@ class SweepRows:
     @property
     def failed(self) -> dict[int, str]:
         """Reasons of the members that lack outputs, by number."""
-        """Reasons of the members that lack outputs, by number."""
+        return {row[0]: row[2] for row in self.rows if row[1] == "failed"}
 
     def to_pandas(self) -> Any:
         """Return all rows as a pandas.DataFrame; the index is the number.
