@@ -1,8 +1,8 @@
-"""States at which arms are compared: random, balanced, and stretched out.
+"""States for comparing arms: random, balanced, and stretched out.
 
-Angles of passive hinges are uniform in (−π, π), like those of active joints, so are places of sliding joints [m]. If M
-is not positive definite there (negative twist rotors of a lumping rule with `matched_twist`, gimbal lock), their
-deflection is halved until it is.
+Angles [rad] and positions of prismatic joints [m], active and passive, are uniform in (−π, π). If M is not positive
+definite there (negative twist rotors of a lumping rule with `matched_twist`, gimbal lock), the deflection is halved
+until it is.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from flexlink.dynamics.singularity import regular_mass
 from flexlink.dynamics.terms import elastic_torque, gravity_torque
 
 RANGE = 10.0
-"""Largest |q̇| [rad/s], |T_EX| of active joints [N m], tip force and moment [N, N m] of random states."""
+"""Largest |q̇| [rad/s], |T_EX| of active joints [N m], tip force [N] and moment [N m] of random states."""
 IMBALANCE = 1e-6
-"""Relative difference of T_EX from T_G + T_FL in balanced states."""
+"""Relative difference between T_EX and T_G + T_FL in balanced states."""
 TRIES = 20
 
 
@@ -38,28 +38,28 @@ class State(NamedTuple):
 
 
 def random_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
-    """Independent uniform states: angles in (−π, π); rates, drive torques and tip wrench up to `RANGE`.
+    """Return independent uniform states: angles in (−π, π); rates, drive torques and tip wrench up to `RANGE`.
 
     Raises
     ------
     SingularMassError
-        M is not positive definite at any posture tried.
+        M is not positive definite at any of the configurations tried.
     """
     random = np.random.default_rng(seed)
     return [_random(chain, random) for _ in range(samples)]
 
 
 def mixed_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
-    """Half random, a quarter balanced, an eighth stretched out at rest, an eighth stretched out with rates.
+    """Return states: half random, a quarter balanced, an eighth stretched out at rest, an eighth stretched and moving.
 
-    Balanced: at rest, T_EX = T_G + T_FL within `IMBALANCE`, all springs with similar torques; accelerations so small
-    that an error of 1e-9 in one spring is visible. Stretched out: springs slack, active joints at multiples of 90°, no
-    loads, so that arms hang, stand, fold back or reach out, and most terms cancel.
+    Balanced: at rest, T_EX = T_G + T_FL within `IMBALANCE`, with similar torques of all springs. Accelerations are then
+    so small that an error of 1e-9 in one spring is visible. Stretched out: springs at rest, active joints at multiples
+    of 90°, no loads; the arm hangs, is upright, folded or horizontal, and most terms cancel.
 
     Raises
     ------
     SingularMassError
-        M is not positive definite at any posture tried.
+        M is not positive definite at any of the configurations tried.
     """
     random = np.random.default_rng(seed)
     kinds = (_random, _balanced, _random, _stretched, _random, _balanced, _random, _moving)
@@ -105,7 +105,7 @@ def _uniform(chain: Chain, random: np.random.Generator) -> Iterator[Array]:
 
 
 def _regular(chain: Chain, draws: Iterator[Array]) -> Array:
-    """The first posture, with halved deflections if necessary, at which M is positive definite."""
+    """Return the first configuration, with halved deflections if necessary, at which M is positive definite."""
     free = np.arange(chain.n)
     for q in draws:
         for _ in range(8):
