@@ -14,7 +14,7 @@ from flexlink.common.types import Array, Indices
 from flexlink.common.wording import Diagnostic
 from flexlink.diagnosis.joint_axes import Displacement, deviations, reach, undo_displacements
 from flexlink.diagnosis.matching import Match, match_joints
-from flexlink.diagnosis.mistakes import Field, Misplacement, Mistake, _names, _short, _where, table
+from flexlink.diagnosis.mistakes import Field, Mistake, _names, _short, _where, table
 from flexlink.diagnosis.shapes import Discrepancy, fewer_digits
 from flexlink.engines.actuators import limits
 from flexlink.engines.couplings import COUPLED_FIELDS
@@ -79,8 +79,7 @@ def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | 
     """
     match = match_joints(ours, theirs)
     if isinstance(match, str):
-        remedy = "check the number of segments, locked joints and grippers"
-        return None, [Finding(match, "", remedy, "joints-differ")]
+        return None, [Finding(match, "", "check segments, locked joints and grippers", "joints-differ")]
     if match.reordered and not np.array_equal(ours.parents, np.arange(ours.n) - 1):
         what, likely = f"{_names(match.reordered)} with another parent", "a branch begins at another joint"
         remedy = "correct the parents; numbers are compared after that"
@@ -100,8 +99,7 @@ def _order(match: Match) -> Iterator[Finding]:
     if match.reordered:
         order = f"{_names(match.reordered)} in another order along the chain"
         likely = "rotations about one point do not commute"
-        remedy = "correct the order of joints in a body, or of links"
-        yield Finding(order, likely, remedy, "joint-order-differs")
+        yield Finding(order, likely, "correct the order of joints in a body, or of links", "joint-order-differs")
 
 
 def _numbers_of_tendons(ours: ReadBack, theirs: ReadBack) -> list[Finding]:
@@ -158,8 +156,8 @@ def _displacements(
 ) -> Iterator[Finding]:
     """Yield one finding per kind of displaced axes."""
     L, shown = reach(realigned), 3
-    shifted = next(row for row in table().mistakes if row.setting == "ref")
-    ref = Misplacement("joint-zero-differs", table().fields["lines"], shifted.likely, shifted.remedy)
+    zero = next(row for row in table().mistakes if row.setting == "ref")
+    ref = "joint-zero-differs", table().fields["lines"], zero.likely, zero.remedy
     for kind, words in table().misplaced.items():
         found = [each for each in displacements if _kind(each, L) == kind]
         if not found:
@@ -290,16 +288,15 @@ def _explained(field: str, diff: Discrepancy, format: str) -> Finding:
     where = "" if global_field else _where(ours.names, diff.rows)
     what = f"{_subject(field, where)}: {_instead(field, diff)}"
     mistake = _mistake(field, diff, theirs)
-    words = Misplacement(table().fields[field].id, _of_joints(field, diff), mistake.likely, mistake.remedy)
+    words = table().fields[field].id, _of_joints(field, diff), mistake.likely, mistake.remedy
     return _worded(words, what, where, format, dataclasses.replace(ours, **faulty))
 
 
-def _worded(words: Misplacement, what: str, where: str, format: str, faulty: ReadBack) -> Finding:
-    field = words.field
+def _worded(words: tuple[str, Field, str, str], what: str, where: str, format: str, faulty: ReadBack) -> Finding:
+    id, field, likely, remedy = words
     few = where.startswith(("joint ", "joints "))
     tag, joints = getattr(field, format, field.label), where if few else "these joints"
-    remedy = words.remedy.format(tag=tag, unit=field.unit, where=joints)
-    return Finding(what, words.likely, remedy, words.id, faulty)
+    return Finding(what, likely, remedy.format(tag=tag, unit=field.unit, where=joints), id, faulty)
 
 
 def _with_rows(ours: Array, theirs: Array, rows: Indices) -> Array:

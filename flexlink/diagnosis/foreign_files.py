@@ -25,7 +25,7 @@ def load_file(
 
     Return its format, its engine, and the errors that the engine printed without stopping.
 
-    `base` is the rotation of the scene's free base at zero angles; the base of the file must be free as well.
+    `base` is the rotation of a floating base at zero angles; the base in the file must float as well.
 
     Raises
     ------

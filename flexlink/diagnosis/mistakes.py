@@ -36,15 +36,6 @@ class Mistake(NamedTuple):
     setting: str = ""
 
 
-class Misplacement(NamedTuple):
-    """Texts for a kind of displaced joint axis."""
-
-    id: str
-    field: Field
-    likely: str
-    remedy: str
-
-
 class Table(NamedTuple):
     """Texts for differences: the sections of the file."""
 
@@ -52,7 +43,7 @@ class Table(NamedTuple):
     sliding_units: dict[str, str]
     length_units: dict[float, str]  # by the factor of a file's numbers
     settings: dict[str, tuple[str, str, str, bool]]  # id, text, remedy, whether it counts
-    misplaced: dict[str, Misplacement]
+    misplaced: dict[str, tuple[str, Field, str, str]]  # id, field to correct, likely mistake, remedy
     mistakes: list[Mistake]
 
 
@@ -68,7 +59,7 @@ def table() -> Table:
         {factor: unit for unit, factor in raw["length_units"].items()},
         {name: tuple(row.values()) for name, row in raw["settings"].items()},
         {
-            kind: Misplacement(row["id"], every[row["field"]], row["likely"], row["remedy"])
+            kind: (row["id"], every[row["field"]], row["likely"], row["remedy"])
             for kind, row in raw["misplaced"].items()
         },
         [

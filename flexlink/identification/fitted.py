@@ -21,11 +21,6 @@ from flexlink.identification.problem import FitProblem
 from flexlink.pages.builders import builder
 from flexlink.pages.verdict import Report
 
-WIDEST = 10.0
-"""Largest ratio of the ends of a positive parameter's 95 % interval for the parameter to be identifiable."""
-PRIOR_SHARE = math.sqrt(0.5)
-"""Standard deviation of an estimate over that of its prior above which the prior counts more than the data."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Estimate:
@@ -81,18 +76,19 @@ class Estimate:
     def doubt(self) -> Diagnostic | None:
         """Why the parameter is not identifiable from the data; None if it is.
 
-        The 95 % interval reaches a bound, or spans more than the factor `WIDEST` for a positive parameter; or the prior
-        determines the estimate more than the data do (`PRIOR_SHARE`).
+        The 95 % interval reaches a bound, or spans more than a factor of 10 for a positive parameter; or the prior
+        determines the estimate more than the data do: the variance is more than half that of the prior.
         """
+        widest = 10.0  # ratio of the ends
         if not math.isfinite(self.half):
             return Diagnostic("the interval is unbounded", "unbounded-interval")
         if self.at_bound:
             return Diagnostic("the estimate is at a bound", "estimate-at-bound")
         if self.low <= self.between[0] or self.high >= self.between[1]:
             return Diagnostic("the interval reaches a bound", "interval-at-bound")
-        if self.log and self.high > WIDEST * self.low:
-            return Diagnostic(f"the interval spans more than a factor of {WIDEST:g}", "wide-interval")
-        if self.prior is not None and self.deviation > PRIOR_SHARE * self.prior[1]:
+        if self.log and self.high > widest * self.low:
+            return Diagnostic(f"the interval spans more than a factor of {widest:g}", "wide-interval")
+        if self.prior is not None and self.deviation**2 > self.prior[1] ** 2 / 2:
             return Diagnostic("the prior determines the estimate more than the data do", "prior-dominated")
         return None
 

@@ -68,7 +68,7 @@ class SweepOutput(Spec, frozen=True):
             if value is not None and name not in known:
                 allowed = ", ".join(sorted(known)) or "no options"
                 raise SceneError(
-                    f"{name} = {truncated(value)}: quantity {self.of!r} takes only {allowed}", id="key-of-another-kind"
+                    f"{name} = {truncated(value)}: quantity {self.of!r} takes {allowed}", id="key-of-another-kind"
                 )
         if "tolerance" in known and self.tolerance is None:
             raise SceneError(f"tolerance: missing; quantity {self.of!r} needs one [m]", id="missing-key")
