@@ -99,7 +99,7 @@ def _only_axis_moved(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float,
 
 def behind(read: ReadBack, k: int) -> Indices:
     """Joint k and its subtree."""
-    moves = np.zeros(read.n + 1, dtype=bool)  # the last one: the base
+    moves = np.zeros(read.n + 1, dtype=bool)  # the last entry represents the base
     moves[k] = True
     for j, before in enumerate(read.parents[k + 1 :].tolist(), k + 1):
         moves[j] = moves[before]

@@ -80,7 +80,7 @@ class Colour(NamedTuple):
 
 def colour_of(e: Array) -> Colour:
     """Return the AR model of residuals, shape (n,)."""
-    highest = 40  # order
+    highest = 40  # largest order
     n = len(e)
     if n < 3 * SHARE or not e.any():
         return Colour(np.ones(1), e)

@@ -89,7 +89,7 @@ class Estimate:
         if self.log and self.high > widest * self.low:
             return Diagnostic(f"the interval spans more than a factor of {widest:g}", "wide-interval")
         if self.prior is not None and self.deviation**2 > self.prior[1] ** 2 / 2:
-            return Diagnostic("the prior determines the estimate more than the data do", "prior-dominated")
+            return Diagnostic("its prior determines the estimate more than the data", "prior-dominated")
         return None
 
     @property

@@ -90,7 +90,7 @@ def _verdicts(fitted: Fitted) -> list[Verdict]:
     found = [
         Verdict(
             "Identifiability", "pass" if identifiable else "fail" if unknown else "doubt",
-            "identifiable" if identifiable else "not identifiable",
+            "identifiable" if identifiable else "not identifiable" if unknown else "partly identifiable",
             f"{plural(len(fitted.numbers), 'parameter')} identified from the data." if identifiable else reason,
         )
     ]  # fmt: skip

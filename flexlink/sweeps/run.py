@@ -124,7 +124,7 @@ def fill(
 
 
 def _interrupted(store: Store, stop: Stop, done: int) -> InterruptedSweepError:
-    remedy = "repeat the command to continue" if store.path else "and lost; set out to save them"
     number = stop.signal or signal.SIGINT
-    place = f" in {store.path}" if store.path else ""
-    return InterruptedSweepError(f"{word(number)}; {done} of {store.plan.members} rows are{place}; {remedy}", number)
+    rows = f"{done} of {store.plan.members} rows are"
+    rows += f" in {store.path}; repeat the command to continue" if store.path else " lost; specify out to save them"
+    return InterruptedSweepError(f"{word(number)}; {rows}", number)

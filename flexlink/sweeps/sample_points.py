@@ -98,6 +98,6 @@ def _directions(dimensions: int, length: int, seed: int) -> tuple[NDArray[np.int
 
 
 def _qmc() -> Any:
-    from scipy.stats import qmc  # noqa: PLC0415  0.5 s that only Sobol and Halton need
+    from scipy.stats import qmc  # noqa: PLC0415  the import takes 0.5 s; only for Sobol and Halton
 
     return qmc

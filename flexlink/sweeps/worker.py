@@ -30,9 +30,9 @@ class Row(NamedTuple):
 
     number: int
     status: Literal["done", "failed"]
-    reason: str  # why it failed, or empty
+    reason: str  # reason of a failure, otherwise empty
     warnings: str
-    values: tuple[float | None, ...]  # in the order of the quantities
+    values: tuple[float | None, ...]  # outputs, in the order of `quantity`
 
 
 def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row], float]:

@@ -89,7 +89,7 @@ class WorkerPool:
 @contextlib.contextmanager
 def pool_of(executor: Executor | Callable[[], Executor] | None, workers: int, dask: str | None) -> Iterator[WorkerPool]:
     """Executor of a sweep: that of the caller, that of the caller's function, or the one for `dask` or `workers`."""
-    if isinstance(executor, Executor):  # its owner shuts it down
+    if isinstance(executor, Executor):  # the caller shuts it down
         yield WorkerPool(lambda: executor, TASKS_PER_WORKER * _count_of(executor))
     elif callable(executor):
         yield from _own(WorkerPool(executor, TASKS_PER_WORKER * (os.cpu_count() or 1), again=True))
