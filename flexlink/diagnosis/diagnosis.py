@@ -153,7 +153,7 @@ def diagnose_file(
     native, rows = NativeEngine(chain), tuple[Difference, ...]()
     try:
         rows = compare_engines(chain, native, [matched], states, quantities=WITHOUT_WRENCH, progress=progress)
-        engine.neutralize_settings()  # they are findings; the numbers must explain the other differences
+        engine.neutralize_settings()  # settings are separate findings: from here on only numbers may differ
     except (EngineError, SingularMassError) as error:  # for example, the only inertia of a joint is missing
         if not findings:
             raise

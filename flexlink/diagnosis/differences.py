@@ -75,7 +75,7 @@ def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | 
     theirs
         Record of what an engine has read.
     format
-        Format of the file, for its names of fields: a name in `flexlink.formats.FORMATS`.
+        Format of the file, which determines names of fields in texts: a name in `flexlink.formats.FORMATS`.
     """
     match = match_joints(ours, theirs)
     if isinstance(match, str):
@@ -130,7 +130,10 @@ def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:
     if len(displacements) + len(fields) > 1 and all(fewer_digits(diff) for diff in everything.values()):
         labels = ", ".join(table().fields[field].label for field in everything)
         digits = -np.log10(max(map(_relative_error, everything.values())))
-        what, likely = f"{labels}: correct to only about {digits:.0f} digits", "digits were lost when the file was written"
+        what, likely = (
+            f"{labels}: correct to only about {digits:.0f} digits",
+            "the file was written with too few digits",
+        )
         return [Finding(what, likely, "write numbers with all 17 digits (repr, %.17g)", "digits-lost", faulty=theirs)]
     findings = [
         *_displacements(realigned, displacements, displaced, theirs, format),

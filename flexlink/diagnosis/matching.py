@@ -107,7 +107,7 @@ def _from_base_to_tip(theirs: ReadBack) -> Indices | None:
 
 
 def _branch(theirs: ReadBack) -> int:
-    """A joint with several children; joint 0 represents the base."""
+    """A joint with several children; 0 if it is the base."""
     parents, count = np.unique(theirs.parents, return_counts=True)
     return max(0, int(parents[count > 1][0]))
 

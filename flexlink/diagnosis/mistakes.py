@@ -37,7 +37,7 @@ class Mistake(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Texts for differences: the sections of the file."""
+    """Contents of the file: names of fields, units, settings of engines, likely mistakes."""
 
     fields: dict[str, Field]
     sliding_units: dict[str, str]

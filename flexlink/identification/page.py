@@ -117,7 +117,7 @@ def _beside_linear(ours: float, theirs: float) -> Verdict:
         return Verdict("Model", "info", "not compared", f"{both}the linear model does not apply here.")
     if ours >= theirs - 1.0:  # %
         return Verdict("Model", "pass", "complete", f"{both}the scene is as good as a linear model.")
-    return Verdict("Model", "doubt", "incomplete", f"{both}no parameter values explain all that was measured.")
+    return Verdict("Model", "doubt", "incomplete", f"{both}the scene lacks something, whatever the parameters.")
 
 
 def _numbers(fitted: Fitted) -> Part:
@@ -250,7 +250,7 @@ def _left(fitted: Fitted) -> Part:
     axes[-1].set_xlabel("frequency [Hz]")
     caption = "Square root of the power spectral density of the residuals."
     picture = Picture("spectrum", "Spectrum of the residuals", figure, caption, _padded(columns))
-    return Part((sentence,), pictures=(picture,), tables=(Table("left", "Residuals", heads, lines),))
+    return Part((sentence,), pictures=(picture,), tables=(Table("left", "RMS residuals and whiteness", heads, lines),))
 
 
 def _spectrum(t: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

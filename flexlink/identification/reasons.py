@@ -35,8 +35,8 @@ def _why(signals: Signals, x: Array, k: int) -> str:
 def _moves(signals: Signals, x: Array, k: int) -> str:
     """Columns that the parameter affects in the first run that depends on it."""
     count = 2  # largest number of columns to name
-    # Range of a constant column, absolute and relative to its largest value: rounding in the stages of a long explicit
-    # step makes 1e-11 rad/s, and a change of `moves` of the range counts.
+    # Smallest range of a column, absolute and relative to its largest value: a constant column varies by rounding
+    # errors, 1e-11 rad/s in the stages of a long explicit step.
     rounded = 1e-6
     moves = 1e-3  # smallest change that counts, relative to the range of all columns of the same unit
     by = 0.05  # step in the coordinate

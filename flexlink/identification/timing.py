@@ -89,7 +89,7 @@ def as_long(scene: Scene, t: Array) -> Scene:
 
 
 def _swings(scene: Scene, blocks: Sequence[Block], hertz: float, between: float) -> bool:
-    """Whether the simulation moves between samples: by a good part of the measured range off a spline through them.
+    """Whether the simulation deviates from a spline through its samples by a good part of the measured range.
 
     The simulation covers several periods of the slowest mode and enough samples for a spline. If that takes too long,
     the comparison is with a straight line.

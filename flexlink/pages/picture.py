@@ -110,7 +110,7 @@ def inline(svg: str, title: str, definitions: dict[str, str]) -> str:
 
 
 def _short(numbers: str) -> str:
-    """Round numbers to a tenth; consecutive lines omit their letter."""
+    """Round coordinates to a tenth; consecutive line commands omit their letter."""
     tenths = re.sub(r"(\.\d)\d+", r"\1", numbers)
     return tenths.strip() if re.search("[CQ]", tenths) else re.sub(r"\s*L ", " ", tenths).strip()
 
