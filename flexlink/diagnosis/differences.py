@@ -130,10 +130,7 @@ def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:
     if len(displacements) + len(fields) > 1 and all(fewer_digits(diff) for diff in everything.values()):
         labels = ", ".join(table().fields[field].label for field in everything)
         digits = -np.log10(max(map(_relative_error, everything.values())))
-        what, likely = (
-            f"{labels}: correct to only about {digits:.0f} digits",
-            "the file was written with too few digits",
-        )
+        what, likely = f"{labels}: correct to only about {digits:.0f} digits", "digits were lost in writing"
         return [Finding(what, likely, "write numbers with all 17 digits (repr, %.17g)", "digits-lost", faulty=theirs)]
     findings = [
         *_displacements(realigned, displacements, displaced, theirs, format),

@@ -187,7 +187,7 @@ def _scaled(read: ReadBack, factor: float) -> ReadBack:
 def _rigid_motion(
     ours: ReadBack, theirs: ReadBack, k: int, stop: int | None = None
 ) -> tuple[Array, Array, Array] | None:
-    """Rotation R, a point and its image: the rigid motion of our subtree of k, up to `stop`, to theirs; None if none fits.
+    """Rotation R, a point and its image: the rigid motion of our subtree of k, up to `stop`, to theirs, or None.
 
     R is the rotation nearest to Σ theirs oursᵀ (Kabsch) over axes and all points relative to joint k. If all points lie
     on one axis, R is the smallest of the possible rotations.
