@@ -205,7 +205,7 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
     L, (sin, off) = reach(ours), deviations(ours, theirs)
     m, lever = ours.masses, _norm(ours.centers - ours.points)
     other_mass = apart["masses"] > EXACT * np.maximum(m, theirs.masses)
-    there = ~other_mass & (m > 0)  # a different mass explains a different centre and inertia
+    same_mass = ~other_mass & (m > 0)  # a different mass explains a different centre and inertia
     copied = ("gravity", "slides", *JOINT_FIELDS, *between, *ACTUATOR_FIELDS[:-1])
     bad = {field: apart[field] > EXACT * np.maximum(*map(_norm, pairs[field])) for field in copied}
     for field in COUPLED_FIELDS.values():  # tendons may have absorbed part of these numbers
@@ -215,7 +215,7 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
         "lines": (sin > PLACED) | (off > PLACED * L),
         "tip": apart["tip"] > PLACED * L,
         "masses": other_mass,
-        "centers": there & (apart["centers"] > PLACED * L),
+        "centers": same_mass & (apart["centers"] > PLACED * L),
         "inertias": ~other_mass & (apart["inertias"] > PLACED * _norm(ours.inertias) + EXACT * m * lever**2),
     }
     bad["inertias"] &= _turning(ours)

@@ -77,13 +77,13 @@ def _balanced(chain: Chain, random: np.random.Generator) -> State:
     k = chain.stiffness
     soft = k.min(where=k > 0, initial=np.inf)
     reach = np.divide(soft, k, out=np.ones(chain.n), where=k > 0)  # springs have similar torques
-    q = _regular(chain, (chain.rest + reach * draw for draw in _uniform(chain, random)))
+    q = _regular(chain, (chain.rest + reach * deflection for deflection in _uniform(chain, random)))
     static = gravity_torque(chain, q) + elastic_torque(chain, q)
     return State(q, np.zeros(chain.n), static * (1 + IMBALANCE * random.uniform(-1, 1, chain.n)), np.zeros(6))
 
 
 def _stretched(chain: Chain, random: np.random.Generator) -> State:
-    def draws() -> Iterator[Array]:
+    def candidates() -> Iterator[Array]:
         for _ in range(TRIES):
             q = chain.rest.copy()
             q[chain.active] = random.integers(-1, 3, len(chain.active)) * (np.pi / 2)
@@ -91,7 +91,7 @@ def _stretched(chain: Chain, random: np.random.Generator) -> State:
             yield q
         yield from _uniform(chain, random)
 
-    return State(_regular(chain, draws()), np.zeros(chain.n), np.zeros(chain.n), np.zeros(6))
+    return State(_regular(chain, candidates()), np.zeros(chain.n), np.zeros(chain.n), np.zeros(6))
 
 
 def _moving(chain: Chain, random: np.random.Generator) -> State:
@@ -104,10 +104,10 @@ def _uniform(chain: Chain, random: np.random.Generator) -> Iterator[Array]:
     return (random.uniform(-np.pi, np.pi, chain.n) for _ in range(TRIES))
 
 
-def _regular(chain: Chain, draws: Iterator[Array]) -> Array:
+def _regular(chain: Chain, candidates: Iterator[Array]) -> Array:
     """Return the first configuration, with halved deflections if necessary, at which M is positive definite."""
     free = np.arange(chain.n)
-    for q in draws:
+    for q in candidates:
         for _ in range(8):
             try:
                 regular_mass(chain, q, free)

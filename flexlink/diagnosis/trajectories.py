@@ -193,8 +193,11 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
     whole = min(run.spacing, 1 / (scene.drive.rate or 1 / run.spacing)) if run.controlled else run.fixed_step
     step = whole / max(1, math.ceil(whole / (0.5 * stable)))  # half of the limit, which the motion changes by less
     fixed = scene.varied({"run.method": "RK4", "run.step": step, "run.sample": run.spacing})
-    own = f"a tolerance, {run.method}" if run.controlled else f"{run.method} steps of {run.fixed_step:g} s"
-    return fixed, f"{over} RK4 steps of {step:g} s, {step / stable:.2g} of the stability limit (the scene has {own})"
+    given = f"a tolerance, {run.method}" if run.controlled else f"{run.method} steps of {run.fixed_step:g} s"
+    return (
+        fixed,
+        f"{over} RK4 steps of {step:g} s, {step / stable:.2g} of the stability limit (the scene has {given})",
+    )
 
 
 def _cross_check(scene: Scene, ours: Trajectory) -> float:

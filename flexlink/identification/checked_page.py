@@ -38,8 +38,12 @@ def build_check(problem: FitProblem, check: Check, folder: Path, command: str) -
     write_text(folder / "check.json", json.dumps(document(check), indent=1, ensure_ascii=False) + "\n")
     parts = {
         "identifiability": ("Identifiability", "Identifiability", told(check)),
-        "problem": ("Problem", "Problem", asked(problem, (*known_before(problem), *what_differs(problem)))),
-        "reproduce": ("How to reproduce this page", "Reproduce", reproduced(problem.scene, START, command)),
+        "problem": (
+            "Problem",
+            "Problem",
+            problem_part(problem, (*priors_in_words(problem), *differences_of_runs(problem))),
+        ),
+        "reproduce": ("How to reproduce this page", "Reproduce", reproduction(problem.scene, START, command)),
     }
     chapters = [written(Chapter(name, title, short), part, folder, {}) for name, (title, short, part) in parts.items()]
     identifiable = f"{plural(len(check.names), 'parameter')} identifiable at the initial guess. Nothing was fitted."
@@ -82,7 +86,7 @@ def told(check: Check) -> Part:
     ))  # fmt: skip
 
 
-def asked(problem: FitProblem, sentences: Sequence[str] = ()) -> Part:
+def problem_part(problem: FitProblem, sentences: Sequence[str] = ()) -> Part:
     """The problem, its scene and its runs, as files."""
     files = {START: problem.scene.to_toml()}
     runs = []
@@ -97,7 +101,7 @@ def asked(problem: FitProblem, sentences: Sequence[str] = ()) -> Part:
     return Part((*about, *sentences), literal=text, literal_title="Problem file", files={PROBLEM: text, **files})
 
 
-def known_before(problem: FitProblem) -> tuple[str, ...]:
+def priors_in_words(problem: FitProblem) -> tuple[str, ...]:
     """Priors in words."""
     return tuple(
         f"Prior: {one.path} is {one.prior[0]:.6g} ± {one.prior[1]:.2g} (standard deviation)."
@@ -105,7 +109,7 @@ def known_before(problem: FitProblem) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def what_differs(problem: FitProblem) -> tuple[str, ...]:
+def differences_of_runs(problem: FitProblem) -> tuple[str, ...]:
     """Differences of runs from the scene, in words."""
     return tuple(
         f"Differences of {run.name} from the scene: "
@@ -114,7 +118,7 @@ def what_differs(problem: FitProblem) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def reproduced(scene: Scene, name: str, command: str) -> Part:
+def reproduction(scene: Scene, name: str, command: str) -> Part:
     """The command and a scene."""
     sentences = (f"Made by: {command}",) if command else ()
     again = f"To repeat it with the files next to this page: flexlink fit {PROBLEM}"

@@ -111,11 +111,15 @@ def fit(
     problem = require_type("problem", problem, FitProblem)
     require_callable("progress", progress)
     count, report = integer("starts", starts, 1), progress or (lambda _: None)
-    coordinates, sources, kept = coordinates_of(problem), sources_of(problem, "fit"), sources_of(problem, "check")
+    coordinates, sources, checks = (
+        coordinates_of(problem),
+        sources_of(problem, "fit"),
+        sources_of(problem, "check"),
+    )
     signals = Signals(sources, coordinates)
     search = Search(signals, problem.loss, coloured=problem.noise == "coloured")
-    own = np.array([one.x(one.start) for one in coordinates])
-    check = _check(signals, own, [list(source.blocks) for source in sources], notes([*sources, *kept]))
+    start = np.array([one.x(one.start) for one in coordinates])
+    check = _check(signals, start, [list(source.blocks) for source in sources], notes([*sources, *checks]))
     if not check.passed:
         raise IdentifiabilityError("; also ".join(one.text for one in check.lost), check)
     report("identifiability at the initial guess: passed")
@@ -132,9 +136,9 @@ def fit(
     else:
         of_scene, others = numbers[: len(coordinates)], numbers[len(coordinates) :]
         numbers = (*widened(search, best, profiled(search, best, of_scene, report) if profile else of_scene), *others)
-    columns = columns_of(problem, signals, best, own, kept, report)
+    columns = columns_of(problem, signals, best, start, checks, report)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
-    found_warnings = warnings(numbers, coordinates, after, found, columns, [*sources, *kept])
+    found_warnings = warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
         tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, found_warnings,

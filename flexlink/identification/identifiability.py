@@ -156,11 +156,11 @@ def _short(basis: Array) -> Array:
     Pivots are the parameters with the largest component in the remaining space, which makes them independent of the
     basis.
     """
-    left, pivots = basis.copy(), []
+    remainder, pivots = basis.copy(), []
     for _ in basis:
-        pivots.append(_largest(np.linalg.norm(left, axis=0)))
-        along = left[:, pivots[-1]] / np.linalg.norm(left[:, pivots[-1]])
-        left -= np.outer(along, along @ left)
+        pivots.append(_largest(np.linalg.norm(remainder, axis=0)))
+        along = remainder[:, pivots[-1]] / np.linalg.norm(remainder[:, pivots[-1]])
+        remainder -= np.outer(along, along @ remainder)
     rows = np.linalg.solve(basis[:, sorted(pivots)], basis)
     return np.asarray(rows / np.linalg.norm(rows, axis=1)[:, None])
 

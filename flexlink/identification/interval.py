@@ -78,10 +78,10 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
     return Spread(inverse @ meat @ inverse, wide, colours)
 
 
-def _worse(parts: Sequence[Part], sought: int) -> float:
+def _worse(parts: Sequence[Part], unknowns: int) -> float:
     """Mean square of the normalized residuals of single measurements, at least 1."""
     single = [e for residuals, _, is_run in parts if not is_run for e in residuals]
-    count = sum(map(len, single)) - (0 if any(is_run for _, _, is_run in parts) else sought)
+    count = sum(map(len, single)) - (0 if any(is_run for _, _, is_run in parts) else unknowns)
     return max(1.0, sum(float(e @ e) for e in single) / max(count, 1))
 
 

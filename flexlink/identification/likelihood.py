@@ -45,7 +45,7 @@ class Row(NamedTuple):
 def row_of(block: Block, y: Array, slopes: Array | None = None) -> Row:
     """Residual and Jacobian of a block for a prediction y; `slopes` is ∂y/∂x, shape (n, coordinates)."""
     by = block.colour.whitened if block.colour is not None else np.asarray
-    unknown = [column for column, sought in ((y, block.gain), (np.ones(len(y)), block.bias)) if sought]
+    unknown = [column for column, is_unknown in ((y, block.gain), (np.ones(len(y)), block.bias)) if is_unknown]
     Φ = by(np.array(unknown).T.reshape(len(y), len(unknown)) / block.σ[:, None])
     target = by(((block.y - (0.0 if block.gain else y)) / block.σ)[:, None])[:, 0]
     best = _solved(Φ, target)
@@ -54,8 +54,8 @@ def row_of(block: Block, y: Array, slopes: Array | None = None) -> Row:
     bias = float(best[-1]) if block.bias else 0.0
     if slopes is None:
         return Row(residual, gain, bias, np.empty((len(y), 0)), Φ)
-    held = by(gain * slopes / block.σ[:, None])
-    return Row(residual, gain, bias, held - Φ @ _solved(Φ, held), np.hstack([held, Φ]))
+    fixed = by(gain * slopes / block.σ[:, None])
+    return Row(residual, gain, bias, fixed - Φ @ _solved(Φ, fixed), np.hstack([fixed, Φ]))
 
 
 def _solved(Φ: Array, target: Array) -> Array:
@@ -78,9 +78,9 @@ def stacked(rows: Sequence[Sequence[Row]], count: int, known: Array) -> Array:
     found, at = [np.hstack([known, np.zeros((len(known), linear))])], count
     for row in flat:
         J = np.zeros((len(row.residual), count + linear))
-        own = row.whole.shape[1] - count
-        J[:, :count], J[:, at : at + own] = row.whole[:, :count], row.whole[:, count:]
-        at += own
+        width = row.whole.shape[1] - count
+        J[:, :count], J[:, at : at + width] = row.whole[:, :count], row.whole[:, count:]
+        at += width
         found.append(J)
     return np.vstack(found)
 

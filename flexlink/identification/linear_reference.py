@@ -28,14 +28,14 @@ Shapes = dict[tuple[int, bytes], tuple[Array, Array]]
 
 
 def linear_models(
-    fitted: Sequence[tuple[Source, Scene]], kept: Sequence[tuple[Source, Scene]]
+    fitted: Sequence[tuple[Source, Scene]], checks: Sequence[tuple[Source, Scene]]
 ) -> list[list[Array]] | None:
     """Predictions of all blocks of the fitted runs, then of the runs kept to check the fit.
 
     Return None if a linear model does not apply: joints swing freely or follow a controller, or the records resolve no
     mode.
     """
-    runs = [*fitted, *kept]
+    runs = [*fitted, *checks]
     if not fitted or not all(_held(scene) for _, scene in runs):
         return None
     try:
@@ -95,7 +95,7 @@ def _shapes(λ: Array, times: Array, driven: tuple[Array, Array]) -> tuple[Array
     """Basis functions of the free motion, and of the inputs, at the times of a block."""
     t, u = driven
     free = np.exp(np.outer(times - t[0], λ))
-    own = np.hstack([free.real, free.imag, np.ones((len(times), 1))])
+    free_motion = np.hstack([free.real, free.imag, np.ones((len(times), 1))])
     forced = []
     h = float(t[1] - t[0])
     for one in λ:
@@ -106,7 +106,7 @@ def _shapes(λ: Array, times: Array, driven: tuple[Array, Array]) -> tuple[Array
             z = scipy.signal.lfilter([last, first], [1.0, -E], column.astype(complex))
             forced += [z.real, z.imag]
     of_inputs = np.array(forced).T if forced else np.empty((len(t), 0))
-    return own, at_times(t, of_inputs, times)
+    return free_motion, at_times(t, of_inputs, times)
 
 
 def _stacked(
@@ -130,10 +130,10 @@ def _stacked(
         if key not in shapes:
             shapes[key] = _shapes(λ, t, driven)
         found.append(shapes[key])
-    width, rows = [own.shape[1] for own, _ in found], []
-    for k, ((own, forced), (block, _)) in enumerate(zip(found, measured, strict=True)):
-        before, behind = np.zeros((len(own), sum(width[:k]))), np.zeros((len(own), sum(width[k + 1 :])))
-        rows.append(np.hstack([forced, before, own, behind]) / block.σ[:, None])
+    width, rows = [free_motion.shape[1] for free_motion, _ in found], []
+    for k, ((free_motion, forced), (block, _)) in enumerate(zip(found, measured, strict=True)):
+        before, behind = np.zeros((len(free_motion), sum(width[:k]))), np.zeros((len(free_motion), sum(width[k + 1 :])))
+        rows.append(np.hstack([forced, before, free_motion, behind]) / block.σ[:, None])
     return np.vstack(rows), np.concatenate([block.y / block.σ for block, _ in measured]), found[0][1].shape[1]
 
 
@@ -156,6 +156,6 @@ def _given(name: str, λ: Array, source: Source, driven: tuple[Array, Array], sh
     block = next(block for block in source.blocks if block.name == name)
     if name not in shared:
         return np.full(len(block.y), np.nan)
-    own, forced = _shapes(λ, np.asarray(block.t), driven)
+    free_motion, forced = _shapes(λ, np.asarray(block.t), driven)
     by_inputs = forced @ shared[name]
-    return np.asarray(by_inputs + own @ np.linalg.lstsq(own, block.y - by_inputs, rcond=None)[0])
+    return np.asarray(by_inputs + free_motion @ np.linalg.lstsq(free_motion, block.y - by_inputs, rcond=None)[0])

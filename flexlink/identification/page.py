@@ -10,7 +10,7 @@ import matplotlib as mpl
 import numpy as np
 
 from flexlink.common.output import make_folder
-from flexlink.identification.checked_page import asked, known_before, reproduced, told, what_differs
+from flexlink.identification.checked_page import differences_of_runs, priors_in_words, problem_part, reproduction, told
 from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
@@ -38,8 +38,8 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
         "data": ("Measured and predicted", "Data", _data(fitted)),
         "residuals": ("Residuals", "Residuals", _left(fitted)),
         "identifiability": ("Identifiability", "Identifiability", told(fitted.check)),
-        "problem": ("Problem", "Problem", asked(fitted.problem)),
-        "reproduce": ("How to reproduce this page", "Reproduce", reproduced(fitted.scene, "fitted.toml", command)),
+        "problem": ("Problem", "Problem", problem_part(fitted.problem)),
+        "reproduce": ("How to reproduce this page", "Reproduce", reproduction(fitted.scene, "fitted.toml", command)),
     }
     definitions: dict[str, str] = {}
     with mpl.rc_context(RC):
@@ -133,7 +133,7 @@ def _numbers(fitted: Fitted) -> Part:
     sentences = (
         "From and to are the ends of the 95 % interval: it covers the true value in 95 % of cases if the model is "
         "complete, and accounts for the autocorrelation of the residuals.",
-        *known_before(fitted.problem),
+        *priors_in_words(fitted.problem),
         *(f"Note: {warning}." for warning in fitted.warnings),
     )
     names = tuple(one.name for one in fitted.numbers)
@@ -164,7 +164,7 @@ def _data(fitted: Fitted) -> Part:
     )  # fmt: skip
     sentences: tuple[str, ...] = (
         "Fit is 1 − |residual| / |measured − mean|. RMS residuals are in the unit of the column.",
-        *what_differs(fitted.problem),
+        *differences_of_runs(fitted.problem),
     )
     if all(one.linear is None for one in fitted.columns):
         sentences += ("There is no free linear model for comparison: joints swing freely, or there is no run.",)

@@ -125,15 +125,15 @@ def _rejected(rejected: Callable[[float], bool], values: Sequence[float], halvin
 
     The first value is assumed not to be rejected.
     """
-    for inside, place in itertools.pairwise(values):  # noqa: B007  used after the loop
-        if rejected(place):
+    for inside, value in itertools.pairwise(values):  # noqa: B007  used after the loop
+        if rejected(value):
             break
     else:
-        inside = place
+        inside = value
     for _ in range(halvings):
-        middle = (inside + place) / 2
-        inside, place = (inside, middle) if rejected(middle) else (middle, place)
-    return place
+        middle = (inside + value) / 2
+        inside, value = (inside, middle) if rejected(middle) else (middle, value)
+    return value
 
 
 def _end_of(one: Estimate, side: int) -> float:

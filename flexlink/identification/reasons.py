@@ -44,18 +44,18 @@ def _moves(signals: Signals, x: Array, k: int) -> str:
             if one.is_run and signals.coordinates[k].run in ("", one.name)]  # fmt: skip
     if not runs:
         return ""
-    source, beside = signals.sources[runs[0]], x.copy()
-    beside[k] += by if x[k] + by < signals.coordinates[k].bounds[1] else -by
+    source, moved_point = signals.sources[runs[0]], x.copy()
+    moved_point[k] += by if x[k] + by < signals.coordinates[k].bounds[1] else -by
     try:
-        here, there = (simulate(signals.scene(runs[0], point)).columns for point in (x, beside))
+        before, after = (simulate(signals.scene(runs[0], point)).columns for point in (x, moved_point))
     except FlexlinkError:
         return ""
-    names = [name for name in here if name != "t [s]" and unit_in(name) != "J"]
+    names = [name for name in before if name != "t [s]" and unit_in(name) != "J"]
     ranges: dict[str, float] = {}
     for name in names:
-        still = rounded * (1.0 + float(np.abs(here[name]).max()))
-        ranges[unit_in(name)] = max(ranges.get(unit_in(name), 0.0), still, float(np.ptp(here[name])))
-    moved = {name: float(np.abs(there[name] - here[name]).max()) / ranges[unit_in(name)] for name in names}
+        still = rounded * (1.0 + float(np.abs(before[name]).max()))
+        ranges[unit_in(name)] = max(ranges.get(unit_in(name), 0.0), still, float(np.ptp(before[name])))
+    moved = {name: float(np.abs(after[name] - before[name]).max()) / ranges[unit_in(name)] for name in names}
     measured = {block.name for block in source.blocks}
     free = (name for name in names if moved[name] > moves and name not in measured)
     most = sorted(free, key=lambda name: (name.startswith("q"), -float(f"{moved[name]:.3g}")))  # beam hinges last

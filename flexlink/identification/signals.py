@@ -51,8 +51,8 @@ class Signals:
         self._most = KEPT
         self._beside = 2 * len(coordinates) < LANES and not any(source.scene.run.controlled for source in sources)
         self._variants = [
-            Variants(source.scene, [coordinates[k].path for k in own])
-            for source, own in zip(sources, self._own, strict=True)
+            Variants(source.scene, [coordinates[k].path for k in indices])
+            for source, indices in zip(sources, self._own, strict=True)
         ]
 
     def scene(self, number: int, x: Array) -> Scene:
@@ -63,9 +63,9 @@ class Signals:
         FlexlinkError
             As in `Scene.varied`.
         """
-        own = [self.coordinates[k] for k in self._own[number]]
-        values = [one.value(float(x[k])) for k, one in zip(self._own[number], own, strict=True)]
-        return self._variants[number].varied({one.path: v for one, v in zip(own, values, strict=True)})
+        indices = [self.coordinates[k] for k in self._own[number]]
+        values = [one.value(float(x[k])) for k, one in zip(self._own[number], indices, strict=True)]
+        return self._variants[number].varied({one.path: v for one, v in zip(indices, values, strict=True)})
 
     def model(self, x: Array) -> Model:
         """Predictions at one point.
@@ -125,13 +125,13 @@ class Signals:
         FlexlinkError
             The simulation fails at a neighbouring parameter value.
         """
-        own = self._own[number] if places is not None else []
+        indices = self._own[number] if places is not None else []
         steps = np.zeros(len(x))
-        steps[own] = step
+        steps[indices] = step
         at = [self._places(k, x, places or CENTRAL, step) for k in range(len(x))]
         values, beside = neighbours(lambda points: self._many([(number, point) for point in points]), x, steps, at)
         slopes = [np.zeros((len(block.y), len(x))) for block in self.sources[number].blocks]
-        for k, one in zip(own, beside, strict=True):
+        for k, one in zip(indices, beside, strict=True):
             if isinstance(one, FlexlinkError):
                 raise one
             for j, slope in enumerate(slopes):

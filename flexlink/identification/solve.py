@@ -199,12 +199,12 @@ class Search:
 
 def start_points(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
     """The problem's own initial guess, then points that fill the bounds, at most a factor of 2 away, evenly."""
-    own = np.array([one.x(one.start) for one in coordinates])
+    guess = np.array([one.x(one.start) for one in coordinates])
     low, high = np.array([_around(one) for one in coordinates]).T
     if count < 2:
-        return [own]
-    points = scipy.stats.qmc.LatinHypercube(len(own), seed=0).random(count - 1)
-    return [own, *(low + (high - low) * points)]
+        return [guess]
+    points = scipy.stats.qmc.LatinHypercube(len(guess), seed=0).random(count - 1)
+    return [guess, *(low + (high - low) * points)]
 
 
 def _around(one: Coordinate) -> tuple[float, float]:

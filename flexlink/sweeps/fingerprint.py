@@ -41,22 +41,22 @@ def fingerprint(sweep: Sweep) -> Fingerprint:
     return {**parts, "files": files, "versions": versions}
 
 
-def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
     """First three differences of two fingerprints in words; empty if there are none."""
-    changes = [f"{path} was {truncated(a)} and is {truncated(b)}" for path, a, b in _different(there, here)]
+    changes = [f"{path} was {truncated(a)} and is {truncated(b)}" for path, a, b in _different(old, new)]
     more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
     return "; ".join(changes[:3]) + more
 
 
-def _different(there: Any, here: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
-    if isinstance(there, Mapping) and isinstance(here, Mapping):
-        for key in {**there, **here}:
-            yield from _different(there.get(key), here.get(key), f"{path}.{key}".lstrip("."))
-    elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
-        for k, (a, b) in enumerate(zip(there, here, strict=True)):
+def _different(old: Any, new: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        for key in {**old, **new}:
+            yield from _different(old.get(key), new.get(key), f"{path}.{key}".lstrip("."))
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        for k, (a, b) in enumerate(zip(old, new, strict=True)):
             yield from _different(a, b, f"{path}[{k}]")
-    elif there != here:
-        yield path, there, here
+    elif old != new:
+        yield path, old, new
 
 
 def _own_files(value: Any) -> Iterator[str]:

@@ -99,8 +99,8 @@ class Plan:
         """Varied values of a member, by key; the last axis changes fastest."""
         values: dict[str, Any] = {}
         for axis in reversed(self.axes):
-            number, place = divmod(number, axis.count)
-            values |= zip(axis.keys, axis.at(place), strict=True)
+            number, index = divmod(number, axis.count)
+            values |= zip(axis.keys, axis.at(index), strict=True)
         return {key: values[key] for key in self.sweep.keys}
 
     def member(self, number: int) -> tuple[Scene, str]:
@@ -145,9 +145,9 @@ class Plan:
     def engines(self) -> set[str]:
         """Engines of the members."""
         sweep = self.sweep
-        drawn = sweep.sample.keys if sweep.sample else {}
+        sampled = sweep.sample.keys if sweep.sample else {}
         lists = [
-            table["engine"] for table in (sweep.grid, sweep.together, drawn) if isinstance(table.get("engine"), list)
+            table["engine"] for table in (sweep.grid, sweep.together, sampled) if isinstance(table.get("engine"), list)
         ]
         return {str(name) for names in [*lists, [sweep.set.get("engine", "native")]] for name in names}
 
@@ -164,14 +164,14 @@ class Plan:
         apply_changes(self.sweep.scene.document(), FIELDS, changes)
 
     def _check(self) -> None:
-        keys, wanted = self.sweep.keys, tuple(self.sweep.quantity)
-        if not wanted:
+        keys, outputs = self.sweep.keys, tuple(self.sweep.quantity)
+        if not outputs:
             raise SceneError("quantity: empty; name at least one output of each run", id="empty")
         twice = [key for key, count in Counter(keys).items() if count > 1]
         if twice:
             raise SceneError(f"{twice[0]}: varies twice; use only one of grid, together and sample", id="varied-twice")
-        columns = Counter(name.casefold() for name in (*ROW_COLUMNS, *keys, *wanted))
-        for name in (*keys, *wanted):
+        columns = Counter(name.casefold() for name in (*ROW_COLUMNS, *keys, *outputs))
+        for name in (*keys, *outputs):
             if columns[name.casefold()] > 1:
                 raise SceneError(
                     f"{name}: two columns would have this name (case is ignored); rename one",

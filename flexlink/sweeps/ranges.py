@@ -218,8 +218,8 @@ def sample_axis(sample: RandomDesign) -> Axis:
     spreads = [_spread(f"sample.keys.{key}", spread) for key, spread in sample.keys.items()]
 
     def at(k: int) -> tuple[Any, ...]:
-        place = point(sample.method, len(spreads), sample.count, sample.seed, k)
-        return tuple(value(u) for value, u in zip(spreads, place, strict=True))
+        coordinates = point(sample.method, len(spreads), sample.count, sample.seed, k)
+        return tuple(value(u) for value, u in zip(spreads, coordinates, strict=True))
 
     return Axis(tuple(sample.keys), sample.count, at)
 

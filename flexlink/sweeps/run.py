@@ -87,9 +87,9 @@ def sweep(
     require_callable("progress", progress)
     count = integer("workers", workers, 1, MAX_WORKERS)
     plan = Plan(what if isinstance(what, Sweep) else load_sweep(what))
-    place = None if out is None else require_path("out", out)
+    path = None if out is None else require_path("out", out)
     preflight(plan)
-    with Store(place, plan, fingerprint(plan.sweep), fresh=require_bool("fresh", fresh)) as store:
+    with Store(path, plan, fingerprint(plan.sweep), fresh=require_bool("fresh", fresh)) as store:
         fill(store, executor, count, dask, progress or (lambda _: None))
         columns, rows = store.table()
         return SweepRows(tuple(columns), tuple(rows))

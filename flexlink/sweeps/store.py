@@ -71,8 +71,8 @@ class Store:
         run("BEGIN IMMEDIATE")
         if run("PRAGMA quick_check(1)").fetchone()[0] != "ok":
             raise sqlite3.DatabaseError("database disk image is malformed")
-        there = run("SELECT value FROM about WHERE name = 'identity'").fetchone()[0]
-        changed = differences(json.loads(there), json.loads(identity))
+        stored = run("SELECT value FROM about WHERE name = 'identity'").fetchone()[0]
+        changed = differences(json.loads(stored), json.loads(identity))
         if changed:
             raise ArgumentError(
                 f"{self.path}: has rows of another sweep: {changed}; use another file, or start again (--fresh)",

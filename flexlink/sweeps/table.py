@@ -75,11 +75,11 @@ def export(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) ->
         The file cannot be written.
     """
     if path.suffix == ".csv":
-        write_whole(path, lambda place: _write_csv(place, columns, rows))
+        write_whole(path, lambda file: _write_csv(file, columns, rows))
         return
     require_parquet()
     table = frame(columns, rows)
-    write_whole(path, lambda place: table.to_parquet(place, engine="pyarrow"))
+    write_whole(path, lambda file: table.to_parquet(file, engine="pyarrow"))
 
 
 def require_parquet() -> None:
