@@ -27,7 +27,7 @@ def _reordered(method: Any) -> Any:
 
 
 class Reordered:
-    """The engine with joint k in the role of its joint `order[k]`."""
+    """The engine with reordered joints: joint k is its joint `order[k]`."""
 
     def __init__(self, engine: Engine, order: Indices) -> None:
         self.engine, self.order = engine, order

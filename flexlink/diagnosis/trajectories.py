@@ -191,7 +191,7 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
     state = problem.q, problem.qd
     stable = stable_step(chain, *state, method="RK4", **acting_at(problem.inputs, chain, problem.start, *state))
     whole = min(run.spacing, 1 / (scene.drive.rate or 1 / run.spacing)) if run.controlled else run.fixed_step
-    step = whole / max(1, math.ceil(whole / (0.5 * stable)))  # half of the limit, which the motion changes by less
+    step = whole / max(1, math.ceil(whole / (0.5 * stable)))  # half: the motion changes the limit by less than that
     fixed = scene.varied({"run.method": "RK4", "run.step": step, "run.sample": run.spacing})
     given = f"a tolerance, {run.method}" if run.controlled else f"{run.method} steps of {run.fixed_step:g} s"
     return (

@@ -166,7 +166,7 @@ def _short(basis: Array) -> Array:
 
 
 def _direction(names: Sequence[str], v: Array, effects: Array, deviation: float, lost: bool) -> Direction:
-    """Direction of the parameters whose effects cancel, or are measurable alone; the first component is positive."""
+    """Direction of the parameters whose effects cancel or are measurable alone, with a positive first component."""
     effect = np.abs(v) * effects
     rest, order = np.where(effect > COUNTS * effect.max(), np.abs(v), 0.0), []
     while rest.any():

@@ -95,8 +95,8 @@ def _swings(scene: Scene, blocks: Sequence[Block], hertz: float, between: float)
     the comparison is with a straight line.
     """
     periods, most, per_period = 20, 400, 20  # smallest and largest number of periods; samples per period
-    few = 8  # samples of the record
-    part = 0.1  # of the measured range
+    few = 8  # smallest number of samples of the record
+    part = 0.1  # smallest deviation that counts, relative to the measured range
     every = max(round(between * hertz * per_period), 1)
     count = min(max(periods * per_period, few * every), most * per_period)
     t = np.asarray(scene.initial.time + between / every * np.arange(count), np.float64)
