@@ -254,7 +254,7 @@ def _within_limits(ours: ReadBack, effort: Array) -> Array:
 
 
 def _values(read: ReadBack, field: str, ours: ReadBack) -> Array:
-    """Numbers of a field, one row per joint; for lines, the axis in the direction of ours, and its point nearest ours."""
+    """Numbers of a field, one row per joint; for lines, the axis in our direction, and its point nearest ours."""
     if field == "lines":
         sense = np.sign(np.einsum("ij,ij->i", ours.axes, read.axes))[:, None]
         along = np.einsum("ij,ij->i", ours.axes, read.points - ours.points)[:, None]

@@ -64,8 +64,8 @@ def document(check: Check) -> dict[str, object]:
             for name, part in zip(check.names, check.expected, strict=True)
         },
         "singular_values": check.singular_values.tolist(),
-        "directions": [{"text": one.text, "lost": one.lost} for one in check.directions],
-        "notes": list(check.notes),
+        "directions": [{"id": one.text.id, "text": one.text, "lost": one.lost} for one in check.directions],
+        "notes": [{"id": note.id, "text": note} for note in check.notes],
     }
 
 

@@ -253,9 +253,9 @@ class Fitted:
             "numbers": [dataclasses.asdict(one) | {"verdict": one.verdict} for one in self.numbers],
             "correlation": self.correlation.tolist(),
             "columns": [_of_column(one) for one in self.columns],
-            "directions": [one.text for one in self.check.directions],
+            "directions": [{"id": one.text.id, "text": one.text} for one in self.check.directions],
             "starts": [{"values": values, "cost": cost} for values, cost in self.starts],
-            "warnings": list(self.warnings),
+            "warnings": [{"id": one.id, "text": one} for one in self.warnings],
         }
 
     def report(self, folder: str | Path, *, command: str = "") -> Report:
