@@ -114,7 +114,7 @@ def _by_us(chain: Chain, engine: str) -> tuple[Diagnostic, ...]:
         text = "flexlink computes springs and dampers between two joints, with the numbers of the file"
         notes.append(Diagnostic(text, "computed-by-flexlink"))
     if chain.has_rotation_springs:
-        text = "flexlink computes the difference of rotation-vector springs from angle springs, from the file"
+        text = "flexlink computes what rotation-vector springs add to angle springs, with the numbers of the file"
         notes.append(Diagnostic(text, "computed-by-flexlink"))
     return tuple(notes)
 

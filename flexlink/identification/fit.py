@@ -11,12 +11,12 @@ from flexlink.common.errors import FlexlinkError, IdentifiabilityError
 from flexlink.common.types import Array
 from flexlink.common.wording import Diagnostic
 from flexlink.identification.block import Block
+from flexlink.identification.columns import columns_of
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
 from flexlink.identification.data import sources_of
 from flexlink.identification.fitted import Estimate, Fitted
 from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.interval import estimates, linear_estimates, parts_of, spread_of, without_ends
-from flexlink.identification.judge import columns_of
 from flexlink.identification.likelihood import large_changes, linear_names, priors_of, row_of, stacked
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.profile import profiled, widened
