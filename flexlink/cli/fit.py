@@ -114,12 +114,13 @@ def _print_fit(found: Fitted) -> None:
     for one in found.numbers:
         unit = f" {one.unit}" if one.unit else ""
         wider = ", wider than the linear estimate" if one.widened else ""
-        ends = f"95 %: {one.low:.6g} … {one.high:.6g}{wider}" if np.isfinite(one.half) else "not identifiable"
+        verdict = "" if one.doubt is None else f"; {one.verdict}"
+        ends = f"95 %: {one.low:.6g} … {one.high:.6g}{wider}{verdict}" if np.isfinite(one.half) else "not identifiable"
         print(f"{one.name:<{width}}  {one.value:.6g}{unit}  ({ends}), before {one.start:.6g}")
     for column in found.columns:
-        off = f"RMS {column.off(column.before):.3g} → {column.off(column.after):.3g}"
+        off = f"RMS residual {column.off(column.before):.3g} → {column.off(column.after):.3g} {column.unit}"
         if column.linear is not None:
-            off += f", free linear model {column.off(column.linear):.3g}"
+            off += f", free linear model {column.off(column.linear):.3g} {column.unit}"
         print(f"{column.source}, {column.name} ({column.use}): {off}")
     print_lines("warning", found.warnings)
     if not found.better:

@@ -1,1 +1,1 @@
-"""How far two engines, or two files, agree, and which parameter makes the difference."""
+"""Diagnosis: how well two engines or files agree, and which parameters differ."""

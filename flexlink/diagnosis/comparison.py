@@ -22,12 +22,12 @@ from flexlink.diagnosis.quantities import Difference, compare_engines
 from flexlink.diagnosis.states import mixed_states
 from flexlink.engines import load
 
-MAX_SAMPLES = 100_000  # some milliseconds each
+MAX_SAMPLES = 100_000  # each takes some milliseconds
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Comparison:
-    """A `Diagnosis` of every engine on one scene; prints as a table of their rows, and the diagnoses below."""
+    """A `Diagnosis` of every engine for one scene; printed as a table of quantities, followed by the diagnoses."""
 
     scene: str
     samples: int
@@ -44,12 +44,12 @@ class Comparison:
 
     @property
     def passed(self) -> bool:
-        """Every difference is within the rounding bound, and no finding counts."""
+        """Whether every difference is within the rounding bound, and no finding counts."""
         return all(diagnosis.passed for diagnosis in self.diagnoses)
 
     @property
     def diagnosis(self) -> str:
-        """For each engine what agrees, what differs, and the likely mistakes."""
+        """Agreement, differences and likely mistakes of each engine."""
         return "\n".join(map(str, self.diagnoses))
 
     def _repr_html_(self) -> str:
@@ -58,17 +58,17 @@ class Comparison:
         return table + html_lines(self.diagnosis)
 
     def __str__(self) -> str:
-        lines = [f"{self.scene}: {self.samples} states; difference from flexlink / rounding bound, equal if ≤ 1"]
+        lines = [f"{self.scene}: {self.samples} states; difference from flexlink / rounding bound (agreement: ≤ 1)"]
         lines.append(f"{'engine':<12}{'quantity':<24}{'difference / bound':<20}{'':<8}worst joint")
         for row in self.rows:
-            dots = row.quantity.count("\u0308")  # combining dots, as of q̈, have no width
+            dots = row.quantity.count("\u0308")  # combining dots, for example in q̈, have no width
             verdict, joint = "ok" if row.passed else "FAILED", row.joint if row.error else "–"
             lines.append(f"{row.engine:<12}{row.quantity:<{24 + dots}}{row.error:<20.2g}{verdict:<8}{joint}")
         return "\n".join([*(lines if self.rows else []), self.diagnosis])
 
 
 def _base(chain: Chain) -> Array | None:
-    """How a free base stands at angles of zero."""
+    """Rotation of a free base at zero angles; None for a fixed base."""
     return np.array(chain.bodies["rotation"][1]) if chain.has_free_base else None
 
 
@@ -83,18 +83,18 @@ def compare(
 ) -> Comparison:
     """Compare engines, which load the exported arm or a foreign file, with the native dynamics at many states.
 
-    Half of the states are random, a quarter balanced, a quarter stretched out (`states.mixed_states`). For a file, what
-    its engine has read is compared, too, with the likely mistake for every difference; joints are matched by name, else
-    by their order. The tip wrench is left out then, and what the file does not specify is taken from the scene.
+    Half of the states are random, a quarter balanced, a quarter stretched out (`states.mixed_states`). For a file, the
+    numbers that its engine has read are compared as well, with the likely mistake for every difference. Joints are then
+    matched by name, otherwise by their order; the tip wrench is omitted; values that the file lacks are the scene's.
 
     Parameters
     ----------
     scene
-        The scene. Its arm and gravity are used, with a file also its drive; not its initial state and motions.
+        The scene. Its arm and gravity count, for a file also its drive, but not its initial state and motions.
     engines
-        Names in `flexlink.engines.ENGINES`; by default Pinocchio and MuJoCo, for a file the engine for its format.
+        Names in `flexlink.engines.ENGINES`. Default: Pinocchio and MuJoCo; for a file, the engine for its format.
     file
-        MJCF, URDF or SDF file of the same arm, from any source.
+        MJCF, URDF or SDF file of the same arm, from any program.
     samples
         Number of states, up to `MAX_SAMPLES`.
     seed
@@ -105,20 +105,20 @@ def compare(
     Returns
     -------
     Comparison
-        For every engine and quantity the largest difference, and its likely cause; prints as a table.
+        Largest difference and likely cause for every engine and quantity; printed as a table.
 
     Raises
     ------
     ArgumentError
-        `scene` is not a Scene, `samples` is out of range, `seed` < 0, an engine is unknown or cannot represent the arm.
+        `scene` is not a Scene, `samples` is out of range, `seed` < 0, an engine is unknown or does not support the arm.
     DataFileError
-        The file cannot be read, or has joints of types that arms here do not have.
+        The file cannot be read, or has joint types that flexlink does not support.
     EngineError
         The child process of an engine ended.
     MissingDependencyError
         An engine is not installed.
     SingularMassError
-        M is positive definite at none of the postures tried.
+        M is not positive definite at any of the configurations tried.
 
     Examples
     --------
@@ -133,7 +133,7 @@ def compare(
     if file is not None:
         path = require_path("file", file)
         if names is not None and len(names) != 1:
-            raise ArgumentError(f"engines = {names}: a file is read by one engine; name one", id="one-engine-per-file")
+            raise ArgumentError(f"engines = {names}: one engine reads a file; specify one", id="one-engine-per-file")
         engine_of_file = load_file(path, chain.n, names[0] if names else None, base=_base(chain))
         states = [s._replace(wrench=np.zeros(6)) for s in mixed_states(chain, samples, seed=seed)]
         diagnosis = diagnose_file(chain, engine_of_file, states, progress, scene=scene)

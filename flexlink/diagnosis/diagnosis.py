@@ -1,4 +1,4 @@
-"""Why an engine does not agree: what it has read, what was expected, and whether that explains all differences."""
+"""Diagnosis of an engine that disagrees: what it has read, and whether that explains all differences."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, EngineError, SingularMassError
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import Scene
 from flexlink.diagnosis.differences import Finding, differences
 from flexlink.diagnosis.matching import Match
@@ -31,34 +32,34 @@ WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
 
 @dataclasses.dataclass(frozen=True)
 class Diagnosis:
-    """What agrees in one engine, what differs, and why.
+    """Agreement and differences of one engine, and their causes.
 
     Attributes
     ----------
     engine
-        Its name.
+        Name of the engine.
     rows
-        The compared quantities.
+        Compared quantities.
     findings
-        Differences in what was read; for our own exports they are looked for only if a quantity differs.
+        Differences in what the engine has read; for our own exports, only checked if a quantity differs.
     explained
-        Whether the native dynamics of what was read agree with the engine; None if this was not computed.
+        Whether native dynamics with the numbers that the engine has read agree with it; None if not computed.
     notes
-        Further information.
+        Additional information.
     left_out
-        What is in the file and is not compared.
+        Contents of the file that are not compared.
     """
 
     engine: str
     rows: tuple[Difference, ...]
     findings: tuple[Finding, ...] = ()
     explained: bool | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Diagnostic, ...] = ()
     left_out: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
-        """No quantity and no finding differs that counts."""
+        """Whether no quantity differs, and no finding counts."""
         return all(row.passed for row in self.rows) and not any(finding.counts for finding in self.findings)
 
     def __str__(self) -> str:
@@ -87,7 +88,7 @@ class Diagnosis:
         subject = "These findings do" if self.findings else "What the engine has read does"
         cause = "" if self.findings else "the engine computes it differently, or "
         where = f"the largest is in {worst.quantity} at joint {worst.joint!r}"
-        return [f"{subject} not explain all differences; {where}: {cause}something else acts on the arm"]
+        return [f"{subject} not explain all differences; {where}: {cause}an additional force acts on the arm"]
 
 
 def _verb(names: Sequence[str], verb: str) -> str:
@@ -95,7 +96,7 @@ def _verb(names: Sequence[str], verb: str) -> str:
 
 
 def diagnose(chain: Chain, engine: Engine, rows: Sequence[Difference], states: Sequence[State]) -> Diagnosis:
-    """Diagnose an engine with our own export, if it does not agree."""
+    """Diagnose an engine that has loaded our export, if it disagrees."""
     notes = _by_us(chain, engine.name)
     if all(row.passed for row in rows):
         return Diagnosis(engine.name, tuple(rows), notes=notes)
@@ -104,15 +105,17 @@ def diagnose(chain: Chain, engine: Engine, rows: Sequence[Difference], states: S
     return dataclasses.replace(_explain(chain, engine, rows, findings, match, states), notes=notes)
 
 
-def _by_us(chain: Chain, engine: str) -> tuple[str, ...]:
-    """A note on what of the arm the engine does not compute itself."""
+def _by_us(chain: Chain, engine: str) -> tuple[Diagnostic, ...]:
+    """Notes on parts of the arm that the engine does not compute itself."""
     if engine not in ENGINES or engine == "native":
         return ()
     notes = []
     if len(chain.couplings) and not ENGINES[engine].between_joints:
-        notes.append("springs and dampers between two joints are computed by us, with the numbers of the file")
+        text = "flexlink computes springs and dampers between two joints, with the numbers of the file"
+        notes.append(Diagnostic(text, "computed-by-flexlink"))
     if chain.has_rotation_springs:
-        notes.append("what springs of rotation vectors take beyond those of angles is computed by us, from the file")
+        text = "flexlink computes what rotation-vector springs add to angle springs, with the numbers of the file"
+        notes.append(Diagnostic(text, "computed-by-flexlink"))
     return tuple(notes)
 
 
@@ -124,24 +127,24 @@ def diagnose_file(
     *,
     scene: Scene | None = None,
 ) -> Diagnosis:
-    """Diagnose an engine with a foreign file: compare its quantities and what it has read.
+    """Diagnose an engine that has loaded a foreign file: compare its quantities and what it has read.
 
-    The file's actuators are compared with the drive of the `scene`, if there is one.
+    The actuators of the file are compared with the drive of the `scene`, if there is one.
 
     Raises
     ------
     ArgumentError
-        Springs of the chain hold rotation vectors, which no file of others has.
+        The chain has springs of rotation vectors, which no file format supports.
     """
     if chain.has_rotation_springs:
         raise ArgumentError(
-            f"{chain.name!r}: its springs hold rotation vectors, which no other program has; compare the file with a "
-            "scene whose lumping rule has springs = 'angles'",
+            f"{chain.name!r}: has springs of rotation vectors, which no other program supports; compare the file with "
+            "a scene whose lumping rule has springs = 'angles'",
             id="rotation-springs-in-file",
         )
     format, engine, stderr_errors = loaded
     ours, read = with_drive(of_chain(chain), scene, chain), mark_unspecified(_with_step(chain, engine.read_back()))
-    errors = [f"{engine.name} reports an error: {text}" for text in stderr_errors]
+    errors = [Diagnostic(f"{engine.name} reports an error: {text}", "engine-error") for text in stderr_errors]
     match, findings = differences(ours, read, format)
     if match is None:
         return Diagnosis(engine.name, (), tuple(findings), notes=tuple(errors))
@@ -150,21 +153,23 @@ def diagnose_file(
     native, rows = NativeEngine(chain), tuple[Difference, ...]()
     try:
         rows = compare_engines(chain, native, [matched], states, quantities=WITHOUT_WRENCH, progress=progress)
-        engine.neutralize_settings()  # they are findings; the numbers must explain the rest
-    except (EngineError, SingularMassError) as error:  # for instance because the only inertia of a joint is missing
+        engine.neutralize_settings()  # settings are separate findings: from here on only numbers may differ
+    except (EngineError, SingularMassError) as error:  # for example, the only inertia of a joint is missing
         if not findings:
             raise
-        errors.append(f"the file cannot be evaluated: {error}")
+        errors.append(Diagnostic(f"the file cannot be evaluated: {error}", "not-evaluated"))
     diagnosis = _explain(chain, matched, rows, findings, match, states)
     actuators = not_compared(ours, read, match.order)
     left_out = ("actuators",) if actuators or "other actuators" in read.settings else ()
     notes = [*_by_us(chain, engine.name), *_notes(ours, match, read)]
-    notes += [f"not compared, because the scene has no drive: {actuators}"] if actuators else []
+    if actuators:
+        text = f"not compared, because the scene has no drive: {actuators}"
+        notes.append(Diagnostic(text, "actuators-not-compared"))
     return dataclasses.replace(diagnosis, notes=(*notes, *errors), left_out=left_out)
 
 
 def _with_step(chain: Chain, read: ReadBack) -> ReadBack:
-    """Add to the settings an integrator other than RK4, and a step above its stability limit."""
+    """Add to the settings an integrator other than RK4, and a step beyond its stability limit."""
     settings = dict(read.settings)
     if read.integrator not in {"", "RK4"}:
         settings["integrator"] = read.integrator + ("" if read.integrator in LARGEST else " (stability not checked)")
@@ -176,7 +181,7 @@ def _with_step(chain: Chain, read: ReadBack) -> ReadBack:
 
 
 def _missing(ours: ReadBack, read: ReadBack, match: Match) -> dict[str, Array]:
-    """Our numbers for what the file does not specify, in the engine's order."""
+    """Our values of fields that the file does not specify, in the engine's order."""
     fields = {
         field: getattr(ours, field)
         for field in table().fields
@@ -186,12 +191,15 @@ def _missing(ours: ReadBack, read: ReadBack, match: Match) -> dict[str, Array]:
     return {f: values if f == "gravity" else values[np.ix_(*[inverse] * values.ndim)] for f, values in fields.items()}
 
 
-def _notes(ours: ReadBack, match: Match, read: ReadBack) -> list[str]:
-    notes = [] if match.by_name else ["joint names differ; joints are matched by their order"]
+def _notes(ours: ReadBack, match: Match, read: ReadBack) -> list[Diagnostic]:
+    by_order = Diagnostic("joint names differ; joints are matched by their order", "matched-by-order")
+    notes = [] if match.by_name else [by_order]
     fields = (read.unspecified - set(ACTUATOR_FIELDS)) | taken_from_scene(ours, read)
     fields -= {field for field in COUPLED_FIELDS if not getattr(ours, field).any()}
     labels = [words.label for field, words in table().fields.items() if field in fields]
-    return notes + ([f"not in the file, taken from the scene: {', '.join(labels)}"] if labels else [])
+    if labels:
+        notes.append(Diagnostic(f"not in the file, taken from the scene: {', '.join(labels)}", "taken-from-scene"))
+    return notes
 
 
 def _explain(
@@ -202,9 +210,9 @@ def _explain(
     match: Match | None,
     states: Sequence[State],
 ) -> Diagnosis:
-    """Add what every finding affects by itself, and whether the findings explain all that differs."""
+    """Add the effect of each finding, and whether the findings explain all differences."""
     names, some = [row.quantity for row in rows] or WITHOUT_WRENCH, states[:20]
-    tolerance = 10.0  # rounding bounds; a record is rotated into frame 0 and back
+    tolerance = 10.0  # rounding bounds: a record is rotated into frame 0 and back
     singular_mass = "q̈ (M is singular)"
 
     def differing(record: ReadBack, other: Engine) -> tuple[str, ...]:

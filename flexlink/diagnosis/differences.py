@@ -1,4 +1,4 @@
-"""Two records of an arm compared: joints, axes, numbers, settings; each difference with the likely mistake."""
+"""Differences of two records of an arm: joints, axes, numbers, settings; each with the likely mistake."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.types import Array, Indices
+from flexlink.common.wording import Diagnostic
 from flexlink.diagnosis.joint_axes import Displacement, deviations, reach, undo_displacements
 from flexlink.diagnosis.matching import Match, match_joints
 from flexlink.diagnosis.mistakes import Field, Mistake, _names, _short, _where, table
@@ -19,34 +20,44 @@ from flexlink.engines.actuators import limits
 from flexlink.engines.couplings import COUPLED_FIELDS
 from flexlink.engines.read_back import ACTUATOR_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
 
-EXACT, PLACED = 1e-12, 1e-11
-"""Relative tolerances of numbers that are copied, and of those that are rotated into frame 0 joint by joint."""
+EXACT = 1e-12
+"""Relative tolerance of copied numbers."""
+PLACED = 1e-11
+"""Relative tolerance of numbers that are rotated into frame 0 joint by joint."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """One difference in what was read, with the mistake that explains it.
+    """A difference in what an engine has read, with the mistake that explains it.
 
     Attributes
     ----------
     what
-        The field, the joints, and the number that was read and the expected one; for a setting, its value.
+        The field, the joints, the number in the file and the expected one; for a setting, its value.
     likely, remedy
-        The likely mistake, and how to correct it.
+        The likely mistake, and its remedy.
+    id
+        Stable id of the kind of difference, for example "mass-differs".
     faulty
-        Our record with this mistake; None if it is not in the record.
+        Our record with this mistake; None if the difference is not in the record.
     counts
-        Whether simulations differ by it; otherwise it is only a note.
+        Whether it changes simulations; otherwise it is only a note.
     affects
-        Quantities of the equation of motion that differ by this mistake alone.
+        Quantities of the equation of motion that this mistake alone changes.
     """
 
     what: str
     likely: str
     remedy: str
+    id: str
     faulty: ReadBack | None = dataclasses.field(default=None, repr=False, compare=False)
     counts: bool = True
     affects: tuple[str, ...] = ()
+
+    @property
+    def diagnostic(self) -> Diagnostic:
+        """Text and id, as for errors and warnings."""
+        return Diagnostic(str(self), self.id)
 
     def __str__(self) -> str:
         likely = f": {self.likely}" if self.likely else ""
@@ -55,29 +66,30 @@ class Finding:
 
 
 def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | None, list[Finding]]:
-    """Match the joints (None: impossible) and list what differs, numbers before settings.
+    """Match the joints (None: impossible) and list the differences, numbers before settings.
 
     Parameters
     ----------
     ours
-        The expected record, joints from base to tip.
+        Expected record, joints from base to tip.
     theirs
-        What an engine has read.
+        Record of what an engine has read.
     format
-        Format of the file, for the words: a name in `flexlink.formats.FORMATS`.
+        Format of the file, which determines names of fields in texts: a name in `flexlink.formats.FORMATS`.
     """
     match = match_joints(ours, theirs)
     if isinstance(match, str):
-        return None, [Finding(match, "", "check the number of segments, locked joints and grippers")]
+        return None, [Finding(match, "", "check segments, locked joints and grippers", "joints-differ")]
     if match.reordered and not np.array_equal(ours.parents, np.arange(ours.n) - 1):
-        what = f"{_names(match.reordered)} hanging on another"
-        findings = [Finding(what, "a branch begins elsewhere", "correct the parents; numbers are compared after that")]
+        what, likely = f"{_names(match.reordered)} with another parent", "a branch begins at another joint"
+        remedy = "correct the parents; numbers are compared after that"
+        findings = [Finding(what, likely, remedy, "parents-differ")]
     else:
         numbers = _numbers_of_tendons(ours, match.record) if format == "mjcf" else _numbers(ours, match.record, format)
         findings = [*_order(match), *numbers]
     settings = [
-        Finding(what.format(value=theirs.settings[name]), "", remedy, counts=counts)
-        for name, (what, remedy, counts) in table().settings.items()
+        Finding(what.format(value=theirs.settings[name]), "", remedy, id, counts=counts)
+        for name, (id, what, remedy, counts) in table().settings.items()
         if name in theirs.settings and name not in theirs.unspecified
     ]
     return match, [*findings, *settings]
@@ -87,26 +99,26 @@ def _order(match: Match) -> Iterator[Finding]:
     if match.reordered:
         order = f"{_names(match.reordered)} in another order along the chain"
         likely = "rotations about one point do not commute"
-        yield Finding(order, likely, "correct the order of joints in a body, or of links")
+        yield Finding(order, likely, "correct the order of joints in a body, or of links", "joint-order-differs")
 
 
 def _numbers_of_tendons(ours: ReadBack, theirs: ReadBack) -> list[Finding]:
-    """`_numbers` as MJCF has them: of K_ii that differ, what tendons, |K_ij| each, leave to the joint."""
+    """`_numbers` for MJCF, where the stiffness of a joint is K_ii less the |K_ij| of its tendons."""
     fields = COUPLED_FIELDS.values()
     pairs = {field: (getattr(ours, field), getattr(theirs, field)) for field in fields}
     other = {field: np.abs(b - a) > EXACT * np.maximum(np.abs(a), np.abs(b)) for field, (a, b) in pairs.items()}
 
-    def beside(read: ReadBack, sign: int) -> ReadBack:
-        """With what tendons hold of these joints taken away (−1), or given back (1)."""
+    def shifted(read: ReadBack, sign: int) -> ReadBack:
+        """Remove the tendons' part of these joints (−1), or add it (1)."""
         parts = {field: getattr(read, field) + sign * other[field] * _shared(read, field) for field in fields}
         return dataclasses.replace(read, **parts)
 
-    findings = _numbers(beside(ours, -1), beside(theirs, -1), "mjcf")
-    return [f if f.faulty is None else dataclasses.replace(f, faulty=beside(f.faulty, 1)) for f in findings]
+    findings = _numbers(shifted(ours, -1), shifted(theirs, -1), "mjcf")
+    return [f if f.faulty is None else dataclasses.replace(f, faulty=shifted(f.faulty, 1)) for f in findings]
 
 
 def _shared(read: ReadBack, field: str) -> Array:
-    """Σ_j |K_ij|, or Σ_j |D_ij|, of the joints, shape (n,)."""
+    """Σ_j |K_ij|, or Σ_j |D_ij|, for each joint i, shape (n,)."""
     coupled = next(name for name, own in COUPLED_FIELDS.items() if own == field)
     return np.asarray(np.abs(getattr(read, coupled)).sum(axis=1))
 
@@ -119,7 +131,7 @@ def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:
         labels = ", ".join(table().fields[field].label for field in everything)
         digits = -np.log10(max(map(_relative_error, everything.values())))
         what, likely = f"{labels}: correct to only about {digits:.0f} digits", "digits were lost in writing"
-        return [Finding(what, likely, "write numbers with all 17 digits (repr, %.17g)", faulty=theirs)]
+        return [Finding(what, likely, "write numbers with all 17 digits (repr, %.17g)", "digits-lost", faulty=theirs)]
     findings = [
         *_displacements(realigned, displacements, displaced, theirs, format),
         *(_explained(field, diff, format) for field, diff in fields.items()),
@@ -129,7 +141,7 @@ def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:
 
 
 def _joined(ours: ReadBack, group: list[Finding]) -> Finding:
-    """Findings with one cause as one, whose faulty record has the mistake in all their fields."""
+    """Join findings with the same cause to one, whose faulty record has the mistake in all their fields."""
     records = [finding.faulty for finding in reversed(group) if finding.faulty is not None]
     names = [field.name for field in dataclasses.fields(ReadBack)]
     fields: dict[str, Any] = {}
@@ -142,9 +154,10 @@ def _joined(ours: ReadBack, group: list[Finding]) -> Finding:
 def _displacements(
     realigned: ReadBack, displacements: list[Displacement], displaced: ReadBack, theirs: ReadBack, format: str
 ) -> Iterator[Finding]:
-    """One finding for each kind of displaced axes."""
+    """Yield one finding per kind of displaced axes."""
     L, shown = reach(realigned), 3
-    ref = next((table().fields["lines"], row.likely, row.remedy) for row in table().mistakes if row.setting == "ref")
+    zero = next(row for row in table().mistakes if row.setting == "ref")
+    ref = "joint-zero-differs", table().fields["lines"], zero.likely, zero.remedy
     for kind, words in table().misplaced.items():
         found = [each for each in displacements if _kind(each, L) == kind]
         if not found:
@@ -153,13 +166,13 @@ def _displacements(
         joint_words = [f"joint {name!r} {_displaced(each, L)}" for name, each in zip(joints, found, strict=True)]
         what = f"{', '.join(joint_words[:shown])}{' …' * (len(joint_words) > shown)}"
         what += ", but not its body" if kind == "position" else ""
-        what += ", with all links behind it" if found[-1].axes is None else ""
+        what += ", with all links after it" if found[-1].axes is None else ""
         what += "" if found[-1].rigid else ", and with further displacements, which are not analysed"
         yield _worded(ref if "ref" in theirs.settings else words, what, _names(joints), format, displaced)
 
 
 def _kind(displacement: Displacement, L: float) -> str:
-    """The key of `Table.misplaced`."""
+    """Kind of a displacement: a key of `Table.misplaced`."""
     if displacement.axes is not None:
         return "position" if displacement.offset > PLACED * L else "axis"
     if displacement.unit_factor is not None:
@@ -173,14 +186,14 @@ def _displaced(displacement: Displacement, L: float) -> str:
         return f"rotates about {one} instead of {other}"
     if displacement.unit_factor is not None:
         times, offset = displacement.unit_factor, displacement.offset
-        return f"is {times:g} times as far from the joint before: displaced by {offset:.4g} m"
+        return f"is {times:g} times as far from the previous joint: displaced by {offset:.4g} m"
     turned = [f"rotated by {np.degrees(displacement.angle):.4g}°"] if displacement.angle > PLACED else []
     offset_words = [f"displaced by {displacement.offset:.4g} m"] if displacement.offset > PLACED * L else []
     return " and ".join([*turned, *offset_words])
 
 
 def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
-    """Fields that differ, with the entries that do."""
+    """Fields that differ, and their differing entries."""
     between = _between(ours, theirs)
     pairs = {
         field: (_values(ours, field, ours), _values(theirs, field, ours))
@@ -192,24 +205,24 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
     L, (sin, off) = reach(ours), deviations(ours, theirs)
     m, lever = ours.masses, _norm(ours.centers - ours.points)
     other_mass = apart["masses"] > EXACT * np.maximum(m, theirs.masses)
-    there = ~other_mass & (m > 0)  # where the mass differs, centre and inertia follow from it
+    same_mass = ~other_mass & (m > 0)  # a different mass explains a different centre and inertia
     copied = ("gravity", "slides", *JOINT_FIELDS, *between, *ACTUATOR_FIELDS[:-1])
     bad = {field: apart[field] > EXACT * np.maximum(*map(_norm, pairs[field])) for field in copied}
-    for field in COUPLED_FIELDS.values():  # of which tendons may have taken a part
+    for field in COUPLED_FIELDS.values():  # tendons may have absorbed part of these numbers
         bad[field] &= apart[field] > EXACT * _shared(ours, field)
     bad |= {
         "axes": (sin <= PLACED) & (np.einsum("ij,ij->i", ours.axes, theirs.axes) < 0),
         "lines": (sin > PLACED) | (off > PLACED * L),
         "tip": apart["tip"] > PLACED * L,
         "masses": other_mass,
-        "centers": there & (apart["centers"] > PLACED * L),
+        "centers": same_mass & (apart["centers"] > PLACED * L),
         "inertias": ~other_mass & (apart["inertias"] > PLACED * _norm(ours.inertias) + EXACT * m * lever**2),
     }
     bad["inertias"] &= _turning(ours)
     one, other = (_within_limits(ours, read.effort) for read in (ours, theirs))
     bad["effort"] = np.any(~np.isclose(one, other, rtol=EXACT, atol=0), axis=1)
     if theirs.gear[ours.gear != 0].all():
-        bad["gear"] &= ours.gear != 0  # one more motor does nothing without a command
+        bad["gear"] &= ours.gear != 0  # an additional motor does nothing without a command
     for read in (ours, theirs):
         bad["rest"] &= (read.stiffness != 0) | (_shared(read, "stiffness") != 0)
     bad["coulomb_width"] &= (ours.coulomb != 0) & (theirs.coulomb != 0)
@@ -221,7 +234,7 @@ def _differing(ours: ReadBack, theirs: ReadBack) -> dict[str, Discrepancy]:
 
 
 def _turning(read: ReadBack) -> NDArray[np.bool_]:
-    """Which bodies turn: of others the inertia does nothing."""
+    """Whether each body rotates; inertias of other bodies have no effect."""
     turns = np.append(~read.slides, False)
     for k, before in enumerate(read.parents):
         turns[k] |= turns[before]
@@ -229,19 +242,19 @@ def _turning(read: ReadBack) -> NDArray[np.bool_]:
 
 
 def _between(ours: ReadBack, theirs: ReadBack) -> dict[str, Indices]:
-    """The joints i < j, (m, 2), of springs and of dampers between two in any of the records, where there are any."""
+    """Joints i < j, shape (m, 2), with a spring or damper between them in one of the records, by field."""
     found = {f: np.argwhere(np.triu((getattr(ours, f) != 0) | (getattr(theirs, f) != 0), 1)) for f in COUPLED_FIELDS}
     return {field: rows for field, rows in found.items() if len(rows)}
 
 
 def _within_limits(ours: ReadBack, effort: Array) -> Array:
-    """Smallest and largest torque of the scene's drive within these limits."""
+    """Smallest and largest torque of the scene's drive within the limits."""
     drive_range = np.zeros((ours.n, 2)) if ours.drive_range is None else ours.drive_range
     return np.clip(drive_range, effort[:, :1], effort[:, 1:])
 
 
 def _values(read: ReadBack, field: str, ours: ReadBack) -> Array:
-    """Numbers of a field, one row a joint; of a line the axis in the sense of ours, and its point next to ours."""
+    """Numbers of a field, one row per joint; for lines, the axis in our direction, and its point nearest ours."""
     if field == "lines":
         sense = np.sign(np.einsum("ij,ij->i", ours.axes, read.axes))[:, None]
         along = np.einsum("ij,ij->i", ours.axes, read.points - ours.points)[:, None]
@@ -260,7 +273,7 @@ def _norm(rows: Array) -> Array:
 
 
 def _mistake(field: str, diff: Discrepancy, theirs: ReadBack) -> Mistake:
-    """The first row of the table that fits."""
+    """First row of the table that matches."""
     settings = {"", *theirs.settings}
     return next(row for row in table().mistakes if row.field == field and row.setting in settings and row.shape(diff))
 
@@ -275,19 +288,19 @@ def _explained(field: str, diff: Discrepancy, format: str) -> Finding:
     where = "" if global_field else _where(ours.names, diff.rows)
     what = f"{_subject(field, where)}: {_instead(field, diff)}"
     mistake = _mistake(field, diff, theirs)
-    words = _of_joints(field, diff), mistake.likely, mistake.remedy
+    words = table().fields[field].id, _of_joints(field, diff), mistake.likely, mistake.remedy
     return _worded(words, what, where, format, dataclasses.replace(ours, **faulty))
 
 
-def _worded(words: tuple[Field, str, str], what: str, where: str, format: str, faulty: ReadBack) -> Finding:
-    field, likely, remedy = words
+def _worded(words: tuple[str, Field, str, str], what: str, where: str, format: str, faulty: ReadBack) -> Finding:
+    id, field, likely, remedy = words
     few = where.startswith(("joint ", "joints "))
     tag, joints = getattr(field, format, field.label), where if few else "these joints"
-    return Finding(what, likely, remedy.format(tag=tag, unit=field.unit, where=joints), faulty)
+    return Finding(what, likely, remedy.format(tag=tag, unit=field.unit, where=joints), id, faulty)
 
 
 def _with_rows(ours: Array, theirs: Array, rows: Indices) -> Array:
-    """Our numbers with some of theirs; those between two joints, rows (m, 2), on both sides of the diagonal."""
+    """Our numbers with some rows of theirs; those between two joints, rows (m, 2), on both sides of the diagonal."""
     mixed = ours.copy()
     if rows.ndim == 1:
         mixed[rows] = theirs[rows]
@@ -306,7 +319,7 @@ def _subject(field: str, where: str) -> str:
 
 
 def _instead(field: str, diff: Discrepancy) -> str:
-    """The first number that was read, the expected one and the factor; the relative error, if both look alike."""
+    """First number in the file, the expected one and the factor; the relative error if both look alike."""
     if field == "slides":
         return "revolute instead of prismatic" if diff.ours[0] else "prismatic instead of revolute"
     unit = _of_joints(field, diff).unit
@@ -324,7 +337,7 @@ def _instead(field: str, diff: Discrepancy) -> str:
 
 
 def _of_joints(field: str, diff: Discrepancy) -> Field:
-    """The field in words, with the unit of joints that slide where all of these do."""
+    """Label and unit of a field; the unit for prismatic joints if all these joints are prismatic."""
     words = table().fields[field]
     of_joints = field in (*JOINT_FIELDS, *ACTUATOR_FIELDS) and diff.rows.ndim == 1
     if of_joints and diff.our_record.slides[diff.rows].all():
@@ -333,5 +346,5 @@ def _of_joints(field: str, diff: Discrepancy) -> Field:
 
 
 def _relative_error(diff: Discrepancy) -> float:
-    """Largest difference, relative to the largest number."""
+    """Largest difference, relative to the largest expected number."""
     return float(np.abs(diff.theirs - diff.ours).max() / np.abs(diff.ours).max())

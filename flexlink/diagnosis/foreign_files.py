@@ -1,4 +1,4 @@
-"""Foreign files, which flexlink did not write, loaded by the engine that reads their format."""
+"""Load foreign files, which flexlink did not write, with the engine for their format."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from flexlink.engines.base import FileEngine, ForeignFile
 from flexlink.engines.child_process import IsolatedEngine
 
 READERS = {"mjcf": ("mujoco",), "urdf": ("pinocchio", "mujoco"), "sdf": ("drake",)}
-"""Engines that read a format, the default first."""
+"""Engines for each format, the default first."""
 
 
 def load_file(
     path: Path, n: int, engine: str | None = None, *, base: Array | None = None, here: bool = False
 ) -> tuple[str, FileEngine, tuple[str, ...]]:
-    """Load a file with about `n` joints, in a child process, which it may crash, or in this one (`here`).
+    """Load a file with about `n` joints in a child process, since the engine may crash, or in this one (`here`).
 
-    Returns its format, its engine, and errors that the engine has printed, which went on reading.
+    Return its format, its engine, and the errors that the engine printed without stopping.
 
-    `base` is the rotation, at angles of zero, of a scene's base that floats: the file's does, too, and counts from it.
+    `base` is the rotation of a floating base at zero angles; the base in the file must float as well.
 
     Raises
     ------
     DataFileError
-        The file cannot be read, is not MJCF, URDF or SDF, is too large, or its engine refuses it.
+        The file cannot be read, is not MJCF, URDF or SDF, is too large, or the engine refuses it.
     ArgumentError
-        The engine does not read this format.
+        The engine does not support this format.
     EngineError
         The child process ended.
     MissingDependencyError
@@ -41,7 +41,7 @@ def load_file(
     format = _format(path, n)
     name = engine or READERS[format][0]
     require_one_of(f"engine for {format.upper()}", name, dict.fromkeys(READERS[format]))
-    file = ForeignFile(path.absolute(), format, base)  # a child process may have been started in another folder
+    file = ForeignFile(path.absolute(), format, base)  # the child process may have another working directory
     try:
         loaded = cast(FileEngine, load_here(name, file)) if here else IsolatedEngine(name, file)
         loaded.read_back().require_sound()
@@ -59,8 +59,8 @@ def _format(path: Path, n: int) -> str:
             id="unknown-root-element",
         )
     hinges, most = sum(1 for joint in root.iter("joint") if joint.get("type") != "fixed"), max(n, 300)
-    if hinges > most:  # Pinocchio takes 35 n³ bytes
+    if hinges > most:  # Pinocchio needs 35 n³ bytes
         raise DataFileError(
-            f"{path}: {hinges} joints, the scene's arm has {n}; at most {most} are read", id="too-many-joints"
+            f"{path}: {hinges} joints, but the scene's arm has {n}; at most {most} are allowed", id="too-many-joints"
         )
     return roots[root.tag]

@@ -1,4 +1,4 @@
-"""Joint axes that are displaced: alone, or in frames that are rotated or displaced with all links behind them."""
+"""Displaced joint axes: alone, or in frames that are rotated or displaced together with their subtree."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from flexlink.common.types import Array, Indices
 from flexlink.engines.read_back import ReadBack
 
 RIGID_TOLERANCE = 1e-9
-"""How well one rigid motion must map all that follows a joint, relative to the reach of the arm."""
+"""Tolerance of a rigid motion of the subtree of a joint, relative to the reach of the arm."""
 
 
 class Displacement(NamedTuple):
-    """A displaced frame, or a displaced joint axis in a frame that is right."""
+    """A displaced frame, or a displaced joint axis in a correct frame."""
 
     joint: int
     angle: float  # [rad]
     offset: float  # [m]
-    rigid: bool = True  # whether all links behind follow rigidly; if not, they are displaced otherwise, too
-    axes: tuple[Array, Array] | None = None  # of an axis alone: theirs and ours, in the frame of the file
-    unit_factor: float | None = None  # distance from the joint before over the right one, if a wrong unit explains it
+    rigid: bool = True  # whether the subtree moves rigidly; if not, it has further displacements
+    axes: tuple[Array, Array] | None = None  # for a single axis: theirs and ours, in the frame of the file
+    unit_factor: float | None = None  # distance from the previous joint over the correct one, if due to a wrong unit
 
 
 def undo_displacements(
     ours: ReadBack, theirs: ReadBack, tolerance: float, units: Sequence[float] = ()
 ) -> tuple[ReadBack, list[Displacement], ReadBack]:
-    """Move their joints back, from the base on: each time the first that is displaced, rigidly with all that follows.
+    """Move their joints back, from the base outwards: the first displaced one each time, rigidly with its subtree.
 
-    An axis that is displaced alone is moved alone. `units` are factors by which a wrong unit of length can scale the
-    distance between joints. Where no rigid motion fits, frames further out are wrong, too: the rest is taken from ours.
-    Returns their record without its displacements, the displacements, and our record with them.
+    A single displaced axis is moved alone. `units` are factors by which a wrong unit of length can scale the distance
+    between joints. If no rigid motion fits, frames further out are also wrong; they are then replaced by ours.
+    Return their record without its displacements, the displacements, and our record with them.
     """
     if (factor := _common_unit(ours, theirs, tolerance, units)) is not None:
         offsets = np.linalg.norm(theirs.points - ours.points, axis=1)
@@ -47,7 +47,7 @@ def undo_displacements(
     while len(joints := _displaced_joints(ours, theirs, tolerance)):
         first, theirs, ours_displaced = _undo_one(ours, theirs, ours_displaced, int(joints[0]), tolerance, units)
         k = first.joint
-        if displacements and k <= displacements[-1].joint:  # a motion within `RIGID_TOLERANCE` may not be exact
+        if displacements and k <= displacements[-1].joint:  # a motion within `RIGID_TOLERANCE` may be inexact
             first = first._replace(rigid=False)
         displacements.append(first)
         if not first.rigid:
@@ -58,7 +58,7 @@ def undo_displacements(
 def _undo_one(
     ours: ReadBack, theirs: ReadBack, ours_displaced: ReadBack, k: int, tolerance: float, units: Sequence[float]
 ) -> tuple[Displacement, ReadBack, ReadBack]:
-    """The displacement of joint k, the first that is displaced; theirs without it, and ours with it."""
+    """Displacement of joint k, the first displaced one; their record without it, and ours with it."""
     sin, off = (float(part[k]) for part in deviations(ours, theirs))
     angle = float(np.arcsin(min(1.0, sin)))
     before = _moved_by_joint_before(ours, theirs, k, tolerance)
@@ -72,7 +72,7 @@ def _undo_one(
     unit = _unit(ours, theirs, k, units)
     if motion is None and unit is not None:
         motion = np.eye(3), unit[1], theirs.points[k]
-    motion = motion or _rigid_motion(ours, theirs, k, _next_massive(ours, k) + 1)  # further out more is displaced
+    motion = motion or _rigid_motion(ours, theirs, k, _next_massive(ours, k) + 1)  # more joints may be displaced
     if motion is None:
         return Displacement(k, angle, off, rigid=False), theirs, ours_displaced
     R, point, moved = motion
@@ -82,14 +82,14 @@ def _undo_one(
 
 
 def _moved_by_joint_before(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float) -> int | None:
-    """The joint before k, if its body is displaced though its axis is not: along that axis, or rotated about it."""
+    """Parent of joint k if its body is displaced though its axis is not: along this axis, or rotated about it."""
     before = int(ours.parents[k])
     moved = np.linalg.norm(theirs.centers[before] - ours.centers[before]) > tolerance * reach(ours)
     return before if before >= 0 and ours.masses[before] > 0 and moved else None
 
 
 def _only_axis_moved(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float, *, rigid_behind: bool) -> bool:
-    """Whether what follows joint k is in place: the next body and axis, or, unless `rigid_behind`, all bodies."""
+    """Whether the subtree of joint k is in place: the next body and axis, or, unless `rigid_behind`, all bodies."""
     joints = behind(ours, k)
     here = ~_moved_bodies(ours, theirs, tolerance)[joints[ours.masses[joints] > 0]]
     next_ones = np.flatnonzero(ours.parents == k)
@@ -98,8 +98,8 @@ def _only_axis_moved(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float,
 
 
 def behind(read: ReadBack, k: int) -> Indices:
-    """The joints that move with joint k, itself first."""
-    moves = np.zeros(read.n + 1, dtype=bool)  # the last one: the base
+    """Joint k and its subtree."""
+    moves = np.zeros(read.n + 1, dtype=bool)  # the last entry represents the base
     moves[k] = True
     for j, before in enumerate(read.parents[k + 1 :].tolist(), k + 1):
         moves[j] = moves[before]
@@ -107,7 +107,7 @@ def behind(read: ReadBack, k: int) -> Indices:
 
 
 def _moved_bodies(ours: ReadBack, theirs: ReadBack, tolerance: float) -> NDArray[np.bool_]:
-    """Bodies whose centres are displaced, or whose principal axes are rotated: then inertias do not commute."""
+    """Bodies with displaced centres, or rotated principal axes, whose inertias do not commute."""
     one, other = ours.inertias, theirs.inertias
     rotated = np.linalg.norm(one @ other - other @ one, axis=(1, 2))
     square = np.linalg.norm(one, axis=(1, 2)) * np.linalg.norm(other, axis=(1, 2))
@@ -116,24 +116,24 @@ def _moved_bodies(ours: ReadBack, theirs: ReadBack, tolerance: float) -> NDArray
 
 
 def _with_axis_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
-    """The record with the axis of joint k as in the other record."""
+    """The record with the axis of joint k from the other record."""
     axes, points = read.axes.copy(), read.points.copy()
     axes[k], points[k] = other.axes[k], other.points[k]
     return dataclasses.replace(read, axes=axes, points=points)
 
 
 def _offset(read: ReadBack, k: int) -> Array:
-    """The vector from the point on the joint before, or the origin of frame 0, to the point on joint k."""
+    """Vector from the parent joint, or the origin of frame 0, to joint k."""
     before = read.parents[k]
     return np.asarray(read.points[k] - (read.points[before] if before >= 0 else 0.0))
 
 
 def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> tuple[float, Array] | None:
-    """The unit factor of the distance from the joint before, and where joint k lies without it; None if none fits.
+    """Unit factor of the distance from the parent joint, and the position of joint k without it; None if none fits.
 
-    That point must lie on our axis, for any point on the axis of the joint before.
+    The position must be on our axis, for some point on the axis of the parent joint.
     """
-    tolerance = 1e-3  # relative: numbers may have been rounded by hand
+    tolerance = 1e-3  # relative: numbers may have been rounded manually
     offset = _offset(theirs, k)
     far, right = (float(np.linalg.norm(_offset(read, k))) for read in (theirs, ours))
     before = theirs.parents[k]
@@ -149,9 +149,9 @@ def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> t
 
 
 def deviations(ours: ReadBack, theirs: ReadBack) -> tuple[Array, Array]:
-    """The sine of the angle between both axes of each joint, and the distance [m] of their point from our axis.
+    """Sine of the angle between both axes of each joint, and the distance [m] of their point from our axis.
 
-    A joint that slides has a direction only.
+    A prismatic joint has only a direction.
     """
     sin = np.linalg.norm(cross(ours.axes, theirs.axes), axis=1)
     off = np.linalg.norm(cross(ours.axes, theirs.points - ours.points), axis=1)
@@ -164,13 +164,13 @@ def reach(read: ReadBack) -> float:
 
 
 def _displaced_joints(ours: ReadBack, theirs: ReadBack, tolerance: float) -> Indices:
-    """Joints whose axes differ, in direction or place."""
+    """Joints whose axes differ in direction or position."""
     sin, off = deviations(ours, theirs)
     return np.flatnonzero((sin > tolerance) | (off > tolerance * reach(ours)))
 
 
 def _common_unit(ours: ReadBack, theirs: ReadBack, tolerance: float, units: Sequence[float]) -> float | None:
-    """The unit factor of all distances between joints, None if there is none."""
+    """Unit factor of all distances between joints; None if there is none."""
     if not len(_displaced_joints(ours, theirs, tolerance)):
         return None
     fits = (not len(_displaced_joints(ours, _scaled(theirs, 1 / factor), tolerance)) for factor in units)
@@ -178,7 +178,7 @@ def _common_unit(ours: ReadBack, theirs: ReadBack, tolerance: float, units: Sequ
 
 
 def _scaled(read: ReadBack, factor: float) -> ReadBack:
-    """The record with joints, and bodies with them, at scaled distances from the origin of frame 0."""
+    """The record with joints and their bodies at scaled distances from the origin of frame 0."""
     points = factor * read.points
     tip = None if read.tip is None else factor * read.tip
     return dataclasses.replace(read, points=points, centers=points + read.centers - read.points, tip=tip)
@@ -187,10 +187,10 @@ def _scaled(read: ReadBack, factor: float) -> ReadBack:
 def _rigid_motion(
     ours: ReadBack, theirs: ReadBack, k: int, stop: int | None = None
 ) -> tuple[Array, Array, Array] | None:
-    """R, a point and its image: the motion of our joints and bodies from k up to `stop` to theirs; None: no rigid one.
+    """Rotation R, a point and its image: the rigid motion of our subtree of k, up to `stop`, to theirs, or None.
 
-    R by Kabsch: the rotation nearest to Σ theirs oursᵀ, over axes and, relative to the point on joint k, all points; of
-    several, about an axis on which all points lie, the smallest.
+    R is the rotation nearest to Σ theirs oursᵀ (Kabsch) over axes and all points relative to joint k. If all points lie
+    on one axis, R is the smallest of the possible rotations.
     """
     joints = behind(ours, k)
     joints = joints if stop is None else joints[joints < stop]
@@ -208,16 +208,16 @@ def _rigid_motion(
 
 
 def _smallest_turn(one: Array, other: Array) -> Array:
-    """R = 1 + [v]× + [v]×²/(1 + c), v = one × other, c = one · other, of unit vectors that are not opposite."""
+    """R = 1 + [v]× + [v]×²/(1 + c), v = one × other, c = one · other, for unit vectors that are not opposite."""
     v = cross(one, other)
     V = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
     return np.asarray(np.eye(3) + V + V @ V / (1 + max(float(one @ other), -0.5)))
 
 
 def _marker_points(read: ReadBack, joints: Indices) -> Array:
-    """Points that move with these joints and bodies: the next centre of mass projected on each axis; centres.
+    """Points that move with these joints and bodies: the next centre of mass projected onto each axis; centres.
 
-    Of a joint that slides that centre itself.
+    For a prismatic joint, the next centre of mass itself.
     """
     following = [_next_massive(read, j) for j in joints]
     axes, points = read.axes[joints], np.where(read.slides[joints, None], read.centers[following], read.points[joints])
@@ -227,13 +227,13 @@ def _marker_points(read: ReadBack, joints: Indices) -> Array:
 
 
 def _next_massive(read: ReadBack, k: int) -> int:
-    """The first body with mass from joint k on; k itself if there is none."""
+    """First body with mass in the subtree of joint k; k itself if there is none."""
     joints = behind(read, k)
     return int(joints[np.argmax(read.masses[joints] > 0)])
 
 
 def _moved_rigidly(read: ReadBack, k: int, R: Array, point: Array, image: Array) -> ReadBack:
-    """The record with all from joint k on rotated by R and moved so that the point comes to its image."""
+    """The record with the subtree of joint k rotated by R and moved so the point coincides with its image."""
     fields = (read.axes, read.frames, read.points, read.centers, read.inertias)
     axes, frames, points, centers, inertias = (x.copy() for x in fields)
     moved_ones = behind(read, k)
@@ -249,13 +249,13 @@ def _moved_rigidly(read: ReadBack, k: int, R: Array, point: Array, image: Array)
 
 
 def _with_tail_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
-    """The record with positions and orientations from joint k on as in the other record."""
+    """The record with positions and orientations from joint k on from the other record."""
     fields = ("axes", "points", "centers", "inertias")
     behind: dict[str, Any] = {f: np.concatenate([getattr(read, f)[:k], getattr(other, f)[k:]]) for f in fields}
     return dataclasses.replace(read, **behind, tip=other.tip)
 
 
 def _angle(R: Array) -> float:
-    """Angle of a rotation, accurate also if it is small [rad]."""
+    """Angle of a rotation, accurate for small angles [rad]."""
     sin = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
     return float(np.arctan2(sin, (np.trace(R) - 1) / 2))

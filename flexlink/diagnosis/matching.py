@@ -1,4 +1,4 @@
-"""Match the joints of two records: by name, else, of arms that do not branch, by their order from base to tip."""
+"""Match the joints of two records by name; otherwise, for arms without branches, by their order from base to tip."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ IN_ORDER = (*AXIS_FIELDS, "slides", *JOINT_FIELDS)
 
 
 class Match(NamedTuple):
-    """Their joints in our order.
+    """The joints of the other record in our order.
 
     Attributes
     ----------
     order
         Index of their joint for each of ours, shape (n,).
     positions
-        Position of each of our joints along their chain, from 0, shape (n,); None if joints hang on others than ours.
+        Position of each of our joints along their chain, from 0, shape (n,); None if joints have different parents.
     record
-        Their record with our names and order; unspecified fields are ours. Body k is the k-th along their chain, so
-        that it is the same whatever the order of joints at one point.
+        Their record with our names and order; unspecified fields are ours. Body k is the k-th along their chain, so the
+        order of joints at the same point does not matter.
     by_name
-        Whether the names are the same.
+        Whether the names are equal.
     reordered
-        Names of joints at other positions along their chain, or that hang on others in their tree.
+        Names of joints at other positions along their chain, or with another parent in their tree.
     """
 
     order: Indices
@@ -41,7 +41,7 @@ class Match(NamedTuple):
 
     @property
     def whole(self) -> tuple[ReadBack, Indices] | None:
-        """The record with joints in the order of their chain, and our index of each; None if they hang otherwise."""
+        """Their record in the order of the chain, and our index of each joint; None if parents differ."""
         if self.positions is None:
             return None
         joints = np.argsort(self.positions)
@@ -51,7 +51,7 @@ class Match(NamedTuple):
 
 
 def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | str:
-    """The match, or the reason why there is none."""
+    """Return the match, or the reason for its failure."""
     by_name, branches = sorted(ours.names) == sorted(theirs.names), _branches(ours)
     sequence = None if branches else _from_base_to_tip(theirs)
     if by_name:
@@ -83,7 +83,7 @@ def match_joints(ours: ReadBack, theirs: ReadBack) -> Match | str:
 
 
 def _branches(read: ReadBack) -> bool:
-    """Whether joints hang on others than the one before them, in any order of the joints."""
+    """Whether a joint has several children, in any order of the joints."""
     return len(set(read.parents.tolist())) < read.n
 
 
@@ -107,13 +107,13 @@ def _from_base_to_tip(theirs: ReadBack) -> Indices | None:
 
 
 def _branch(theirs: ReadBack) -> int:
-    """A joint that two others hang on; joint 0 for the base."""
+    """A joint with several children; 0 if it is the base."""
     parents, count = np.unique(theirs.parents, return_counts=True)
     return max(0, int(parents[count > 1][0]))
 
 
 def _regrouped(ours: ReadBack, axes: Array) -> Indices:
-    """Positions of our joints along their chain, where joints at one point may be in another order."""
+    """Positions of our joints along their chain; joints at the same point may be in another order."""
     positions = np.arange(ours.n)
     starts = [k for k in positions if k == 0 or not np.array_equal(ours.points[k], ours.points[k - 1])]
     for first, stop in itertools.pairwise([*starts, ours.n]):

@@ -1,4 +1,4 @@
-"""The table of mistakes in `data/mistakes.toml`: which field differs and how, the likely mistake, and the remedy."""
+"""Table of mistakes in `data/mistakes.toml`: which field differs and how, the likely mistake, and the remedy."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from flexlink.diagnosis.shapes import Shape, moments
 
 
 class Field(NamedTuple):
-    """A field of the record in words: label, unit, and its name in each format."""
+    """A field of the record: id of a difference, label, unit, and name in each format."""
 
+    id: str
     label: str
     unit: str
     mjcf: str
@@ -26,7 +27,7 @@ class Field(NamedTuple):
 
 
 class Mistake(NamedTuple):
-    """If `field` differs in this `shape` while `setting` is active: the likely mistake, and the remedy."""
+    """The likely mistake and its remedy if `field` differs in this `shape` while `setting` is active."""
 
     field: str
     shape: Shape
@@ -36,19 +37,19 @@ class Mistake(NamedTuple):
 
 
 class Table(NamedTuple):
-    """What differences are put into words with; the sections of the file."""
+    """Contents of the file: names of fields, units, settings of engines, likely mistakes."""
 
     fields: dict[str, Field]
     sliding_units: dict[str, str]
     length_units: dict[float, str]  # by the factor of a file's numbers
-    settings: dict[str, tuple[str, str, bool]]
-    misplaced: dict[str, tuple[Field, str, str]]
+    settings: dict[str, tuple[str, str, str, bool]]  # id, text, remedy, whether it counts
+    misplaced: dict[str, tuple[str, Field, str, str]]  # id, field to correct, likely mistake, remedy
     mistakes: list[Mistake]
 
 
 @cache
 def table() -> Table:
-    """The table, read once."""
+    """Return the table, which is read once."""
     raw = read_toml(Path(__file__).parent / "data" / "mistakes.toml")
     fields = {name: Field(**words) for name, words in raw["fields"].items()}
     every = fields | {name: Field(**words) for name, words in raw["misplaced_fields"].items()}
@@ -57,7 +58,10 @@ def table() -> Table:
         raw["sliding_units"],
         {factor: unit for unit, factor in raw["length_units"].items()},
         {name: tuple(row.values()) for name, row in raw["settings"].items()},
-        {kind: (every[row["field"]], row["likely"], row["remedy"]) for kind, row in raw["misplaced"].items()},
+        {
+            kind: (row["id"], every[row["field"]], row["likely"], row["remedy"])
+            for kind, row in raw["misplaced"].items()
+        },
         [
             Mistake(field, _shape(row), row["likely"], row["remedy"], row.get("setting", ""))
             for row in raw["mistake"]
@@ -67,19 +71,19 @@ def table() -> Table:
 
 
 def _shape(row: dict[str, Any]) -> Shape:
-    """The shape of a row: a function, or what one makes of the row's factors."""
+    """Shape of a row: a function of `shapes`, or the result of one that takes the row's factors."""
     shape = getattr(shapes, row["shape"])
     found: Shape = shape(*row["factors"]) if "factors" in row else shape
     return found
 
 
 def _where(names: Sequence[str], rows: Indices) -> str:
-    """The joints of some rows of a field in words; of fields between two joints the pairs."""
+    """Joints in words for the entries of a field; pairs for fields between two joints."""
     if rows.ndim == 1:
         return _names([names[k] for k in rows])
     pairs = [f"{names[i]!r} and {names[j]!r}" for i, j in rows[:3]]
-    some = f"{'; '.join(pairs)}{' …' * (len(rows) > 3)}"
-    return f"joints {some}" if len(rows) == 1 else f"{len(rows)} pairs of joints ({some})"
+    shown = f"{'; '.join(pairs)}{' …' * (len(rows) > 3)}"
+    return f"joints {shown}" if len(rows) == 1 else f"{len(rows)} pairs of joints ({shown})"
 
 
 def _names(names: Sequence[str]) -> str:
@@ -88,7 +92,7 @@ def _names(names: Sequence[str]) -> str:
 
 
 def _short(value: Array) -> str:
-    """A number, a vector, or the principal moments of an inertia."""
+    """Format a number, a vector, or the principal moments of an inertia."""
     numbers = moments(value) if np.ndim(value) == 2 else np.atleast_1d(value)
     text = ", ".join(f"{x + 0.0:.6g}" for x in numbers)
     return f"({text})" if len(numbers) > 1 else text

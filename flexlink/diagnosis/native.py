@@ -1,4 +1,4 @@
-"""flexlink itself as an engine."""
+"""flexlink as an engine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexlink.motion.simulate import simulate
 
 
 class NativeEngine:
-    """The functions of `flexlink.dynamics` and `flexlink.simulate` for one chain, without drag, as files are."""
+    """The functions of `flexlink.dynamics` and `flexlink.simulate` for one chain, without drag, which files lack."""
 
     name = "native"
     version = __version__
@@ -47,7 +47,7 @@ class NativeEngine:
         return accelerations.forward_dynamics(self.chain, q, qd, tau, tip_wrench=tip_wrench)
 
     def read_back(self) -> ReadBack:
-        """The record of the chain."""
+        """Record of the chain."""
         return of_chain(self.chain)
 
     def integrate(self, scene: Scene) -> Samples:

@@ -1,4 +1,4 @@
-"""The terms of the equation of motion, engine against engine at many states, relative to the rounding bound.
+"""Terms of the equation of motion in two engines at many states; differences are relative to the rounding bound.
 
     M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX
 
@@ -23,7 +23,7 @@ from flexlink.engines.base import Engine
 
 
 class Term(NamedTuple):
-    """How a term of the equation of motion is evaluated, and the error of two values over its bound, (n,) or (n, n)."""
+    """Function that evaluates a term, and function for the error of two values over its bound, (n,) or (n, n)."""
 
     evaluate: Callable[[Engine, State], Array]
     error: Callable[[Chain, State, Array, Array], Array]
@@ -65,18 +65,18 @@ QUANTITIES: dict[str, Term] = {
 
 @dataclasses.dataclass(frozen=True)
 class Difference:
-    """Largest difference of one quantity between one engine and the native dynamics.
+    """Largest difference of a quantity between an engine and the native dynamics.
 
     Attributes
     ----------
     engine, quantity
-        Their names.
+        Names of the engine and the quantity.
     error
         Largest error over states and joints, relative to the rounding bound.
     joint
         Name of the joint (for M: of the row) with the largest error.
     worst
-        The state with the largest error.
+        State with the largest error.
     """
 
     engine: str
@@ -87,7 +87,7 @@ class Difference:
 
     @property
     def passed(self) -> bool:
-        """The error is within the rounding bound (nan is not)."""
+        """Whether the error is within the rounding bound; nan is not."""
         return self.error <= 1
 
 
@@ -100,8 +100,8 @@ def compare_engines(
     quantities: Iterable[str] = tuple(QUANTITIES),
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Difference, ...]:
-    """Quantities of every engine against `native` at the given states."""
-    names, reports = list(quantities), 200  # about so many calls of `progress`
+    """Compare the quantities of every engine with those of `native` at the given states."""
+    names, reports = list(quantities), 200  # approximate number of calls of `progress`
     worst: dict[tuple[int, str], Difference] = {}
     for number, state in enumerate(states):
         for name in names:

@@ -1,4 +1,4 @@
-"""An engine with its joints in another order."""
+"""An engine with reordered joints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexlink.engines.read_back import ReadBack
 
 
 def _reordered(method: Any) -> Any:
-    """The method of a `Reordered` engine: arguments and values in our order."""
+    """Convert a method of the engine: arguments and values are in our order."""
 
     @functools.wraps(method)
     def call(reordered: Reordered, *arguments: Array, **named: Any) -> Array:
@@ -27,7 +27,7 @@ def _reordered(method: Any) -> Any:
 
 
 class Reordered:
-    """`engine` with joint k as its joint `order[k]`."""
+    """The engine with reordered joints: joint k is its joint `order[k]`."""
 
     def __init__(self, engine: Engine, order: Indices) -> None:
         self.engine, self.order = engine, order
@@ -41,11 +41,11 @@ class Reordered:
     forward_dynamics = _reordered(Engine.forward_dynamics)
 
     def integrate(self, scene: Scene) -> Samples:
-        """Refused: foreign files are not simulated."""
+        """Refuse: foreign files are not simulated."""
         raise ArgumentError(
             f"{scene.name}: foreign files are compared at states, not in simulations", id="file-not-simulated"
         )
 
     def read_back(self) -> ReadBack:
-        """The arm in the engine's own order."""
+        """Record of the arm in the engine's order."""
         return self.engine.read_back()

@@ -1,4 +1,4 @@
-"""Shapes of a discrepancy: questions on how the numbers of a file differ from the expected ones, yes or no."""
+"""Shapes of a discrepancy: predicates on how the numbers of a file differ from the expected ones."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from flexlink.common.types import Array, Indices
 from flexlink.engines.read_back import ReadBack, parallel_axis
 
 TOLERANCE = 1e-9
-"""Relative tolerance of a shape: above rounding, below the last digit of files with 6 digits."""
+"""Relative tolerance of a shape: larger than rounding errors, smaller than the last digit of files with 6 digits."""
 
 
 class Discrepancy(NamedTuple):
-    """The entries of one field that differ, (m, …), the joints that they belong to, and both records."""
+    """Differing entries of a field, shape (m, …), their joints, and both records."""
 
     ours: Array
     theirs: Array
@@ -26,7 +26,7 @@ class Discrepancy(NamedTuple):
 
     @property
     def factor(self) -> float | None:
-        """The factor f of theirs = f · ours, None if there is none."""
+        """Factor f of theirs = f · ours, None if there is none."""
         square = float((self.ours**2).sum())
         if square == 0 or not np.isfinite([self.ours, self.theirs]).all():
             return None
@@ -35,9 +35,9 @@ class Discrepancy(NamedTuple):
 
     @property
     def part_factor(self) -> float | None:
-        """For one inertia, the factor f of one of the welded parts, if that explains all of the difference.
+        """For a single inertia, the factor f of one of the welded parts if it explains the difference completely.
 
-        The part is f times as large in their record, so that the difference is (f − 1) / f of that part there.
+        The part is f times as large in their record, so the difference is (f − 1) / f of that part.
         """
         if len(self.rows) > 1:
             return None
@@ -54,48 +54,48 @@ Shape = Callable[[Discrepancy], bool]
 
 
 def close(theirs: Array, ours: Array) -> bool:
-    """Equal within `TOLERANCE` of the largest."""
+    """Whether two arrays are equal within `TOLERANCE` of the largest number."""
     return bool(np.abs(theirs - ours).max(initial=0.0) <= TOLERANCE * np.abs(ours).max(initial=0.0))
 
 
 def any_difference(_: Discrepancy) -> bool:
-    """Always: the last row of a field in the table of mistakes."""
+    """Always true: the last row of a field in the table of mistakes."""
     return True
 
 
 def all_zero(diff: Discrepancy) -> bool:
-    """Zero where numbers are expected."""
+    """The numbers are zero, the expected ones are not."""
     return not diff.theirs.any()
 
 
 def none_expected(diff: Discrepancy) -> bool:
-    """Numbers where zero is expected."""
+    """The expected numbers are zero."""
     return not diff.ours.any()
 
 
 def scaled_by(*factors: float) -> Shape:
-    """All scaled by one of these factors."""
+    """All numbers are scaled by one of these factors."""
     return lambda diff: any(_each_close(diff.theirs, factor * diff.ours) for factor in factors)
 
 
 def scaled_where_sliding(factor: float) -> Shape:
-    """All scaled by a factor, of joints that all slide."""
+    """All numbers are scaled by a factor, and all joints are prismatic."""
     shape = scaled_by(factor)
     return lambda diff: bool(diff.our_record.slides[diff.rows].all()) and shape(diff)
 
 
 def proportional(diff: Discrepancy) -> bool:
-    """Several numbers, or one vector, scaled by the same factor."""
+    """Several numbers, or one vector, are scaled by the same factor."""
     return diff.factor is not None and diff.ours.size > 1
 
 
 def part_scaled(diff: Discrepancy) -> bool:
-    """One part of a body scaled by a factor."""
+    """One part of a body is scaled by a factor."""
     return diff.part_factor is not None
 
 
 def lever_scaled(factor: float) -> Shape:
-    """Distances of centres of mass from the joint's point scaled by a factor."""
+    """Distances of centres of mass from the joint's point are scaled by a factor."""
 
     def shape(diff: Discrepancy) -> bool:
         origins = diff.their_record.points[diff.rows]
@@ -105,7 +105,7 @@ def lever_scaled(factor: float) -> Shape:
 
 
 def products_negated(diff: Discrepancy) -> bool:
-    """Equal moments and negated products of inertia, in their axes, in ours, or in those of frame 0."""
+    """Moments are equal and products of inertia negated, in their axes, in ours, or in those of frame 0."""
     k, off = diff.rows, ~np.eye(3, dtype=bool)
     for R in (diff.their_record.frames[k], diff.our_record.frames[k], np.eye(3)[None]):
         I = R.mT @ diff.ours @ R
@@ -117,24 +117,24 @@ def products_negated(diff: Discrepancy) -> bool:
 
 
 def one_sided(diff: Discrepancy) -> bool:
-    """Limits that allow torque in one direction only, where the drive needs both."""
+    """Limits allow torque in only one direction, but the drive needs both."""
     return bool(((diff.theirs[:, 0] >= 0) | (diff.theirs[:, 1] <= 0)).all() and diff.ours.all())
 
 
 def narrower(diff: Discrepancy) -> bool:
-    """Limits inside ours."""
+    """Limits are inside ours."""
     return bool(((diff.theirs[:, 0] >= diff.ours[:, 0]) & (diff.theirs[:, 1] <= diff.ours[:, 1])).all())
 
 
 def permuted(diff: Discrepancy) -> bool:
-    """The expected numbers at other joints."""
+    """The expected numbers are at other joints."""
     if np.ndim(diff.ours[0]) or len(diff.rows) < 2:
         return False
     return _each_close(np.sort(diff.theirs), np.sort(diff.ours))
 
 
 def all_larger(diff: Discrepancy) -> bool:
-    """All larger, by more than rounding; of inertias the smallest moments."""
+    """All numbers, or smallest moments of inertia, are larger by more than rounding errors."""
     return bool((_smallest(diff.theirs) > (1 + TOLERANCE) * _smallest(diff.ours)).all())
 
 
@@ -142,51 +142,51 @@ def fewer_digits(diff: Discrepancy) -> bool:
     """Scalars are rounded to fewer digits or decimals; vectors and matrices agree to three digits."""
     if not np.isfinite([diff.ours, diff.theirs]).all():
         return False
-    if np.ndim(diff.ours[0]):  # frames rotate them
+    if np.ndim(diff.ours[0]):  # rotated numbers are not round
         return bool(np.abs(diff.theirs - diff.ours).max() <= 1e-3 * np.abs(diff.ours).max())
     pairs = list(zip(diff.ours.tolist(), diff.theirs.tolist(), strict=True))
     formats = itertools.product("gf", range(2, 13))
-    last = 1e-14  # relative, of what the engine adds to a number and we take away; 12 digits are well above it
+    last = 1e-14  # relative rounding error of numbers that the engine adds and we subtract; far below 12 digits
     return any(
         all(abs(float(f"{x:.{digits}{kind}}") - y) <= last * abs(y) for x, y in pairs) for kind, digits in formats
     )
 
 
 def axes_rotated(diff: Discrepancy) -> bool:
-    """Equal principal moments about other axes."""
+    """Principal moments are equal, their axes are not."""
     return _each_close(moments(diff.theirs), moments(diff.ours))
 
 
 def equal_moments(diff: Discrepancy) -> bool:
-    """Three equal principal moments."""
+    """The three principal moments are equal."""
     return bool((np.ptp(moments(diff.theirs), axis=1) <= TOLERANCE * _smallest(diff.theirs)).all())
 
 
 def water_sphere(diff: Discrepancy) -> bool:
-    """2/5 m r² of a sphere of 1000 kg/m³, which Drake takes, with a warning, for inertias that no body can have."""
+    """2/5 m r² of a sphere of 1000 kg/m³, which Drake substitutes, with a warning, for impossible inertias."""
     m = diff.their_record.masses[diff.rows]
     moment = 0.4 * m * np.cbrt(3 * m / (4000 * np.pi)) ** 2
     return close(diff.theirs, moment[:, None, None] * np.eye(3))
 
 
 def about_joint(diff: Discrepancy) -> bool:
-    """Too large by m (r² 1 − r rᵀ), r from the joint's point to the centre of mass."""
+    """Inertias are too large by m (r² 1 − r rᵀ), with r from the joint's point to the centre of mass."""
     k, ours = diff.rows, diff.our_record
     return close(diff.theirs - diff.ours, parallel_axis(ours.masses[k], ours.centers[k] - ours.points[k]))
 
 
 def one_too_light(diff: Discrepancy) -> bool:
-    """A single body has too little mass."""
+    """The mass of a single body is too small."""
     return len(diff.rows) == 1 and bool(0 < diff.theirs[0] < diff.ours[0])
 
 
 def same_length(diff: Discrepancy) -> bool:
-    """A vector of equal length along another line."""
+    """A vector has the same length, but another direction."""
     return bool(np.isclose(np.linalg.norm(diff.theirs), np.linalg.norm(diff.ours), rtol=TOLERANCE, atol=0))
 
 
 def _smallest(values: Array) -> Array:
-    """Scalars themselves; of matrices the smallest eigenvalue."""
+    """Scalars themselves; for matrices, the smallest eigenvalue."""
     return values if np.ndim(values[0]) == 0 else moments(values)[:, 0]
 
 
@@ -196,6 +196,6 @@ def moments(inertias: Array) -> Array:
 
 
 def _each_close(theirs: Array, ours: Array) -> bool:
-    """Equal within `TOLERANCE` of the largest number in each row."""
+    """Whether arrays are equal within `TOLERANCE` of the largest number in each row."""
     error, size = (np.abs(part).reshape(len(part), -1).max(axis=1) for part in (theirs - ours, ours))
     return bool((error <= TOLERANCE * size).all())

@@ -1,10 +1,10 @@
-"""The largest stable step of the integrator of a file, for a slightly bent arm, where no two axes are parallel.
+"""Largest stable step of the integrator in a file, for a slightly bent arm without parallel axes.
 
-Semi-implicit Euler, v' = v + h a(x, v), x' = x + h v', of a mode with λ² + d λ + ω² = 0 is stable for
+Semi-implicit Euler, v' = v + h a(x, v), x' = x + h v', is stable for a mode λ² + d λ + ω² = 0 if
 
     h² ω² + 2 h d < 4        h < 4 / (d + √(d² + 4 ω²))
 
-and with the damping implicit, v' = v + h (−ω² x − d v'), for h² ω² − 2 h d < 4, h < (d + √(d² + 4 ω²)) / ω².
+With implicit damping, v' = v + h (−ω² x − d v'), it is stable if h² ω² − 2 h d < 4, or h < (d + √(d² + 4 ω²)) / ω².
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from flexlink.dynamics.vibration.stability import stable_step
 
 
 def _modes(chain: Chain) -> tuple[Array, Array]:
-    """ω [rad/s] and d = φᵀ D φ [1/s] of the undamped modes φ; an unstable one counts with its growth rate."""
+    """ω [rad/s] and d = φᵀ D φ [1/s] of the undamped modes φ; for an unstable mode, ω is its growth rate."""
     q = _bent(chain)
     M, K = regular_mass(chain, q, np.arange(chain.n)), stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
     square, φ = scipy.linalg.eigh((K + K.T) / 2, M)
@@ -52,4 +52,4 @@ LARGEST: dict[str, Callable[[Chain], float]] = {
     "Implicit": _damped_implicitly,
     "Implicitfast": _damped_implicitly,
 }
-"""By the names of `ReadBack.integrator`; no other is checked."""
+"""Functions by the names of `ReadBack.integrator`; other integrators are not checked."""

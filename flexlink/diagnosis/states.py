@@ -1,8 +1,8 @@
-"""States at which arms are compared: random, balanced, and stretched out.
+"""States for comparing arms: random, balanced, and stretched out.
 
-Angles of passive hinges are uniform in (−π, π), like those of active joints, so are places of sliding joints [m]. If M
-is not positive definite there (negative twist rotors of a lumping rule with `matched_twist`, gimbal lock), their
-deflection is halved until it is.
+Angles [rad] and positions of prismatic joints [m], active and passive, are uniform in (−π, π). If M is not positive
+definite there (negative twist rotors of a lumping rule with `matched_twist`, gimbal lock), the deflection is halved
+until it is.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from flexlink.dynamics.singularity import regular_mass
 from flexlink.dynamics.terms import elastic_torque, gravity_torque
 
 RANGE = 10.0
-"""Largest |q̇| [rad/s], |T_EX| of active joints [N m], tip force and moment [N, N m] of random states."""
+"""Largest |q̇| [rad/s], |T_EX| of active joints [N m], tip force [N] and moment [N m] of random states."""
 IMBALANCE = 1e-6
-"""Relative difference of T_EX from T_G + T_FL in balanced states."""
+"""Relative difference between T_EX and T_G + T_FL in balanced states."""
 TRIES = 20
 
 
@@ -38,28 +38,28 @@ class State(NamedTuple):
 
 
 def random_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
-    """Independent uniform states: angles in (−π, π); rates, drive torques and tip wrench up to `RANGE`.
+    """Return independent uniform states: angles in (−π, π); rates, drive torques and tip wrench up to `RANGE`.
 
     Raises
     ------
     SingularMassError
-        M is not positive definite at any posture tried.
+        M is not positive definite at any of the configurations tried.
     """
     random = np.random.default_rng(seed)
     return [_random(chain, random) for _ in range(samples)]
 
 
 def mixed_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
-    """Half random, a quarter balanced, an eighth stretched out at rest, an eighth stretched out with rates.
+    """Return states: half random, a quarter balanced, an eighth stretched out at rest, an eighth stretched and moving.
 
-    Balanced: at rest, T_EX = T_G + T_FL within `IMBALANCE`, all springs with similar torques; accelerations so small
-    that an error of 1e-9 in one spring is visible. Stretched out: springs slack, active joints at multiples of 90°, no
-    loads, so that arms hang, stand, fold back or reach out, and most terms cancel.
+    Balanced: at rest, T_EX = T_G + T_FL within `IMBALANCE`, with similar torques of all springs. Accelerations are then
+    so small that an error of 1e-9 in one spring is visible. Stretched out: springs at rest, active joints at multiples
+    of 90°, no loads; the arm hangs, is upright, folded or horizontal, and most terms cancel.
 
     Raises
     ------
     SingularMassError
-        M is not positive definite at any posture tried.
+        M is not positive definite at any of the configurations tried.
     """
     random = np.random.default_rng(seed)
     kinds = (_random, _balanced, _random, _stretched, _random, _balanced, _random, _moving)
@@ -77,13 +77,13 @@ def _balanced(chain: Chain, random: np.random.Generator) -> State:
     k = chain.stiffness
     soft = k.min(where=k > 0, initial=np.inf)
     reach = np.divide(soft, k, out=np.ones(chain.n), where=k > 0)  # springs have similar torques
-    q = _regular(chain, (chain.rest + reach * draw for draw in _uniform(chain, random)))
+    q = _regular(chain, (chain.rest + reach * deflection for deflection in _uniform(chain, random)))
     static = gravity_torque(chain, q) + elastic_torque(chain, q)
     return State(q, np.zeros(chain.n), static * (1 + IMBALANCE * random.uniform(-1, 1, chain.n)), np.zeros(6))
 
 
 def _stretched(chain: Chain, random: np.random.Generator) -> State:
-    def draws() -> Iterator[Array]:
+    def candidates() -> Iterator[Array]:
         for _ in range(TRIES):
             q = chain.rest.copy()
             q[chain.active] = random.integers(-1, 3, len(chain.active)) * (np.pi / 2)
@@ -91,7 +91,7 @@ def _stretched(chain: Chain, random: np.random.Generator) -> State:
             yield q
         yield from _uniform(chain, random)
 
-    return State(_regular(chain, draws()), np.zeros(chain.n), np.zeros(chain.n), np.zeros(6))
+    return State(_regular(chain, candidates()), np.zeros(chain.n), np.zeros(chain.n), np.zeros(6))
 
 
 def _moving(chain: Chain, random: np.random.Generator) -> State:
@@ -104,10 +104,10 @@ def _uniform(chain: Chain, random: np.random.Generator) -> Iterator[Array]:
     return (random.uniform(-np.pi, np.pi, chain.n) for _ in range(TRIES))
 
 
-def _regular(chain: Chain, draws: Iterator[Array]) -> Array:
-    """The first posture, with halved deflections if necessary, at which M is positive definite."""
+def _regular(chain: Chain, candidates: Iterator[Array]) -> Array:
+    """Return the first configuration, with halved deflections if necessary, at which M is positive definite."""
     free = np.arange(chain.n)
-    for q in draws:
+    for q in candidates:
         for _ in range(8):
             try:
                 regular_mass(chain, q, free)

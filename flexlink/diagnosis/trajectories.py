@@ -1,8 +1,8 @@
-"""compare_trajectories(scene) → TrajectoryComparison: one run in several engines, step by step the same method.
+"""compare_trajectories(scene) → TrajectoryComparison: one run in several engines, step by step with the same method.
 
-Two correct programs differ by rounding, which the motion may amplify. A cross-check estimates by how much: our own run
-with another solver of the forward dynamics. It is computed only if an engine differs by more than rounding alone, since
-it takes as long as our run and its kernels may not be compiled yet.
+Two correct programs differ by rounding errors, which the motion may amplify. A cross-check estimates the amplification:
+our own run with another solver of the forward dynamics. It is computed only if an engine differs by more than rounding
+errors, since it takes as long as our run and its kernels may not be compiled yet.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
 
 ANGLE_TOLERANCE = 1e-9
-"""Difference of an angle up to which runs agree [rad]: two million roundings of 3 rad, all in one direction."""
+"""Largest difference of an angle between runs that agree [rad]: two million rounding errors at 3 rad, of one sign."""
 
 CROSS_CHECK_FACTOR = 100.0
-"""Allowed difference over that of the cross-check. Other programs round more, since files are decimal and M is computed
-from other parts: up to 8 times more on the scenes of `models/`."""
+"""Allowed difference over that of the cross-check. Other programs have larger rounding errors, since files are decimal
+and M is computed from other parts: up to 8 times larger for the scenes of `models/`."""
 
 MEANINGFUL_TOLERANCE = 1e-3
-"""Largest tolerance of an angle at which agreement is meaningful [rad]: a wrong parameter may change less."""
+"""Largest tolerance of an angle at which agreement is meaningful [rad]: a wrong parameter may change it by less."""
 
 
 class RunDifference(NamedTuple):
-    """Largest differences of an engine's run from ours at any sample."""
+    """Largest differences between the runs of an engine and of flexlink at any sample."""
 
     engine: str
     q: float  # [rad]
@@ -51,7 +51,7 @@ class RunDifference(NamedTuple):
     time: float  # of the largest |Δq| [s]
     joint: str  # of the largest |Δq|
     explained: float  # largest |Δq| that counts as agreement [rad]
-    diverged: str = ""  # message of the engine, if its run ended early; the samples before are compared
+    diverged: str = ""  # message of the engine if its run ended early; the samples before are compared
 
     @property
     def passed(self) -> bool:
@@ -61,7 +61,7 @@ class RunDifference(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class TrajectoryComparison:
-    """A `RunDifference` for every engine that can run the scene, and why others cannot; prints as a table."""
+    """A `RunDifference` for every engine that can run the scene, and why others cannot; printed as a table."""
 
     scene: str
     steps: str
@@ -99,7 +99,7 @@ class TrajectoryComparison:
 
 
 def _width(title: str) -> int:
-    return 16 + title.count("\u0307")  # the combining dot has no width
+    return 16 + title.count("\u0307")  # combining dots have no width
 
 
 def compare_trajectories(
@@ -109,37 +109,37 @@ def compare_trajectories(
     duration: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> TrajectoryComparison:
-    """Run a scene in several engines with its drive, tip wrench, friction and motions, and compare with our own run.
+    """Simulate a scene with all its loads and motions in several engines, and compare them with flexlink.
 
-    All take the same steps: those of the scene if they are fixed steps of an explicit method, else stable RK4 steps. An
-    engine agrees if all angles differ by at most 1e-9 rad, or by at most 100 times the difference of our own run with
-    another solver, since a sensitive motion amplifies rounding.
+    All take the same steps: those of the scene if they are fixed steps of an explicit method, otherwise stable RK4
+    steps. An engine agrees if all angles differ by at most 1e-9 rad, or by at most 100 times the difference between two
+    of our solvers, since a sensitive motion amplifies rounding errors.
 
     Parameters
     ----------
     scene
-        The scene; an engine loads its arm as the text of an exported file.
+        The scene; an engine loads its arm from the text of an exported file.
     engines
-        Names in `flexlink.engines.ENGINES`; by default all that are installed. Those that cannot run the scene are then
-        left out and named in the result.
+        Names in `flexlink.engines.ENGINES`. Default: all installed engines; those that cannot run the scene are then
+        omitted, and listed in the result.
     duration
-        Simulated time [s] in place of the scene's.
+        Simulated time [s], which replaces the scene's.
     progress
         Called with the finished fraction, from 0 to 1.
 
     Returns
     -------
     TrajectoryComparison
-        For every engine the largest differences of angles, rates and tip, and their time; prints as a table.
+        Largest differences of angles, rates and tip for every engine, and their time; printed as a table.
 
     Raises
     ------
     ArgumentError
-        `scene` is not a Scene, an engine is unknown, or one of `engines` (by default: none) can run the scene.
+        `scene` is not a Scene, an engine is unknown, or one of `engines` (default: every engine) cannot run the scene.
     MissingDependencyError
-        One of `engines` is not installed (by default: none is).
+        One of `engines` is not installed (default: none is).
     DivergenceError, UnstableStepError
-        As in `simulate`, for our own run.
+        Our own run fails, as in `simulate`.
 
     Examples
     --------
@@ -182,7 +182,7 @@ def compare_trajectories(
 
 
 def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
-    """The scene in fixed steps of an explicit method, and these in words."""
+    """The scene in fixed steps of an explicit method, and these steps in words."""
     run = scene.run
     over = f"{run.duration:g} s in"
     if steps_explicitly(run):
@@ -191,14 +191,17 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
     state = problem.q, problem.qd
     stable = stable_step(chain, *state, method="RK4", **acting_at(problem.inputs, chain, problem.start, *state))
     whole = min(run.spacing, 1 / (scene.drive.rate or 1 / run.spacing)) if run.controlled else run.fixed_step
-    step = whole / max(1, math.ceil(whole / (0.5 * stable)))  # half of it: the motion changes it by less
+    step = whole / max(1, math.ceil(whole / (0.5 * stable)))  # half: the motion changes the limit by less than that
     fixed = scene.varied({"run.method": "RK4", "run.step": step, "run.sample": run.spacing})
-    own = f"a tolerance, {run.method}" if run.controlled else f"{run.method} steps of {run.fixed_step:g} s"
-    return fixed, f"{over} RK4 steps of {step:g} s, {step / stable:.2g} of the stability limit (the scene has {own})"
+    given = f"a tolerance, {run.method}" if run.controlled else f"{run.method} steps of {run.fixed_step:g} s"
+    return (
+        fixed,
+        f"{over} RK4 steps of {step:g} s, {step / stable:.2g} of the stability limit (the scene has {given})",
+    )
 
 
 def _cross_check(scene: Scene, ours: Trajectory) -> float:
-    """Largest difference of two runs of ours with different solvers [rad]; 0 if the other one fails."""
+    """Largest difference between two of our runs with different solvers [rad]; 0 if the other one fails."""
     other = "articulated" if scene.run.solver == "lu" else "lu"
     try:
         return float(np.abs(simulate(scene, solver=other).q - ours.q).max(initial=0.0))  # type: ignore[arg-type]
@@ -207,7 +210,7 @@ def _cross_check(scene: Scene, ours: Trajectory) -> float:
 
 
 def _difference(ours: Trajectory, scene: Scene, name: str) -> RunDifference:
-    """Differences of an engine's run from ours; if it diverges, of the samples before."""
+    """Differences between an engine's run and ours; if it diverges, at the samples before."""
     diverged = ""
     try:
         _, q, qd = load(name, ours.chain).integrate(scene)

@@ -1,6 +1,7 @@
-"""Numbers of a scene from measurements: a problem as data, what the data can tell, the fit, and how well it is known.
+"""Parameter identification: fit scene parameters to measurements, with an identifiability check and 95 % intervals.
 
     min over x, g, b of Σ ((g y(x) + b − measured) / σ)² + Σ ((x − prior) / deviation)²
 
-y are columns of runs, frequencies and static deflections; x the logarithms of positive numbers, others as they are.
+y are the predicted columns of runs, natural frequencies and static deflections. x are the logarithms of positive
+parameters and the plain values of all others.
 """

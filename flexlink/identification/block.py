@@ -1,9 +1,9 @@
-"""Numbers that were measured with one instrument, and the autocorrelation of their noise: one model a column.
+"""Measurements of one instrument, and the autoregressive (AR) model of their noise: one model per column.
 
     e_t = − a₁ e_{t−1} − … − a_p e_{t−p} + w_t,  w white
 
-The order is the one of the least Bayesian information criterion, n ln σ² + p ln n (Schwarz 1978), the coefficients
-Burg's. Criteria that ask less for a coefficient (AICc) take orders of chance, and intervals come out 5 to 10 % narrow.
+The order p minimizes the Bayesian information criterion, n ln σ² + p ln n (Schwarz 1978); the coefficients are Burg's
+estimates. Criteria with a smaller penalty (AICc) overfit the order, which makes intervals 5 to 10 % too narrow.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ import scipy
 from flexlink.common.types import Array
 
 SHARE = 12
-"""Samples for each coefficient, at least."""
+"""Smallest number of samples per AR coefficient."""
 
 
 class Colour(NamedTuple):
-    """An autoregressive model of residuals: 1, a₁ … a_p, and the innovations, shape (n,)."""
+    """An autoregressive model of residuals: coefficients 1, a₁ … a_p, and the innovations, shape (n,)."""
 
     a: Array
     innovations: Array
 
     def whitened(self, X: Array) -> Array:
-        """Columns X, shape (n, columns), as they come out where the noise comes out white, of the innovations' size.
+        """Whiten columns X, shape (n, columns); the result has the size of the innovations.
 
-        The first p samples are predicted from the few before them: none counts more than the noise allows.
+        The first p samples are predicted from the few samples before them and scaled to the same variance.
         """
         if not X.size:
             return X
         found, p, a, size = scipy.signal.lfilter(self.a, [1.0], X, axis=0), len(self.a) - 1, self.a, 1.0
-        for t in range(p, 0, -1):  # the predictor of order t to that of order t − 1 (Levinson and Durbin)
+        for t in range(p, 0, -1):  # from the predictor of order t to that of order t − 1 (Levinson-Durbin)
             k = a[t]
             a = (a - k * a[::-1])[:t] / (1 - k * k)
             size *= math.sqrt(1 - k * k)
@@ -45,7 +45,7 @@ class Colour(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Size of the innovations over that of the noise."""
+        """Standard deviation of the innovations over that of the noise."""
         a, size = self.a, 1.0
         for t in range(len(self.a) - 1, 0, -1):
             k = a[t]
@@ -53,18 +53,18 @@ class Colour(NamedTuple):
         return size
 
     def pulled_back(self, J: Array, past: int) -> Array:
-        """Hᵀ J, latest row first, H the pulse response from innovations on, `past` earlier ones, too, (n + past, k)."""
+        """Hᵀ J, latest sample first, shape (n + past, k); H is the impulse response, with `past` earlier samples."""
         rows = np.vstack([J[::-1], np.zeros((past, J.shape[1]))])
         return np.asarray(scipy.signal.lfilter([1.0], self.a, rows, axis=0))
 
     @property
     def price(self) -> float:
-        """What the criterion asks for the coefficients, in units of −2 ln of the likelihood."""
+        """Penalty of the information criterion for the coefficients, in units of −2 ln likelihood."""
         return _price(len(self.a) - 1, len(self.innovations))
 
     @property
     def memory(self) -> int:
-        """Samples after which a pulse is forgotten to 1e-6, at most 10 000."""
+        """Number of samples after which the impulse response has decayed to 1e-6, at most 10 000."""
         if len(self.a) == 1:
             return 0
         slowest = float(np.abs(np.roots(self.a)).max())
@@ -72,15 +72,15 @@ class Colour(NamedTuple):
 
     @property
     def correlation_length(self) -> float:
-        """Σ ρ² over all lags: a mean square of n samples is as well known as that of n over this many independent."""
+        """Σ ρ² over all lags: n samples determine a mean square as well as n / (this sum) independent samples."""
         h = scipy.signal.lfilter([1.0], self.a, np.eye(1, self.memory + 1).ravel())
         full = np.correlate(h, h, "full")
         return float(np.sum((full / full[len(h) - 1]) ** 2))
 
 
 def colour_of(e: Array) -> Colour:
-    """The model of residuals, shape (n,)."""
-    highest = 40  # order
+    """Return the AR model of residuals, shape (n,)."""
+    highest = 40  # largest order
     n = len(e)
     if n < 3 * SHARE or not e.any():
         return Colour(np.ones(1), e)
@@ -105,7 +105,7 @@ def _price(order: int, samples: int) -> float:
 
 
 def whiteness(e: Array) -> float:
-    """Probability that white noise has autocorrelations as large as these (Ljung and Box), at up to 20 lags."""
+    """P-value of the Ljung-Box test: probability that white noise is at least as autocorrelated, up to 20 lags."""
     n, lags = len(e), min(20, len(e) // 5)
     power = float(e @ e)
     if lags < 1 or not power:
@@ -116,24 +116,24 @@ def whiteness(e: Array) -> float:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Block:
-    """Numbers that were measured with one instrument.
+    """Measurements of one instrument, and their noise.
 
     Attributes
     ----------
     name
-        What they are, with the unit; of a run its column.
+        What was measured, with the unit; for a run, the name of its column.
     y
-        The numbers in SI units, shape (n,), finite.
+        Measured values in SI units, shape (n,), finite.
     σ
         Standard deviation of their noise, shape (n,).
     stated
-        Whether the problem states it; else it follows from what the fit leaves.
+        Whether the problem states the noise; otherwise it is estimated from the residuals.
     t
-        Times of a run's column [s], shape (n,); None of single numbers, whose noise is independent.
+        Times of a run's samples [s], shape (n,); None for single measurements, whose noise is independent.
     colour
-        Autocorrelation of the noise; None of white noise. σ is then the size of its innovations.
+        AR model of the noise, None for white noise. With a model, σ is the standard deviation of the innovations.
     gain, bias
-        Whether scale and zero are unknown.
+        Whether scale and offset are unknown.
     """
 
     name: str
@@ -147,12 +147,12 @@ class Block:
 
     @property
     def unit(self) -> str:
-        """Unit of the numbers."""
+        """Unit of the values."""
         return unit_in(self.name)
 
 
 def unit_in(name: str) -> str:
-    """The unit in the name of a column.
+    """Return the unit in the name of a column.
 
     >>> print(unit_in("tip x [m]"))
     m

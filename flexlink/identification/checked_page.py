@@ -1,4 +1,4 @@
-"""Chapters of a fit's page that a check has, too: what the data can tell, what was asked, how it was made."""
+"""Chapters that the pages of fits and of checks share: identifiability, the problem, and how to reproduce the page."""
 
 from __future__ import annotations
 
@@ -23,36 +23,40 @@ from flexlink.pages.tables import Table, columns_csv
 from flexlink.pages.verdict import Report, Verdict
 
 START, PROBLEM = "start.toml", "problem.toml"
-"""Files beside the page: the scene before the fit, and the problem, which names it."""
+"""Files next to the page: the scene before the fit, and the problem, which refers to it."""
 
 
 def build_check(problem: FitProblem, check: Check, folder: Path, command: str) -> Report:
-    """Write the page of a check, or of a fit that it refused, and its files.
+    """Write the page and the files of a check, or of a fit that the check refused.
 
     Raises
     ------
     FlexlinkError
-        The folder cannot be made, or a file in it not be written.
+        The folder or a file in it cannot be written.
     """
     make_folder(folder)
     write_text(folder / "check.json", json.dumps(document(check), indent=1, ensure_ascii=False) + "\n")
     parts = {
-        "told": ("What the data can tell", "Identifiability", told(check)),
-        "asked": ("What was asked", "Problem", asked(problem, (*known_before(problem), *what_differs(problem)))),
-        "reproduce": ("How to reproduce", "Reproduce", reproduced(problem.scene, START, command)),
+        "identifiability": ("Identifiability", "Identifiability", told(check)),
+        "problem": (
+            "Problem",
+            "Problem",
+            problem_part(problem, (*priors_in_words(problem), *differences_of_runs(problem))),
+        ),
+        "reproduce": ("How to reproduce this page", "Reproduce", reproduction(problem.scene, START, command)),
     }
     chapters = [written(Chapter(name, title, short), part, folder, {}) for name, (title, short, part) in parts.items()]
-    held = f"The data hold {plural(len(check.names), 'number')}. Nothing was fitted."
-    lost = f"Nothing was fitted: {'; also '.join(one.text for one in check.lost)}."
+    identifiable = f"{plural(len(check.names), 'parameter')} identifiable at the initial guess. Nothing was fitted."
+    refused = f"Nothing was fitted: {'; also '.join(one.text for one in check.lost)}."
     verdict = Verdict(
-        "Identifiability", "pass" if check.passed else "fail", "held" if check.passed else "refused",
-        held if check.passed else lost,
+        "Identifiability", "pass" if check.passed else "fail", "identifiable" if check.passed else "refused",
+        identifiable if check.passed else refused,
     )  # fmt: skip
     return Report(write_page(folder, problem.scene.name, "fit", chapters, [verdict], [], {}), (verdict,), chapters)
 
 
 def document(check: Check) -> dict[str, object]:
-    """What the data can tell, as plain numbers and texts; None is no number."""
+    """The check as plain numbers and texts; None replaces non-finite numbers."""
     return {
         "passed": check.passed,
         "expected": {
@@ -60,29 +64,30 @@ def document(check: Check) -> dict[str, object]:
             for name, part in zip(check.names, check.expected, strict=True)
         },
         "singular_values": check.singular_values.tolist(),
-        "directions": [{"text": one.text, "lost": one.lost} for one in check.directions],
-        "notes": list(check.notes),
+        "directions": [{"id": one.text.id, "text": one.text, "lost": one.lost} for one in check.directions],
+        "notes": [{"id": note.id, "text": note} for note in check.notes],
     }
 
 
 def told(check: Check) -> Part:
-    """What the data can tell."""
-    head = "± of 95 % [% of it, or of its unit]"
+    """Result of an identifiability check."""
+    head = "± of 95 % [% of value or unit]"
     lines = tuple(
         (name, 100 * WIDE * float(part) if np.isfinite(part) else None)
         for name, part in zip(check.names, check.expected, strict=True)
     )
-    sentences = tuple(f"{one.text}." for one in check.directions) or ("Every number, and every combination, is held.",)
+    sentences = tuple(f"{one.text}." for one in check.directions)
+    sentences = sentences or ("Every parameter, and every combination of parameters, is identifiable.",)
     values = tuple((k, float(s)) for k, s in enumerate(check.singular_values, 1))
     return Part((*sentences, *(f"{note}." for note in check.notes)), tables=(
-        Table("expected", "Expected from slopes and white noise, 95 %", ("number", head), lines),
-        Table("singular_values", "Singular values of the slopes over the noise", ("number", "value"), values,
+        Table("expected", "Expected 95 % intervals, linear estimate with white noise", ("parameter", head), lines),
+        Table("singular_values", "Singular values of the Jacobian over the noise", ("number", "value"), values,
               to_look_up=True),
     ))  # fmt: skip
 
 
-def asked(problem: FitProblem, sentences: Sequence[str] = ()) -> Part:
-    """The problem, its scene and its runs as files."""
+def problem_part(problem: FitProblem, sentences: Sequence[str] = ()) -> Part:
+    """The problem, its scene and its runs, as files."""
     files = {START: problem.scene.to_toml()}
     runs = []
     for k, run in enumerate(problem.run, 1):
@@ -90,31 +95,31 @@ def asked(problem: FitProblem, sentences: Sequence[str] = ()) -> Part:
         if run.columns:
             files[name] = columns_csv({head: np.array(column) for head, column in run.columns.items()})
         runs.append(replace(run, columns={}, file=name))
-    said = without_defaults(replace(problem, run=tuple(runs))) | {"scene": START}
-    text = toml_of({"scene": START, **said})
+    written_problem = without_defaults(replace(problem, run=tuple(runs))) | {"scene": START}
+    text = toml_of({"scene": START, **written_problem})
     about = (f"{problem.about.rstrip('.')}.",) if problem.about else ()
     return Part((*about, *sentences), literal=text, literal_title="Problem file", files={PROBLEM: text, **files})
 
 
-def known_before(problem: FitProblem) -> tuple[str, ...]:
-    """What is known of numbers without the data."""
+def priors_in_words(problem: FitProblem) -> tuple[str, ...]:
+    """Priors in words."""
     return tuple(
-        f"Known already: {one.path} is {one.prior[0]:.6g} ± {one.prior[1]:.2g} (standard deviation)."
+        f"Prior: {one.path} is {one.prior[0]:.6g} ± {one.prior[1]:.2g} (standard deviation)."
         for one in problem.parameter if one.prior
     )  # fmt: skip
 
 
-def what_differs(problem: FitProblem) -> tuple[str, ...]:
-    """What runs set in the scene."""
+def differences_of_runs(problem: FitProblem) -> tuple[str, ...]:
+    """Differences of runs from the scene, in words."""
     return tuple(
-        f"In {run.name} differs from the scene: "
+        f"Differences of {run.name} from the scene: "
         f"{', '.join(f'{path} = {truncated(value)}' for path, value in run.set.items())}."
         for run in problem.run if run.set
     )  # fmt: skip
 
 
-def reproduced(scene: Scene, name: str, command: str) -> Part:
-    """The command, and a scene."""
+def reproduction(scene: Scene, name: str, command: str) -> Part:
+    """The command and a scene."""
     sentences = (f"Made by: {command}",) if command else ()
-    again = f"Again, from the files beside this page: flexlink fit {PROBLEM}"
+    again = f"To repeat it with the files next to this page: flexlink fit {PROBLEM}"
     return Part((*sentences, again), literal=scene.to_toml(), files={name: scene.to_toml()})

@@ -1,4 +1,4 @@
-"""Parameters as coordinates x of a search: logarithms of positive numbers, other numbers over a unit."""
+"""Parameters as search coordinates x: logarithms of positive parameters, others divided by a typical change."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from flexlink.identification.problem import FitParameter, FitProblem, FitRun
 
 @dataclasses.dataclass(frozen=True)
 class Coordinate:
-    """A parameter: value = e^x, or unit · x.
+    """A parameter as a search coordinate x: value = e^x, or value = unit · x.
 
     Attributes
     ----------
     path
-        Its path in the scene.
+        Path in the scene.
     run
-        Name of the only run that has it; "" of one for all runs.
+        Name of the run that the parameter belongs to; "" for a parameter of all runs.
     start
-        Value where the search begins.
+        Initial guess.
     log
-        Whether x is its logarithm.
+        Whether x is the logarithm of the value.
     unit
-        Size of a large change of one that is not.
+        Typical large change of the value, if x is not its logarithm.
     between
-        Least and largest value.
+        Lower and upper bound.
     prior
-        Value and standard deviation that are known already.
+        Mean and standard deviation of the prior, if there is one.
     measured_in
-        Unit of the value; "" of a pure number.
+        Unit of the value; "" for a dimensionless number.
     """
 
     path: str
@@ -52,56 +52,68 @@ class Coordinate:
 
     @property
     def name(self) -> str:
-        """How messages call it."""
+        """Name in messages."""
         return f"{self.path} of run {self.run!r}" if self.run else self.path
 
     def x(self, value: float) -> float:
-        """The coordinate of a value."""
+        """Coordinate of a value."""
         if self.log:
             return math.log(value) if value > 0 else -math.inf
         return value / self.unit
 
     def value(self, x: float) -> float:
-        """The value at a coordinate; inf where it is beyond float64, as ends of intervals may be."""
+        """Value at a coordinate; inf if it overflows float64, as the end of an interval may."""
         if self.log:
             return math.exp(x) if x < math.log(sys.float_info.max) else math.inf
         return self.unit * x
 
     def size(self, value: float) -> float:
-        """∂value/∂x there."""
+        """∂value/∂x at a value."""
         return value if self.log else self.unit
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Least and largest x."""
+        """Lower and upper bound of x."""
         low, high = self.between
         return self.x(low), self.x(high)
 
 
 def coordinates_of(problem: FitProblem) -> tuple[Coordinate, ...]:
-    """All parameters, those of single runs last.
+    """Coordinates of all parameters; those of single runs come last.
 
     Raises
     ------
     SceneError
-        A path leads nowhere, to several numbers that differ, or to none; or the start is out of bounds.
+        A path is unknown, has no number or several different ones; or the initial guess is out of bounds.
     """
     found = [coordinate_of(problem.scene, parameter) for parameter in problem.parameter]
     for run in problem.run:
         if run.use == "fit":
-            found += own_coordinates(problem, run)
+            found += run_coordinates(problem, run)
     return tuple(found)
 
 
-def own_coordinates(problem: FitProblem, run: FitRun) -> list[Coordinate]:
-    """Parameters of one run alone; errors as in `coordinates_of`."""
+def run_coordinates(problem: FitProblem, run: FitRun) -> list[Coordinate]:
+    """Coordinates of the parameters of one run.
+
+    Raises
+    ------
+    SceneError
+        As in `coordinates_of`.
+    """
     scene = problem.scene.varied(run.set) if run.set else problem.scene
     return [coordinate_of(scene, parameter, run.name) for parameter in run.parameter]
 
 
 def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coordinate:
-    """A number of a scene; errors as in `coordinates_of`."""
-    furthest = 1e3  # factor from the start that is tried at most of a logarithm
+    """Coordinate of one parameter of a scene.
+
+    Raises
+    ------
+    SceneError
+        As in `coordinates_of`.
+    """
+    furthest = 1e3  # default bounds of a logarithmic parameter: this factor below and above the initial guess
     value = _value(scene, parameter)
     log = parameter.scale == "log" or (
         parameter.scale == "auto" and value > 0 and not parameter.path.startswith("initial.")
@@ -109,27 +121,27 @@ def coordinate_of(scene: Scene, parameter: FitParameter, run: str = "") -> Coord
     low, high = parameter.between or (-math.inf, math.inf)
     if log and (value <= 0 or high <= 0):
         raise SceneError(
-            f"parameter {parameter.path} = {value!r}: is not positive; give scale = 'linear'",
+            f"parameter {parameter.path} = {value!r}: must be > 0 on a logarithmic scale; set scale = 'linear'",
             id="parameter-not-positive",
         )
     if parameter.prior is not None and log and parameter.prior[0] <= 0:
         raise SceneError(
-            f"parameter {parameter.path}: prior = {list(parameter.prior)}: is not positive", id="parameter-not-positive"
+            f"parameter {parameter.path}: prior = {list(parameter.prior)}: must be > 0", id="parameter-not-positive"
         )
     if not parameter.within(value):
         raise SceneError(
-            f"parameter {parameter.path} = {value!r}: outside between = {[low, high]}; give start", id="parameter-start"
+            f"parameter {parameter.path} = {value!r}: outside between = {[low, high]}; set start", id="parameter-start"
         )
     if value == 0 and parameter.between is None and not parameter.path.startswith("initial."):
         raise SceneError(
-            f"parameter {parameter.path} = {value!r}: how large it may be is not known; give between, or a start",
+            f"parameter {parameter.path} = {value!r}: its order of magnitude is unknown; set between or start",
             id="parameter-start",
         )
     width = (high - low) / 2
     unit = width if math.isfinite(width) else abs(value) or 1.0
     ends = (max(low, value / furthest), min(high, value * furthest)) if log else (low, high)
-    said = unit_of(scene, parameter.path)
-    return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior, said)
+    unit_name = unit_of(scene, parameter.path)
+    return Coordinate(parameter.path, run, value, log, unit, ends, parameter.prior, unit_name)
 
 
 def _value(scene: Scene, parameter: FitParameter) -> float:
@@ -139,11 +151,11 @@ def _value(scene: Scene, parameter: FitParameter) -> float:
     try:
         return number_in(values)
     except SceneError as error:
-        raise SceneError(f"parameter {parameter.path} = {error}, or give start", id="parameter-start") from None
+        raise SceneError(f"parameter {parameter.path} = {error}, or set start", id="parameter-start") from None
 
 
 def prior_rows(coordinates: Sequence[Coordinate], x: Array) -> tuple[Array, Array]:
-    """(x − prior) / deviation of those that have one, and its slopes, shape (priors, coordinates)."""
+    """Residuals (x − prior) / deviation of all priors, and their Jacobian, shape (priors, coordinates)."""
     known = [(k, one) for k, one in enumerate(coordinates) if one.prior is not None]
     residual, slopes = np.zeros(len(known)), np.zeros((len(known), len(coordinates)))
     for row, (k, one) in enumerate(known):

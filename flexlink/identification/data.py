@@ -1,4 +1,4 @@
-"""What was measured, block by block, and what a scene gives in its place: recorded runs, and single numbers at rest."""
+"""Measurements and the model's predictions of them, block by block: recorded runs, and single measurements at rest."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.types import Array
-from flexlink.common.wording import did_you_mean
+from flexlink.common.wording import Diagnostic, did_you_mean
 from flexlink.data.measured import Measured, measured_from, named, read_measured
 from flexlink.describe.scene import Scene
 from flexlink.describe.sensor import column_names
@@ -36,24 +36,24 @@ from flexlink.results.trajectory import Trajectory
 
 @dataclasses.dataclass(eq=False)
 class Source:
-    """A run that was recorded, or single numbers that were measured at rest.
+    """A recorded run, or single measurements at rest.
 
     Attributes
     ----------
     name, use
-        As the problem says.
+        As in the problem.
     scene
-        What it is computed from, but for the parameters.
+        The scene that predicts the data, before parameters are set.
     blocks
-        Columns of the run, or the numbers.
+        Columns of the run, or the single measurements.
     rate
-        Samples per second of a run's file [Hz].
+        Sampling rate of a run's file [Hz].
     shows
-        How long a run is, and how much of the slowest mode it shows, in words.
+        Length of a run and the number of periods of the slowest mode in it, in words.
     doubts
-        What is to be known of a run's times.
+        Warnings about a run's times.
     at_rest
-        What a scene has in place of single numbers; None of a run.
+        Function that predicts single measurements from a scene; None for a run.
     """
 
     name: str
@@ -62,16 +62,16 @@ class Source:
     blocks: tuple[Block, ...]
     rate: float = 0.0
     shows: str = ""
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()
     at_rest: Callable[[Scene], list[Array]] | None = None
 
     @property
     def is_run(self) -> bool:
-        """Whether it was recorded in time."""
+        """Whether the source is a recorded run."""
         return self.at_rest is None
 
     def first(self, part: float) -> Source:
-        """The first part of a run, ten samples at least."""
+        """Return the given part of a run from its beginning, at least ten samples."""
         blocks = tuple(_first(block, part) for block in self.blocks)
         end = max(float(np.asarray(block.t)[-1]) for block in blocks)
         run = self.scene.run
@@ -81,18 +81,18 @@ class Source:
         return dataclasses.replace(self, scene=scene, blocks=blocks)
 
     def model(self, run: Trajectory) -> list[Array]:
-        """What a run has in place of its blocks, by cubic splines through its samples."""
+        """Predictions of all blocks from a simulated run, by cubic splines through its samples."""
         columns = run.columns
         return [at_times(run.t, columns[block.name], np.asarray(block.t)) for block in self.blocks]
 
 
 def recorded(problem: FitProblem, run: FitRun) -> Source:
-    """A run of a problem, read.
+    """Read a recorded run of a problem.
 
     Raises
     ------
     DataFileError, SceneError
-        Its file or columns, or what it sets, are wrong.
+        The file, its columns, or the run's `set` are wrong.
     """
     scene = problem.scene.varied(run.set) if run.set else problem.scene
     known = dict.fromkeys((*columns_of(lump(scene)), *column_names(scene.sensor, scene.arm)))
@@ -102,7 +102,7 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
     inside = (measured.t >= first) & (measured.t <= last)
     if inside.sum() < 2:
         raise DataFileError(
-            f"run {run.name!r}: fewer than two samples from {first:g} to {last:g} s; the file goes from "
+            f"run {run.name!r}: fewer than two samples from {first:g} to {last:g} s; the file covers "
             f"{measured.t[0]:g} to {measured.t[-1]:g} s",
             id="too-few-samples",
         )
@@ -121,8 +121,8 @@ def recorded(problem: FitProblem, run: FitRun) -> Source:
 
 
 def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
-    """Places of the tip are such as the arm can get to; one that floats, or slides without limits, gets anywhere."""
-    times = 20.0  # the reach of an arm, where its tip can never go: measured in another unit
+    """Refuse tip positions that the arm cannot reach, unless its base floats or a sliding joint has no limits."""
+    times = 20.0  # a range of positions beyond this multiple of the reach is in another unit
     chain = lump(scene)
     reach, ends = chain.reach, chain.hinges[["lower", "upper"]][chain.slides]
     if scene.arm.base.free or not all(np.isfinite(ends[end]).all() for end in ("lower", "upper")):
@@ -131,8 +131,8 @@ def _check_reach(run: FitRun, scene: Scene, blocks: Sequence[Block]) -> None:
         far = float(np.ptp(block.y))
         if re.fullmatch(r"tip [xyz] \[m\]", block.name) and far > times * reach:
             raise DataFileError(
-                f"run {run.name!r}: {block.name} ranges over {far:.4g} m, but the arm reaches {reach:.2g} m; likely "
-                f"given in mm: the head is then {block.name.replace('[m]', '[mm]')!r}",
+                f"run {run.name!r}: {block.name} ranges over {far:.4g} m, but the arm reaches {reach:.2g} m; if the "
+                f"column is in mm, name it {block.name.replace('[m]', '[mm]')!r}",
                 id="likely-unit",
             )
 
@@ -142,13 +142,13 @@ def _measured(run: FitRun, known: Mapping[str, object]) -> Measured:
         return read_measured(Path(run.file), known, run.compare)
     lengths = {head: len(column) for head, column in run.columns.items()}
     if len(set(lengths.values())) != 1:
-        raise DataFileError(f"run {run.name!r}: columns of different length: {lengths}", id="one-per-row")
+        raise DataFileError(f"run {run.name!r}: columns of different lengths: {lengths}", id="one-per-row")
     values = np.array(list(run.columns.values())).T
     return measured_from(f"run {run.name!r}", list(run.columns), values, known, run.compare)
 
 
 def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, object]) -> dict[str, dict[str, str]]:
-    """What the run says of columns: how each was called, by the name of the column of a run."""
+    """Heads of the file's columns in `noise`, `gain` and `bias` of a run, by the name of the simulated column."""
     where, found = f"run {run.name!r}", {}
     for key in ("noise", "gain", "bias"):
         found[key] = {named(where, head, known)[0]: head for head in getattr(run, key)}
@@ -156,7 +156,7 @@ def _by_name(run: FitRun, known: Mapping[str, object], compared: Mapping[str, ob
             if name not in compared:
                 likely = did_you_mean(head, compared)
                 raise DataFileError(
-                    f"{where}: {key} of {head!r}: no such column is compared{likely}", id="no-such-column"
+                    f"{where}: {key} of {head!r}: this column is not compared{likely}", id="no-such-column"
                 )
     return found
 
@@ -165,18 +165,18 @@ def _block(
     run: FitRun, name: str, y: Array, t: Array, heads: Mapping[str, Mapping[str, str]], known: Mapping[str, object],
     of_sensor: float,
 ) -> Block:  # fmt: skip
-    there = np.isfinite(y)
+    measured = np.isfinite(y)
     head = heads["noise"].get(name)
     σ = run.noise[head] * named(run.name, head, known)[1] if head is not None else of_sensor
     return Block(
-        name, y[there], np.full(int(there.sum()), σ), σ > 0, t[there], None,
+        name, y[measured], np.full(int(measured.sum()), σ), σ > 0, t[measured], None,
         name in heads["gain"], name in heads["bias"],
     )  # fmt: skip
 
 
 def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
-    """A first guess of noise that is not stated."""
-    assumed = 0.01  # part of the range of columns of one unit
+    """Assume a standard deviation where the noise is not stated."""
+    assumed = 0.01  # part of the range of all columns of the same unit
     range_of: dict[str, float] = {}
     for block in blocks:
         range_of[block.unit] = max(range_of.get(block.unit, 0.0), float(np.ptp(block.y)))
@@ -189,13 +189,13 @@ def _with_noise(blocks: Sequence[Block]) -> tuple[Block, ...]:
 
 
 def exact(scene: Scene, tolerance: float) -> Scene:
-    """The scene with runs that have slopes (`smooth`), of sensors that are asked at every sample."""
+    """The scene with differentiable runs (`smooth`) and sensors that are read at every sample."""
     sensors = tuple(replace(one, rate=None) for one in scene.sensor)
     return smooth(replace(scene, sensor=sensors) if sensors else scene, tolerance)
 
 
 def _noise_of_sensors(scene: Scene) -> dict[str, float]:
-    """Standard deviation of the readings of a scene's sensors, of noise and resolution, by column."""
+    """Standard deviation of the noise and resolution of a scene's sensors, by column."""
     return {
         name: math.hypot(one.noise, (one.resolution or 0.0) / math.sqrt(12))
         for one in scene.sensor
@@ -209,14 +209,14 @@ def _first(block: Block, part: float) -> Block:
 
 
 def at_times(t: Array, samples: Array, times: Array) -> Array:
-    """Samples (n, …) at times t as they are where these are asked for, else by cubic splines."""
+    """Samples (n, …) at times t, interpolated to other times by cubic splines; unchanged if the times are equal."""
     if len(times) <= len(t) and np.allclose(t[: len(times)], times, rtol=0, atol=1e-9 * max(float(times[-1]), 1e-3)):
         return np.asarray(samples[: len(times)])
     return np.asarray(scipy.interpolate.CubicSpline(t, samples)(times))
 
 
 def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
-    """Frequencies, and damping ratios."""
+    """Source of measured natural frequencies and damping ratios."""
     name = f"modes {number}"
     modes_asked = np.array(part.numbers or range(1, len(part.hertz) + 1)) - 1
     σ = np.broadcast_to(np.array(part.deviation), len(part.hertz)).astype(float)
@@ -232,7 +232,7 @@ def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
         elastic = np.flatnonzero(np.array(found.kinds) == "elastic")
         if len(elastic) <= modes_asked.max():
             raise ArgumentError(
-                f"{name}: mode {modes_asked.max() + 1} is asked for; the arm has {len(elastic)} elastic modes",
+                f"{name}: mode {modes_asked.max() + 1} was measured; the model has only {len(elastic)} elastic modes",
                 id="unknown-mode",
             )
         which = elastic[modes_asked]
@@ -243,7 +243,7 @@ def tapped(problem: FitProblem, part: FitModes, number: int) -> Source:
 
 
 def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
-    """One coordinate of the tip, or by how much it differs from another state."""
+    """Source of one measured coordinate of the tip at rest, or of its change from another state."""
 
     def tip(scene: Scene) -> float:
         chain, q, _ = _at_rest(scene)
@@ -259,7 +259,7 @@ def sagged(problem: FitProblem, part: FitStatic, number: int) -> Source:
 
 
 def _at_rest(scene: Scene) -> tuple[Chain, Array, dict[str, Any]]:
-    """The chain of a scene, where it rests, and its load."""
+    """Chain of a scene, its static equilibrium, and its load."""
     chain = lump(scene)
     wrench, frame = initial_wrench(scene, chain)
     load: dict[str, Any] = {"tip_wrench": wrench, "frame": frame}
@@ -267,12 +267,12 @@ def _at_rest(scene: Scene) -> tuple[Chain, Array, dict[str, Any]]:
 
 
 def sources_of(problem: FitProblem, use: Use) -> list[Source]:
-    """What was measured, and is used so.
+    """All sources of one use: "fit" or "check".
 
     Raises
     ------
     DataFileError, SceneError
-        A file or its columns, or what a run sets, are wrong; the message names the run.
+        A file, its columns, or the `set` of a run are wrong; the message names the run.
     """
     found: list[Source] = []
     for run in problem.run:
@@ -280,8 +280,8 @@ def sources_of(problem: FitProblem, use: Use) -> list[Source]:
             try:
                 found.append(recorded(problem, run))
             except (DataFileError, SceneError) as error:
-                said = str(error)
-                raise type(error)(said if said.startswith("run ") else f"run {run.name!r}: {said}") from None
+                text = str(error)
+                raise type(error)(text if text.startswith("run ") else f"run {run.name!r}: {text}") from None
     found += [tapped(problem, one, k) for k, one in enumerate(problem.modes, 1) if one.use == use]
     found += [sagged(problem, one, k) for k, one in enumerate(problem.static, 1) if one.use == use]
     return found

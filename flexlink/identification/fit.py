@@ -1,4 +1,4 @@
-"""fit(problem) and check_fit(problem): what the data can tell, the search, and how well its result is known."""
+"""fit(problem) and check_fit(problem): identifiability, the search, and intervals of the estimates."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 from flexlink.chain.arguments import integer, require_callable, require_type
 from flexlink.common.errors import FlexlinkError, IdentifiabilityError
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.identification.block import Block
+from flexlink.identification.columns import columns_of
 from flexlink.identification.coordinates import Coordinate, coordinates_of, prior_rows
 from flexlink.identification.data import sources_of
 from flexlink.identification.fitted import Estimate, Fitted
 from flexlink.identification.identifiability import Check, checked
 from flexlink.identification.interval import estimates, linear_estimates, parts_of, spread_of, without_ends
-from flexlink.identification.judge import columns_of
 from flexlink.identification.likelihood import large_changes, linear_names, priors_of, row_of, stacked
 from flexlink.identification.problem import FitProblem
 from flexlink.identification.profile import profiled, widened
@@ -27,10 +28,11 @@ from flexlink.motion.slopes_of_runs import CENTRAL_4
 
 
 def check_fit(problem: FitProblem) -> Check:
-    """Which parameters are identifiable from the data, before any are fitted.
+    """Check which parameters are identifiable from the data, before any are fitted.
 
-    From the slopes of all data at the start, over the noise that the problem states (where it states none, 1 % of the
-    range of the columns of one unit): parameters without effect, combinations that are not identifiable, expected ±.
+    The check takes the Jacobian of all data at the initial guess, divided by the noise that the problem states
+    (default: 1 % of the range of all columns of the same unit). It finds parameters without effect, combinations that
+    are not identifiable, and the expected 95 % intervals.
 
     Parameters
     ----------
@@ -40,14 +42,14 @@ def check_fit(problem: FitProblem) -> Check:
     Returns
     -------
     Check
-        Names, singular values, directions that are not identifiable, in words, expected standard deviations.
+        Names, singular values, directions that are not identifiable, expected standard deviations.
 
     Raises
     ------
     DataFileError
-        A file of a run cannot be read: a column or a unit that is not known, times that do not increase …
+        The file of a run cannot be read: an unknown column or unit, times that do not increase …
     SceneError
-        A path leads nowhere, or a start is out of bounds; or the scene cannot be computed there.
+        A path is unknown, an initial guess is out of bounds, or the scene cannot be simulated there.
 
     Examples
     --------
@@ -60,40 +62,40 @@ def check_fit(problem: FitProblem) -> Check:
     """
     problem = require_type("problem", problem, FitProblem)
     coordinates, sources = coordinates_of(problem), sources_of(problem, "fit")
-    told = notes([*sources, *sources_of(problem, "check")])
+    data_notes = notes([*sources, *sources_of(problem, "check")])
     x = np.array([one.x(one.start) for one in coordinates])
-    return _check(Signals(sources, coordinates), x, [list(source.blocks) for source in sources], told)
+    return _check(Signals(sources, coordinates), x, [list(source.blocks) for source in sources], data_notes)
 
 
 def fit(
     problem: FitProblem, *, starts: int = 1, profile: bool = False, progress: Callable[[str], None] | None = None
 ) -> Fitted:  # fmt: skip
-    """Estimate numbers of a scene from measurements, with intervals.
+    """Estimate parameters of a scene from measurements, with 95 % intervals.
 
-    Checked first (`check_fit`). Single numbers are fitted first, then runs in growing windows, by
-    `scipy.optimize.least_squares` with logarithms of positive numbers; gains and biases are at their best throughout
-    (variable projection). Intervals count the autocorrelation of residuals.
+    The identifiability check comes first (`check_fit`). Single measurements are fitted first, then runs in growing
+    windows, by `scipy.optimize.least_squares` on the logarithms of positive parameters. Gains and biases are eliminated
+    (variable projection). Intervals account for the autocorrelation of the residuals.
 
     Parameters
     ----------
     problem
         The problem.
     starts
-        How many starts: the scene's values, then points that fill the bounds.
+        Number of initial guesses: the scene's values, then points that fill the bounds.
     profile
-        Whether each interval is found by fitting all other numbers anew, too, with this one held beside its best value.
+        Whether to compute profile intervals as well: each parameter is fixed near its estimate, all others refitted.
     progress
-        Called with a line on every part that is done.
+        Called with a line of text after each step.
 
     Returns
     -------
     Fitted
-        The fitted scene, each number with its 95 % interval, correlations, residuals.
+        The fitted scene, every parameter with its 95 % interval, correlations, residuals.
 
     Raises
     ------
     IdentifiabilityError
-        Parameters are not identifiable: the message names those without effect, or the combination.
+        Parameters are not identifiable; the message names those without effect, or the combination.
     DataFileError, SceneError
         As in `check_fit`.
 
@@ -108,16 +110,20 @@ def fit(
     """
     problem = require_type("problem", problem, FitProblem)
     require_callable("progress", progress)
-    count, tell = integer("starts", starts, 1), progress or (lambda _: None)
-    coordinates, sources, kept = coordinates_of(problem), sources_of(problem, "fit"), sources_of(problem, "check")
+    count, report = integer("starts", starts, 1), progress or (lambda _: None)
+    coordinates, sources, checks = (
+        coordinates_of(problem),
+        sources_of(problem, "fit"),
+        sources_of(problem, "check"),
+    )
     signals = Signals(sources, coordinates)
     search = Search(signals, problem.loss, coloured=problem.noise == "coloured")
-    own = np.array([one.x(one.start) for one in coordinates])
-    check = _check(signals, own, [list(source.blocks) for source in sources], notes([*sources, *kept]))
+    start = np.array([one.x(one.start) for one in coordinates])
+    check = _check(signals, start, [list(source.blocks) for source in sources], notes([*sources, *checks]))
     if not check.passed:
         raise IdentifiabilityError("; also ".join(one.text for one in check.lost), check)
-    tell("checked: every number is held by the data")
-    found = _searched(search, start_points(coordinates, count), tell)
+    report("identifiability at the initial guess: passed")
+    found = _searched(search, start_points(coordinates, count), report)
     best = found[0]
     rows = search.rows(best.x, best.blocks)
     colours = [block.colour for part in best.blocks for block in part if block.colour is not None]
@@ -129,20 +135,21 @@ def fit(
         numbers = tuple(map(without_ends, numbers))
     else:
         of_scene, others = numbers[: len(coordinates)], numbers[len(coordinates) :]
-        numbers = (*widened(search, best, profiled(search, best, of_scene, tell) if profile else of_scene), *others)
-    columns = columns_of(problem, signals, best, own, kept, tell)
+        numbers = (*widened(search, best, profiled(search, best, of_scene, report) if profile else of_scene), *others)
+    columns = columns_of(problem, signals, best, start, checks, report)
     changes = {one.path: one.value for one in numbers if one.path and not _of_run(one, coordinates)}
-    told = warnings(numbers, coordinates, after, found, columns, [*sources, *kept])
+    found_warnings = warnings(numbers, coordinates, after, found, columns, [*sources, *checks])
     return Fitted(
         problem, problem.scene.varied(changes), numbers, spread.correlation, after, columns,
-        tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, told,
+        tuple((_values(coordinates, end.x), end.cost) for end in found), signals.runs, found_warnings,
     )  # fmt: skip
 
 
 def quick_estimates(problem: FitProblem, worth: float) -> tuple[Estimate, ...]:
-    """The numbers of a problem by one rough search from their own values, noise being white; nothing is checked.
+    """Estimate the parameters by one rough search with white noise, without any check.
 
-    None where the slopes there promise to explain no more than a part `worth` of the sum of squares.
+    Return an empty tuple if the linear model at the initial guess explains no more than a part `worth` of the sum of
+    squares.
 
     Raises
     ------
@@ -166,8 +173,8 @@ def _values(coordinates: Sequence[Coordinate], x: Array) -> tuple[float, ...]:
     return tuple(one.value(float(at)) for one, at in zip(coordinates, x, strict=True))
 
 
-def _searched(search: Search, points: Sequence[Array], tell: Callable[[str], None]) -> list[Found]:
-    """Where the starts lead, the best first; only the problem's own must lead somewhere."""
+def _searched(search: Search, points: Sequence[Array], report: Callable[[str], None]) -> list[Found]:
+    """Results of the search from all initial guesses, the best first; only the problem's own guess must succeed."""
     found = []
     for k, x in enumerate(points):
         try:
@@ -176,29 +183,29 @@ def _searched(search: Search, points: Sequence[Array], tell: Callable[[str], Non
             if k == 0:
                 raise
             continue
-        left = np.sqrt(2 * found[-1].cost / sum(len(b.y) for part in found[-1].blocks for b in part))
-        tell(f"start {k + 1} of {len(points)}: what is left is {left:.4g} times the noise, stated or assumed at first")
+        size = np.sqrt(2 * found[-1].cost / sum(len(b.y) for part in found[-1].blocks for b in part))
+        report(f"initial guess {k + 1} of {len(points)}: residual {size:.2g} × assumed noise")
     return sorted(found, key=lambda end: end.cost)
 
 
-def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], told: Sequence[str]) -> Check:
-    """Slopes twice, with two steps: their difference is how well they are known."""
+def _check(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], data_notes: Sequence[Diagnostic]) -> Check:
+    """Check identifiability; the error of the Jacobian is its difference between two finite-difference steps."""
     signals.ahead([*signals.around(x, CENTRAL_4), *signals.around(x, CENTRAL_4, STEP / 2)])
     slopes, finer = signals.slopes(x, CENTRAL_4), signals.slopes(x, CENTRAL_4, STEP / 2)
     J = _of_all(signals, x, blocks, slopes)
     error = float(np.linalg.norm(J - _of_all(signals, x, blocks, finer), 2))
-    check = checked(J, error, _names(signals), [*told, *ranges_apart(signals.sources, signals.model(x))])
+    check = checked(J, error, _names(signals), [*data_notes, *ranges_apart(signals.sources, signals.model(x))])
     return check._replace(directions=with_reasons(signals, x, check.directions))
 
 
 def _check_after(signals: Signals, best: Found, before: Check) -> Check:
-    """The same where the search ended, with slopes at hand."""
+    """Check identifiability at the solution, with the Jacobian of the search."""
     J = _of_all(signals, best.x, best.blocks, signals.slopes(best.x))
     return checked(J, before.error, before.names, before.notes)
 
 
 def _of_all(signals: Signals, x: Array, blocks: Sequence[Sequence[Block]], slopes: list[list[Array]]) -> Array:
-    """Slopes of all residuals to large changes of all numbers."""
+    """Jacobian of all residuals with respect to typical large changes of all parameters."""
     parts = zip(blocks, signals.model(x), slopes, strict=True)
     rows = [[row_of(b, y, J) for b, y, J in zip(*part, strict=True)] for part in parts]
     _, known = prior_rows(signals.coordinates, x)

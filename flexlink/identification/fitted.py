@@ -1,4 +1,4 @@
-"""What a fit gives: values with intervals, residuals, verdicts, the fitted scene, JSON."""
+"""Result of a fit: estimates with intervals, residuals, verdicts, the fitted scene, JSON."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 from flexlink.common.notebook import html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.data.documents import require_path
 from flexlink.describe.scene import Scene
 from flexlink.identification.block import unit_in
@@ -23,26 +24,32 @@ from flexlink.pages.verdict import Report
 
 @dataclasses.dataclass(frozen=True)
 class Estimate:
-    """A number that was sought.
+    """An estimated parameter.
 
     Attributes
     ----------
     name, path
-        How it is called, and its path in the scene; "" of a gain or a bias.
+        Its name, and its path in the scene; "" for a gain or a bias.
     start, value
-        Before and after the fit, in the path's own unit.
+        Initial guess and estimate, in the unit of the path.
     low, high
-        95 % interval, autocorrelation of the residuals counted; without ends where a number is not identifiable.
+        95 % interval, which accounts for the autocorrelation of the residuals; infinite if not identifiable.
     deviation
         Standard deviation.
     at_bound
-        Whether the search ended at a bound of it.
+        Whether the search ended at a bound.
     widened
-        Whether the interval is wider than slopes say, because the data do not reject what is there: far from linear.
+        Whether the interval is wider than the linear estimate, because the likelihood is far from quadratic.
     profile
-        The interval where all other numbers are fitted anew with this one held; None if nobody asked.
+        Profile interval: all other parameters are refitted with this one fixed; None if not requested.
     unit
-        Of all these; "" of a pure number.
+        Unit of all these values; "" for a dimensionless number.
+    log
+        Whether the logarithm was estimated.
+    between
+        Lower and upper bound of the search.
+    prior
+        Mean and standard deviation of the prior, if there is one.
     """
 
     name: str
@@ -56,35 +63,68 @@ class Estimate:
     widened: bool = False
     profile: tuple[float, float] | None = None
     unit: str = ""
+    log: bool = False
+    between: tuple[float, float] = (-math.inf, math.inf)
+    prior: tuple[float, float] | None = None
 
     @property
     def half(self) -> float:
         """Half the width of the interval."""
         return (self.high - self.low) / 2
 
+    @property
+    def doubt(self) -> Diagnostic | None:
+        """Why the parameter is not identifiable from the data; None if it is.
+
+        The 95 % interval reaches a bound, or spans more than a factor of 10 for a positive parameter; or the prior
+        determines the estimate more than the data do: the variance is more than half that of the prior.
+        """
+        widest = 10.0  # ratio of the ends
+        if not math.isfinite(self.half):
+            return Diagnostic("the interval is unbounded", "unbounded-interval")
+        if self.at_bound:
+            return Diagnostic("the estimate is at a bound", "estimate-at-bound")
+        if self.low <= self.between[0] or self.high >= self.between[1]:
+            return Diagnostic("the interval reaches a bound", "interval-at-bound")
+        if self.log and self.high > widest * self.low:
+            return Diagnostic(f"the interval spans more than a factor of {widest:g}", "wide-interval")
+        if self.prior is not None and self.deviation**2 > self.prior[1] ** 2 / 2:
+            return Diagnostic("its prior determines the estimate more than the data", "prior-dominated")
+        return None
+
+    @property
+    def verdict(self) -> str:
+        """Result of the identifiability check: "identifiable", or "not identifiable" with the reason."""
+        return "identifiable" if self.doubt is None else f"not identifiable: {self.doubt}"
+
+    @property
+    def determined(self) -> bool:
+        """Whether the parameter is known from the data or its prior."""
+        return self.doubt is None or self.doubt.id == "prior-dominated"
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FittedColumn:
-    """One instrument of one run, or the single numbers of one kind.
+    """Measurements and predictions of one column of a run, or of single measurements of one kind.
 
     Attributes
     ----------
     source, name, use
         Run, column with its SI unit, and whether it was fitted or checked.
     t
-        Times [s]; None of single numbers.
+        Times [s]; None for single measurements.
     measured, before, after, linear
-        What was measured; what the scene gives before and after the fit; what a free linear model gives, None without.
+        Measurements; predictions of the scene before and after the fit; those of a free linear model, or None.
     gain, bias
-        At their best.
+        Optimal scale and offset.
     noise
-        Standard deviation of the noise, stated or of the residuals.
+        Standard deviation of the noise, stated or estimated from the residuals.
     stated
-        Whether the problem states it.
+        Whether the problem states the noise.
     times_noise
         Root mean square of the residuals over the noise.
     whiteness
-        Probability that white noise looks like the residuals; nan of single numbers.
+        P-value of the residuals' whiteness (Ljung-Box); nan for single measurements.
     """
 
     source: str
@@ -104,20 +144,20 @@ class FittedColumn:
 
     @property
     def unit(self) -> str:
-        """Unit of the numbers."""
+        """Unit of the values."""
         return unit_in(self.name)
 
     def off(self, model: Array) -> float:
-        """Root mean square difference."""
+        """Root mean square (RMS) residual of a prediction."""
         return float(math.sqrt(((model - self.measured) ** 2).mean()))
 
     def left(self, model: Array) -> float:
-        """The same, but no less than a search can leave: two fits of exact data are as good as each other."""
-        share = 1e-7  # of what was measured: searches end 1e-8 beside the least, in parts of the numbers
+        """RMS residual, at least the accuracy of the search: two fits of exact data are equally good."""
+        share = 1e-7  # of the measurements: searches converge to 1e-8 of the parameters
         return max(self.off(model), share * float(abs(self.measured).max()))
 
     def fit(self, model: Array | None) -> float:
-        """1 − |difference| / |measured less its mean| [%]; nan of single numbers."""
+        """Fit 1 − |residual| / |measured − mean| [%]; nan for single measurements."""
         if model is None or self.t is None:
             return math.nan
         spread = float(self.measured.std())
@@ -126,28 +166,28 @@ class FittedColumn:
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Fitted:
-    """A fit.
+    """Result of a fit.
 
     Attributes
     ----------
     problem
-        What was asked.
+        The problem.
     scene
-        The scene with what was found for all runs.
+        The scene with the estimates of the parameters of all runs.
     numbers
-        What was sought: numbers of the scene, those of single runs, gains and biases.
+        Estimates: parameters of the scene, parameters of single runs, gains and biases.
     correlation
-        Of all of them, shape (numbers, numbers).
+        Correlation matrix of the estimates.
     check
-        What the data can tell, at the solution.
+        Identifiability check at the solution.
     columns
-        What was measured beside what the scene gives.
+        Measurements, and predictions before and after the fit.
     starts
-        Values that each initial guess led to, and half the sum of squared residuals over the noise, the best first.
+        For each initial guess the solution, and half the sum of squared normalized residuals; the best first.
     runs
-        How many runs were computed.
+        Number of simulated runs.
     warnings
-        What is to be known of the fit.
+        Warnings about the estimates and the scene.
 
     Examples
     --------
@@ -166,42 +206,42 @@ class Fitted:
     columns: tuple[FittedColumn, ...]
     starts: tuple[tuple[tuple[float, ...], float], ...]
     runs: int
-    warnings: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...]
 
     def __repr__(self) -> str:
-        told = ", ".join(f"{one.name} = {one.value:.4g} ± {one.half:.2g} {one.unit}".rstrip() for one in self.numbers)
-        return f"<Fitted {self.scene.name!r}: {told}>"
+        values = ", ".join(f"{one.name} = {one.value:.4g} ± {one.half:.2g} {one.unit}".rstrip() for one in self.numbers)
+        return f"<Fitted {self.scene.name!r}: {values}>"
 
     def _repr_html_(self) -> str:
-        heads = ("number", "start", "value", "low", "high")
+        heads = ("parameter", "initial guess", "estimate", "low", "high")
         rows = [(one.name, *(f"{v:.5g}" for v in (one.start, one.value, one.low, one.high))) for one in self.numbers]
         return html_table(repr(self), heads, rows)
 
     def __getitem__(self, name: str) -> Estimate:
-        """The number of a path or name."""
+        """Estimate of a path or name."""
         return next(one for one in self.numbers if name in (one.path, one.name))
 
     @property
     def judged(self) -> tuple[FittedColumn, ...]:
-        """Columns by which the fit is judged: those kept to check it, else those fitted."""
+        """Columns that decide whether the fit is better: those kept to check it, otherwise those fitted."""
         return tuple(one for one in self.columns if one.use == "check") or self.columns
 
     @property
     def better(self) -> bool:
-        """Whether residuals are smaller than before, over all columns by which the fit is judged."""
+        """Whether the residuals of the `judged` columns are no larger than before the fit."""
         before = sum((one.left(one.before) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.judged)
         after = sum((one.left(one.after) / (one.noise or 1.0)) ** 2 * len(one.measured) for one in self.judged)
         return after <= before * (1 + 1e-9)
 
     @property
     def identifiable(self) -> bool:
-        """Whether every number is identifiable where the search ended, and none of them at a bound."""
-        return self.check.passed and not any(one.at_bound for one in self.numbers)
+        """Whether every parameter is identifiable from the data at the solution (`Estimate.doubt`)."""
+        return self.check.passed and all(one.doubt is None for one in self.numbers)
 
     @property
     def passed(self) -> bool:
-        """Whether every number is identifiable, and the fitted scene is no worse than the one before."""
-        return self.identifiable and self.better
+        """Whether every parameter is known from the data or its prior, and the fitted scene is no worse than before."""
+        return self.check.passed and all(one.determined for one in self.numbers) and self.better
 
     def document(self) -> dict[str, Any]:
         """Plain numbers and texts, as in the JSON file."""
@@ -210,30 +250,30 @@ class Fitted:
             "passed": self.passed,
             "identifiable": self.identifiable,
             "better": self.better,
-            "numbers": [dataclasses.asdict(one) for one in self.numbers],
+            "numbers": [dataclasses.asdict(one) | {"verdict": one.verdict} for one in self.numbers],
             "correlation": self.correlation.tolist(),
             "columns": [_of_column(one) for one in self.columns],
-            "directions": [one.text for one in self.check.directions],
+            "directions": [{"id": one.text.id, "text": one.text} for one in self.check.directions],
             "starts": [{"values": values, "cost": cost} for values, cost in self.starts],
-            "warnings": list(self.warnings),
+            "warnings": [{"id": one.id, "text": one} for one in self.warnings],
         }
 
     def report(self, folder: str | Path, *, command: str = "") -> Report:
-        """Write a page that stands alone, the fitted scene, JSON, and a CSV of every table and picture.
+        """Write a self-contained page, the fitted scene, JSON, and a CSV file for every table and picture.
 
         Parameters
         ----------
         folder
-            For the page and its files; made if missing.
+            Folder of the page and its files; created if missing.
         command
-            What the page says that it was made by.
+            Command to print on the page as the one that made it.
 
         Raises
         ------
         MissingDependencyError
             matplotlib or jinja2 is not installed.
         OutputError
-            The folder cannot be made, or a file in it not be written.
+            The folder or a file in it cannot be written.
 
         Examples
         --------
@@ -247,12 +287,12 @@ class Fitted:
         return found
 
     def save(self, path: str | Path) -> Path:
-        """Write `document` as JSON; numbers that are not finite are null.
+        """Write `document` as JSON; non-finite numbers become null.
 
         Raises
         ------
         ArgumentError, OutputError
-            `path` is no path, or cannot be written.
+            `path` is not a path, or cannot be written.
         """
         path = require_path("path", path)
         write_text(path, json.dumps(_finite(self.document()), indent=1, ensure_ascii=False) + "\n")
@@ -260,7 +300,7 @@ class Fitted:
 
 
 def building(page: str = "page") -> ModuleType:
-    """The module that builds pages of fits, or of checks, which needs matplotlib and jinja2.
+    """Module that builds pages of fits or of checks; it needs matplotlib and jinja2.
 
     Raises
     ------

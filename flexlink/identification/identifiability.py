@@ -1,9 +1,9 @@
-"""What data can tell, before any is fitted: from slopes at the start and the noise that is stated.
+"""Identifiability before a fit, from the Jacobian at the initial guess and the stated noise.
 
     J = ∂(data / noise)/∂x = U S Vᵀ
 
-A direction v in which the expected standard deviation 1/s is a whole factor e, or s is no more than the error of J, is
-not held by the data: a number without effect, or a combination that changes nothing that was measured.
+A direction v is not identifiable if its expected standard deviation 1/s is a factor of e or more, or if s is within the
+error of J. It is either a parameter without effect, or a combination of parameters without a measurable effect.
 """
 
 from __future__ import annotations
@@ -14,30 +14,31 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 
 WIDE = 1.96
-"""Half of a 95 % interval over its standard deviation."""
+"""Half-width of a 95 % interval in standard deviations."""
 COUNTS = 0.2
-"""Share of the largest effect among a direction's numbers that makes another one part of it."""
+"""A parameter is part of a direction if its effect is more than this share of the direction's largest effect."""
 EQUAL = 1e-6
-"""Relative difference up to which sizes are equal, and the problem's order decides: slopes are known to no more."""
+"""Sizes are equal within this relative difference, the error of the Jacobian; then the problem's order decides."""
 
 
 class Direction(NamedTuple):
-    """A combination of numbers that is hardly identifiable.
+    """A combination of parameters that is not, or poorly, identifiable.
 
     Attributes
     ----------
     names
-        The numbers in it, the one with the largest part first.
+        Parameters in the combination, the one with the largest part first.
     parts
-        How far each goes.
+        Component of each parameter.
     deviation
-        Expected standard deviation along it, a part of the numbers or of their units.
+        Expected standard deviation along the direction, relative to the parameters or their units.
     lost
-        Whether it is not identifiable at all.
+        Whether the direction is not identifiable at all.
     why
-        What its numbers do move, if that is known; "" else.
+        What the parameter affects instead, if that is known; otherwise "".
     """
 
     names: tuple[str, ...]
@@ -47,66 +48,73 @@ class Direction(NamedTuple):
     why: str = ""
 
     @property
-    def text(self) -> str:
-        """A sentence."""
+    def text(self) -> Diagnostic:
+        """The finding in words."""
         if len(self.names) == 1:
+            name, expected = self.names[0], f"expected ± {WIDE * 100 * self.deviation:.2g} % (95 %){self.why}"
             if not np.isfinite(self.deviation):
-                return f"{self.names[0]} has no effect on the data{self.why}"
-            how = "has too weak an effect on the data" if self.lost else "is hardly held by the data"
-            return f"{self.names[0]} {how}: expected ± {WIDE * 100 * self.deviation:.2g} % (95 %){self.why}"
-        how = "cannot be told apart" if self.lost else "can hardly be told apart"
-        moved = ", ".join(
-            f"{name} {10 * p / self.parts[0]:+.2g} %" for name, p in zip(self.names, self.parts, strict=True)
+                return Diagnostic(f"{name} has no effect on the data{self.why}", "no-effect")
+            if self.lost:
+                return Diagnostic(f"{name} has too weak an effect on the data: {expected}", "weak-effect")
+            return Diagnostic(f"{name} is poorly identifiable: {expected}", "poorly-identifiable")
+        changes = " and ".join(
+            f"{name} by {10 * p / self.parts[0]:+.2g} %" for name, p in zip(self.names, self.parts, strict=True)
         )
-        return f"{' and '.join(self.names)} {how}: {moved} changes nothing that was measured by more than its noise"
+        both = " and ".join(self.names)
+        if self.lost:
+            text = f"{both} are not separately identifiable: changing {changes} has no measurable effect"
+            return Diagnostic(text, "not-separable")
+        text = f"{both} are poorly separable: changing {changes} has hardly any measurable effect"
+        return Diagnostic(text, "poorly-separable")
 
 
 class Check(NamedTuple):
-    """What the data can tell.
+    """Result of an identifiability check.
 
     Attributes
     ----------
     names
-        Parameters: numbers of the scene, then gains and biases.
+        Parameters of the scene, then gains and biases.
     singular_values
-        Of the slopes over the noise, largest first.
+        Singular values of the Jacobian over the noise, largest first.
     directions
-        Combinations that are hardly identifiable, the worst first.
+        Combinations that are not, or poorly, identifiable, the worst first.
     expected
-        Expected standard deviation of each, a part of the number or of its unit; inf of one that is not held.
+        Expected standard deviation of each parameter, relative to its value or unit; inf if it is not identifiable.
     notes
-        What was found of columns, rates and noise.
+        Notes on columns, sampling rates and noise.
     error
-        Error of the slopes, a norm.
+        Norm of the error of the Jacobian.
     """
 
     names: tuple[str, ...]
     singular_values: Array
     directions: tuple[Direction, ...]
     expected: Array
-    notes: tuple[str, ...] = ()
+    notes: tuple[Diagnostic, ...] = ()
     error: float = 0.0
 
     @property
     def lost(self) -> tuple[Direction, ...]:
-        """Combinations that are not identifiable: the fit is refused."""
+        """Combinations that are not identifiable; with any of them the fit is refused."""
         return tuple(one for one in self.directions if one.lost)
 
     @property
     def passed(self) -> bool:
-        """Whether every number can be found."""
+        """Whether every parameter is identifiable."""
         return not self.lost
 
 
-def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[str] = ()) -> Check:
-    """Judge slopes J of all residuals, shape (data, all), known up to `error`, of each column a large change's.
+def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[Diagnostic] = ()) -> Check:
+    """Check the Jacobian J of all residuals, shape (data, parameters), with respect to typical large changes.
 
-    A number without effect stands alone; combinations of the others are as short as they can be. Nothing here
-    depends on the basis in which rounding gives directions of equal effect, nor on its order and signs.
+    `error` is the norm of the error of J. A parameter without effect is a direction by itself; combinations of the
+    others contain as few parameters as possible. The result does not depend on the basis, order and signs that
+    rounding gives to directions of equal effect.
     """
-    nothing_from = 100.0  # half of an expected interval; a search tries ± 6.9 at most, rounding of slopes gives 1e5
-    weak_from = 0.1  # the same from which on it is reported
-    free = 1.0  # expected deviation of a direction, a part of its numbers, from which on it is lost
+    nothing_from = 100.0  # half-width of an interval that means no effect: searches cover ± 6.9, rounding gives 1e5
+    weak_from = 0.1  # expected standard deviation of a direction above which it is poorly identifiable
+    free = 1.0  # expected standard deviation of a direction above which it is not identifiable
     unknown = 10 * error
     least, nothing = max(1 / free, unknown), max(WIDE / nothing_from, unknown)
 
@@ -118,46 +126,47 @@ def checked(J: Array, error: float, names: Sequence[str], notes: Sequence[str] =
     directions = [
         Direction((names[k],), (1.0,), deviation(float(size[k])), True) for k in np.flatnonzero(size <= least).tolist()
     ]
-    some = J[:, moved]
-    _, s, V = np.linalg.svd(np.vstack([some, np.zeros((len(moved),) * 2)]), full_matrices=False)
+    effective = J[:, moved]
+    _, s, V = np.linalg.svd(np.vstack([effective, np.zeros((len(moved),) * 2)]), full_matrices=False)
     lost = s <= least
-    of_some = [names[k] for k in moved.tolist()]
+    effective_names = [names[k] for k in moved.tolist()]
     for v in _short(V[lost]):
-        along = float(np.linalg.norm(some @ v))
-        directions.append(_direction(of_some, v, size[moved], deviation(along), lost=True))
+        along = float(np.linalg.norm(effective @ v))
+        directions.append(_direction(effective_names, v, size[moved], deviation(along), lost=True))
     weak = np.flatnonzero(~lost & (s < 1 / weak_from))[::-1]
     for equal in np.split(weak, np.flatnonzero(np.diff(s[weak]) > EQUAL * s[weak[1:]]) + 1):
         for v in _short(V[equal]):
-            directions.append(_direction(of_some, v, size[moved], 1 / float(s[equal[0]]), lost=False))
+            directions.append(_direction(effective_names, v, size[moved], 1 / float(s[equal[0]]), lost=False))
     expected = np.full(len(names), np.inf)
-    unheld = (V[lost] ** 2).sum(axis=0) > COUNTS**2 / 10
-    expected[moved] = np.where(unheld, np.inf, np.sqrt((V[~lost].T ** 2 / s[~lost] ** 2).sum(axis=1)))
+    unknown_part = (V[lost] ** 2).sum(axis=0) > COUNTS**2 / 10
+    expected[moved] = np.where(unknown_part, np.inf, np.sqrt((V[~lost].T ** 2 / s[~lost] ** 2).sum(axis=1)))
     return Check(
         tuple(names), np.append(s, np.zeros(len(names) - len(s))), tuple(directions), expected, tuple(notes), error
     )
 
 
 def _largest(sizes: Array) -> int:
-    """Where the largest of sizes is, the first of equal ones."""
+    """Index of the largest size; the first of equal ones."""
     return int(np.flatnonzero(sizes >= (1 - EQUAL) * sizes.max())[0])
 
 
 def _short(basis: Array) -> Array:
-    """Directions of unit length that span the same, with as many zeros as elimination finds.
+    """Unit vectors that span the same space, with as many zeros as elimination finds.
 
-    Pivots are the numbers that lie farthest in what they span, one after the other, whatever basis is given.
+    Pivots are the parameters with the largest component in the remaining space, which makes them independent of the
+    basis.
     """
-    left, pivots = basis.copy(), []
+    remainder, pivots = basis.copy(), []
     for _ in basis:
-        pivots.append(_largest(np.linalg.norm(left, axis=0)))
-        along = left[:, pivots[-1]] / np.linalg.norm(left[:, pivots[-1]])
-        left -= np.outer(along, along @ left)
+        pivots.append(_largest(np.linalg.norm(remainder, axis=0)))
+        along = remainder[:, pivots[-1]] / np.linalg.norm(remainder[:, pivots[-1]])
+        remainder -= np.outer(along, along @ remainder)
     rows = np.linalg.solve(basis[:, sorted(pivots)], basis)
     return np.asarray(rows / np.linalg.norm(rows, axis=1)[:, None])
 
 
 def _direction(names: Sequence[str], v: Array, effects: Array, deviation: float, lost: bool) -> Direction:
-    """The numbers in it are those whose effects on the data cancel, or would be noticed alone; the first goes up."""
+    """Direction of the parameters whose effects cancel or are measurable alone, with a positive first component."""
     effect = np.abs(v) * effects
     rest, order = np.where(effect > COUNTS * effect.max(), np.abs(v), 0.0), []
     while rest.any():

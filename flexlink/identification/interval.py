@@ -1,10 +1,10 @@
-"""The numbers that a fit has found, with intervals that count the autocorrelation of residuals.
+"""Estimates with intervals that account for the autocorrelation of the residuals.
 
     C = B⁻¹ M B⁻¹,  B = Σ JᵀJ,  M = Σ Jᵀ Γ J,  Γ the covariance of the noise
 
-Γ of a run's columns is that of autoregressive noise fitted to the residuals, columns correlated as their innovations
-are (Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, 1997). Single numbers
-have the noise that the problem states. A mean square is as uncertain as its samples are few and dependent: Student's t.
+For the columns of a run, Γ is that of AR noise fitted to the residuals; columns are correlated like their innovations
+(Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, 1997). The noise of single
+measurements is the stated one. Student's t accounts for the finite number of independent samples.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from flexlink.identification.fitted import Estimate
 from flexlink.identification.likelihood import Row, linear_names, stacked
 
 Part = tuple[Sequence[Array], Sequence[Array], bool]
-"""Blocks whose noise is correlated: residuals (n,), slopes (n, all), and whether they are columns of a run."""
+"""Blocks with correlated noise: residuals (n,), Jacobians (n, parameters), and whether they are columns of a run."""
 
 
 class Spread(NamedTuple):
-    """Covariance of all numbers, and half the width of an interval over a standard deviation."""
+    """Covariance of all parameters, and the half-width of an interval in standard deviations."""
 
     covariance: Array
     wide: float
@@ -37,24 +37,24 @@ class Spread(NamedTuple):
 
     @property
     def deviations(self) -> Array:
-        """Standard deviation of each number; inf of one that is not identifiable."""
+        """Standard deviation of each parameter; inf if it is not identifiable."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def correlation(self) -> Array:
-        """Of all numbers."""
+        """Correlation matrix of all parameters."""
         σ = self.deviations
         return np.asarray(self.covariance / np.where(σ > 0, σ, 1.0)[:, None] / np.where(σ > 0, σ, 1.0))
 
 
 def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Spread:
-    """How well all numbers are known; `priors` are the slopes of prior knowledge, shape (priors, all).
+    """Covariance of all parameters; `priors` is the Jacobian of the prior residuals, shape (priors, parameters).
 
-    `coefficients` are those of the noise by which the residuals have been whitened. They come from the same samples as
-    the numbers, and count with them: k of n make noise to come larger by (n + k)/(n − k) than the residuals, in mean
-    square (Akaike's final prediction error).
+    `coefficients` is the number of AR coefficients by which the residuals have been whitened. They are estimated from
+    the same samples as the parameters: k coefficients and n samples raise the mean square of future noise by
+    (n + k)/(n − k) over that of the residuals (Akaike's final prediction error).
     """
-    level = 0.95  # part of all intervals that hold the true value
+    level = 0.95  # confidence level
     bread = meat = priors.T @ priors
     independent, samples, colours = 0.0, 0, []
     worse = _worse(parts, bread.shape[0] - len(priors))
@@ -78,10 +78,10 @@ def spread_of(parts: Sequence[Part], priors: Array, coefficients: int = 0) -> Sp
     return Spread(inverse @ meat @ inverse, wide, colours)
 
 
-def _worse(parts: Sequence[Part], sought: int) -> float:
-    """Mean square of the residuals of single numbers over their noise where that is more than 1."""
+def _worse(parts: Sequence[Part], unknowns: int) -> float:
+    """Mean square of the normalized residuals of single measurements, at least 1."""
     single = [e for residuals, _, is_run in parts if not is_run for e in residuals]
-    count = sum(map(len, single)) - (0 if any(is_run for _, _, is_run in parts) else sought)
+    count = sum(map(len, single)) - (0 if any(is_run for _, _, is_run in parts) else unknowns)
     return max(1.0, sum(float(e @ e) for e in single) / max(count, 1))
 
 
@@ -98,12 +98,12 @@ def _meat(residuals: Sequence[Array], slopes: Sequence[Array], colours: Sequence
 
 
 def _absorbed(slopes: Sequence[Array], covariance: Array) -> Array:
-    """First-order correction: the fit absorbs part of the noise, so that residuals underestimate its covariance.
+    """First-order correction: the fit absorbs part of the noise, so residuals underestimate its covariance.
 
-    Σ J_tᵀ g(t − s) J_s with g(k) = 1/n Σ J_t C J_{t+k}ᵀ, the autocovariance of J δ, δ the error of the numbers, of
-    covariance C. Without it a twelfth of the true values lies outside, as noise that is slow, or has the frequencies of
-    the model, is absorbed whatever the number of samples; with it a constant comes out up to √(5/3) times as
-    uncertain as it is.
+    Σ J_tᵀ g(t − s) J_s with g(k) = 1/n Σ J_t C J_{t+k}ᵀ, the autocovariance of J δ; δ is the error of the parameters,
+    with covariance C. Noise that is slow, or near the model's frequencies, is absorbed whatever the number of samples:
+    without the correction one in twelve true values lies outside the interval. With it, the interval of a constant is
+    up to √(5/3) times too wide.
     """
     values, vectors = np.linalg.eigh(covariance)
     half = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -119,14 +119,14 @@ def _absorbed(slopes: Sequence[Array], covariance: Array) -> Array:
 
 
 def _inverse(bread: Array) -> Array:
-    """The inverse of a sum of squares, scaled so that units do not matter."""
+    """Inverse of a normal matrix, scaled so units do not matter."""
     size = np.sqrt(np.diag(bread))
     size = np.where(size > 0, size, 1.0)
     return np.asarray(np.linalg.pinv(bread / size[:, None] / size, rcond=1e-14, hermitian=True) / size[:, None] / size)
 
 
 def parts_of(sources: Sequence[Source], rows: Sequence[Sequence[Row]]) -> list[Part]:
-    """Every source with the slopes of its residuals to all numbers."""
+    """Residuals and Jacobian of every source, with respect to all parameters."""
     count = rows[0][0].slopes.shape[1]
     whole = stacked(rows, count, np.zeros((0, count)))
     parts, at = list[Part](), 0
@@ -140,12 +140,12 @@ def parts_of(sources: Sequence[Source], rows: Sequence[Sequence[Row]]) -> list[P
 
 
 def without_ends(one: Estimate) -> Estimate:
-    """A number whose interval nobody knows."""
+    """Return the estimate with an unbounded interval."""
     return dataclasses.replace(one, low=-math.inf, high=math.inf, deviation=math.inf)
 
 
 def estimates(coordinates: Sequence[Coordinate], x: Array, spread: Spread) -> list[Estimate]:
-    """Numbers of the scene."""
+    """Estimates of the scene's parameters."""
     found = []
     for k, one in enumerate(coordinates):
         at, σ = float(x[k]), float(spread.deviations[k])
@@ -163,6 +163,9 @@ def estimates(coordinates: Sequence[Coordinate], x: Array, spread: Spread) -> li
                 one.size(one.value(at)) * σ,
                 bound,
                 unit=one.measured_in,
+                log=one.log,
+                between=one.between,
+                prior=one.prior,
             )
         )
     return found
@@ -171,7 +174,7 @@ def estimates(coordinates: Sequence[Coordinate], x: Array, spread: Spread) -> li
 def linear_estimates(
     sources: Sequence[Source], rows: Sequence[Sequence[Row]], spread: Spread, count: int
 ) -> list[Estimate]:
-    """Gains and biases, which stand behind `count` numbers of the scene."""
+    """Estimates of gains and biases; their columns follow the `count` parameters of the scene."""
     found = []
     values = [
         (row.gain, 1.0, "") if what == "gain" else (row.bias, 0.0, block.unit)

@@ -1,9 +1,9 @@
-"""The likelihood of numbers: residuals over their noise, whitened where they are autocorrelated, and priors.
+"""Likelihood of the parameters: residuals over their noise, whitened if the noise is autocorrelated, and priors.
 
-    r = (g y(x) + b − measured) / σ        ∂r/∂x ≈ (1 − Φ Φ⁺) g ∂y/∂x / σ,  Φ = [y, 1] / σ of those that are unknown
+    r = (g y(x) + b − measured) / σ        ∂r/∂x ≈ (1 − Φ Φ⁺) g ∂y/∂x / σ,  Φ = [y, 1] / σ for unknown g, b
 
-Gains g and biases b are linear, and at their best for every x (variable projection, Golub and Pereyra 1973, with
-Kaufman's slope). Where the noise is autocorrelated, all pass through a filter that makes it white.
+Gains g and biases b are linear and take their optimal values for every x (variable projection, Golub and Pereyra 1973,
+with Kaufman's approximation of the Jacobian). Autocorrelated residuals and their Jacobian pass a whitening filter.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from flexlink.identification.data import Source
 
 
 class Row(NamedTuple):
-    """A block at one point.
+    """Residual and Jacobian of a block at one point.
 
     Attributes
     ----------
     residual
-        Over its noise, shape (n,).
+        Residual over the noise, shape (n,).
     gain, bias
-        At their best; 1 and 0 where they are known.
+        Optimal values; 1 and 0 if they are known.
     slopes
-        ∂residual/∂x with gain and bias at their best, shape (n, coordinates); empty without slopes.
+        ∂residual/∂x with optimal gain and bias, shape (n, coordinates); empty if not requested.
     whole
-        The same with them held, and columns of ∂residual/∂ gain and bias behind.
+        ∂residual/∂(x, gain, bias) with gain and bias as parameters, shape (n, coordinates + 0 to 2).
     """
 
     residual: Array
@@ -43,9 +43,9 @@ class Row(NamedTuple):
 
 
 def row_of(block: Block, y: Array, slopes: Array | None = None) -> Row:
-    """A block beside what the scene gives, and its slopes, shape (n, coordinates)."""
+    """Residual and Jacobian of a block for a prediction y; `slopes` is ∂y/∂x, shape (n, coordinates)."""
     by = block.colour.whitened if block.colour is not None else np.asarray
-    unknown = [column for column, sought in ((y, block.gain), (np.ones(len(y)), block.bias)) if sought]
+    unknown = [column for column, is_unknown in ((y, block.gain), (np.ones(len(y)), block.bias)) if is_unknown]
     Φ = by(np.array(unknown).T.reshape(len(y), len(unknown)) / block.σ[:, None])
     target = by(((block.y - (0.0 if block.gain else y)) / block.σ)[:, None])[:, 0]
     best = _solved(Φ, target)
@@ -54,8 +54,8 @@ def row_of(block: Block, y: Array, slopes: Array | None = None) -> Row:
     bias = float(best[-1]) if block.bias else 0.0
     if slopes is None:
         return Row(residual, gain, bias, np.empty((len(y), 0)), Φ)
-    held = by(gain * slopes / block.σ[:, None])
-    return Row(residual, gain, bias, held - Φ @ _solved(Φ, held), np.hstack([held, Φ]))
+    fixed = by(gain * slopes / block.σ[:, None])
+    return Row(residual, gain, bias, fixed - Φ @ _solved(Φ, fixed), np.hstack([fixed, Φ]))
 
 
 def _solved(Φ: Array, target: Array) -> Array:
@@ -65,35 +65,35 @@ def _solved(Φ: Array, target: Array) -> Array:
 
 
 def white(block: Block) -> Block:
-    """The block with white noise, as large as before."""
+    """The block with white noise of the same standard deviation."""
     if block.colour is None:
         return block
     return dataclasses.replace(block, σ=block.σ / block.colour.share, colour=None)
 
 
 def stacked(rows: Sequence[Sequence[Row]], count: int, known: Array) -> Array:
-    """Slopes of the priors, then of all residuals, to all numbers, gains and biases last."""
+    """Jacobian of the priors, then of all residuals, with respect to all parameters; gains and biases come last."""
     flat = [row for part in rows for row in part]
     linear = sum(row.whole.shape[1] - count for row in flat)
     found, at = [np.hstack([known, np.zeros((len(known), linear))])], count
     for row in flat:
         J = np.zeros((len(row.residual), count + linear))
-        own = row.whole.shape[1] - count
-        J[:, :count], J[:, at : at + own] = row.whole[:, :count], row.whole[:, count:]
-        at += own
+        width = row.whole.shape[1] - count
+        J[:, :count], J[:, at : at + width] = row.whole[:, :count], row.whole[:, count:]
+        at += width
         found.append(J)
     return np.vstack(found)
 
 
 def priors_of(coordinates: Sequence[Coordinate], x: Array, rows: Sequence[Sequence[Row]]) -> Array:
-    """Slopes of the priors to all numbers."""
+    """Jacobian of the priors with respect to all parameters."""
     _, known = prior_rows(coordinates, x)
     linear = sum(row.whole.shape[1] - len(coordinates) for part in rows for row in part)
     return np.hstack([known, np.zeros((len(known), linear))])
 
 
 def linear_names(sources: Sequence[Source]) -> list[str]:
-    """Unknown gains and biases, in the order of the slopes' columns."""
+    """Names of unknown gains and biases, in the order of the Jacobian's columns."""
     return [
         f"{what} of {block.name} of {source.name!r}"
         for source in sources
@@ -104,7 +104,7 @@ def linear_names(sources: Sequence[Source]) -> list[str]:
 
 
 def large_changes(blocks: Sequence[Sequence[Block]]) -> list[float]:
-    """Large changes of gains and biases."""
+    """Typical large changes of gains and biases."""
     return [
         1.0 if what == "gain" else float(np.ptp(block.y)) or 1.0
         for part in blocks

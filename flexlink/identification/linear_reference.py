@@ -1,10 +1,10 @@
-"""A free linear model of the same order: is it the numbers of the scene that are wrong, or the scene?
+"""A free linear model of the same order: are the parameters of the scene wrong, or the scene itself?
 
     y_c(t) = Σ_j Re(a_cj e^{λ_j t}) + Σ_u Σ_j Re(b_cju ∫ e^{λ_j (t − s)} u(s) ds) + d_c
 
-λ_j begin at the fitted scene's modes at rest, as many as the records can show, and are sought; residues b of each
-column and input u, the accelerations of prescribed joints, are the same in all runs, a and d each run's own. All but λ
-are linear, at their best throughout.
+The eigenvalues λ_j are estimated, starting from the fitted scene's modes at rest, as many as the records resolve. The
+inputs u are the accelerations of prescribed joints. The residues b of each column and input are common to all runs; a
+and d are different in each run. All parameters but λ are linear and take their optimal values.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from flexlink.motion.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 
 Shapes = dict[tuple[int, bytes], tuple[Array, Array]]
-"""By the run's inputs and the times of a block."""
+"""Basis functions of a run and of its inputs, by the identity of the inputs and the times of a block."""
 
 
 def linear_models(
-    fitted: Sequence[tuple[Source, Scene]], kept: Sequence[tuple[Source, Scene]]
+    fitted: Sequence[tuple[Source, Scene]], checks: Sequence[tuple[Source, Scene]]
 ) -> list[list[Array]] | None:
-    """What the model gives in place of all blocks of the runs that are fitted, then of those kept to check.
+    """Predictions of all blocks of the fitted runs, then of the runs kept to check the fit.
 
-    None where a linear model says nothing: joints that are free to swing, or driven by a law, or no modes that the
-    records show.
+    Return None if a linear model does not apply: joints swing freely or follow a controller, or the records resolve no
+    mode.
     """
-    runs = [*fitted, *kept]
+    runs = [*fitted, *checks]
     if not fitted or not all(_held(scene) for _, scene in runs):
         return None
     try:
@@ -51,27 +51,27 @@ def linear_models(
     def residual(p: Array) -> Array:
         shapes: Shapes = {}
         fits = [_stacked(name, _poles(p), fitted, inputs, shapes)[:2] for name in columns]
-        return np.concatenate([_left(*fit) for fit in fits])
+        return np.concatenate([_projected(*fit) for fit in fits])
 
     far = np.concatenate([np.full(len(λ), 0.7), np.full(len(λ), 0.3)])
     found = scipy.optimize.least_squares(residual, start, bounds=(start - far, start + far), max_nfev=40).x
     shared = {name: _weights(name, _poles(found), fitted, inputs) for name in columns}
     return [
-        [_given(block.name, _poles(found), source, taken, shared) for block in source.blocks]
-        for (source, _), taken in zip(runs, inputs, strict=True)
+        [_given(block.name, _poles(found), source, driven, shared) for block in source.blocks]
+        for (source, _), driven in zip(runs, inputs, strict=True)
     ]
 
 
 def _held(scene: Scene) -> bool:
-    """All joints that could swing are locked, or led."""
-    led = {scene.arm.number(motion.link) for motion in scene.motion}
-    return all(link.joint.locked or k in led for k, link in enumerate(scene.arm.links, 1))
+    """Whether all joints are locked or prescribed."""
+    prescribed = {scene.arm.number(motion.link) for motion in scene.motion}
+    return all(link.joint.locked or k in prescribed for k, link in enumerate(scene.arm.links, 1))
 
 
 def _modes(scene: Scene, rate: float) -> Array:
-    """The slowest eigenvalues at rest, of those that swing, one of each pair."""
-    shown = 0.35  # highest frequency of a mode, a part of the rate of the records
-    most = 6  # modes
+    """Slowest oscillatory eigenvalues at rest, one of each conjugate pair."""
+    shown = 0.35  # highest natural frequency that a record resolves, relative to its sampling rate
+    most = 6  # largest number of modes
     chain = lump(scene)
     found = modes_at_rest(chain, rest_of(chain, initial_state(scene, chain)[0]))
     λ = found.eigenvalues
@@ -84,18 +84,18 @@ def _poles(p: Array) -> Array:
 
 
 def _accelerations(scene: Scene) -> tuple[Array, Array]:
-    """Times of a run, and accelerations of its prescribed joints, shape (samples, joints)."""
+    """Times of a run, shape (samples,), and accelerations of its prescribed joints, shape (samples, joints)."""
     run = simulate(scene)
-    led = np.flatnonzero(run.chain.hinges["prescribed"] != 0)
-    accelerations = scipy.interpolate.CubicSpline(run.t, run.qd[:, led])(run.t, 1)
-    return run.t, np.asarray(accelerations).reshape(len(run.t), len(led))
+    prescribed = np.flatnonzero(run.chain.hinges["prescribed"] != 0)
+    accelerations = scipy.interpolate.CubicSpline(run.t, run.qd[:, prescribed])(run.t, 1)
+    return run.t, np.asarray(accelerations).reshape(len(run.t), len(prescribed))
 
 
-def _shapes(λ: Array, times: Array, taken: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Basis functions of a run's own, and those of the inputs, at the times of a block."""
-    t, u = taken
+def _shapes(λ: Array, times: Array, driven: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Basis functions of the free motion, and of the inputs, at the times of a block."""
+    t, u = driven
     free = np.exp(np.outer(times - t[0], λ))
-    own = np.hstack([free.real, free.imag, np.ones((len(times), 1))])
+    free_motion = np.hstack([free.real, free.imag, np.ones((len(times), 1))])
     forced = []
     h = float(t[1] - t[0])
     for one in λ:
@@ -106,39 +106,39 @@ def _shapes(λ: Array, times: Array, taken: tuple[Array, Array]) -> tuple[Array,
             z = scipy.signal.lfilter([last, first], [1.0, -E], column.astype(complex))
             forced += [z.real, z.imag]
     of_inputs = np.array(forced).T if forced else np.empty((len(t), 0))
-    return own, at_times(t, of_inputs, times)
+    return free_motion, at_times(t, of_inputs, times)
 
 
 def _stacked(
     name: str, λ: Array, fitted: Sequence[tuple[Source, Scene]], inputs: Sequence[tuple[Array, Array]],
     shapes: Shapes,
 ) -> tuple[Array, Array, int]:  # fmt: skip
-    """Basis functions and measurements of one column, stacked over all runs and over the noise; how many are of inputs.
+    """Basis functions and measurements of one column, over the noise; and the number of basis functions of the inputs.
 
-    `shapes` keeps the basis functions of each run's times, which columns share.
+    All runs are stacked. `shapes` caches the basis functions by the times of a run, which its columns share.
     """
-    there = [
-        (block, taken)
-        for (source, _), taken in zip(fitted, inputs, strict=False)
+    measured = [
+        (block, driven)
+        for (source, _), driven in zip(fitted, inputs, strict=False)
         for block in source.blocks
         if block.name == name
     ]
     found = []
-    for block, taken in there:
+    for block, driven in measured:
         t = np.asarray(block.t)
-        key = id(taken), t.tobytes()
+        key = id(driven), t.tobytes()
         if key not in shapes:
-            shapes[key] = _shapes(λ, t, taken)
+            shapes[key] = _shapes(λ, t, driven)
         found.append(shapes[key])
-    width, rows = [own.shape[1] for own, _ in found], []
-    for k, ((own, forced), (block, _)) in enumerate(zip(found, there, strict=True)):
-        before, behind = np.zeros((len(own), sum(width[:k]))), np.zeros((len(own), sum(width[k + 1 :])))
-        rows.append(np.hstack([forced, before, own, behind]) / block.σ[:, None])
-    return np.vstack(rows), np.concatenate([block.y / block.σ for block, _ in there]), found[0][1].shape[1]
+    width, rows = [free_motion.shape[1] for free_motion, _ in found], []
+    for k, ((free_motion, forced), (block, _)) in enumerate(zip(found, measured, strict=True)):
+        before, behind = np.zeros((len(free_motion), sum(width[:k]))), np.zeros((len(free_motion), sum(width[k + 1 :])))
+        rows.append(np.hstack([forced, before, free_motion, behind]) / block.σ[:, None])
+    return np.vstack(rows), np.concatenate([block.y / block.σ for block, _ in measured]), found[0][1].shape[1]
 
 
-def _left(Φ: Array, target: Array) -> Array:
-    """Residuals with the best weights, by QR: a search asks hundreds of times, and SVD costs ten times that."""
+def _projected(Φ: Array, target: Array) -> Array:
+    """Residuals with optimal weights, by QR; an SVD takes ten times as long, and the search needs hundreds."""
     Q = np.linalg.qr(Φ)[0]
     return np.asarray(Q @ (Q.T @ target) - target)
 
@@ -146,16 +146,16 @@ def _left(Φ: Array, target: Array) -> Array:
 def _weights(
     name: str, λ: Array, fitted: Sequence[tuple[Source, Scene]], inputs: Sequence[tuple[Array, Array]]
 ) -> Array:
-    """What inputs weigh in a column."""
+    """Weights of the inputs' basis functions in a column."""
     Φ, target, forced = _stacked(name, λ, fitted, inputs, {})
     return np.asarray(np.linalg.lstsq(Φ, target, rcond=None)[0][:forced])
 
 
-def _given(name: str, λ: Array, source: Source, taken: tuple[Array, Array], shared: dict[str, Array]) -> Array:
-    """What the model gives of a column of one run; its own start and zero at their best."""
+def _given(name: str, λ: Array, source: Source, driven: tuple[Array, Array], shared: dict[str, Array]) -> Array:
+    """Prediction of one column of a run, with the optimal initial condition and offset."""
     block = next(block for block in source.blocks if block.name == name)
     if name not in shared:
         return np.full(len(block.y), np.nan)
-    own, forced = _shapes(λ, np.asarray(block.t), taken)
+    free_motion, forced = _shapes(λ, np.asarray(block.t), driven)
     by_inputs = forced @ shared[name]
-    return np.asarray(by_inputs + own @ np.linalg.lstsq(own, block.y - by_inputs, rcond=None)[0])
+    return np.asarray(by_inputs + free_motion @ np.linalg.lstsq(free_motion, block.y - by_inputs, rcond=None)[0])

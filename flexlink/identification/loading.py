@@ -1,4 +1,4 @@
-"""A problem from its file."""
+"""Read an identification problem from its file."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from flexlink.identification.problem import FitProblem
 
 
 def load_fit(path: str | Path) -> FitProblem:
-    """Read a problem's file.
+    """Read a problem from a TOML file.
 
     Parameters
     ----------
     path
-        A TOML file: `scene`, a path from the file's own folder, then `[[parameter]]`, and `[[run]]`, `[[modes]]`,
-        `[[static]]`, what was measured.
+        A TOML file: `scene`, a path relative to the file, then `[[parameter]]`, and the measurements in `[[run]]`,
+        `[[modes]]` and `[[static]]`.
 
     Returns
     -------
     FitProblem
-        As the file says; the recorded runs' files are read when it is fitted.
+        The problem; files of recorded runs are read when it is fitted.
 
     Raises
     ------
     ArgumentError
-        `path` is no path.
+        `path` is not a path.
     SceneError
-        The message names the file, the key path, the value and what is allowed.
+        The message names the file, the key path, the value and the allowed values.
     DataFileError
-        The file of a rule or method that the scene names is not valid.
+        The file of a lumping rule or method in the scene is not valid.
 
     Examples
     --------
@@ -58,7 +58,7 @@ def load_fit(path: str | Path) -> FitProblem:
 
 
 def _as_paths(table: Any) -> Any:
-    """A table with keys below `set` and `before`, which TOML has taken apart at their dots, as paths again."""
+    """Join the keys of `set` and `before` to paths again; TOML has split them at their dots."""
     if not isinstance(table, dict):
         return table
     apart = (key for key in ("set", "before") if isinstance(table.get(key), dict))

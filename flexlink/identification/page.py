@@ -1,4 +1,4 @@
-"""The page of a fit: numbers and their intervals, data beside the scene, residuals and their spectrum."""
+"""Page of a fit: estimates and intervals, measurements and predictions, residuals and their spectrum."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import matplotlib as mpl
 import numpy as np
 
 from flexlink.common.output import make_folder
-from flexlink.identification.checked_page import asked, known_before, reproduced, told, what_differs
+from flexlink.identification.checked_page import differences_of_runs, priors_in_words, problem_part, reproduction, told
 from flexlink.identification.fitted import Estimate, Fitted, FittedColumn
 from flexlink.pages.chapter import Chapter
 from flexlink.pages.colours import BLUE, GREY, INK, VERMILION
@@ -24,16 +24,22 @@ from flexlink.pages.verdict import Fact, Report, Verdict
 
 
 def build(fitted: Fitted, folder: Path, command: str) -> Report:
-    """Write the page and its files: fitted scene, JSON, tables, pictures. Errors as in `Fitted.report`."""
+    """Write the page and its files: fitted scene, JSON, tables, pictures.
+
+    Raises
+    ------
+    FlexlinkError
+        As in `Fitted.report`.
+    """
     make_folder(folder)
     fitted.save(folder / "fit.json")
     parts = {
-        "numbers": ("Numbers that were found", "Numbers", _numbers(fitted)),
-        "data": ("Measured and computed", "Data", _data(fitted)),
-        "left": ("What is left", "Residuals", _left(fitted)),
-        "told": ("What the data can tell", "Identifiability", told(fitted.check)),
-        "asked": ("What was asked", "Problem", asked(fitted.problem)),
-        "reproduce": ("How to reproduce", "Reproduce", reproduced(fitted.scene, "fitted.toml", command)),
+        "numbers": ("Estimated parameters", "Estimates", _numbers(fitted)),
+        "data": ("Measured and predicted", "Data", _data(fitted)),
+        "residuals": ("Residuals", "Residuals", _left(fitted)),
+        "identifiability": ("Identifiability", "Identifiability", told(fitted.check)),
+        "problem": ("Problem", "Problem", problem_part(fitted.problem)),
+        "reproduce": ("How to reproduce this page", "Reproduce", reproduction(fitted.scene, "fitted.toml", command)),
     }
     definitions: dict[str, str] = {}
     with mpl.rc_context(RC):
@@ -48,8 +54,8 @@ def build(fitted: Fitted, folder: Path, command: str) -> Report:
 
 
 def _told(one: Estimate) -> str:
-    """A number as it is told first: ±, or both ends where they are not alike, and its unit."""
-    level = 0.2  # part of half an interval by which its middle may be off, and ± be printed
+    """Estimate with ± its interval, or with both ends if they are asymmetric, and the unit."""
+    level = 0.2  # largest asymmetry of a ± interval, relative to its half-width
     unit = f" {one.unit}" if one.unit else ""
     if not math.isfinite(one.half):
         return f"{number(one.value, 4)}{unit}"
@@ -60,29 +66,37 @@ def _told(one: Estimate) -> str:
     value, half, low, high = (part / 10**power for part in (one.value, one.half, one.low, one.high))
     if abs((low + high) / 2 - value) > level * half:
         return f"{number(value, 4)} ({number(low)}{JOIN}…{JOIN}{number(high)}){unit}"
-    digits = 1 - math.floor(math.log10(half)) if half > 0 else 4  # two of what is not known
+    digits = 1 - math.floor(math.log10(half)) if half > 0 else 4  # two digits of the half-width
     both = f"{value:.{max(digits, 0)}f}{JOIN}±{JOIN}{half:.{max(digits, 0)}f}"
     return f"({both}){unit}" if power else f"{both}{unit}"
 
 
 def _how_known(one: Estimate) -> str:
+    """Confidence level and verdict."""
     if not math.isfinite(one.half):
-        return "not held by the data"
-    return f"95 %{', wider than slopes say' if one.widened else ''}"
+        return "not identifiable"
+    wider = "" if not one.widened else ", wider than the linear estimate"
+    return f"95 %{wider}" if one.doubt is None else f"95 %{wider}; {one.verdict}"
 
 
 def _verdicts(fitted: Fitted) -> list[Verdict]:
-    held = fitted.identifiable
+    identifiable = fitted.identifiable
+    doubted = [one for one in fitted.numbers if one.doubt is not None]
+    if fitted.check.lost:
+        reason = f"{fitted.check.lost[0].text}."
+    else:
+        reason = " ".join(f"{one.name} is {one.verdict}." for one in doubted)
+    unknown = fitted.check.lost or not all(one.determined for one in fitted.numbers)
     found = [
         Verdict(
-            "Identifiability", "pass" if held else "fail", "held" if held else "not held",
-            f"The data hold {plural(len(fitted.numbers), 'number')}." if held else
-            f"{fitted.check.lost[0].text if fitted.check.lost else fitted.warnings[0]}.",
+            "Identifiability", "pass" if identifiable else "fail" if unknown else "doubt",
+            "identifiable" if identifiable else "not identifiable" if unknown else "partly identifiable",
+            f"{plural(len(fitted.numbers), 'parameter')} identified from the data." if identifiable else reason,
         )
     ]  # fmt: skip
     worst = max(fitted.judged, key=lambda one: one.off(one.after) / (one.noise or 1.0))
-    by = "kept to check" if worst.use == "check" else "fitted; none were kept to check"
-    text = f"{worst.name} of {worst.source}: RMS difference {amount(worst.off(worst.before), worst.unit)} before, "
+    by = "used as a check" if worst.use == "check" else "fitted; no data were used as a check"
+    text = f"{worst.name} of {worst.source}: RMS residual {amount(worst.off(worst.before), worst.unit)} before, "
     text += f"{amount(worst.off(worst.after), worst.unit)} after ({by})."
     better = fitted.better
     found.append(Verdict("Fit", "pass" if better else "fail", "better" if better else "worse", text))
@@ -95,30 +109,31 @@ def _verdicts(fitted: Fitted) -> list[Verdict]:
 
 
 def _beside_linear(ours: float, theirs: float) -> Verdict:
-    """The scene beside a free linear model, by what each explains of the signal [%]."""
-    fails = 50.0  # part of the signal [%] below which a free linear model is no measure
+    """Compare the scene with a free linear model, by the part of the signal [%] that each explains."""
+    fails = 50.0  # part of the signal [%] below which a free linear model is not a reference
     both = f"The fitted scene explains {number(ours)} % of the signal, a free linear model of the same order "
     both += f"{number(theirs)} %: "
     if theirs < fails:
-        return Verdict("Model", "info", "not compared", f"{both}that one does not hold here, and tells nothing.")
+        return Verdict("Model", "info", "not compared", f"{both}the linear model does not apply here.")
     if ours >= theirs - 1.0:  # %
-        return Verdict("Model", "pass", "complete", f"{both}nothing is missing that a linear model has.")
-    return Verdict("Model", "doubt", "incomplete", f"{both}no values of its numbers give all that was measured.")
+        return Verdict("Model", "pass", "complete", f"{both}the scene is as good as a linear model.")
+    return Verdict("Model", "doubt", "incomplete", f"{both}the scene lacks something, whatever the parameters.")
 
 
 def _numbers(fitted: Fitted) -> Part:
-    heads = ["number", "unit", "before", "fitted", "from", "to", "± of 95 % [%]", "standard deviation"]
+    heads = ["parameter", "unit", "before", "fitted", "from", "to", "± of 95 % [%]", "standard deviation", "verdict"]
     profile = any(one.profile for one in fitted.numbers)
     lines: list[tuple[Cell, ...]] = [
         (one.name, one.unit or "1", one.start, one.value, one.low, one.high,
-         100 * one.half / abs(one.value) if one.value else None, one.deviation, *(_ends(one) if profile else ()))
+         100 * one.half / abs(one.value) if one.value else None, one.deviation, one.verdict,
+         *(_ends(one) if profile else ()))
         for one in fitted.numbers
     ]  # fmt: skip
     heads += ["profile from", "profile to"] if profile else []
     sentences = (
-        "From and to are the ends of intervals that hold the true value in 95 % of cases if the scene is right; they "
-        "count the autocorrelation of the residuals.",
-        *known_before(fitted.problem),
+        "From and to are the ends of the 95 % interval: it covers the true value in 95 % of cases if the model is "
+        "complete, and accounts for the autocorrelation of the residuals.",
+        *priors_in_words(fitted.problem),
         *(f"Note: {warning}." for warning in fitted.warnings),
     )
     names = tuple(one.name for one in fitted.numbers)
@@ -126,7 +141,7 @@ def _numbers(fitted: Fitted) -> Part:
         (name, *row.tolist()) for name, row in zip(names, fitted.correlation, strict=True)
     )
     return Part(sentences, tables=(
-        Table("numbers", "Numbers with 95 % intervals", tuple(heads), tuple(lines)),
+        Table("numbers", "Estimates with 95 % intervals", tuple(heads), tuple(lines)),
         Table("correlation", "Correlation", ("", *names), rows, to_look_up=True),
     ))  # fmt: skip
 
@@ -144,15 +159,15 @@ def _data(fitted: Fitted) -> Part:
         for one in fitted.columns
     )  # fmt: skip
     heads = (
-        "of", "column", "use", "RMS before", "RMS after", "RMS free linear", "fit before [%]", "fit after [%]",
+        "source", "column", "use", "RMS before", "RMS after", "RMS free linear", "fit before [%]", "fit after [%]",
         "fit free linear [%]", "gain", "bias",
     )  # fmt: skip
     sentences: tuple[str, ...] = (
-        "Fit is 1 − |difference| / |measured less its mean|. RMS in the column's unit.",
-        *what_differs(fitted.problem),
+        "Fit is 1 − |residual| / |measured − mean|. RMS residuals are in the unit of the column.",
+        *differences_of_runs(fitted.problem),
     )
     if all(one.linear is None for one in fitted.columns):
-        sentences += ("No free linear model beside it: joints swing free, or there is no run.",)
+        sentences += ("There is no free linear model for comparison: joints swing freely, or there is no run.",)
     single = tuple(
         (f"{one.source}, {one.name}", float(m), float(b), float(a))
         for one in fitted.columns if one.t is None
@@ -160,38 +175,38 @@ def _data(fitted: Fitted) -> Part:
     )  # fmt: skip
     tables = [Table("columns", "Measured columns", heads, lines)]
     if single:
-        tables.append(Table("single", "Single numbers", ("number", "measured", "before", "fitted"), single))
+        tables.append(Table("single", "Single measurements", ("measurement", "measured", "before", "fitted"), single))
     drawn = _drawn(fitted)
     return Part(sentences, pictures=(_overlay(drawn), _difference(drawn)) if drawn else (), tables=tuple(tables))
 
 
 def _drawn(fitted: Fitted) -> list[FittedColumn]:
-    """Columns that were fitted, then those kept to check."""
-    most = 4  # more panels are too many for a page
+    """Columns in pictures: the fitted ones first, then those of check runs."""
+    most = 4  # largest number of panels
     runs = (one for one in fitted.columns if one.t is not None)
     return sorted(runs, key=lambda one: one.use == "check")[:most]
 
 
 def _overlay(drawn: list[FittedColumn]) -> Picture:
     curves = [{"measured": one.measured, "before": one.before, "fitted": one.after} for one in drawn]
-    return _panels("beside", "Measured and computed", "Measured, before and after the fit.", drawn, curves)
+    return _panels("beside", "Measured and predicted", "Measured, before and after the fit.", drawn, curves)
 
 
 def _difference(drawn: list[FittedColumn]) -> Picture:
-    visible = 5.0  # largest curve that is drawn beside the residuals, over them
+    visible = 5.0  # largest residual of the linear model to draw, relative to that of the scene
     curves = []
     for one in drawn:
         linear = {}
         if one.linear is not None and one.off(one.linear) < visible * one.off(one.after):
             linear = {"free linear": one.linear - one.measured}
         curves.append({"fitted": one.after - one.measured, **linear})
-    return _panels("difference", "Computed less measured", "Computed less measured.", drawn, curves)
+    return _panels("difference", "Residuals", "Predicted − measured.", drawn, curves)
 
 
 def _panels(
     name: str, title: str, caption: str, drawn: list[FittedColumn], curves: list[dict[str, np.ndarray]]
 ) -> Picture:
-    """One panel a column, of what is drawn of it by name."""
+    """One panel per column, with its curves by name."""
     looks: dict[str, dict[str, Any]] = {
         "measured": {"color": GREY, "linestyle": "", "marker": ".", "markersize": 3}, "fitted": {"color": BLUE},
         "before": {"color": VERMILION, "linewidth": 0.8}, "free linear": {"color": INK, "linewidth": 0.8},
@@ -211,18 +226,18 @@ def _panels(
 
 
 def _left(fitted: Fitted) -> Part:
-    white = 0.01  # probability below which residuals are no white noise
+    white = 0.01  # p-value below which residuals are not white noise
     runs = [one for one in fitted.columns if one.t is not None]
     coloured = [one for one in runs if one.whiteness < white]
     if not runs:
-        return Part(("Single numbers only: see the table above.",))
-    said = (
-        f"{len(coloured)} of {plural(len(runs), 'column')} leave more than white noise (Ljung and Box, 20 lags, "
-        f"p < {white:g}): coloured noise of instruments, or something that the scene does not have."
-        if coloured else "What is left looks like white noise in every column (Ljung and Box, 20 lags)."
+        return Part(("Single measurements only: see the table above.",))
+    sentence = (
+        f"The residuals of {len(coloured)} of {plural(len(runs), 'column')} are autocorrelated (Ljung-Box, 20 lags, "
+        f"p < {white:g}): coloured sensor noise, or an effect that the model lacks."
+        if coloured else "The residuals of every column are consistent with white noise (Ljung-Box, 20 lags)."
     )  # fmt: skip
     lines = tuple((one.source, one.name, one.off(one.after), one.noise, one.whiteness) for one in runs)
-    heads = ("of", "column", "RMS", "noise", "p of whiteness")
+    heads = ("source", "column", "RMS", "noise", "p of whiteness")
     drawn = _drawn(fitted)
     figure, axes = stacked_axes(len(drawn), 2.0, share=False)
     columns: dict[str, np.ndarray] = {}
@@ -233,9 +248,9 @@ def _left(fitted: Fitted) -> Part:
         panel.set_title(f"{one.source}: {one.name}", loc="left")
         columns |= {f"{one.source}: f of {one.name} [Hz]": f, f"{one.source}: {one.name}": root}
     axes[-1].set_xlabel("frequency [Hz]")
-    caption = "Square root of the residuals' power spectral density."
-    picture = Picture("spectrum", "Spectrum of what is left", figure, caption, _padded(columns))
-    return Part((said,), pictures=(picture,), tables=(Table("left", "What is left", heads, lines),))
+    caption = "Square root of the power spectral density of the residuals."
+    picture = Picture("spectrum", "Spectrum of the residuals", figure, caption, _padded(columns))
+    return Part((sentence,), pictures=(picture,), tables=(Table("left", "RMS residuals and whiteness", heads, lines),))
 
 
 def _spectrum(t: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""A fit as data: a scene, its parameters, and what was measured; read from TOML."""
+"""An identification problem as data, read from TOML: a scene, its unknown parameters, and measurements."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Deviation, Positive, Spec
 
 Use = Literal["fit", "check"]
-"""What data are for: to fit, or to judge what was fitted without them."""
+"""Use of data: to fit the parameters, or to check the fit with data that were not fitted."""
 Loss = Literal["linear", "soft_l1", "huber"]
-"""How residuals count: squared, or less where they are far larger than the noise."""
+"""Loss function of the residuals: "linear" is least squares; the others reduce the weight of outliers."""
 
 
 class FitParameter(Spec, frozen=True):
-    """A number of the scene that is estimated.
+    """An unknown parameter of the scene.
 
     Examples
     --------
@@ -28,16 +28,16 @@ class FitParameter(Spec, frozen=True):
     """
 
     path: str
-    """Path of the number, as `Scene.varied` takes it; `*` for several that are equal."""
+    """Path of the number, as in `Scene.varied`; `*` for several equal ones."""
     between: tuple[float, float] | None = None
-    """Least and largest value that are tried. Default: a thousandth and a thousand times the start where its
-    logarithm is estimated, else none."""
+    """Lower and upper bound. Default: a thousandth and a thousand times the initial guess if the logarithm is
+    estimated, otherwise none."""
     start: float | None = None
-    """Where the search begins. Default: the scene's value."""
+    """Initial guess. Default: the scene's value."""
     prior: tuple[float, Deviation] | None = None
-    """What is known of it already: its value and its standard deviation."""
+    """Prior: mean and standard deviation."""
     scale: Literal["auto", "log", "linear"] = "auto"
-    """Whether its logarithm is estimated. Default: of positive numbers, but not of those of the initial state."""
+    """Whether to estimate the logarithm. Default ("auto"): for positive numbers outside the initial state."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -49,13 +49,13 @@ class FitParameter(Spec, frozen=True):
             raise SceneError(f"start = {self.start!r}: outside between = {list(self.between)}", id="parameter-start")
 
     def within(self, value: float) -> bool:
-        """Whether a value may be tried."""
+        """Whether a value is within the bounds."""
         low, high = self.between or (-math.inf, math.inf)
         return low <= value <= high
 
 
 class FitRun(Spec, frozen=True):
-    """A run that was recorded: its file, what is known to differ from the scene, which columns count.
+    """A recorded run: its file, its differences from the scene, and the columns to compare.
 
     Examples
     --------
@@ -64,34 +64,34 @@ class FitRun(Spec, frozen=True):
     """
 
     name: str
-    """Its name, one of its own."""
+    """Unique name."""
     file: str = ""
-    """CSV file whose heads are "t [s]" and names of columns of a run, angles also in deg, lengths in mm; in a problem's
-    file from that file's folder."""
+    """CSV file with the column heads "t [s]" and names of columns of a run; angles may be in deg, lengths in mm. The
+    path is relative to the problem's file."""
     columns: dict[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
-    """The same in place of a file: numbers by head, "t [s]" among them."""
+    """Columns in place of a file: values by head, including "t [s]"."""
     use: Use = "fit"
-    """Whether it is fitted, or kept to check the fit."""
+    """Whether to fit the run, or to keep it to check the fit."""
     set: dict[str, Any] = msgspec.field(default_factory=dict)
-    """What differs from the scene in this run, values by path."""
+    """Differences from the scene in this run, values by path."""
     compare: tuple[str, ...] = ()
-    """Columns that count, as in the file's heads; others may be anything. Default: all, and all must be known."""
+    """Heads of the columns to compare; other columns are ignored. Default: all columns, which must then be known."""
     noise: dict[str, Deviation] = msgspec.field(default_factory=dict)
-    """Standard deviation of a column's noise, by its head, in the head's unit. Default: that of the scene's sensor of
-    this name, else what the fit leaves."""
+    """Standard deviation of a column's noise, by its head, in the unit of the head. Default: the noise of the scene's
+    sensor of this name, otherwise estimated from the residuals."""
     gain: tuple[str, ...] = ()
-    """Heads of columns whose scale is not known: the best one is found with the fit."""
+    """Heads of columns with unknown scale; it is estimated."""
     bias: tuple[str, ...] = ()
-    """Heads of columns whose zero is not known: the best one is found with the fit."""
+    """Heads of columns with unknown offset; it is estimated."""
     window: tuple[float, float] | None = None
-    """First and last time that count [s]. Default: all."""
+    """First and last time to use [s]. Default: all."""
     parameter: tuple[FitParameter, ...] = ()
-    """Parameters of this run alone, such as where it starts."""
+    """Parameters of this run alone, for example its initial angle."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if bool(self.file) == bool(self.columns):
-            raise SceneError(f"file = {self.file!r}: give either a file or columns", id="both-given")
+            raise SceneError(f"file = {self.file!r}: specify either a file or columns", id="both-given")
         if self.window is not None and not self.window[0] < self.window[1]:
             raise SceneError(
                 f"window = {list(self.window)}: the first time must be earlier than the second", id="range-order"
@@ -99,7 +99,7 @@ class FitRun(Spec, frozen=True):
 
 
 class FitModes(Spec, frozen=True):
-    """Natural frequencies that were measured, the arm at rest.
+    """Measured natural frequencies of the arm at rest.
 
     Examples
     --------
@@ -109,19 +109,19 @@ class FitModes(Spec, frozen=True):
     hertz: Annotated[tuple[Positive, ...], msgspec.Meta(min_length=1)]
     """Frequencies [Hz]."""
     deviation: tuple[Deviation, ...]
-    """Standard deviation of each, or one of all [Hz]."""
+    """Standard deviation of each frequency, or one value for all [Hz]."""
     numbers: tuple[int, ...] = ()
-    """Which of the arm's elastic modes they are, from 1, slowest first. Default: the first ones."""
+    """Numbers of the elastic modes, from 1, slowest first. Default: the first modes."""
     ratios: tuple[float, ...] = ()
-    """Ratios of damping of the same modes [1]. Default: not measured."""
+    """Damping ratios of the same modes [1]. Default: not measured."""
     ratio_deviation: Deviation = 1e-3
-    """Standard deviation of the ratios [1]."""
+    """Standard deviation of the damping ratios [1]."""
     locked: tuple[str, ...] | None = None
-    """Links or joints that are held. Default: all driven joints."""
+    """Locked links or joints. Default: all driven joints."""
     set: dict[str, Any] = msgspec.field(default_factory=dict)
-    """What differs from the scene, values by path."""
+    """Differences from the scene, values by path."""
     use: Use = "fit"
-    """Whether they are fitted, or kept to check the fit."""
+    """Whether to fit them, or to keep them to check the fit."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -132,36 +132,36 @@ class FitModes(Spec, frozen=True):
                 )
         if len(self.deviation) not in (1, len(self.hertz)):
             raise SceneError(
-                f"deviation = {list(self.deviation)}: expected one number, or {len(self.hertz)}", id="one-per-frequency"
+                f"deviation = {list(self.deviation)}: expected 1 number or {len(self.hertz)}", id="one-per-frequency"
             )
         if any(number < 1 for number in self.numbers):
             raise SceneError(f"numbers = {list(self.numbers)}: modes are counted from 1", id="modes-counted-from-1")
 
 
 class FitStatic(Spec, frozen=True):
-    """A static position of the tip that was measured, the driven joints held; with `before` a change of position.
+    """A measured static position of the tip with the driven joints locked, or with `before` its change.
 
     Examples
     --------
-    >>> sag = fl.fits.FitStatic(axis="y", value=-3.1e-3, deviation=5e-5, before={"tip.mass": 0.0})  # m, by the payload
+    >>> sag = fl.fits.FitStatic(axis="y", value=-3.1e-3, deviation=5e-5, before={"tip.mass": 0.0})  # m, due to payload
     """
 
     axis: Literal["x", "y", "z"]
-    """Along which axis of frame 0."""
+    """Coordinate axis of frame 0."""
     value: float
-    """The tip's coordinate, or by how much it is larger than `before` [m]."""
+    """Coordinate of the tip, or its increase over the state `before` [m]."""
     deviation: Deviation
-    """Its standard deviation [m]."""
+    """Standard deviation [m]."""
     set: dict[str, Any] = msgspec.field(default_factory=dict)
-    """What differs from the scene, values by path."""
+    """Differences from the scene, values by path."""
     before: dict[str, Any] | None = None
-    """What differs from that in the state that the change is counted from, values by path."""
+    """Differences of the reference state from this state, values by path."""
     use: Use = "fit"
-    """Whether it is fitted, or kept to check the fit."""
+    """Whether to fit it, or to keep it to check the fit."""
 
 
 class FitProblem(Spec, frozen=True):
-    """A scene, its parameters, and what was measured.
+    """A scene, its unknown parameters, and measurements.
 
     Examples
     --------
@@ -175,26 +175,26 @@ class FitProblem(Spec, frozen=True):
     """
 
     scene: Scene
-    """The scene; in a file its path, from the file's folder."""
+    """The scene; in a file, its path relative to the file."""
     parameter: Annotated[tuple[FitParameter, ...], msgspec.Meta(min_length=1)]
-    """Parameters, `[[parameter]]` in a file."""
+    """Unknown parameters, `[[parameter]]` in a file."""
     run: tuple[FitRun, ...] = ()
-    """Runs that were recorded, `[[run]]` in a file."""
+    """Recorded runs, `[[run]]` in a file."""
     modes: tuple[FitModes, ...] = ()
-    """Frequencies that were measured, `[[modes]]` in a file."""
+    """Measured natural frequencies, `[[modes]]` in a file."""
     static: tuple[FitStatic, ...] = ()
-    """Static positions of the tip that were measured, `[[static]]` in a file."""
+    """Measured static positions of the tip, `[[static]]` in a file."""
     about: str = ""
-    """A sentence on what is fitted."""
+    """A sentence on the purpose of the fit."""
     loss: Loss = "linear"
-    """How residuals count; soft_l1 and huber bound the effect of outliers."""
+    """Loss function of the residuals; soft_l1 and huber reduce the weight of outliers."""
     noise: Literal["coloured", "white"] = "coloured"
-    """Noise model. "coloured": residuals are whitened by an autoregressive model, the least uncertain answer where they
-    are noise; "white": residuals are independent, the least simulation error. Intervals count autocorrelation either
-    way."""
+    """Noise model. "coloured": residuals are whitened by an autoregressive model, which gives the narrowest intervals
+    if they are noise. "white": residuals are independent, which gives the smallest simulation error. Intervals account
+    for autocorrelation either way."""
     tolerance: Positive = 1e-8
-    """Error of the fit's runs as a part of the reach, of scenes without fixed steps [1]; theirs is too rough for
-    slopes."""
+    """Tolerance of the simulations, relative to the reach [1]. It replaces the scene's tolerance, which is too coarse
+    for derivatives; fixed steps remain."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -206,7 +206,7 @@ class FitProblem(Spec, frozen=True):
         for paths_of_run in (paths, *([*paths, *(p.path for p in run.parameter)] for run in self.run)):
             twice = [path for path in paths_of_run if paths_of_run.count(path) > 1]
             if twice:
-                raise SceneError(f"parameter.path = {twice[0]!r}: is sought twice; name it once", id="parameter-twice")
+                raise SceneError(f"parameter.path = {twice[0]!r}: given twice; remove one", id="parameter-twice")
         self._check_set(paths)
         data: Sequence[FitRun | FitModes | FitStatic] = (*self.run, *self.modes, *self.static)
         if not any(part.use == "fit" for part in data):
@@ -215,14 +215,14 @@ class FitProblem(Spec, frozen=True):
             )
 
     def _check_set(self, paths: Sequence[str]) -> None:
-        """A parameter of all runs is not set for some."""
+        """Refuse `set` on a parameter that is estimated for all runs."""
         for key in ("run", "modes", "static"):
             for part in getattr(self, key):
                 for path in (*part.set, *(getattr(part, "before", None) or ())):
                     if path in paths:
                         raise SceneError(
-                            f"{key}.set: {path!r} is sought as a parameter, and cannot be set for a part of the data; "
-                            "say what differs by another number, such as a wrench, or link.NAME.end.mass beside a mass",
+                            f"{key}.set: {path!r} is an unknown parameter, and cannot be set for part of the data; "
+                            "express the difference by another path, for example a wrench or link.NAME.end.mass",
                             id="parameter-set",
                         )
 

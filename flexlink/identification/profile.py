@@ -1,8 +1,8 @@
-"""Intervals by profile: a number is held beside its best value, all others are fitted anew.
+"""Profile intervals: one parameter is fixed near its estimate, all others are refitted.
 
-    √(2 (cost(x) − cost)) = half of the interval / standard deviation that white noise would leave
+    √(2 (cost(x) − cost)) = half of the interval / standard deviation with white noise
 
-holds at its ends where the sum of squares is a parabola; where it is not, the ends lie where it says.
+defines the ends of the interval; for a quadratic cost they are those of the linear estimate.
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ from flexlink.identification.fitted import Estimate
 from flexlink.identification.solve import Found, Search
 
 
-def profiled(search: Search, best: Found, numbers: Sequence[Estimate], tell: Callable[[str], None]) -> list[Estimate]:
-    """The numbers of the scene, each with its interval by profile; nan is an end that the profile does not reach."""
+def profiled(search: Search, best: Found, numbers: Sequence[Estimate], report: Callable[[str], None]) -> list[Estimate]:
+    """Estimates of the scene's parameters with profile intervals; an end beyond the range of the profile is nan."""
     least, white = search.cost(best.x, best.blocks), np.sqrt(np.diag(search.covariance(best.x, best.blocks)))
     found = []
     for k, one in enumerate(numbers):
         ends = tuple(_end(search, best, k, one, side, least, float(white[k])) for side in (-1, 1))
         found.append(dataclasses.replace(one, profile=(ends[0], ends[1])))
-        tell(f"profile of {one.name}: {ends[0]:.6g} … {ends[1]:.6g}")
+        report(f"profile of {one.name}: {ends[0]:.6g} … {ends[1]:.6g}")
     return found
 
 
 def widened(search: Search, best: Found, numbers: Sequence[Estimate]) -> list[Estimate]:
-    """The numbers of the scene, intervals as wide as the sum of squares says where that is no parabola.
+    """Estimates of the scene's parameters with wider intervals where the cost is not quadratic.
 
-    An end where it has hardly risen is moved outwards until it has. A start outside is tried with all others fitted
-    anew; where the data do not reject it, that end is moved on to the first point that they do reject.
+    An end at which the cost has hardly increased is moved outwards. If the initial guess is outside the interval, it is
+    tried with all other parameters refitted. If the data do not reject it, the end is moved beyond it, to the first
+    value that they reject.
     """
     floor, found = _Floor(search, best), []
     search.signals.ahead([floor.beside(k, one, side) for k, one in enumerate(numbers) for side in (-1, 1)])
@@ -52,7 +53,7 @@ def widened(search: Search, best: Found, numbers: Sequence[Estimate]) -> list[Es
 
 
 class _Floor:
-    """The sum of squares beside its least."""
+    """The increase of the cost around its minimum."""
 
     def __init__(self, search: Search, best: Found) -> None:
         self.search, self.best = search, best
@@ -62,22 +63,22 @@ class _Floor:
         self.C = search.covariance(best.x, best.blocks)
 
     def rise(self, x: Array) -> float:
-        """How much twice the cost is above its least; noise may be another one there, too."""
+        """Increase of twice the cost over its minimum; at most the likelihood ratio with the noise model refitted."""
         rise = 2 * (self.search.cost(x, self.best.blocks) - self.least)
         if not self.search.coloured or rise <= 0:
             return rise
         try:
             return min(rise, self.search.unlikelihood(x, self.best.blocks) - self.unlikely)
-        except FlexlinkError:  # the scene does not run there
+        except FlexlinkError:  # the simulation fails
             return math.inf
 
     def wanted(self, k: int, end: float) -> float:
-        """What a parabola rises by up to an end, a value of the number."""
+        """Increase of a quadratic cost up to an end of the interval."""
         return (self.search.coordinates[k].x(end) - float(self.best.x[k])) ** 2 / float(self.C[k, k])
 
     def far(self, k: int, one: Estimate, side: int) -> float | None:
-        """An end farther out, the others where a parabola has them; None where the interval's own will do."""
-        hardly = 0.5  # part of a parabola's rise
+        """An end farther out, with the others moved along the linear estimate; None if the interval is wide enough."""
+        hardly = 0.5  # smallest increase of the cost, relative to a quadratic one
         wanted = hardly * self.wanted(k, _end_of(one, side))
 
         def rejected(times: float) -> bool:
@@ -88,51 +89,51 @@ class _Floor:
         return self.search.coordinates[k].value(float(self.beside(k, one, side, _rejected(rejected, OUTWARDS))[k]))
 
     def beside(self, k: int, one: Estimate, side: int, times: float = 1.0) -> Array:
-        """An end, so many times as far out, the others where a parabola has them."""
+        """Point at `times` the distance of an end, with the other parameters moved along the linear estimate."""
         half = self.search.coordinates[k].x(_end_of(one, side)) - float(self.best.x[k])
         bounds = np.array([each.bounds for each in self.search.coordinates]).T
         return np.asarray(np.clip(self.best.x + half * times * self.C[:, k] / self.C[k, k], *bounds))
 
     def beyond_start(self, k: int, one: Estimate) -> float | None:
-        """The first value that the data reject, from a number's start on; None where they reject the start."""
-        furthest = 10.0  # halves of an interval beyond which a start is rejected
+        """First value beyond the initial guess that the data reject; None if they reject the initial guess."""
+        furthest = 10.0  # an initial guess is rejected beyond this many half-widths of the interval
         coordinate, x = self.search.coordinates[k], float(self.best.x[k])
         wanted, start = self.wanted(k, one.low if one.start < one.value else one.high), coordinate.x(one.start)
         if self.wanted(k, one.start) > furthest**2 * wanted or self.rejects(k, start, wanted):
             return None
 
-        places = np.clip(x + np.array(OUTWARDS) * (start - x), *coordinate.bounds).tolist()
+        values = np.clip(x + np.array(OUTWARDS) * (start - x), *coordinate.bounds).tolist()
         return coordinate.value(
-            _rejected(lambda at: at in coordinate.bounds or self.rejects(k, at, wanted), places, HALVINGS)
+            _rejected(lambda at: at in coordinate.bounds or self.rejects(k, at, wanted), values, HALVINGS)
         )
 
     def rejects(self, k: int, at: float, wanted: float) -> bool:
-        """Whether the sum of squares is too large with a number held there, all others fitted anew."""
+        """Whether the cost is too large with one parameter fixed and all others refitted."""
         point = self.best.x.copy()
         point[k] = at
         return not self.rise(self.search.least(point, self.best.blocks, rough=True, held=k)) < wanted
 
 
 OUTWARDS = tuple(1.5**k for k in range(7))
-"""How many times as far out as an end others are tried."""
+"""Distances at which ends are tried, relative to the linear estimate."""
 HALVINGS = 3
-"""How often the part is halved in which an end beyond a start lies."""
+"""Number of bisections for an end beyond the initial guess."""
 
 
-def _rejected(rejected: Callable[[float], bool], places: Sequence[float], halvings: int = 0) -> float:
-    """The first of places, farther and farther out, that is rejected, and between it and the one before by halving.
+def _rejected(rejected: Callable[[float], bool], values: Sequence[float], halvings: int = 0) -> float:
+    """First of ever more distant values that is rejected, refined by bisection; the last one if none is.
 
-    The first place is not rejected; the last one is taken where none is.
+    The first value is assumed not to be rejected.
     """
-    for inside, place in itertools.pairwise(places):  # noqa: B007  where it ended
-        if rejected(place):
+    for inside, value in itertools.pairwise(values):  # noqa: B007  used after the loop
+        if rejected(value):
             break
     else:
-        inside = place
+        inside = value
     for _ in range(halvings):
-        middle = (inside + place) / 2
-        inside, place = (inside, middle) if rejected(middle) else (middle, place)
-    return place
+        middle = (inside + value) / 2
+        inside, value = (inside, middle) if rejected(middle) else (middle, value)
+    return value
 
 
 def _end_of(one: Estimate, side: int) -> float:
@@ -140,8 +141,8 @@ def _end_of(one: Estimate, side: int) -> float:
 
 
 def _end(search: Search, best: Found, k: int, one: Estimate, side: int, least: float, white: float) -> float:
-    """One end of the interval."""
-    at = 0.5, 1.0, 1.6  # places of the profile, in halves of the interval
+    """One end of a profile interval."""
+    at = 0.5, 1.0, 1.6  # points of the profile, in half-widths of the interval
     coordinate, x = search.coordinates[k], best.x
     half = abs(coordinate.x(_end_of(one, side)) - float(x[k]))
     low, high = coordinate.bounds

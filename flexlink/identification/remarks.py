@@ -1,4 +1,4 @@
-"""What is said of data before a fit, and what is to be known of its numbers after it."""
+"""Notes on the data before a fit, and warnings about its estimates afterwards."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.identification.coordinates import Coordinate
 from flexlink.identification.data import Source
 from flexlink.identification.fitted import Estimate, FittedColumn
@@ -16,97 +17,108 @@ from flexlink.identification.solve import Found
 from flexlink.pages.numbers import plural
 
 
-def notes(sources: Sequence[Source]) -> list[str]:
-    """What was read, and what is assumed of noise."""
+def notes(sources: Sequence[Source]) -> list[Diagnostic]:
+    """Notes on the data that were read, and on assumed noise."""
     found = []
     for source in sources:
         names = ", ".join(block.name for block in source.blocks)
         use, count = f" ({source.use})" if source.use != "fit" else "", len(source.blocks[0].y)
         if source.is_run:
-            found.append(f"{source.name}{use}: {names}; {count} samples at {source.rate:.4g} Hz, {source.shows}")
-            found += [f"{source.name}: {doubt}" for doubt in source.doubts]
+            text = f"{source.name}{use}: {names}; {count} samples at {source.rate:.4g} Hz, {source.shows}"
+            found.append(Diagnostic(text, "data-read"))
+            found += _doubts(source)
         else:
-            found.append(f"{source.name}{use}: {names}; {plural(count, 'number')}")
+            found.append(Diagnostic(f"{source.name}{use}: {names}; {plural(count, 'number')}", "data-read"))
         uneven = [block.name for block in source.blocks if block.t is not None and _uneven(block.t)]
         if uneven:
-            found.append(
-                f"{source.name}: samples of {', '.join(uneven)} are not evenly spaced; intervals count what is left "
-                "as if they were"
-            )
+            text = f"{source.name}: samples of {', '.join(uneven)} are unevenly spaced; intervals assume even spacing"
+            found.append(Diagnostic(text, "uneven-samples"))
         unknown = [block.name for block in source.blocks if not block.stated]
         if unknown and source.use == "fit":
-            found.append(f"{source.name}: noise of {', '.join(unknown)} is not stated; 1 % of the range is assumed")
+            text = f"{source.name}: noise of {', '.join(unknown)} is not stated; 1 % of the range is assumed"
+            found.append(Diagnostic(text, "assumed-noise"))
     return found
 
 
-def ranges_apart(sources: Sequence[Source], model: Model) -> list[str]:
-    """Columns whose range is another one by far than that of the scene at its start: a unit may be wrong."""
-    rounded = 1e-9  # range that is rounding's, a part of what is compared: no unit is so much larger
-    apart = 100.0  # factor
+def _doubts(source: Source) -> list[Diagnostic]:
+    return [Diagnostic(f"{source.name}: {doubt}", doubt.id) for doubt in source.doubts]
+
+
+def ranges_apart(sources: Sequence[Source], model: Model) -> list[Diagnostic]:
+    """Warnings about columns whose range differs from the prediction by a large factor: the unit may be wrong."""
+    rounded = 1e-9  # a smaller predicted range, relative to the values, is rounding error
+    apart = 100.0  # factor between the ranges
     found = []
     for source, several in zip(sources, model, strict=True):
         for block, y in zip(source.blocks, several, strict=True):
             measured, ours = float(np.ptp(block.y)), float(np.ptp(y))
             moves = ours > rounded * max(measured, float(np.abs(y).max()))
             if block.t is not None and not block.gain and moves and not 1 / apart < measured / ours < apart:
-                found.append(
-                    f"{source.name}: {block.name} ranges over {measured:.3g} {block.unit}, the scene at its start over "
-                    f"{ours:.3g} {block.unit}: is its unit right?"
-                )
+                text = f"{source.name}: {block.name} ranges over {measured:.3g} {block.unit}, its prediction at the "
+                text += f"initial guess over {ours:.3g} {block.unit}; check the unit of the column"
+                found.append(Diagnostic(text, "likely-unit"))
     return found
 
 
-def _too_far(one: FittedColumn) -> str:
-    return (
-        f"{one.source}, {one.name}: what is left is {one.times_noise:.2g} times the noise that is stated: more noise, "
-        "or something that the scene does not have"
+def _too_far(one: FittedColumn) -> Diagnostic:
+    return Diagnostic(
+        f"{one.source}, {one.name}: the residual is {one.times_noise:.2g} times the stated noise; the noise is larger, "
+        "or the model is incomplete",
+        "residual-above-noise",
     )
 
 
 def _times_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> float:
-    """Residuals of a column that was kept to check, over those of the same one where it was fitted."""
-    left = [other.left(other.after) for other in columns if other.use == "fit" and other.name == one.name]
-    return one.off(one.after) / max(left) if one.use == "check" and left and max(left) > 0 else 0.0
+    """RMS residual of a check column over that of the same column where it was fitted; 0 if it was not."""
+    residuals = [other.left(other.after) for other in columns if other.use == "fit" and other.name == one.name]
+    return one.off(one.after) / max(residuals) if one.use == "check" and residuals and max(residuals) > 0 else 0.0
 
 
-def _worse_than_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> str:
-    return (
-        f"{one.source}, {one.name}: what is left is {_times_fitted(one, columns):.2g} times that of the fitted runs: "
-        "the numbers are not known well enough for this run (fit it, too), or the scene lacks something"
+def _worse_than_fitted(one: FittedColumn, columns: Sequence[FittedColumn]) -> Diagnostic:
+    return Diagnostic(
+        f"{one.source}, {one.name}: the residual is {_times_fitted(one, columns):.2g} times that of the fitted runs; "
+        "the estimates are not accurate enough for this run (fit it as well), or the model is incomplete",
+        "worse-than-fitted-runs",
     )
 
 
 def _uneven(t: Array) -> bool:
-    even = 0.1  # part of the time between samples by which it may vary
+    even = 0.1  # allowed variation of the sampling interval, relative to its mean
     between = np.diff(t)
     return bool(np.ptp(between) > even * between.mean())
 
 
 def _times(one: Estimate) -> float:
-    """By which factor a positive number has moved."""
+    """Factor between the initial guess and the estimate of a positive parameter."""
     return max(one.value / one.start, one.start / one.value)
 
 
-def _ran_away(one: Estimate) -> str:
-    return (
-        f"{one.name} went from {one.start:.4g} to {one.value:.4g}: there may be a better answer near the start; "
-        "see --starts, or give between"
+def _ran_away(one: Estimate) -> Diagnostic:
+    return Diagnostic(
+        f"{one.name} moved from {one.start:.4g} to {one.value:.4g}; there may be a better solution near the initial "
+        "guess: try --starts, or set between",
+        "far-from-initial-guess",
     )
 
 
-def _strays(one: Estimate, known: Coordinate) -> bool:
-    """Whether the data have led a number away from what was known of it."""
-    strays = 3.0  # standard deviations of the prior
-    return known.prior is not None and abs(one.value - known.prior[0]) > strays * known.prior[1]
+def _leaves_prior(one: Estimate, known: Coordinate) -> bool:
+    """Whether the data move a parameter far from its prior."""
+    far = 3.0  # standard deviations of the prior
+    return known.prior is not None and abs(one.value - known.prior[0]) > far * known.prior[1]
 
 
-def _beside_prior(one: Estimate, known: Coordinate) -> str:
+def _far_from_prior(one: Estimate, known: Coordinate) -> Diagnostic:
     mean, deviation = known.prior or (0.0, 1.0)
     far = abs(one.value - mean) / deviation
-    return (
-        f"{one.name} = {one.value:.4g}: {far:.2g} standard deviations from its prior, {mean:.4g} ± {deviation:.2g}: "
-        "the prior is wrong, or the scene lacks something that this number makes up for"
+    return Diagnostic(
+        f"{one.name} = {one.value:.4g} is {far:.2g} standard deviations from its prior, {mean:.4g} ± {deviation:.2g}; "
+        "the prior is wrong, or the parameter compensates for something that the model lacks",
+        "far-from-prior",
     )
+
+
+def _not_identifiable(one: Estimate) -> Diagnostic:
+    return Diagnostic(f"{one.name} is {one.verdict}", one.doubt.id if one.doubt is not None else "")
 
 
 def warnings(
@@ -116,24 +128,30 @@ def warnings(
     found: Sequence[Found],
     columns: Sequence[FittedColumn],
     sources: Sequence[Source],
-) -> tuple[str, ...]:
-    """Why numbers of a fit, or the scene, may not be what they seem."""
-    wider = (
-        "its interval is wider than slopes say: it ends where the data reject a value, other noise in time being "
-        "possible there, too"
-    )
-    away = 10.0  # factor between a positive number and its start
-    far = 2.0  # times the noise that is stated, or of that of fitted runs
-    told = [f"{one.name} ended at its bound, {one.value:.6g}" for one in numbers if one.at_bound]
-    told += [_ran_away(one) for one, by in zip(numbers, coordinates, strict=False) if by.log and _times(one) > away]
-    told += [f"{one.name}: {wider}" for one in numbers if one.widened]
-    told += [_beside_prior(one, known) for one, known in zip(numbers, coordinates, strict=False) if _strays(one, known)]
-    told += [one.text for one in check.directions]
-    told += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > far]
-    told += [f"{source.name}: {doubt}" for source in sources for doubt in source.doubts]
-    told += [_worse_than_fitted(one, columns) for one in columns if _times_fitted(one, columns) > far]
+) -> tuple[Diagnostic, ...]:
+    """Warnings about the estimates of a fit and its model."""
+    wider = "its interval is wider than the linear estimate: it ends where the likelihood ratio rejects a value"
+    away = 10.0  # factor between the estimate and the initial guess of a positive parameter
+    far = 2.0  # residual over the stated noise, or over the residual of the fitted runs
+    stated = {"estimate-at-bound", "unbounded-interval"}  # reasons that another warning states
+    pairs = list(zip(numbers, coordinates, strict=False))
+    found_warnings = [
+        Diagnostic(f"{one.name} ended at its bound, {one.value:.6g}", "estimate-at-bound")
+        for one in numbers if one.at_bound
+    ]  # fmt: skip
+    found_warnings += [
+        _not_identifiable(one) for one in numbers if one.doubt is not None and one.doubt.id not in stated
+    ]
+    found_warnings += [_ran_away(one) for one, by in pairs if by.log and _times(one) > away]
+    found_warnings += [Diagnostic(f"{one.name}: {wider}", "interval-widened") for one in numbers if one.widened]
+    found_warnings += [_far_from_prior(one, known) for one, known in pairs if _leaves_prior(one, known)]
+    found_warnings += [one.text for one in check.directions]
+    found_warnings += [_too_far(one) for one in columns if one.stated and one.use == "fit" and one.times_noise > far]
+    found_warnings += [doubt for source in sources for doubt in _doubts(source)]
+    found_warnings += [_worse_than_fitted(one, columns) for one in columns if _times_fitted(one, columns) > far]
     if len(found) > 1:
         same = sum(bool(np.allclose(end.x, found[0].x, rtol=0, atol=1e-4)) for end in found)
         if same < len(found):
-            told.append(f"{same} of {len(found)} starts led to the best answer; others end higher")
-    return tuple(told)
+            text = f"{same} of {len(found)} initial guesses led to the best solution; others end at a higher cost"
+            found_warnings.append(Diagnostic(text, "several-minima"))
+    return tuple(found_warnings)

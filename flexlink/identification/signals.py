@@ -1,4 +1,4 @@
-"""What a scene predicts in place of the data, at several points of the search at once, and its slopes."""
+"""Predictions of the model for all data, at several points of the search at once, and their Jacobian."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
 Model = list[list[Array]]
-"""What the scene predicts of every block of every source."""
+"""Predictions of every block of every source."""
 Slopes = list[list[Array]]
-"""The same of its slopes along all coordinates; empty where nobody has asked for them."""
+"""Jacobians of these predictions, along all coordinates; empty if not requested."""
 STEP = 1e-3
-"""Step of differences in x, a part of the number or of its unit."""
+"""Finite-difference step of x, relative to the parameter or its unit."""
 KEPT = 4
-"""Points that are kept: a search asks for numbers, slopes and noise at the same ones."""
+"""Size of the cache of points: a search evaluates values, Jacobian and noise at the same ones."""
 
 
 class Signals:
-    """Sources as functions of the coordinates.
+    """Predictions of the sources as functions of the coordinates.
 
     Attributes
     ----------
     sources
-        What was measured.
+        The measurements.
     coordinates
         The parameters.
     runs
-        How many runs have been computed.
+        Number of simulated runs.
     """
 
     def __init__(self, sources: Sequence[Source], coordinates: Sequence[Coordinate]) -> None:
@@ -51,29 +51,35 @@ class Signals:
         self._most = KEPT
         self._beside = 2 * len(coordinates) < LANES and not any(source.scene.run.controlled for source in sources)
         self._variants = [
-            Variants(source.scene, [coordinates[k].path for k in own])
-            for source, own in zip(sources, self._own, strict=True)
+            Variants(source.scene, [coordinates[k].path for k in indices])
+            for source, indices in zip(sources, self._own, strict=True)
         ]
 
     def scene(self, number: int, x: Array) -> Scene:
-        """The scene of a source at a point; errors as in `Scene.varied`."""
-        own = [self.coordinates[k] for k in self._own[number]]
-        values = [one.value(float(x[k])) for k, one in zip(self._own[number], own, strict=True)]
-        return self._variants[number].varied({one.path: v for one, v in zip(own, values, strict=True)})
-
-    def model(self, x: Array) -> Model:
-        """What the scene gives at one point.
+        """Scene of a source at a point.
 
         Raises
         ------
         FlexlinkError
-            It does not run there.
+            As in `Scene.varied`.
         """
-        there = self._points.get(x.tobytes())
-        return (there or self._kept(x, slopes=self._beside))[0]
+        indices = [self.coordinates[k] for k in self._own[number]]
+        values = [one.value(float(x[k])) for k, one in zip(self._own[number], indices, strict=True)]
+        return self._variants[number].varied({one.path: v for one, v in zip(indices, values, strict=True)})
+
+    def model(self, x: Array) -> Model:
+        """Predictions at one point.
+
+        Raises
+        ------
+        FlexlinkError
+            The simulation fails.
+        """
+        known = self._points.get(x.tobytes())
+        return (known or self._kept(x, slopes=self._beside))[0]
 
     def ahead(self, points: Sequence[Array]) -> None:
-        """Compute the predictions at several points, side by side, and keep those that succeed."""
+        """Compute the predictions at several points, side by side, and cache those that succeed."""
         new = {x.tobytes(): x for x in points if x.tobytes() not in self._points}
         parts = [self._many([(number, x) for x in new.values()]) for number in range(len(self.sources))]
         self._most = KEPT + len(new)
@@ -83,7 +89,7 @@ class Signals:
                 self._points[x.tobytes()] = good, []
 
     def slopes(self, x: Array, places: Places = CENTRAL, step: float = STEP) -> Slopes:
-        """∂(what the scene gives)/∂x of every block, shape (n, coordinates).
+        """Jacobian of the predictions of every block, shape (n, coordinates).
 
         Raises
         ------
@@ -95,7 +101,7 @@ class Signals:
         return self._kept(x, slopes=True)[1]
 
     def _kept(self, x: Array, *, slopes: bool) -> tuple[Model, Slopes]:
-        """A point, computed once; of the last few."""
+        """Predictions and Jacobian at a point, from the cache of the last few points."""
         key = x.tobytes()
         point = self._points.get(key)
         if point is None or (slopes and not point[1]):
@@ -107,19 +113,25 @@ class Signals:
         return point
 
     def around(self, x: Array, places: Places, step: float = STEP) -> list[Array]:
-        """The point, and those beside it from which slopes are taken."""
+        """The point and its neighbours for finite differences."""
         every = range(len(x))
         return [x, *(moved(x, k, step * at) for k in every for at in self._places(k, x, places, step))]
 
     def _of_source(self, number: int, x: Array, places: Places | None, step: float) -> tuple[list[Array], list[Array]]:
-        """What one source has at a point, and its slopes, all in one batch; errors as in `slopes`."""
-        own = self._own[number] if places is not None else []
+        """Predictions of one source at a point and their Jacobian, all in one batch.
+
+        Raises
+        ------
+        FlexlinkError
+            The simulation fails at a neighbouring parameter value.
+        """
+        indices = self._own[number] if places is not None else []
         steps = np.zeros(len(x))
-        steps[own] = step
+        steps[indices] = step
         at = [self._places(k, x, places or CENTRAL, step) for k in range(len(x))]
         values, beside = neighbours(lambda points: self._many([(number, point) for point in points]), x, steps, at)
         slopes = [np.zeros((len(block.y), len(x))) for block in self.sources[number].blocks]
-        for k, one in zip(own, beside, strict=True):
+        for k, one in zip(indices, beside, strict=True):
             if isinstance(one, FlexlinkError):
                 raise one
             for j, slope in enumerate(slopes):
@@ -131,20 +143,20 @@ class Signals:
         far = step * max(places)
         return FORWARD if x[k] - far < low else mirrored(FORWARD) if x[k] + far > high else places
 
-    def _many(self, asked: Sequence[tuple[int, Array]]) -> list[list[Array] | FlexlinkError]:
-        """What one source has at several points: points that are kept as they are, runs side by side where they can."""
-        if not asked:
+    def _many(self, points: Sequence[tuple[int, Array]]) -> list[list[Array] | FlexlinkError]:
+        """Predictions of one source at several points, from the cache or by runs side by side."""
+        if not points:
             return []
-        there = [self._points.get(x.tobytes()) for _, x in asked]
-        if any(there):
-            beside = iter(self._many([one for one, point in zip(asked, there, strict=True) if point is None]))
+        cached = [self._points.get(x.tobytes()) for _, x in points]
+        if any(cached):
+            computed = iter(self._many([one for one, point in zip(points, cached, strict=True) if point is None]))
             return [
-                next(beside) if point is None else point[0][number]
-                for (number, _), point in zip(asked, there, strict=True)
+                next(computed) if point is None else point[0][number]
+                for (number, _), point in zip(points, cached, strict=True)
             ]
-        source = self.sources[asked[0][0]]
+        source = self.sources[points[0][0]]
         scenes: list[Scene | FlexlinkError] = []
-        for number, x in asked:
+        for number, x in points:
             try:
                 scenes.append(self.scene(number, x))
             except FlexlinkError as error:

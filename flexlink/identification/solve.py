@@ -1,4 +1,4 @@
-"""The search: single numbers first, then runs in growing windows; weights from the residuals; several starts."""
+"""The search: single measurements first, then runs in growing windows; weights from the residuals; several guesses."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from flexlink.identification.likelihood import Row, row_of, white
 from flexlink.identification.signals import Signals
 
 ROUNDS = 2
-"""How often noise that is not stated is estimated anew from the residuals."""
+"""Number of times that unstated noise is re-estimated from the residuals."""
 
 
 class Found(NamedTuple):
-    """Where a search ended.
+    """Solution of a search.
 
     Attributes
     ----------
     x
-        The point.
+        Coordinates of the solution.
     cost
-        Half the sum of squares, with the noise of the first search.
+        Half the sum of squares, with the noise assumed at first.
     blocks
-        Of every source, with the noise that was taken at last.
+        Blocks of every source, with the noise estimated at last.
     """
 
     x: Array
@@ -39,16 +39,16 @@ class Found(NamedTuple):
 
 
 class Search:
-    """The search for the largest likelihood: sources as functions of the parameters, beside the data.
+    """Search for the maximum of the likelihood.
 
     Attributes
     ----------
     signals
-        The sources.
+        Sources as functions of the parameters.
     loss
-        As `scipy.optimize.least_squares` has it.
+        Loss function, as in `scipy.optimize.least_squares`.
     coloured
-        Whether noise of runs may be autocorrelated.
+        Whether the noise of runs may be autocorrelated.
     """
 
     def __init__(self, signals: Signals, loss: str, *, coloured: bool = False) -> None:
@@ -56,7 +56,13 @@ class Search:
         self.coordinates: Sequence[Coordinate] = signals.coordinates
 
     def rows(self, x: Array, blocks: Sequence[Sequence[Block]], *, slopes: bool = True) -> list[list[Row]]:
-        """All blocks at a point; errors as in `Signals.model`."""
+        """Residuals and Jacobians of all blocks at a point.
+
+        Raises
+        ------
+        FlexlinkError
+            The simulation fails.
+        """
         y = self.signals.model(x)
         if not slopes:
             return [[row_of(*one) for one in zip(*part, strict=True)] for part in zip(blocks, y, strict=True)]
@@ -69,9 +75,9 @@ class Search:
         return 0.5 * float(residual @ residual)
 
     def unlikelihood(self, x: Array, blocks: Sequence[Sequence[Block]]) -> float:
-        """−2 ln of likelihood and priors at a point, the noise of runs being the residuals there, up to a constant.
+        """−2 ln of the posterior at a point, up to a constant; the noise of runs is estimated from the residuals there.
 
-        Coefficients of that noise have their price: a higher order alone makes no point likelier than another.
+        The AR coefficients are penalized: a higher order alone makes no point more likely.
         """
         known, _ = prior_rows(self.coordinates, x)
         plain, total = [[white(block) for block in part] for part in blocks], float(known @ known)
@@ -86,7 +92,7 @@ class Search:
         return total
 
     def weighed(self, x: Array, blocks: Sequence[Sequence[Block]], *, coloured: bool = False) -> list[list[Block]]:
-        """The blocks with the noise of the residuals at a point: its size where none is stated, and its colour."""
+        """The blocks with noise from the residuals at a point: its AR model, and its deviation unless it is stated."""
         plain = [[white(block) for block in part] for part in blocks]
         rows = self.rows(x, plain, slopes=False)
         return [
@@ -97,13 +103,13 @@ class Search:
     def least(
         self, x: Array, blocks: Sequence[Sequence[Block]], *, rough: bool = False, held: int | None = None
     ) -> Array:
-        """Where the sum of squares is least, from a point on; the coordinate `held` stays."""
+        """Minimum of the cost near a point; the coordinate `held` is fixed."""
         free = np.arange(len(x)) != held
         if not free.any():
             return x
         bounds = np.array([one.bounds for one in self.coordinates]).T[:, free]
-        change = 1e-4 if rough else 1e-12  # of a search on the way to another, and of the last
-        smallest = 1e-8  # part of x: sums of squares of runs are known to 1e-11, and smaller steps are luck
+        change = 1e-4 if rough else 1e-12  # tolerance of an intermediate, and of the final search
+        smallest = 1e-8  # of x: the cost of runs is accurate to 1e-11, which makes smaller steps meaningless
         end: dict[str, Any] = {"ftol": change, "xtol": max(smallest, change), "gtol": change}
 
         def whole(part: Array) -> Array:
@@ -119,19 +125,19 @@ class Search:
         return whole(np.asarray(found.x))
 
     def covariance(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
-        """Covariance if all noise were white, of the size that was taken, gains and biases at their best."""
+        """Covariance for white noise of the assumed size, with optimal gains and biases."""
         J = self._jacobian(x, blocks)
         return np.asarray(np.linalg.pinv(J.T @ J))
 
     def from_start(self, x: Array) -> Found:
-        """Search from a point.
+        """Search from an initial guess.
 
         Raises
         ------
         FlexlinkError
-            The scene does not run at the initial guess.
+            The simulation fails at the initial guess.
         """
-        windows = 0.0, 0.15, 0.4  # parts of each run, one after the other: a long one alone has minima a period apart
+        windows = 0.0, 0.15, 0.4  # growing parts of each run: the cost of a long run has minima one period apart
         self.signals.model(x)
         sources = self.signals.sources
         blocks = [list(source.blocks) for source in sources]
@@ -153,16 +159,16 @@ class Search:
         return self._coloured(Found(x, cost, blocks)) if self.coloured else Found(x, cost, blocks)
 
     def near(self, x: Array) -> Array:
-        """Where a rough search leads."""
+        """Result of a rough search."""
         return self.least(x, [list(source.blocks) for source in self.signals.sources], rough=True)
 
     def _coloured(self, plain: Found) -> Found:
-        """The search with autocorrelated noise.
+        """Continue the search with autocorrelated noise.
 
-        Where it leaves clearly more than with white noise, the rest is no noise, but something that the scene does not
-        have: then what leaves least stays.
+        If the cost becomes clearly larger than with white noise, the residuals are a model error, not noise; the
+        solution with white noise is then returned.
         """
-        more = 1.1  # times the sum of squares that autocorrelated noise may leave
+        more = 1.1  # allowed cost, relative to that with white noise
         x, blocks = plain.x, plain.blocks
         for _ in range(ROUNDS):
             blocks = self.weighed(x, blocks, coloured=True)
@@ -173,12 +179,12 @@ class Search:
 
     @staticmethod
     def _weighs(blocks: Sequence[Sequence[Block]]) -> bool:
-        """Whether there is noise that is not stated, and that weighs."""
+        """Whether there is unstated noise that affects the solution."""
         several = [block for part in blocks for block in part]
         return len(several) > 1 and not all(block.stated for block in several)
 
     def _residual(self, x: Array, blocks: Sequence[Sequence[Block]]) -> Array:
-        nowhere = 1e8  # residual where the scene does not run: the search turns back
+        nowhere = 1e8  # residual at points where the simulation fails, from which the search turns back
         known, _ = prior_rows(self.coordinates, x)
         try:
             rows = self.rows(x, blocks, slopes=False)
@@ -192,13 +198,13 @@ class Search:
 
 
 def start_points(coordinates: Sequence[Coordinate], count: int) -> list[Array]:
-    """The problem's own start, then points that fill the bounds, or a factor of 2 to either side, evenly."""
-    own = np.array([one.x(one.start) for one in coordinates])
+    """The problem's own initial guess, then points that fill the bounds, at most a factor of 2 away, evenly."""
+    guess = np.array([one.x(one.start) for one in coordinates])
     low, high = np.array([_around(one) for one in coordinates]).T
     if count < 2:
-        return [own]
-    points = scipy.stats.qmc.LatinHypercube(len(own), seed=0).random(count - 1)
-    return [own, *(low + (high - low) * points)]
+        return [guess]
+    points = scipy.stats.qmc.LatinHypercube(len(guess), seed=0).random(count - 1)
+    return [guess, *(low + (high - low) * points)]
 
 
 def _around(one: Coordinate) -> tuple[float, float]:

@@ -1,6 +1,6 @@
-"""Whether the times of a record fit the arm: its length and rate beside the arm's slowest mode.
+"""Check the times of a record against the arm's slowest mode.
 
-A record shows a mode that swings at least once in ten of its lengths, and has two samples in each period or more.
+A record shows a mode if it covers at least a tenth of its period, with two or more samples per period.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import scipy
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.types import Array
+from flexlink.common.wording import Diagnostic
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.at_rest import first_elastic_frequency
 from flexlink.identification.block import Block
@@ -23,17 +24,17 @@ from flexlink.motion.simulate import simulate
 
 
 def slowest_mode(scene: Scene) -> float:
-    """Frequency of the slowest elastic mode at rest, the driven joints held [Hz]; nan where there is none."""
+    """Natural frequency of the slowest elastic mode at rest, with driven joints locked [Hz]; nan if there is none."""
     try:
         chain = lump(scene)
         wrench, frame = initial_wrench(scene, chain)
         return first_elastic_frequency(chain, initial_state(scene, chain)[0], tip_wrench=wrench, frame=frame)
-    except FlexlinkError:  # such as an arm that does not rest
+    except FlexlinkError:  # for example, an arm without a static equilibrium
         return np.nan
 
 
 def in_periods(t: Array, hertz: float) -> str:
-    """How long a record is, and how much of the slowest mode it shows.
+    """Length of a record, and the number of periods of the slowest mode in it.
 
     >>> print(in_periods(np.linspace(0.0, 3.0, 601), 2.5))
     3 s, 7.5 periods of the slowest mode, 2.5 Hz
@@ -44,36 +45,38 @@ def in_periods(t: Array, hertz: float) -> str:
     )
 
 
-def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: float) -> tuple[str, ...]:
-    """What is to be known of the times t of a record, shape (samples,) [s].
+def doubts_of_times(scene: Scene, blocks: Sequence[Block], t: Array, hertz: float) -> tuple[Diagnostic, ...]:
+    """Warnings about the times t of a record, shape (samples,) [s].
 
     Raises
     ------
     DataFileError
-        Samples are too far apart to show a mode in which the scene swings as far as was measured.
+        Samples are too far apart for a mode that is visible in the simulation.
     """
-    shown = 0.1  # part of a period that a record must have at least
+    shown = 0.1  # smallest length of a record, in periods
     length, between = float(t[-1] - t[0]), float(np.median(np.diff(t)))
     if length * hertz < shown:
-        return (
-            f"the record is {length:.3g} s long, {length * hertz:.2g} of a period of the slowest mode, {hertz:.3g} Hz; "
-            "if its times are in s, their head is 't [s]'",
+        text = (
+            f"the record is {length:.3g} s long, {length * hertz:.2g} of a period of the slowest mode, {hertz:.3g} Hz"
         )
+        text += "; if its times are in s, name the column 't [s]'"
+        return (Diagnostic(text, "record-too-short"),)
     if not 2 * between * hertz > 1:
         return ()
-    told = (
-        f"samples are {between:.3g} s apart, {length:.4g} s in all: too far for the slowest mode, {hertz:.3g} Hz, "
-        f"which needs one every {1 / (2 * hertz):.2g} s or more often"
+    spacing = (
+        f"samples are {between:.3g} s apart, {length:.4g} s in total: too far for the slowest mode, {hertz:.3g} Hz, "
+        f"which needs a sample every {1 / (2 * hertz):.2g} s or less"
     )
     if not _swings(scene, blocks, hertz, between):
-        return (f"{told}; that mode is not seen",)
+        return (Diagnostic(f"{spacing}; this mode is not excited", "sampling-too-slow"),)
     raise DataFileError(
-        f"{told}, and in which the scene swings; if the times are in ms, their head is 't [ms]'", id="likely-unit"
+        f"{spacing}, and which the simulation excites; if the times are in ms, name the column 't [ms]'",
+        id="likely-unit",
     )
 
 
 def as_long(scene: Scene, t: Array) -> Scene:
-    """The scene with a run as long as its record, sampled as that is where it can be."""
+    """The scene with a run as long as its record, with the same sampling if possible."""
     between = float(np.median(np.diff(t)))
     length = float(t[-1]) - scene.initial.time
     for sample in (float(f"{between:.9g}"), scene.run.spacing):
@@ -86,14 +89,14 @@ def as_long(scene: Scene, t: Array) -> Scene:
 
 
 def _swings(scene: Scene, blocks: Sequence[Block], hertz: float, between: float) -> bool:
-    """Whether a scene moves between samples by a good part of what was measured: beside splines through them.
+    """Whether the simulation deviates from a spline through its samples by a good part of the measured range.
 
-    For some periods of its slowest mode, and as many samples as are enough for a spline where that is not endless;
-    else beside a straight line.
+    The simulation covers several periods of the slowest mode and enough samples for a spline. If that takes too long,
+    the comparison is with a straight line.
     """
-    periods, most, per_period = 20, 400, 20  # of the slowest mode, at least and at most; samples of each
-    few = 8  # samples of the record
-    part = 0.1  # of what was measured
+    periods, most, per_period = 20, 400, 20  # smallest and largest number of periods; samples per period
+    few = 8  # smallest number of samples of the record
+    part = 0.1  # smallest deviation that counts, relative to the measured range
     every = max(round(between * hertz * per_period), 1)
     count = min(max(periods * per_period, few * every), most * per_period)
     t = np.asarray(scene.initial.time + between / every * np.arange(count), np.float64)

@@ -1,1 +1,1 @@
-"""What any of our HTML pages is made of."""
+"""Parts of all HTML pages: chapters, tables, pictures, verdicts, and their style."""

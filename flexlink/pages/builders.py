@@ -1,4 +1,4 @@
-"""Modules that build pages: loaded when a page is asked for, since they need packages that the library does without."""
+"""Modules that build pages; they are imported only when needed, since they need optional packages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flexlink.common.errors import MissingDependencyError
 
 
 def builder(module: str, page: str) -> ModuleType:
-    """A module that builds a `page`, which needs matplotlib and jinja2.
+    """Import the module that builds a `page`; it needs matplotlib and jinja2.
 
     Raises
     ------
@@ -27,6 +27,12 @@ def builder(module: str, page: str) -> ModuleType:
 
 
 def require_pages(page: str) -> None:
-    """Refuse a `page`, before the work, where what builds pages is not installed; errors as in `builder`."""
+    """Check that pages can be built, before the work starts.
+
+    Raises
+    ------
+    MissingDependencyError
+        As in `builder`.
+    """
     for module in ("page", "picture"):
         builder(f"flexlink.pages.{module}", page)

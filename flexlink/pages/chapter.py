@@ -1,4 +1,4 @@
-"""A chapter of a page, and the figures in it."""
+"""A chapter of a page, and its figures."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ class Shown:
 
 @dataclasses.dataclass(frozen=True)
 class Chapter:
-    """A chapter, its files written.
+    """A chapter after its files have been written.
 
     Attributes
     ----------
     id, title, short
-        Target of links to it, its heading, and its name in the list of chapters.
+        Target of links to the chapter, its heading, and its name in the list of chapters.
     sentences
-        Paragraphs, the answer first.
+        Paragraphs, the conclusion first.
     figures, tables
-        What they stand on.
+        Figures and tables that support the conclusion.
     literal
-        Text that keeps its lines, such as a scene; it is folded.
+        Preformatted text, for example a scene; it is folded.
     literal_title
-        What it is.
+        Title of the preformatted text.
     files
-        Names of other files beside the page.
+        Names of other files next to the page.
     failure
-        Why it could not be computed; "" if it was.
+        Why the chapter could not be computed; "" if it was.
     """
 
     id: str

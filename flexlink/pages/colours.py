@@ -1,13 +1,13 @@
-"""Colours and markers of all figures, as data: one name, colour and marker an engine, whoever draws it.
+"""Colours and markers of all figures, as data: each engine has one name, colour and marker.
 
-Okabe and Ito's palette (2008), which stays apart for the common kinds of colour blindness.
+The palette is that of Okabe and Ito (2008), which is distinguishable with the common kinds of colour blindness.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-INK, PAPER = "#1c2024", "#fefefe"  # text and ground of the files; a page replaces both by its own
+INK, PAPER = "#1c2024", "#fefefe"  # text and background of the files; a page replaces both by its own colours
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
 GREY, PALE = "#8a8f94", "#d8dcdf"
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
@@ -15,7 +15,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P")
 
 
 class Look(NamedTuple):
-    """How a program is called and drawn."""
+    """Name, colour and marker of a program."""
 
     name: str
     colour: str
@@ -31,17 +31,17 @@ ENGINES = {
     "solvers": Look("SciPy, CVODE", GREEN, "^"),
     "mpmath": Look("50 digits", INK, "X"),
 }
-"""Name of an engine in stored results → its look."""
+"""Look of each engine, by its name in stored results."""
 
 
 def look_of(engine: str) -> Look | None:
-    """The look of an engine by its stored name, its own name or its package's; None of what is no engine."""
+    """Look of an engine, by its stored name, its own name or the name of its package; None for other names."""
     aliases = {"flexlink": "native", "pin": "pinocchio", "scipy": "solvers", "cvode": "solvers", "sundials": "solvers"}
     name = engine.lower()
     return ENGINES.get(aliases.get(name, name))
 
 
 def engine_name(engine: str) -> str:
-    """The name that figures and tables give an engine."""
+    """Name of an engine in figures and tables."""
     look = look_of(engine)
     return look.name if look else engine

@@ -1,4 +1,4 @@
-"""Numbers as people read them."""
+"""Numbers in a readable form."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ JOIN = "\N{NO-BREAK SPACE}"
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """`value` to `digits` significant digits, with a power of ten where zeros would hide it; an en dash for none."""
+    """Format `value` with `digits` significant digits, and a power of ten if it is very small or large; None is "–"."""
     return "–" if value is None else _digits(value, digits).replace("-", "−")
 
 
@@ -24,14 +24,14 @@ def _digits(value: float, digits: int) -> str:
         power = "10" + str(int(exponent)).translate(superscripts)
         return power if mantissa == "1" else f"{mantissa}{JOIN}×{JOIN}{power}"
     short = f"{value:.{digits}g}"
-    return f"{value:.0f}" if "e" in short else short  # also of 999.7, which is rounded up to 1000
+    return f"{value:.0f}" if "e" in short else short  # 999.7 is rounded to 1e+03
 
 
 def plural(count: int, noun: str) -> str:
-    """'1 check', '2 checks'."""
+    """Count and noun: '1 check', '2 checks'."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def amount(value: float | None, unit: str, digits: int = 3) -> str:
-    """Number and unit; the unit 1 goes without saying."""
+    """Number and unit; the unit 1 is omitted."""
     return number(value, digits) if unit in ("", "1") else f"{number(value, digits)}{JOIN}{unit}"

@@ -1,4 +1,4 @@
-"""The page of a report: a template beside the common elements and style, filled."""
+"""HTML page of a report: a template with the common elements and style."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ DATA = Path(__file__).parent / "data"
 
 @functools.cache
 def template(path: Path, **filters: object) -> jinja2.Template:
-    """The template of a file; one of HTML may extend `page.html` and take macros from `elements.html`.
+    """Return the template of a file; HTML templates may extend `page.html` and import macros from `elements.html`.
 
-    It is kept: to read it takes longer than to fill it.
+    Templates are cached: to read one takes longer than to render it.
     """
     is_html = path.suffix == ".html"
     environment = jinja2.Environment(
@@ -38,7 +38,7 @@ def template(path: Path, **filters: object) -> jinja2.Template:
 
 
 def sentence_case(head: str) -> str:
-    """A head with a capital, but for a symbol, and for a name or path.
+    """A column head with a capital letter, except for symbols, names and paths.
 
     >>> print([sentence_case(head) for head in ("standard deviation", "p of whiteness", "tip.mass")])
     ['Standard deviation', 'p of whiteness', 'tip.mass']
@@ -51,7 +51,7 @@ def write_page(
     folder: Path, name: str, kind: str, chapters: Sequence[Chapter], verdicts: Sequence[Verdict],
     facts: Sequence[Fact], definitions: Mapping[str, str],
 ) -> Path:  # fmt: skip
-    """Write index.html, chapter after chapter, whole; `kind` is what the page is, such as "report"."""
+    """Write index.html with all chapters; `kind` is the kind of the page, for example "report"."""
     filled = template(DATA / "chapters.html").render(
         title=f"{name}: flexlink {kind}", name=name, chapters=chapters, verdicts=verdicts, facts=facts,
         definitions=definitions,

@@ -1,4 +1,4 @@
-"""What a chapter of a report holds: sentences, tables, pictures, and perhaps a verdict for the first screen."""
+"""Content of a chapter of a report: sentences, tables, pictures, and verdicts for the first screen."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from flexlink.pages.verdict import Fact, Verdict
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """A chapter.
+    """Content of a chapter.
 
     Attributes
     ----------
     sentences
-        Paragraphs, the answer first.
+        Paragraphs, the conclusion first.
     verdicts
-        For the first screen.
+        Verdicts for the first screen.
     pictures, tables
-        With their files.
+        Pictures and tables, with their files.
     literal
-        Text that keeps its lines, such as a scene; it is folded.
+        Preformatted text, for example a scene; it is folded.
     literal_title
-        What it is.
+        Title of the preformatted text.
     files
-        Name → text of other files that stand beside the page.
+        Texts of other files next to the page, by name.
     facts
         Numbers for the first screen.
     """
@@ -45,7 +45,7 @@ class Part:
 
 
 def written(chapter: Chapter, part: Part, folder: Path, definitions: dict[str, str]) -> Chapter:
-    """The chapter with what a part holds, its files written."""
+    """Write the files of a part, and return the chapter with its content."""
     for table in part.tables:
         write_text(folder / f"{table.name}.csv", table.csv)
     for name, text in part.files.items():

@@ -1,4 +1,4 @@
-"""A figure with what the page says about it, the data that it is drawn from, and the files that it becomes."""
+"""A figure with its caption, its data, and its files."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from flexlink.pages.style import RC
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """One figure of the report.
+    """A figure of a report.
 
     Attributes
     ----------
     name
-        Name of its files, without ending.
+        Name of its files, without extension.
     title
-        What it shows, in a few words; also what those are told who cannot see it.
+        Short description; also the text for screen readers.
     figure
-        What is drawn.
+        The matplotlib figure.
     caption
-        How to read it.
+        Explanation of the figure.
     csv
-        What it is drawn from.
+        Data of the figure.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Picture:
     csv: str
 
     def save_png(self, path: Path) -> None:
-        """Write a PNG of 160 dots an inch."""
+        """Write a PNG with 160 dots per inch."""
         dots = 160.0
 
         def write(file: Path) -> None:
@@ -54,7 +54,7 @@ class Picture:
             write_whole(path, write)
 
     def save(self, folder: Path, definitions: dict[str, str]) -> str:
-        """Write the PNG, SVG and CSV files; returns the SVG for the page, as `inline` does."""
+        """Write the PNG, SVG and CSV files; return the SVG for the page, as `inline` does."""
         self.save_png(folder / f"{self.name}.png")
         buffer = io.StringIO()
         with mpl.rc_context(RC):
@@ -64,24 +64,24 @@ class Picture:
         return inline(buffer.getvalue(), self.title, definitions)
 
     def shown(self, folder: Path, definitions: dict[str, str]) -> Shown:
-        """Write the files as `save`; returns what the page shows."""
+        """Write the files as `save` does, and return the figure for the page."""
         drawing = self.save(folder, definitions)
         files = tuple(f"{self.name}.{ending}" for ending in ("csv", "png", "svg"))
         return Shown(self.name, self.id, self.title, drawing, self.caption, files)
 
     @property
     def id(self) -> str:
-        """The name as an element of a page may be called."""
+        """The name as an id of an HTML element."""
         return re.sub(r"[^\w.-]", "_", self.name)
 
 
 def _lay_out(figure: Figure, dots: float) -> None:
-    """Find the layout, once, for so many dots an inch: of a figure with an engine `savefig` draws all twice."""
+    """Compute the layout once, for `dots` dots per inch: with a layout engine `savefig` would draw everything twice."""
     engine = figure.get_layout_engine()
     if engine is not None and figure.axes:
-        own, figure.dpi = figure.dpi, dots
+        original, figure.dpi = figure.dpi, dots
         engine.execute(figure)
-        figure.dpi = own
+        figure.dpi = original
         figure.set_layout_engine(None)
 
 
@@ -89,15 +89,15 @@ USE = re.compile(r'(<use href="[^"]*"(?: [xy]="[^"]*")*)( style="[^"]*")?/>')
 
 
 def inline(svg: str, title: str, definitions: dict[str, str]) -> str:
-    """The `svg` element for a page, in its ink and on its ground; what other figures may use, too, joins `definitions`.
+    """Return the `svg` element for a page, in its colours; shared definitions are added to `definitions`.
 
-    matplotlib names letters, markers and clips by what they are, so that one name means one thing in all figures: the
-    page holds each of them once. What is left is written as short as the eye allows, to a tenth of a point.
+    matplotlib names letters, markers and clip paths by their content, so equal names have equal definitions in all
+    figures, and the page contains each only once. Coordinates are rounded to 0.1 pt, which is invisible.
     """
     svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     svg = svg.replace("xlink:href", "href").replace("DejaVuSans", "D")
-    for colour, own in ((INK, "currentColor"), (PAPER, "var(--ground)"), (BLUE, "var(--blue)")):
-        svg = svg.replace(colour, own)
+    for colour, page_colour in ((INK, "currentColor"), (PAPER, "var(--ground)"), (BLUE, "var(--blue)")):
+        svg = svg.replace(colour, page_colour)
     svg = re.sub(r' transform="translate\((\S+) 0\)"/>', r' x="\1"/>', svg)
     svg = re.sub(r'(?<= d=")[^"]*|(?<= [xy]=")[^"]*', lambda part: _short(part[0]), svg)
     definition = re.compile(r'<path id="(\w[\w-]*)"[^>]*/>|<clipPath id="(\w+)">.*?</clipPath>', re.DOTALL)
@@ -110,7 +110,7 @@ def inline(svg: str, title: str, definitions: dict[str, str]) -> str:
 
 
 def _short(numbers: str) -> str:
-    """Numbers to a tenth; lines that follow each other without their letters."""
+    """Round coordinates to a tenth; consecutive line commands omit their letter."""
     tenths = re.sub(r"(\.\d)\d+", r"\1", numbers)
     return tenths.strip() if re.search("[CQ]", tenths) else re.sub(r"\s*L ", " ", tenths).strip()
 
@@ -121,7 +121,7 @@ def _shared(found: re.Match[str], definitions: dict[str, str]) -> str:
 
 
 def _same_style_once(uses: re.Match[str]) -> str:
-    """Neighbours of one style in a group that has it."""
+    """Join neighbours with the same style in one group."""
     pairs = USE.findall(uses[0])
     groups = ((style, "".join(f"{use}/>" for use, _ in same)) for style, same in groupby(pairs, lambda pair: pair[1]))
     return "".join(f"<g{style}>{same}</g>" if style else same for style, same in groups)

@@ -1,4 +1,4 @@
-"""One look for all figures: colour-blind safe, readable at the width of a phone, right on light and dark pages."""
+"""Common look of all figures: colour-blind safe, readable on a phone, and on light and dark pages."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from flexlink.pages.colours import GREY, INK, PAPER
 from flexlink.pages.numbers import number
 
-WIDTH = 5.2  # in; half a page's column of 66 rem shows 11.5 pt as the text beside it, a phone of 390 px as 11 px
-NAMED_CURVES = 6  # of a panel; more do not fit into its legend
+WIDTH = 5.2  # in; 11.5 pt then look like the page's text in half a column of 66 rem, and like 11 px on a 390 px phone
+NAMED_CURVES = 6  # largest number of curves in the legend of a panel
 
 RC: dict[str, Any] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture on every machine
+    "font.family": "DejaVu Sans",  # part of matplotlib: the same picture on every machine
     "font.size": 11.5,
     "axes.titlesize": 11.5,
     "axes.labelsize": 11.5,
@@ -31,7 +31,7 @@ RC: dict[str, Any] = {
     "xtick.color": INK,
     "ytick.color": INK,
     "figure.facecolor": PAPER,
-    "figure.autolayout": False,  # a figure says itself how it is laid out
+    "figure.autolayout": False,  # each figure sets its own layout
     "figure.constrained_layout.use": False,
     "axes.facecolor": PAPER,
     "savefig.facecolor": PAPER,
@@ -45,23 +45,23 @@ RC: dict[str, Any] = {
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.3,
     "lines.markersize": 5.0,
-    "path.simplify_threshold": 0.3,  # pt; a third of a line
+    "path.simplify_threshold": 0.3,  # pt; a third of a line width
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "svg.fonttype": "path",  # letters as outlines: a text would need the reader's fonts
-    "svg.hashsalt": "flexlink",  # the same results give the same bytes
+    "svg.fonttype": "path",  # letters as outlines: text would need fonts on the reader's machine
+    "svg.hashsalt": "flexlink",  # equal results give equal bytes
 }
 
 
 def stacked_axes(rows: int, height: float, share: bool = True) -> tuple[Figure, list[Axes]]:
-    """A figure of `rows` panels above each other, each `height` inches tall."""
+    """Return a figure of `rows` panels, one above another, each `height` inches tall."""
     figure = Figure(figsize=(WIDTH, rows * height), layout="constrained")
     axes = figure.subplots(rows, 1, sharex=share, squeeze=False)
     return figure, list(axes[:, 0])
 
 
 def _steps(low: float, high: float) -> tuple[float, ...]:
-    """Where in a decade ticks stand: 1, 2 and 5 if the axis spans little, 1 and 3 if it has but one power of ten."""
+    """Ticks of a decade: 1, 2 and 5 if the axis covers little, 1 and 3 if it has only one power of ten, else 1."""
     if high < 40.0 * low:
         return (1.0, 2.0, 5.0)
     powers = math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1 if low > 0.0 else 2
@@ -69,14 +69,14 @@ def _steps(low: float, high: float) -> tuple[float, ...]:
 
 
 def tidy_linear(axes: Axes) -> None:
-    """On linear axes of very small or large numbers, each tick with its power of ten instead of one in a corner."""
+    """Label the ticks of linear axes with their own power of ten if the numbers are very small or large."""
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "linear" and not 1e-3 <= max(map(abs, axis.get_view_interval())) < 1e4:
             axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
 
 
 def tidy_logs(axes: Axes) -> None:
-    """On log axes, ticks at 1, 2 and 5 where they span little, else at powers of ten only: never on each other."""
+    """Place ticks of log axes so labels do not overlap: at 1, 2 and 5 on short axes, otherwise at powers of ten."""
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
             low, high = axis.get_view_interval()
@@ -86,7 +86,7 @@ def tidy_logs(axes: Axes) -> None:
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int) -> Legend:
-    """One legend over all panels, where it hides no curve."""
+    """Add one legend above all panels, where it hides no curve."""
     handles, labels = axes.get_legend_handles_labels()
     return figure.legend(
         handles, labels, loc="outside upper left", ncols=columns, frameon=False, columnspacing=1.0, handletextpad=0.5
@@ -94,12 +94,12 @@ def legend_above(figure: Figure, axes: Axes, columns: int) -> Legend:
 
 
 def legend_over(axes: Axes, *, figure: Figure | None = None) -> None:
-    """A legend above a panel, or above the whole figure: in as many columns as its words fit in."""
+    """Add a legend above a panel, or above the complete figure, with as many columns as fit."""
     handles, labels = axes.get_legend_handles_labels()
     if not labels:
         return
-    letters = 67 if figure is not None else 55  # that fit into the width of a figure, and of a panel beside its axis
-    handle = 5  # letters that the sample of a line takes
+    letters = 67 if figure is not None else 55  # width of a figure, and of a panel without its axis labels
+    handle = 5  # width of the line sample, in letters
     columns = max(1, min(int(letters / (max(map(len, labels)) + handle)), len(labels)))
     look: dict[str, Any] = {
         "ncols": columns, "frameon": False, "columnspacing": 1.0, "handletextpad": 0.5, "fontsize": 10.0,
@@ -110,10 +110,10 @@ def legend_over(axes: Axes, *, figure: Figure | None = None) -> None:
     else:
         figure.legend(handles, labels, loc="outside upper left", **look)
         more_rows = -(-len(labels) // columns) - 2
-        figure.set_figheight(figure.get_figheight() + 0.2 * max(0, more_rows))  # so that no panel shrinks
+        figure.set_figheight(figure.get_figheight() + 0.2 * max(0, more_rows))  # keeps the size of the panels
 
 
 def colour_along(part: float) -> str:
-    """A colour between pale and dark blue, for 0 … 1, on light and dark pages."""
+    """Colour between pale and dark blue for 0 … 1, visible on light and dark pages."""
     pale, dark = (0.66, 0.80, 0.92), (0.05, 0.32, 0.62)
     return str(to_hex([a + part * (b - a) for a, b in zip(pale, dark, strict=True)]))

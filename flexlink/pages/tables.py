@@ -1,4 +1,4 @@
-"""Tables: for the page as rows of text and numbers, beside it as CSV with every digit."""
+"""Tables: rounded on the page, and with all digits in a CSV file next to it."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ Cell = str | float | None
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """A table of a page, what follows from it, and the CSV file of the same rows.
+    """A table of a page, its conclusion, and its CSV file.
 
     Attributes
     ----------
     name
-        Name of its CSV file, without ending.
+        Name of its CSV file, without extension.
     title
-        What it holds; also read out by screen readers.
+        Title; also the text for screen readers.
     heads
         Heads of the columns, with units.
     lines
-        Rows of texts and numbers; None where there is nothing. The page rounds numbers, the file does not.
+        Rows of texts and numbers; None for an empty cell. The page rounds numbers, the file does not.
     sentences
-        What follows from the numbers, the answer first.
+        Conclusions from the numbers, the main one first.
     to_look_up
-        The table is to find a number in, not to be read: the page folds it.
+        Whether the page folds the table, which is for reference only.
     opened
-        The table is itself the answer: where tables are folded, this one is not.
+        Whether the table stays open on pages that fold tables, since it is the main result.
     classes
-        CSS class of every line; none if empty.
+        CSS class of each row; none if empty.
     """
 
     name: str
@@ -49,31 +49,31 @@ class Table:
 
     @property
     def numeric(self) -> frozenset[str]:
-        """Heads of the columns of numbers, which are aligned to the right."""
+        """Heads of the numeric columns, which are right-aligned."""
         columns = zip(self.heads, zip(*self.lines, strict=True), strict=False)
         found = {head for head, cells in columns if all(map(_is_number, cells)) and set(cells) != {""}}
         return frozenset(found - {self.heads[0]} if any(isinstance(line[0], str) for line in self.lines) else found)
 
     @property
     def rows(self) -> tuple[tuple[str, tuple[Cell, ...]], ...]:
-        """The lines, each with its CSS class."""
+        """Rows with their CSS classes."""
         return tuple(zip(self.classes or ("",) * len(self.lines), self.lines, strict=True))
 
     @property
     def csv(self) -> str:
-        """The file."""
+        """Content of the CSV file."""
         return table_csv(self.heads, self.lines)
 
 
 def _is_number(cell: Cell) -> bool:
-    """Whether a cell holds a number, or a text of one with its unit, such as "≤ 2 mm", or nothing."""
+    """Whether a cell is empty, a number, or a number with a unit as text, for example "≤ 2 mm"."""
     longest = 24  # characters; a longer text is a sentence that begins with a number
     number = r"$|–$|(at most )?[<>≤≥]? ?[−-]?\d"
     return not isinstance(cell, str) or (len(cell) <= longest and re.match(number, cell) is not None)
 
 
 def table_csv(heads: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
-    """A CSV text of heads and lines; floats are written so that they read back exactly, None as nothing."""
+    """CSV text of heads and lines; floats have all their digits, None is an empty field."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(heads)
@@ -82,5 +82,5 @@ def table_csv(heads: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
 
 
 def columns_csv(columns: Mapping[str, NDArray[np.float64]]) -> str:
-    """A CSV text of columns of equal length, by their heads."""
+    """CSV text of columns of equal length, by their heads."""
     return table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))

@@ -1,4 +1,4 @@
-"""What a report says first: a verdict on each thing that can be judged."""
+"""First screen of a report: a verdict on each question that the report answers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ State = Literal["pass", "fail", "doubt", "info", "incomplete", "met", "missed", 
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """A word on something, coloured by `state`, and a sentence."""
+    """Verdict on a subject: a word, coloured by `state`, and a sentence."""
 
     about: str
     state: State
@@ -26,7 +26,7 @@ class Verdict:
 
 
 class Fact(NamedTuple):
-    """A number of the first screen with its unit, and what it is."""
+    """A number on the first screen, with its unit and label."""
 
     value: str
     label: str
@@ -34,16 +34,16 @@ class Fact(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Report:
-    """A report that was written.
+    """A report on disk.
 
     Attributes
     ----------
     page
-        index.html in its folder.
+        Path of index.html.
     verdicts
-        What its first screen says.
+        Verdicts on its first screen.
     chapters
-        What the page holds, in order.
+        Chapters of the page, in order.
     """
 
     page: Path
@@ -51,8 +51,8 @@ class Report:
     chapters: Sequence[Chapter]
 
     def __repr__(self) -> str:
-        told = ", ".join(f"{verdict.about} {verdict.word}" for verdict in self.verdicts)
-        return f"<{type(self).__name__} {str(self.page)!r}: {told}>"
+        words = ", ".join(f"{verdict.about} {verdict.word}" for verdict in self.verdicts)
+        return f"<{type(self).__name__} {str(self.page)!r}: {words}>"
 
     def _repr_html_(self) -> str:
         rows = [(verdict.about, verdict.word, verdict.text) for verdict in self.verdicts]
@@ -66,5 +66,5 @@ class Report:
 
     @property
     def passed(self) -> bool:
-        """Nothing is known to be wrong."""
+        """Whether no verdict is "fail"."""
         return all(verdict.state != "fail" for verdict in self.verdicts)

@@ -1,1 +1,1 @@
-"""Thousands of variants of a scene: what is varied, what is wanted of each, and where the rows go."""
+"""Sweeps: thousands of variants of a scene, the outputs of each run, and the table or file of their rows."""

@@ -1,4 +1,4 @@
-"""Runs the members of a sweep on an executor, in tasks of half a second, and repeats those whose worker died."""
+"""Run the members of a sweep on an executor, in tasks of half a second; repeat those whose worker died."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from flexlink.sweeps.worker import Row, failed_row, goes_side_by_side, handshake
 from flexlink.sweeps.workers import WorkerPool
 
 TASK_SECONDS = 0.5
-"""Duration of a task [s]: far more than its transfer to a worker and back, and little to lose if the worker dies."""
+"""Duration of a task [s]: much longer than its transfer, and short enough to repeat if the worker dies."""
 
 
 MAX_WORKER_DEATHS = 3
-"""A member that ended so many workers, each time alone in its task, gets a row that says so."""
+"""Number of workers that a member may crash, alone in its task, before it gets a row with this reason."""
 
 Numbers = list[int]
 Task = Future[tuple[list[Row], float]]
@@ -31,7 +31,7 @@ Task = Future[tuple[list[Row], float]]
 class Execution:
     """The tasks of a sweep.
 
-    A task that fails, or whose worker dies, is repeated alone and then in halves, until the member that caused it is
+    A task that fails, or whose worker dies, is repeated alone and then in halves, until the responsible member is
     found.
     """
 
@@ -49,10 +49,10 @@ class Execution:
         Raises
         ------
         EngineError
-            Workers have another version of flexlink, do not start, or are all gone.
+            Workers have another version of flexlink, do not start, or have all ended.
         """
         self._handshake()
-        poll_interval = 0.2  # [s]; a signal is answered within it
+        poll_interval = 0.2  # longest delay of the reaction to a signal [s]
         while not self.stop.asked:
             self._fill(missing)
             if not self.running:
@@ -60,7 +60,7 @@ class Execution:
             for future in wait(self.running, poll_interval, FIRST_COMPLETED).done:
                 if future in self.running:
                     yield self._answer(future, self.running.pop(future))
-        for future in wait(self.running, 0).done:  # completed when the signal came
+        for future in wait(self.running, 0).done:  # tasks that were complete when the signal came
             if future.exception() is None:
                 yield future.result()[0]
 
@@ -71,7 +71,7 @@ class Execution:
             raise
         except BrokenExecutor:
             raise EngineError(
-                "workers ended during their start; call sweep(workers=…) of a script below if __name__ == '__main__':",
+                "workers ended during their start; call sweep(workers=…) in a script below if __name__ == '__main__':",
                 id="workers-failed",
             ) from None
         except Exception as error:
@@ -80,7 +80,7 @@ class Execution:
             ) from None
 
     def _fill(self, missing: Iterator[int]) -> None:
-        """Start tasks until all workers are busy; while there are suspects, one task at a time."""
+        """Start tasks until all workers are busy; one task at a time as long as there are suspects."""
         while self.suspects and not self.running:
             self._start(self.suspects.popleft())
         while not self.suspects and len(self.running) < self.pool.slots and not self.stop.asked:
@@ -113,24 +113,24 @@ class Execution:
             return self._after_death(numbers)
         except CancelledError:
             raise EngineError(
-                "the cluster is gone; all rows are kept: repeat the command to continue", id="cluster-gone"
+                "the cluster is gone; existing rows remain: repeat the command to continue", id="cluster-gone"
             ) from None
         except Exception as error:  # any error of one member
             return self._after_failure(numbers, f"{type(error).__name__}: {error}")
         size = len(numbers) * TASK_SECONDS / max(seconds, 1e-6)
-        # members of a task: half a second of short runs
-        self.size = int(min(size, 4 * len(numbers), 4096))  # growth is limited: the first task compiles
-        if len(rows) < len(numbers) and not self.stop.asked:  # its worker got a signal, this process did not
+        # members in a task: half a second of short runs
+        self.size = int(min(size, 4 * len(numbers), 4096))  # limited growth: the first task compiles
+        if len(rows) < len(numbers) and not self.stop.asked:  # the worker received a signal, this process did not
             self.suspects.append(sorted({*numbers} - {row.number for row in rows}))
         return rows
 
     def _after_death(self, numbers: Numbers) -> list[Row]:
-        """All running tasks are lost; each is repeated alone to find the one that ends its worker."""
+        """Repeat all running tasks, which are lost, one by one to find the member that crashes its worker."""
         lost_tasks = [numbers, *self.running.values()]
         self.running.clear()
         if not self.pool.replace():
             raise EngineError(
-                "the executor is broken; all rows are kept: repeat the call with a new executor", id="cluster-gone"
+                "the executor is broken; existing rows remain: repeat the call with a new executor", id="cluster-gone"
             )
         if len(lost_tasks) > 1:
             self.suspects += lost_tasks
@@ -139,7 +139,7 @@ class Execution:
         if len(numbers) == 1 and self.deaths[numbers[0]] < MAX_WORKER_DEATHS:
             self.suspects.appendleft(numbers)
             return []
-        return self._after_failure(numbers, f"the process that ran it ended {MAX_WORKER_DEATHS} times")
+        return self._after_failure(numbers, f"its worker process crashed {MAX_WORKER_DEATHS} times")
 
     def _after_failure(self, numbers: Numbers, reason: str) -> list[Row]:
         """Repeat the task in halves, down to the one member that fails."""

@@ -1,4 +1,4 @@
-"""Fingerprint of a sweep: everything its rows depend on, the sweep, its scene, their files, and versions."""
+"""Fingerprint of a sweep, everything that its rows depend on: the sweep, its scene, their files, and versions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Fingerprint = dict[str, Any]
 
 @functools.cache
 def version() -> str:
-    """flexlink's version, with a digest of its sources: a checkout changes without a new version."""
+    """Version of flexlink with a hash of its sources, since a checkout changes without a new version."""
     folder = Path(__file__).parent.parent
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*")):
@@ -31,36 +31,36 @@ def version() -> str:
 
 
 def fingerprint(sweep: Sweep) -> Fingerprint:
-    """Everything that the rows depend on, as JSON; the descriptions (`prefix_errors`) left out."""
+    """Everything that the rows depend on, as JSON, without the descriptions `about`."""
     parts: dict[str, Any] = msgspec.to_builtins(sweep)
     parts.pop("about")
     parts["scene"].pop("about")
     files = {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in sorted(set(_own_files(parts)))}
-    packages = ("numpy", "scipy", "numba")  # may change the last bit of a number, or the points of a sample
+    packages = ("numpy", "scipy", "numba")  # affect the last bit of a number, or the points of a sample
     versions = {"flexlink": version(), **{name: importlib.metadata.version(name) for name in packages}}
     return {**parts, "files": files, "versions": versions}
 
 
-def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
-    """The first three differences of two fingerprints as text; empty if there are none."""
-    changes = [f"{path} was {truncated(a)} and is {truncated(b)}" for path, a, b in _different(there, here)]
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+    """First three differences of two fingerprints in words; empty if there are none."""
+    changes = [f"{path} was {truncated(a)} and is {truncated(b)}" for path, a, b in _different(old, new)]
     more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
     return "; ".join(changes[:3]) + more
 
 
-def _different(there: Any, here: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
-    if isinstance(there, Mapping) and isinstance(here, Mapping):
-        for key in {**there, **here}:
-            yield from _different(there.get(key), here.get(key), f"{path}.{key}".lstrip("."))
-    elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
-        for k, (a, b) in enumerate(zip(there, here, strict=True)):
+def _different(old: Any, new: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        for key in {**old, **new}:
+            yield from _different(old.get(key), new.get(key), f"{path}.{key}".lstrip("."))
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        for k, (a, b) in enumerate(zip(old, new, strict=True)):
             yield from _different(a, b, f"{path}[{k}]")
-    elif there != here:
-        yield path, there, here
+    elif old != new:
+        yield path, old, new
 
 
 def _own_files(value: Any) -> Iterator[str]:
-    """Existing files of methods and rules, wherever the sweep names them."""
+    """Existing files of methods and lumping rules, wherever the sweep names them."""
     if isinstance(value, Mapping):
         for item in value.values():
             yield from _own_files(item)

@@ -1,4 +1,4 @@
-"""Outputs of a sweep: numbers of each run, a sampled column reduced to one value, or a measure of the whole run."""
+"""Outputs of a sweep: one number per run, from a sampled column or from the run as a unit."""
 
 from __future__ import annotations
 
@@ -31,34 +31,34 @@ REDUCTIONS: Mapping[str, Callable[[Array, Array], Array]] = {
     "time of min": lambda t, x: t[np.argmin(x, axis=-1)],
     "time of max": lambda t, x: t[np.argmax(x, axis=-1)],
 }
-"""Of a column x, sampled at times t, or of those of several runs, (runs, samples)."""
+"""Functions of the times t and a column x, shape (samples,), or of several runs, (runs, samples)."""
 
 DEFLECTION = "deflection [m]"
-"""Column of `results.deflection`: distance of the tip from where it is with all springs at rest."""
+"""Column of `results.deflection`: distance of the tip from its position with all springs at rest."""
 
 
 class SweepOutput(Spec, frozen=True):
-    """One number of every run, with its unit in the name of what it is `of`.
+    """One number per run; the name of the quantity `of` contains its unit.
 
-    A column of the samples (`Trajectory.columns`, such as "tip x [m]" or "q upper [rad]", or "deflection [m]") takes
-    `take`, by default "final"; "largest" is the largest absolute value, "range" the way from least to most. Samples
-    count from the time `after` [s] on. "steps" and "evaluations" are counts of the run. "settling time [s]" takes a
-    `tolerance` [m]; it and "overshoot [m]" take a `target`: a point of frame 0, "final", where the tip is at the end,
-    or "rest", where gravity and tip wrench hold it with the joints at their final angles.
+    A sampled column (`Trajectory.columns`, for example "tip x [m]", or "deflection [m]") is reduced by `take`, by
+    default "final". "largest" is the largest absolute value, "range" is maximum − minimum. Only samples from the time
+    `after` [s] on are used. "steps" and "evaluations" are counts of the run. "settling time [s]" takes a
+    `tolerance` [m]; it and "overshoot [m]" take a `target`: a point of frame 0, "final" (the final position of the
+    tip), or "rest" (its static equilibrium under gravity and tip wrench, with the joints at their final angles).
     """
 
     of: str
-    """A column of the samples, such as "tip x [m]", or a measure of the run, such as "settling time [s]"."""
+    """A sampled column, for example "tip x [m]", or a measure of the run, for example "settling time [s]"."""
     take: Literal[
         "final", "first", "min", "max", "largest", "range", "mean", "rms", "time of min", "time of max"
     ] | None = None  # fmt: skip
-    """How a column becomes one number. Default: final."""
+    """Reduction of the column to one number. Default: final."""
     after: NonNegative = 0.0
-    """Samples count from this time on [s]."""
+    """Time of the first sample to use [s]."""
     target: Vector3 | Literal["rest", "final"] | None = None
-    """Of settling time and overshoot: a point of frame 0 [m], or where the tip ends (final) or would rest (rest)."""
+    """For settling time and overshoot: a point of frame 0 [m], the tip's final position, or its rest position."""
     tolerance: Positive | None = None
-    """Of settling time: distance from the target within which the tip must stay [m]."""
+    """For the settling time: distance from the target within which the tip must remain [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -74,19 +74,25 @@ class SweepOutput(Spec, frozen=True):
             raise SceneError(f"tolerance: missing; quantity {self.of!r} needs one [m]", id="missing-key")
 
     def measure(self, run: Trajectory) -> float:
-        """The number of a run.
+        """Compute the number of a run.
 
         Raises
         ------
         FlexlinkError
-            The run has no such column, no sample from `after` on, or its tip no place of rest.
+            The run has no such column, or no sample from `after` on; or its tip has no rest position.
         """
         if self.of in MEASURES:
             return float(MEASURES[self.of].value(self, run))
         return float(self._reduced(run.t, column_of(run, self.of)))
 
     def measure_all(self, block: Block) -> list[float]:
-        """`measure` of every member of a block, equal to the bit; errors as there."""
+        """Apply `measure` to every member of a block, with bitwise equal results.
+
+        Raises
+        ------
+        FlexlinkError
+            As in `measure`.
+        """
         if self.of in MEASURES:
             return [self.measure(block.trajectory(k)) for k in range(len(block.members))]
         columns = self._reduced(block.t[: block.rows], columns_of(block, self.of))
@@ -99,7 +105,7 @@ class SweepOutput(Spec, frozen=True):
         return REDUCTIONS[self.take or "final"](t[first:], column[..., first:])
 
     def place(self, run: Trajectory) -> Array:
-        """Where the tip is to come to rest, shape (3,) [m]."""
+        """Target position of the tip, shape (3,) [m]."""
         if self.target == "final":
             return np.asarray(run.tip[-1])
         if isinstance(self.target, tuple):
@@ -110,12 +116,12 @@ class SweepOutput(Spec, frozen=True):
 
 
 def column_of(run: Trajectory, name: str) -> Array:
-    """A sampled quantity by its name, shape (samples,).
+    """Return a sampled quantity by its name, shape (samples,).
 
     Raises
     ------
     ArgumentError
-        There is none of this name; the message says which is likely meant.
+        There is no quantity of this name; the message suggests a similar one.
     """
     if name == DEFLECTION:
         return deflections(run)
@@ -130,7 +136,13 @@ def column_of(run: Trajectory, name: str) -> Array:
 
 
 def columns_of(block: Block, name: str) -> Array:
-    """`column_of` every member of a block, shape (members, samples); errors as there."""
+    """`column_of` for every member of a block, shape (members, samples).
+
+    Raises
+    ------
+    ArgumentError
+        As in `column_of`.
+    """
     if name == DEFLECTION:
         return block.deflections
     sources = sources_of(block.chain)
@@ -144,7 +156,7 @@ def _count(name: str) -> Callable[[SweepOutput, Trajectory], float]:
     def count(_: SweepOutput, run: Trajectory) -> float:
         if run.steps is None:
             raise ArgumentError(
-                f"of = {name!r}: only runs of flexlink's own engine count them", id="engine-does-not-support"
+                f"of = {name!r}: only runs of flexlink's native engine count them", id="engine-does-not-support"
             )
         return float(getattr(run.steps, {"steps": "taken"}.get(name, name)))
 
@@ -152,7 +164,7 @@ def _count(name: str) -> Callable[[SweepOutput, Trajectory], float]:
 
 
 class Measure(NamedTuple):
-    """A number of a whole run, and the options of `SweepOutput` that it takes."""
+    """A measure of a run, and the options of `SweepOutput` that it takes."""
 
     value: Callable[[SweepOutput, Trajectory], float]
     options: set[str]
@@ -173,7 +185,7 @@ MEASURES: Mapping[str, Measure] = {
 
 
 def measured(quantities: Mapping[str, SweepOutput], run: Trajectory) -> tuple[tuple[float | None, ...], str]:
-    """The numbers of a run, None where one cannot be computed, and the reasons why not."""
+    """Numbers of a run, None if one cannot be computed, and the reasons."""
     values: list[float | None] = []
     reasons = []
     with np.errstate(all="ignore"):
@@ -189,11 +201,11 @@ def measured(quantities: Mapping[str, SweepOutput], run: Trajectory) -> tuple[tu
 def measured_together(
     quantities: Mapping[str, SweepOutput], block: Block
 ) -> list[tuple[tuple[float | None, ...], str]]:
-    """`measured` of every member of a block, by its place."""
+    """`measured` for every member of a block, in order."""
     columns: list[list[float]] = []
     try:
         with np.errstate(all="ignore"):
             columns += [quantity.measure_all(block) for quantity in quantities.values()]
-    except FlexlinkError:  # by itself each has what can be computed
+    except FlexlinkError:  # member by member, each gets the numbers that can be computed
         return [measured(quantities, block.trajectory(k)) for k in range(len(block.members))]
     return [(values, "") for values in zip(*columns, strict=True)]

@@ -1,4 +1,4 @@
-"""A sweep as data: a scene, what is set, what varies, which outputs; read from TOML, planned as numbered members."""
+"""A sweep as data, read from TOML: a scene, fixed and varied values, outputs; planned as numbered members."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from flexlink.sweeps.measures import SweepOutput
 from flexlink.sweeps.ranges import MAX_MEMBERS, Axis, RandomDesign, grid_axis, sample_axis, together_axis
 
 ROW_COLUMNS = ("number", "status", "reason", "warnings")
-"""Columns of all rows, before those of keys and outputs."""
+"""Columns of every table, before those of the varied keys and the outputs."""
 
 
 class Sweep(Spec, frozen=True):
     """Variants of one scene, and the outputs of each run.
 
     All keys are paths of `Scene.varied`, or "engine". `set` applies to all members. Every combination of the axes is a
-    member: each key of `grid` is an axis, all keys of `together` are one axis, whose values are taken in step, and
-    `sample` is one. `quantity` names the numbers to keep of each run.
+    member: each key of `grid` is one axis, all keys of `together` form one axis whose values are paired, and `sample`
+    is one axis. `quantity` defines the outputs of each run.
 
     Examples
     --------
@@ -47,26 +47,26 @@ class Sweep(Spec, frozen=True):
     """
 
     scene: Scene
-    """The scene that varies; in a file its path, from the file's folder."""
+    """The scene to vary; in a file, its path relative to the file."""
     quantity: dict[str, SweepOutput]
-    """Numbers to keep of each run, by name."""
+    """Outputs of each run, by name."""
     about: str = ""
-    """A sentence on what is asked."""
+    """A sentence on the purpose of the sweep."""
     set: dict[str, Any] = msgspec.field(default_factory=dict)
-    """Values of all members, by path."""
+    """Values for all members, by path."""
     grid: dict[str, Any] = msgspec.field(default_factory=dict)
-    """Values by path; every combination is a member."""
+    """A list or range of values by path; every combination is a member."""
     together: dict[str, Any] = msgspec.field(default_factory=dict)
-    """Values by path, taken in step."""
+    """A list or range of values by path; the k-th values of all lists belong together."""
     sample: RandomDesign | None = None
-    """Points drawn at random."""
+    """Random points."""
 
     def __repr__(self) -> str:
         return f"<Sweep of {self.scene.name!r}: {', '.join(self.keys)} → {', '.join(self.quantity)}>"
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """What varies, in the order of the file."""
+        """Varied keys, in the order of the file."""
         return (*self.grid, *self.together, *(self.sample.keys if self.sample else ()))
 
 
@@ -76,14 +76,14 @@ class Plan:
     Attributes
     ----------
     sweep
-        What is planned.
+        The planned sweep.
     members
-        How many there are.
+        Number of members.
 
     Raises
     ------
     SceneError
-        An axis is empty or has a value that it does not take, a key varies twice, or two columns have one name.
+        An axis is empty or has an invalid value, a key varies twice, or two columns have the same name.
     """
 
     def __init__(self, sweep: Sweep) -> None:
@@ -96,15 +96,21 @@ class Plan:
         self._check()
 
     def values(self, number: int) -> dict[str, Any]:
-        """What varies of a member, by key; the last axis changes fastest."""
+        """Varied values of a member, by key; the last axis changes fastest."""
         values: dict[str, Any] = {}
         for axis in reversed(self.axes):
-            number, place = divmod(number, axis.count)
-            values |= zip(axis.keys, axis.at(place), strict=True)
+            number, index = divmod(number, axis.count)
+            values |= zip(axis.keys, axis.at(index), strict=True)
         return {key: values[key] for key in self.sweep.keys}
 
     def member(self, number: int) -> tuple[Scene, str]:
-        """The scene of a member, and its engine; errors as in `Scene.varied`."""
+        """Scene and engine of a member.
+
+        Raises
+        ------
+        SceneError
+            As in `Scene.varied`.
+        """
         changes = {**self._fixed, **self.values(number)}
         engine = changes.pop("engine", "native")
         if engine not in ENGINES:
@@ -122,9 +128,9 @@ class Plan:
 
     @functools.cached_property
     def _start(self) -> tuple[Scene, dict[str, Any]]:
-        """The scene that members vary, and what is set in each of them, beside what varies.
+        """Scene that members vary, and the fixed values to set together with the varied ones.
 
-        What is set in tables where nothing varies is set once, unless it fits the scene with the other values only.
+        Fixed values in tables without varied keys are set once, unless they are only valid together with the others.
         """
         scene, varied = self.sweep.scene, top_level_keys(dict.fromkeys(self.sweep.keys))
         once = {path: value for path, value in self.sweep.set.items() if not top_level_keys({path: value}) & varied}
@@ -137,40 +143,38 @@ class Plan:
 
     @property
     def engines(self) -> set[str]:
-        """Engines that members may name."""
+        """Engines of the members."""
         sweep = self.sweep
-        drawn = sweep.sample.keys if sweep.sample else {}
+        sampled = sweep.sample.keys if sweep.sample else {}
         lists = [
-            table["engine"] for table in (sweep.grid, sweep.together, drawn) if isinstance(table.get("engine"), list)
+            table["engine"] for table in (sweep.grid, sweep.together, sampled) if isinstance(table.get("engine"), list)
         ]
         return {str(name) for names in [*lists, [sweep.set.get("engine", "native")]] for name in names}
 
     def check_paths(self) -> None:
-        """Check that every key is a path of the scene; whether a value is valid is checked member by member.
+        """Check that every key is a path of the scene; values are checked member by member.
 
         Raises
         ------
         SceneError
-            A key is no path of the scene; the message names what is allowed.
+            A key is not a path of the scene; the message lists what is allowed.
         """
         changes = {**self.sweep.set, **self.values(0)}
         changes.pop("engine", None)
         apply_changes(self.sweep.scene.document(), FIELDS, changes)
 
     def _check(self) -> None:
-        keys, wanted = self.sweep.keys, tuple(self.sweep.quantity)
-        if not wanted:
+        keys, outputs = self.sweep.keys, tuple(self.sweep.quantity)
+        if not outputs:
             raise SceneError("quantity: empty; name at least one output of each run", id="empty")
         twice = [key for key, count in Counter(keys).items() if count > 1]
         if twice:
-            raise SceneError(
-                f"{twice[0]}: varies twice; name it in one of grid, together and sample", id="varied-twice"
-            )
-        columns = Counter(name.casefold() for name in (*ROW_COLUMNS, *keys, *wanted))
-        for name in (*keys, *wanted):
+            raise SceneError(f"{twice[0]}: varies twice; use only one of grid, together and sample", id="varied-twice")
+        columns = Counter(name.casefold() for name in (*ROW_COLUMNS, *keys, *outputs))
+        for name in (*keys, *outputs):
             if columns[name.casefold()] > 1:
                 raise SceneError(
-                    f"{name}: two columns would have this name (upper and lower case are equal); rename one",
+                    f"{name}: two columns would have this name (case is ignored); rename one",
                     id="column-twice",
                 )
             if not name or not name.isprintable():
@@ -185,22 +189,22 @@ def load_sweep(path: str | Path) -> Sweep:
     Parameters
     ----------
     path
-        A TOML file: `scene`, a path from the file's own folder, then tables `set`, `grid`, `together`, `sample` and
+        A TOML file: `scene`, a path relative to the file, then tables `set`, `grid`, `together`, `sample` and
         `quantity`. Keys may be written as tables, `run.duration = 1.0`, or in quotes, `"run.duration" = 1.0`.
 
     Returns
     -------
     Sweep
-        As the file says.
+        The sweep in the file.
 
     Raises
     ------
     ArgumentError
-        `path` is no path.
+        `path` is not a path.
     SceneError
-        The message names the file, the key path, the value and what is allowed.
+        The message names the file, the key path, the value and the allowed values.
     DataFileError
-        The file of a rule or method that the scene names is not valid.
+        The file of a lumping rule or method in the scene is not valid.
 
     Examples
     --------
@@ -230,6 +234,6 @@ def load_sweep(path: str | Path) -> Sweep:
 
 
 def _is_slow(axis: Axis) -> bool:
-    """Whether members that differ in it cannot run side by side, so that it varies slowest."""
+    """Whether members that differ in these keys cannot run side by side; such an axis varies slowest."""
     tables, fields = {"engine", "run", "drive", "motion", "wrench"}, {"flex", "segments", "lumping", "locked", "axis"}
     return any(key.split(".")[0] in tables or key.split(".")[-1] in fields for key in axis.keys)

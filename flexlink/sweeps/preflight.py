@@ -1,4 +1,4 @@
-"""Checks of a sweep before its first run: its keys, engines and output columns exist."""
+"""Checks of a sweep before its first run: its keys, engines and output columns must exist."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from flexlink.sweeps.plan import Plan
 
 
 def preflight(plan: Plan) -> None:
-    """Refuse a sweep of which no member can have all outputs; whether a value is valid is checked member by member.
+    """Refuse a sweep if no member can have all outputs; values are checked member by member.
 
     Raises
     ------
     SceneError
-        A key is no path of the scene, or an output is no column of the first member nor of the last.
+        A key is not a path of the scene, or neither the first nor the last member has a column for an output.
     MissingDependencyError
-        An engine that members name is not installed.
+        An engine of the members is not installed.
     """
     plan.check_paths()
     columns: list[str] = []
@@ -30,7 +30,7 @@ def preflight(plan: Plan) -> None:
         with contextlib.suppress(FlexlinkError):  # this member gets a row with its reason
             columns += _columns(plan, number)
     if columns:
-        of_runs = ("work [J]", "imbalance [J]")  # a single state has no such columns
+        of_runs = ("work [J]", "imbalance [J]")  # columns that a single state does not have
         known = list(dict.fromkeys([*columns, *of_runs, DEFLECTION, *MEASURES]))
         for name, quantity in plan.sweep.quantity.items():
             if quantity.of not in known:

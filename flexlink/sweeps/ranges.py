@@ -1,7 +1,7 @@
-"""Values that a sweep goes through: lists, ranges and random samples, as plain data.
+"""Values of a sweep as plain data: lists, ranges and random samples.
 
-A grid takes every combination of its axes, keys that go together count as one axis, and a sample draws points of the
-unit cube, one coordinate a key, which its spreads map to values.
+A grid takes every combination of its axes; keys whose values are paired form one axis. A sample draws points of the
+unit cube, with one coordinate per key, and its spreads map them to values.
 """
 
 from __future__ import annotations
@@ -23,40 +23,40 @@ Spacing = Literal["linear", "log"]
 Whole = Annotated[int, msgspec.Meta(ge=0)]
 
 MAX_MEMBERS = 1_000_000_000
-"""Of a sweep: two days on a core at a fifth of a millisecond each; Sobol's sequence has no more points."""
+"""Largest sweep: two days on a core at 0.2 ms per member; Sobol's sequence has no more points."""
 
 
 class Range(Spec, frozen=True):
-    """Numbers between two ends, both counted in: `count` of them, or one every `step` from the first on.
+    """Numbers between two ends, which are included: `count` of them, or one every `step` from the first on.
 
-    spacing = "log" makes neighbours differ by a factor. `whole` rounds to whole numbers, which `segments` asks for.
+    With spacing = "log", neighbours differ by a factor. `whole` rounds to integers, for example for `segments`.
     """
 
     between: tuple[float, float]
     """First and last number."""
     count: Annotated[int, msgspec.Meta(ge=1, le=MAX_MEMBERS)] | None = None
-    """How many numbers, or else `step`."""
+    """Number of values; alternative to `step`."""
     step: Positive | None = None
-    """Distance of the numbers, or else `count`."""
+    """Distance between values; alternative to `count`."""
     spacing: Spacing = "linear"
-    """Whether neighbours differ by an amount (linear) or by a factor (log)."""
+    """Whether neighbours differ by a constant amount (linear) or by a constant factor (log)."""
     whole: bool = False
-    """Whether numbers are rounded to whole ones, as `segments` needs them."""
+    """Whether to round to integers, for example for `segments`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_ends(self.between, self.spacing)
         if (self.count is None) == (self.step is None):
             raise SceneError(
-                "count, step: give exactly one of them, the number of values or their distance", id="range-of-values"
+                "count, step: specify exactly one, the number of values or their distance", id="range-of-values"
             )
         if self.step is not None and self.spacing == "log":
             raise SceneError(
-                f"step = {self.step!r}: has no effect with spacing = 'log'; give count instead", id="range-of-values"
+                f"step = {self.step!r}: has no effect with spacing = 'log'; use count instead", id="range-of-values"
             )
         if self.step is not None and (self.between[1] - self.between[0]) / self.step >= MAX_MEMBERS:
             raise SceneError(
-                f"step = {self.step!r}: gives more than {MAX_MEMBERS} values between {list(self.between)}; give a "
+                f"step = {self.step!r}: gives more than {MAX_MEMBERS} values between {list(self.between)}; use a "
                 "larger step",
                 id="range-of-values",
             )
@@ -68,14 +68,14 @@ class Range(Spec, frozen=True):
         return math.floor((high - low) / self.step * (1 + 1e-12)) + 1  # 0.3/0.1 is 2.9999999999999996
 
     def __getitem__(self, k: int) -> float | int:
-        """Number `k`: no list of them is made."""
+        """Return number `k`, without a list of all numbers."""
         if not 0 <= k < len(self):
             raise IndexError(k)
         number = self._number(k)
         return round(number) if self.whole else number
 
     def _number(self, k: int) -> float:
-        """As `np.linspace` and `np.geomspace` have it."""
+        """Number `k` before rounding, as in `np.linspace` and `np.geomspace`."""
         low, high = self.between
         if self.step is not None:
             return low + self.step * k
@@ -89,17 +89,17 @@ class Range(Spec, frozen=True):
 
 
 class Spread(Spec, frozen=True):
-    """Where a sampled key lies: anywhere `between` two ends (by its logarithm if spacing = "log"), or normal.
+    """Distribution of a sampled key: uniform `between` two ends (its logarithm if spacing = "log"), or normal.
 
-    `whole` draws whole numbers, both ends counted in. A normal distribution has a `mean` and a `deviation`.
+    `whole` draws integers, including both ends. A normal distribution has a `mean` and a `deviation`.
     """
 
     between: tuple[float, float] | None = None
-    """Least and largest number, all as likely; or else `mean` and `deviation`."""
+    """Ends of a uniform distribution; alternative to `mean` and `deviation`."""
     spacing: Spacing = "linear"
-    """Whether all numbers are as likely (linear), or all logarithms (log)."""
+    """Whether the number (linear) or its logarithm (log) is uniformly distributed."""
     whole: bool = False
-    """Whether whole numbers are drawn, both ends counted in."""
+    """Whether to draw integers, including both ends."""
     mean: float | None = None
     """Mean of a normal distribution."""
     deviation: Positive | None = None
@@ -110,22 +110,20 @@ class Spread(Spec, frozen=True):
         normal = self.mean is not None and self.deviation is not None
         if (self.between is None) != normal or (self.mean is None) != (self.deviation is None):
             raise SceneError(
-                "between: a spread takes between = [least, most], or mean and deviation; give one of them",
+                "between: specify either between = [low, high], or mean and deviation",
                 id="range-of-values",
             )
         if normal and (self.whole or self.spacing == "log"):
             raise SceneError(
-                "mean: a normal distribution takes neither whole nor spacing; leave them out", id="range-of-values"
+                "mean: a normal distribution takes neither whole nor spacing; remove them", id="range-of-values"
             )
         if self.whole and self.spacing == "log":
-            raise SceneError(
-                "whole = True: not defined with spacing = 'log'; leave one of them out", id="range-of-values"
-            )
+            raise SceneError("whole = True: not defined with spacing = 'log'; remove one of them", id="range-of-values")
         if self.between is not None:
             _check_ends(self.between, self.spacing)
 
     def value(self, u: float) -> float | int:
-        """The number at a part u of all, 0 ≤ u < 1: the inverse of the distribution."""
+        """Inverse of the distribution function: the number at the probability u, 0 ≤ u < 1."""
         if self.between is None:
             from scipy.special import ndtri  # noqa: PLC0415  only for normal distributions
 
@@ -137,28 +135,28 @@ class Spread(Spec, frozen=True):
 
 
 class RandomDesign(Spec, frozen=True):
-    """Points drawn at random: `count` of them, every key of `keys` with a list, of which one is drawn, or a spread.
+    """Random points: `count` of them, with a list of values or a spread for each of the `keys`.
 
-    method = "latin": Latin hypercube, each key's values spread evenly by themselves, a million at most. "sobol",
-    "halton": low-discrepancy sequences, scrambled. "random": independent. The same `seed` gives the same points.
+    method = "latin": Latin hypercube, at most a million points, with evenly spread values of each key. "sobol",
+    "halton": scrambled low-discrepancy sequences. "random": independent. The same `seed` gives the same points.
     """
 
     keys: dict[str, Any]
-    """What varies: each key with a list of values, or with a spread."""
+    """Varied keys, each with a list of values or a spread."""
     count: Annotated[int, msgspec.Meta(ge=1, le=MAX_MEMBERS)]
-    """How many points."""
+    """Number of points."""
     method: Literal["latin", "random", "sobol", "halton"] = "latin"
-    """Latin hypercube, independent points, or a sequence of Sobol or Halton, scrambled."""
+    """Latin hypercube, independent points, or a scrambled Sobol or Halton sequence."""
     seed: Whole = 0
-    """The same seed gives the same points."""
+    """Seed of the points."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        most = 1_000_000  # 8 MB for each key in every worker, drawn in a tenth of a second
+        most = 1_000_000  # 8 MB per key in every worker, computed in a tenth of a second
         if self.method == "latin" and self.count > most:
             raise SceneError(
-                f"count = {self.count}: a Latin hypercube is drawn as a whole, of {most} members at most; take "
-                "method = 'sobol' or 'random', whose members are drawn one by one",
+                f"count = {self.count}: a Latin hypercube has at most {most} members, since all are computed together; "
+                "use method = 'sobol' or 'random'",
                 id="range-of-values",
             )
 
@@ -168,7 +166,7 @@ Listed = Range | list[Any]
 
 @dataclasses.dataclass(frozen=True)
 class Axis:
-    """Keys that vary together: for each of `count` numbers, a value of every key."""
+    """Keys that vary together: `at(k)` returns a value of every key for k = 0 … `count` − 1."""
 
     keys: tuple[str, ...]
     count: int
@@ -176,39 +174,52 @@ class Axis:
 
 
 def grid_axis(key: str, values: Any) -> Axis:
-    """The axis of one key of a grid: a list of its values, or a range.
+    """Axis of one key of a grid: a list of its values, or a range.
 
     Raises
     ------
     SceneError
-        It is neither, or empty.
+        The values are neither, or empty.
     """
     listed = _listed(f"grid.{key}", values)
     return Axis((key,), len(listed), lambda k: (listed[k],))
 
 
 def together_axis(table: Mapping[str, Any]) -> Axis:
-    """The axis of keys whose values are taken in step; errors as above, and if the lists differ in length."""
+    """Axis of keys whose values are paired.
+
+    Raises
+    ------
+    SceneError
+        Values are neither lists nor ranges, empty, or of different lengths.
+    """
     lists = {key: _listed(f"together.{key}", value) for key, value in table.items()}
     counts = {key: len(values) for key, values in lists.items()}
     if len(set(counts.values())) > 1:
         counted = truncated(counts)
         raise SceneError(
-            f"together: lists of different length, {counted}; give every key equally many values", id="range-of-values"
+            f"together: lists of different lengths, {counted}; every key needs the same number of values",
+            id="range-of-values",
         )
     columns = list(lists.values())
     return Axis(tuple(lists), len(columns[0]), lambda k: tuple(values[k] for values in columns))
 
 
 def sample_axis(sample: RandomDesign) -> Axis:
-    """The axis of a sample; errors as above."""
+    """Axis of a sample.
+
+    Raises
+    ------
+    SceneError
+        It has no keys, or a spread is not valid.
+    """
     if not sample.keys:
-        raise SceneError("sample.keys: empty; name at least one key and its spread", id="empty")
+        raise SceneError("sample.keys: empty; specify at least one key and its spread", id="empty")
     spreads = [_spread(f"sample.keys.{key}", spread) for key, spread in sample.keys.items()]
 
     def at(k: int) -> tuple[Any, ...]:
-        place = point(sample.method, len(spreads), sample.count, sample.seed, k)
-        return tuple(value(u) for value, u in zip(spreads, place, strict=True))
+        coordinates = point(sample.method, len(spreads), sample.count, sample.seed, k)
+        return tuple(value(u) for value, u in zip(spreads, coordinates, strict=True))
 
     return Axis(tuple(sample.keys), sample.count, at)
 
@@ -222,7 +233,7 @@ def _listed(path: str, values: Any) -> Listed:
             f"{path} = {got}: expected a list of values, or {{ between = [a, b], count = n }}", id="range-of-values"
         )
     if not values:
-        raise SceneError(f"{path} = []: empty; a sweep needs at least one value of every key", id="empty")
+        raise SceneError(f"{path} = []: empty; a sweep needs at least one value for every key", id="empty")
     return list(values)
 
 

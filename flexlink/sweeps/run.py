@@ -1,4 +1,4 @@
-"""sweep(…): runs all members of a sweep, side by side and on several workers, into one table."""
+"""sweep(…): run all members of a sweep, side by side and on several workers, and collect one table."""
 
 from __future__ import annotations
 
@@ -30,28 +30,28 @@ def sweep(
     fresh: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> SweepRows:
-    """Run every member of a sweep, one row of outputs each.
+    """Run every member of a sweep; each gives one row of outputs.
 
-    Members of the same structure run eight side by side. A member that is refused, diverges, or ends its process three
-    times has a row with the reason. Rows are equal to the bit whatever runs them, on processors of one kind: they
-    depend neither on their neighbours nor on the executor.
+    Members with the same structure run eight side by side. A member that is refused, diverges, or crashes its process
+    three times gets a row with the reason. Rows are bitwise reproducible on processors of one kind: they depend neither
+    on other members nor on the executor.
 
     Parameters
     ----------
     what
         The sweep, or the path of its file.
     out
-        SQLite database for the rows, written as they are done; after a stop, or a kill, the same call continues.
-        None: rows are kept in memory.
+        SQLite database for the rows, written as they are computed. After an interruption or a crash the same call
+        continues. None: rows stay in memory.
     executor
-        Where members run: any `concurrent.futures.Executor`, or a function that returns one, called again if the
-        executor breaks. None: see `workers` and `dask`.
+        Executor of the members: any `concurrent.futures.Executor`, or a function that returns one and is called again
+        if the executor breaks. None: see `workers` and `dask`.
     workers
-        Number of processes; 1: in this one.
+        Number of processes; 1: no separate process.
     dask
-        Address of a Dask scheduler, such as "tcp://10.0.0.1:8786".
+        Address of a Dask scheduler, for example "tcp://10.0.0.1:8786".
     fresh
-        Delete the rows that `out` has.
+        Whether to delete the rows in `out` first.
     progress
         Called with the fraction of the members that have rows.
 
@@ -67,11 +67,11 @@ def sweep(
     SceneError
         A key, a range or an output is not valid.
     OutputError
-        `out` cannot be written, is no database of a sweep, or another process writes to it.
+        `out` cannot be written, is not a database of a sweep, or another process writes to it.
     EngineError
-        No worker can run members; rows are kept.
+        No worker can run members; existing rows remain.
     InterruptedSweepError
-        Ctrl-C or SIGTERM; rows are kept.
+        Ctrl-C or SIGTERM; existing rows remain.
 
     Examples
     --------
@@ -87,9 +87,9 @@ def sweep(
     require_callable("progress", progress)
     count = integer("workers", workers, 1, MAX_WORKERS)
     plan = Plan(what if isinstance(what, Sweep) else load_sweep(what))
-    place = None if out is None else require_path("out", out)
+    path = None if out is None else require_path("out", out)
     preflight(plan)
-    with Store(place, plan, fingerprint(plan.sweep), fresh=require_bool("fresh", fresh)) as store:
+    with Store(path, plan, fingerprint(plan.sweep), fresh=require_bool("fresh", fresh)) as store:
         fill(store, executor, count, dask, progress or (lambda _: None))
         columns, rows = store.table()
         return SweepRows(tuple(columns), tuple(rows))
@@ -102,7 +102,13 @@ def fill(
     dask: str | None,
     progress: Callable[[float], None],
 ) -> None:
-    """Run the members that have no row; errors as above."""
+    """Run the members that have no row.
+
+    Raises
+    ------
+    FlexlinkError
+        As in `sweep`.
+    """
     plan, done = store.plan, store.count()
     if done == plan.members:
         return
@@ -118,7 +124,7 @@ def fill(
 
 
 def _interrupted(store: Store, stop: Stop, done: int) -> InterruptedSweepError:
-    kept = "repeat the command to continue" if store.path else "and lost: name a file to keep them"
     number = stop.signal or signal.SIGINT
-    place = f" in {store.path}" if store.path else ""
-    return InterruptedSweepError(f"{word(number)}; {done} of {store.plan.members} rows are{place}; {kept}", number)
+    rows = f"{done} of {store.plan.members} rows are"
+    rows += f" in {store.path}; repeat the command to continue" if store.path else " lost; specify out to save them"
+    return InterruptedSweepError(f"{word(number)}; {rows}", number)

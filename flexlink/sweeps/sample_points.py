@@ -1,9 +1,9 @@
-"""Points of the unit cube for the members of a sample, found from their number and the seed: no list of them is kept.
+"""Points of the unit cube for the members of a sample, computed from their number and the seed without a stored list.
 
-"random" numbers are those that the generator gives after as many draws. Sobol's point n is, digit by digit in base 2,
-the sum of direction numbers, one for each digit of n's Gray code; they are what the engine's own points 0 and
-2, 4, 8, … − 1 differ by. Halton's points are found from their number anyway. A Latin hypercube is the one design whose
-points depend on all others, so that it is drawn as a whole.
+"random": the generator is advanced to the point. "sobol": point n is the bitwise sum of direction numbers, one for each
+binary digit of n's Gray code; they are the differences between SciPy's points 0 and 2, 4, 8, … − 1. "halton": each
+point is computed from its number. "latin": points of a Latin hypercube depend on each other, so all are computed
+together.
 """
 
 from __future__ import annotations
@@ -18,34 +18,34 @@ from numpy.typing import NDArray
 from flexlink.common.types import Array
 
 BLOCK = 1024
-"""Points that are found at once; a power of two, which keeps the balance of Sobol's first ones."""
+"""Number of points to compute together; a power of two preserves the balance of Sobol's sequence."""
 
 DIGITS = 30
-"""Of Sobol's points in base 2."""
+"""Number of binary digits of Sobol's points."""
 
 _halton_moves = Lock()
 
 
 def point(method: str, dimensions: int, count: int, seed: int, k: int) -> list[float]:
-    """Point `k` of `count`, one number 0 ≤ u < 1 for each of the `dimensions`."""
-    place: list[float] = _block(method, dimensions, count, seed, k // BLOCK)[k % BLOCK]
-    return place
+    """Return point `k` of `count`: one number 0 ≤ u < 1 per dimension."""
+    coordinates: list[float] = _block(method, dimensions, count, seed, k // BLOCK)[k % BLOCK]
+    return coordinates
 
 
 @functools.lru_cache(maxsize=16)
 def _block(method: str, dimensions: int, count: int, seed: int, number: int) -> list[list[float]]:
-    """So many points that follow one another."""
+    """Return `BLOCK` consecutive points."""
     first = number * BLOCK
     if method == "random":
-        draws = np.random.default_rng(seed).bit_generator
-        draws.advance(first * dimensions)  # type: ignore[attr-defined]
-        points = np.random.Generator(draws).random((BLOCK, dimensions))
+        bits = np.random.default_rng(seed).bit_generator
+        bits.advance(first * dimensions)  # type: ignore[attr-defined]
+        points = np.random.Generator(bits).random((BLOCK, dimensions))
     elif method == "sobol":
         points = _sobol(dimensions, count, seed, first)
     elif method == "halton":
-        with _halton_moves:  # of several threads
+        with _halton_moves:  # the engine is shared by several threads
             engine = _halton(dimensions, seed)
-            engine.num_generated = first  # its `fast_forward` makes all points before
+            engine.num_generated = first  # its `fast_forward` would compute all points before
             points = engine.random(BLOCK)
     else:
         points = _latin(dimensions, count, seed)[first : first + BLOCK]
@@ -55,7 +55,7 @@ def _block(method: str, dimensions: int, count: int, seed: int, number: int) -> 
 
 @functools.lru_cache(maxsize=2)
 def _latin(dimensions: int, count: int, seed: int) -> Array:
-    """All points, as SciPy's engine draws them, which takes half a second to load."""
+    """All points, equal to those of SciPy's engine, which takes half a second to import."""
     (rng,) = np.random.default_rng(seed).spawn(1)
     inside = rng.uniform(size=(count, dimensions))
     cells = np.tile(np.arange(1, count + 1), (dimensions, 1))
@@ -82,7 +82,7 @@ def _sobol(dimensions: int, count: int, seed: int, first: int) -> Array:
 
 @functools.lru_cache(maxsize=4)
 def _directions(dimensions: int, length: int, seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The first point, as a whole number, and direction numbers for Gray codes of so many digits (digits, d)."""
+    """First point as an integer, and direction numbers for Gray codes of `length` digits, shape (length, d)."""
     engine = _qmc().Sobol(dimensions, bits=DIGITS, rng=np.random.default_rng(seed))
 
     def next_point() -> NDArray[np.int64]:
@@ -98,6 +98,6 @@ def _directions(dimensions: int, length: int, seed: int) -> tuple[NDArray[np.int
 
 
 def _qmc() -> Any:
-    from scipy.stats import qmc  # noqa: PLC0415  0.5 s that only Sobol and Halton need
+    from scipy.stats import qmc  # noqa: PLC0415  the import takes 0.5 s; only for Sobol and Halton
 
     return qmc

@@ -1,10 +1,10 @@
-"""Rows of a sweep in SQLite: on disk as soon as a task is done, each member once, never of two sweeps.
+"""Rows of a sweep in SQLite: on disk as soon as a task is done, one per member, never of two sweeps.
 
-    about(name, value)                             the sweep's fingerprint, as JSON
-    rows(number, status, reason, warnings, …)      one for each member; then what varies, by key, and the outputs
+    about(name, value)                             fingerprint of the sweep, as JSON
+    rows(number, status, reason, warnings, …)      one per member; then the varied values, by key, and the outputs
 
-With a write-ahead log (WAL), committed rows survive a kill at any moment, and others may read meanwhile. The writer
-holds SQLite's write lock except during a commit, so that a second writer gets an error.
+With a write-ahead log (WAL), committed rows survive a crash at any moment, and other processes may read at the same
+time. The writer keeps SQLite's write lock except during a commit, so a second writer gets an error.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from flexlink.sweeps.plan import ROW_COLUMNS, Plan
 from flexlink.sweeps.worker import Row
 
 APPLICATION_ID = 0x666C7877
-"""SQLite's mark of our databases, "flxw": others are left alone."""
+"""SQLite application id of sweep databases, "flxw"; other databases are not touched."""
 
 LOCK_TIMEOUT = 1.0
-"""For another process's commit [s], which takes milliseconds."""
+"""Timeout for another process's commit [s], which takes milliseconds."""
 
 
 class Store:
-    """The database of a sweep, open for writing; `path` None keeps it in memory.
+    """Database of a sweep, open for writing; in memory if `path` is None.
 
     Raises
     ------
     OutputError
-        It cannot be written, holds something else or is damaged, or another process writes to it.
+        It cannot be written, is another kind of database or damaged, or another process writes to it.
     ArgumentError
-        It holds the rows of another sweep.
+        It contains the rows of another sweep.
     """
 
     def __init__(self, path: Path | None, plan: Plan, identity: Fingerprint, *, fresh: bool = False) -> None:
@@ -56,7 +56,7 @@ class Store:
 
     def _open(self, identity: str) -> None:
         run = self._db.execute
-        run("BEGIN EXCLUSIVE")  # before the look: another sweep may be making the same file
+        run("BEGIN EXCLUSIVE")  # before the check: another sweep may be creating the same file
         if not _is_ours(self._db):
             names = (*ROW_COLUMNS, *self.plan.sweep.keys, *self.plan.sweep.quantity)
             kinds = ("INTEGER PRIMARY KEY", *["TEXT NOT NULL"] * 3, *[""] * (len(names) - 4))
@@ -65,17 +65,17 @@ class Store:
             run("CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
             run(f"CREATE TABLE rows ({columns})")
             run("INSERT INTO about VALUES ('identity', ?)", (identity,))
-        run("COMMIT")  # all of it or nothing, and before WAL, so that the file itself says whose it is
+        run("COMMIT")  # all or nothing, and before WAL, so the file itself identifies its owner
         run("PRAGMA journal_mode = WAL")
-        run("PRAGMA synchronous = NORMAL")  # if the machine itself crashes, the last rows may be computed again
+        run("PRAGMA synchronous = NORMAL")  # if the machine crashes, the last rows may be computed again
         run("BEGIN IMMEDIATE")
         if run("PRAGMA quick_check(1)").fetchone()[0] != "ok":
             raise sqlite3.DatabaseError("database disk image is malformed")
-        there = run("SELECT value FROM about WHERE name = 'identity'").fetchone()[0]
-        changed = differences(json.loads(there), json.loads(identity))
+        stored = run("SELECT value FROM about WHERE name = 'identity'").fetchone()[0]
+        changed = differences(json.loads(stored), json.loads(identity))
         if changed:
             raise ArgumentError(
-                f"{self.path}: holds rows of another sweep: {changed}; name another file, or start again (--fresh)",
+                f"{self.path}: has rows of another sweep: {changed}; use another file, or start again (--fresh)",
                 id="rows-of-another-sweep",
             )
 
@@ -86,29 +86,29 @@ class Store:
         self.close()
 
     def close(self) -> None:
-        """Give the lock back; every row that was added stays."""
+        """Release the lock; every added row remains."""
         with contextlib.suppress(sqlite3.Error):
             self._db.rollback()
             self._db.close()
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Add the rows of members that have none; they are kept when this returns.
+        """Add and commit rows of members that have none.
 
         Raises
         ------
         OutputError
-            They cannot be written; those before are kept.
+            They cannot be written; earlier rows remain.
         """
         lines = [(*row[:4], *map(_kept, self.plan.values(row.number).values()), *row.values) for row in rows]
         if lines:
             marks = ", ".join("?" * len(lines[0]))
-            with self._translated_errors("; its rows are kept, and the same command continues from there"):
+            with self._translated_errors("; earlier rows remain, and the same command continues from there"):
                 self._db.executemany(f"INSERT INTO rows VALUES ({marks})", lines)
                 self._commit()
 
     def missing(self) -> Iterator[int]:
-        """Numbers of the members that have no row, in order; rows of those that were given out may come meanwhile."""
-        part = 65_536  # whose rows are looked up at once
+        """Numbers of the members without a row, in order; rows may be added meanwhile."""
+        part = 65_536  # number of members to look up together
         for first in range(0, self.plan.members, part):
             within = first, min(first + part, self.plan.members)
             found = self._db.execute("SELECT number FROM rows WHERE number >= ? AND number < ?", within)
@@ -116,12 +116,12 @@ class Store:
             yield from (number for number in range(*within) if number not in have)
 
     def count(self, status: str | None = None) -> int:
-        """How many rows there are, of a status or of all."""
+        """Number of rows with a status, or of all rows."""
         where, values = ("", ()) if status is None else (" WHERE status = ?", (status,))
         return int(self._db.execute(f"SELECT count(*) FROM rows{where}", values).fetchone()[0])
 
     def failures(self) -> tuple[int, str]:
-        """How many members failed, and the reason of the first."""
+        """Number of failed members, and the reason of the first."""
         count = self.count("failed")
         first = "SELECT number, reason FROM rows WHERE status = ? ORDER BY number LIMIT 1"
         return count, "member {}: {}".format(*self._db.execute(first, ("failed",)).fetchone()) if count else ""
@@ -132,12 +132,12 @@ class Store:
         return [column[0] for column in found.description], iter(found)
 
     def _commit(self) -> None:
-        """Keep what was added, and take the lock again before another can."""
+        """Commit the added rows, and take the lock again before another process can."""
         self._db.execute("COMMIT")
         self._db.execute("BEGIN IMMEDIATE")
 
     def _remove(self, path: Path) -> None:
-        """Begin anew; not while another writes, and not where another program's data are."""
+        """Delete the database, unless another process writes to it or it belongs to another program."""
         with self._translated_errors(), contextlib.closing(sqlite3.connect(path, timeout=LOCK_TIMEOUT)) as db:
             db.execute("BEGIN IMMEDIATE")
             _is_ours(db)
@@ -147,29 +147,29 @@ class Store:
 
     @contextlib.contextmanager
     def _translated_errors(self, then: str = "") -> Iterator[None]:
-        """SQLite's errors as an OutputError, in one line; `then` of one that cannot be written."""
+        """Convert SQLite's errors to an OutputError in one line; `then` is appended if a database cannot be written."""
         try:
             yield
         except (sqlite3.Error, OSError) as error:
             text = str(error)
             if "locked" in text or isinstance(error, sqlite3.IntegrityError):
-                why = "another process is writing to it; wait until it ends, or name another file"
+                why = "another process is writing to it; wait until it ends, or use another file"
             elif "malformed" in text:
-                why = f"is damaged ({text}); name another file, or start again (--fresh)"
+                why = f"is damaged ({text}); use another file, or start again (--fresh)"
             elif "another program's" in text or "not a database" in text:
-                why = f"is not a database of a sweep ({text}), and stays unchanged; name another file"
+                why = f"is not a database of a sweep ({text}), and stays unchanged; use another file"
             else:
                 why = f"cannot be written: {text}{then}"
             raise OutputError(f"{self.path}: {why}", id="cannot-write") from None
 
 
 def _is_ours(db: sqlite3.Connection) -> bool:
-    """Whether it has a sweep; False of a new one.
+    """Whether a database is one of a sweep; False for a new one.
 
     Raises
     ------
     sqlite3.DatabaseError
-        It has something else.
+        It is a database of another program.
     """
     ours = bool(db.execute("PRAGMA application_id").fetchone()[0] == APPLICATION_ID)
     if not ours and db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
@@ -178,12 +178,12 @@ def _is_ours(db: sqlite3.Connection) -> bool:
 
 
 def _quoted(name: str) -> str:
-    """A name in SQL."""
+    """Quote a name for SQL."""
     return '"' + name.replace('"', '""') + '"'
 
 
 def _kept(value: Any) -> float | int | str | None:
-    """A value that varies, as a number or a text; lists and tables as JSON."""
+    """A varied value as a number or text; lists and tables as JSON."""
     if isinstance(value, float | str) or value is None:
         return value
     if type(value) is int and abs(value) < 2**63:

@@ -1,4 +1,4 @@
-"""The rows of a sweep, for Python, for pandas, and as files."""
+"""Rows of a sweep, for Python, for pandas, and as files."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from flexlink.sweeps.plan import ROW_COLUMNS
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class SweepRows:
-    """The rows of a sweep, in the order of their numbers.
+    """Rows of a sweep, in the order of their numbers.
 
     Attributes
     ----------
     columns
-        number, status ("done" or "failed"), reason, warnings, then what varies, by key, and the outputs.
+        number, status ("done" or "failed"), reason, warnings, then the varied keys and the outputs.
     rows
-        One tuple for each member; None where an output could not be computed.
+        One tuple per member; None if an output could not be computed.
     """
 
     columns: tuple[str, ...]
@@ -38,7 +38,7 @@ class SweepRows:
         return html_table(f"{len(self.rows)} rows, {len(self.failed)} failed", self.columns, shown)
 
     def column(self, name: str) -> list[Any]:
-        """One column, by its name."""
+        """Return a column by its name."""
         k = self.columns.index(name)
         return [row[k] for row in self.rows]
 
@@ -48,7 +48,7 @@ class SweepRows:
         return {row[0]: row[2] for row in self.rows if row[1] == "failed"}
 
     def to_pandas(self) -> Any:
-        """All rows as a pandas.DataFrame with the number as index.
+        """Return all rows as a pandas.DataFrame; the index is the number.
 
         Raises
         ------
@@ -59,37 +59,43 @@ class SweepRows:
 
 
 def frame(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Any:
-    """The rows as a DataFrame."""
+    """Return rows as a DataFrame."""
     pandas = _package("pandas", "pandas")
     return pandas.DataFrame(list(rows), columns=list(columns)).set_index(ROW_COLUMNS[0])
 
 
 def export(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Write rows to a file, whole or not at all, in the format that its name ends in.
+    """Write rows to a file, all or nothing, in the format of the file's extension.
 
     Raises
     ------
     MissingDependencyError
         Parquet needs pandas and pyarrow.
     OutputError
-        It cannot be written.
+        The file cannot be written.
     """
     if path.suffix == ".csv":
-        write_whole(path, lambda place: _write_csv(place, columns, rows))
+        write_whole(path, lambda file: _write_csv(file, columns, rows))
         return
     require_parquet()
     table = frame(columns, rows)
-    write_whole(path, lambda place: table.to_parquet(place, engine="pyarrow"))
+    write_whole(path, lambda file: table.to_parquet(file, engine="pyarrow"))
 
 
 def require_parquet() -> None:
-    """Check that Parquet files can be written; errors as above."""
+    """Check that Parquet files can be written.
+
+    Raises
+    ------
+    MissingDependencyError
+        Parquet needs pandas and pyarrow.
+    """
     for name in ("pandas", "pyarrow"):
         _package(name, "pandas pyarrow")
 
 
 def _write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Numbers with all their digits, None as an empty field."""
+    """Write numbers with all their digits, and None as an empty field."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)

@@ -1,4 +1,4 @@
-"""The task of a worker: scenes of members from their numbers, runs side by side, one row each."""
+"""Task of a worker: build the scenes of members from their numbers, run them side by side, return their rows."""
 
 from __future__ import annotations
 
@@ -26,33 +26,33 @@ from flexlink.sweeps.plan import Plan, Sweep
 
 
 class Row(NamedTuple):
-    """The row of a member."""
+    """Row of a member."""
 
     number: int
     status: Literal["done", "failed"]
-    reason: str  # why it failed, or empty
+    reason: str  # reason of a failure, otherwise empty
     warnings: str
-    values: tuple[float | None, ...]  # in the order of the quantities
+    values: tuple[float | None, ...]  # outputs, in the order of `quantity`
 
 
 def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row], float]:
-    """The task of a worker: rows of members, and the time they took [s].
+    """Compute the rows of members, and the time that they take [s].
 
     Parameters
     ----------
     text
-        The sweep, as `msgspec.json` encodes it: decoded once in a process.
+        The sweep, encoded by `msgspec.json`; each process decodes it once.
     theirs
-        Version of flexlink that started the sweep; rows of two versions are not mixed.
+        Version of flexlink that started the sweep; rows of different versions are not mixed.
     numbers
-        The members. Those that a signal stops have no row.
+        Numbers of the members. Members that a signal interrupts have no row.
 
     Raises
     ------
     EngineError
-        flexlink is another version here.
+        The worker has another version of flexlink.
     """
-    # members that are prepared at once: their chains take some megabytes
+    # number of members to prepare together: their chains take some megabytes
     together = 512
     started = time.perf_counter()
     handshake(text, theirs)
@@ -68,16 +68,16 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row]
 
 
 def handshake(text: bytes, theirs: str) -> None:
-    """Check that a worker has the same version as the process that started the sweep, and can read the sweep.
+    """Check that the worker has the same version of flexlink as the main process, and can decode the sweep.
 
     Raises
     ------
     EngineError
-        flexlink is another version here.
+        The worker has another version of flexlink.
     """
     if theirs != version():
         raise EngineError(
-            f"a worker has flexlink {version()}, but the sweep was started by flexlink {theirs}; install one version",
+            f"a worker has flexlink {version()}, but the sweep was started by flexlink {theirs}; install the same one",
             id="versions-differ",
         )
     plan_of(text)
@@ -85,17 +85,17 @@ def handshake(text: bytes, theirs: str) -> None:
 
 @functools.lru_cache(maxsize=4)
 def plan_of(text: bytes) -> Plan:
-    """The plan of an encoded sweep."""
+    """Plan of an encoded sweep."""
     return Plan(msgspec.json.decode(text, type=Sweep))
 
 
 def failed_row(plan: Plan, number: int, reason: str) -> Row:
-    """The row of a member that has no numbers."""
+    """Row of a member without numbers."""
     return Row(number, "failed", reason, "", (None,) * len(plan.sweep.quantity))
 
 
 def goes_side_by_side(plan: Plan, number: int) -> bool:
-    """Whether the kernel runs a member together with its neighbours, eight at little more than the cost of one."""
+    """Whether a member runs side by side with others: eight cost little more than one."""
     try:
         scene, engine = plan.member(number)
     except FlexlinkError:
@@ -110,7 +110,7 @@ def goes_side_by_side(plan: Plan, number: int) -> bool:
 
 
 def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]:
-    """Rows of those that ran beside others, and what became of the rest."""
+    """Rows of the members that ran side by side, and the outcomes of the others."""
     results: dict[int, Row | Outcome] = {}
     native: dict[int, Scene] = {}
     for number in numbers:
@@ -134,7 +134,7 @@ def _ends(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Row | Outcome]
 
 
 def _integrated(scene: Scene, engine: str) -> Trajectory:
-    """The run of another engine."""
+    """Run of another engine."""
     problem = problem_of(scene)
     return trajectory_from_states(problem, *load(engine, problem.original).integrate(scene))
 

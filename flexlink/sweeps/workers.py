@@ -1,4 +1,4 @@
-"""Executors of a sweep: this thread, own processes, a Dask cluster, or the caller's."""
+"""Executors of a sweep: this thread, worker processes, a Dask cluster, or an executor of the caller."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from flexlink.common.processes import exit_when_closed
 from flexlink.common.wording import truncated
 
 TASKS_PER_WORKER = 2
-"""So that a worker has its next task when one is done."""
+"""Number of queued tasks per worker: one runs, the next is ready."""
 
 MAX_WORKERS = 1024
-"""Processes of a sweep: more than a machine has cores, and some hundred gigabytes."""
+"""Largest number of processes: more than a machine has cores, and some hundred gigabytes."""
 
 DASK_TIMEOUT = 10
-"""For a scheduler's answer and its first worker [s]."""
+"""Timeout for the answer of a scheduler and its first worker [s]."""
 
 
 class InThread(Executor):
-    """Runs tasks in the calling thread, at once."""
+    """Executor that runs tasks immediately in the calling thread."""
 
     def submit(self, task: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
-        """Run a task; its future is done."""
+        """Run a task and return its completed future."""
         future: Future[Any] = Future()
         try:
             future.set_result(task(*arguments, **named))
@@ -40,38 +40,38 @@ class InThread(Executor):
 
 
 class Workers(ProcessPoolExecutor):
-    """Processes that end with their parent, however that ends, and at once on `shutdown`.
+    """Processes that end immediately on `shutdown`, or when their parent ends for any reason.
 
-    Each watches a pipe whose other end only this process has: it closes on `shutdown`, or when this process ends.
-    Ctrl-C in a terminal goes to all processes; workers ignore it, their parent handles it.
+    Each process watches a pipe whose other end only the parent has: it closes on `shutdown`, or when the parent ends.
+    Ctrl-C in a terminal reaches all processes; workers ignore it, their parent handles it.
     """
 
     def __init__(self, count: int) -> None:
-        context = multiprocessing.get_context("spawn")  # a fork would hold the pipe, and copy locks of threads
+        context = multiprocessing.get_context("spawn")  # a fork would keep the pipe open, and copy locks of threads
         self._watched, self._held = context.Pipe(duplex=False)
         super().__init__(count, mp_context=context, initializer=end_with, initargs=(self._watched,))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End all processes, whatever they do."""
+        """End all processes immediately."""
         self._held.close()
         super().shutdown(wait, cancel_futures=cancel_futures)
 
 
 def end_with(watched: Connection) -> None:
-    """Let this process end when the other end of a pipe is closed, of which nothing is ever sent."""
+    """End this process when the other end of a pipe closes; nothing is ever sent through it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     exit_when_closed(watched)
 
 
 class WorkerPool:
-    """An executor, and how to replace it.
+    """An executor, and the function that replaces it.
 
     Attributes
     ----------
     executor
-        Runs tasks.
+        The executor of tasks.
     slots
-        Number of tasks that keep it busy.
+        Number of tasks that keep the executor busy.
     """
 
     def __init__(self, make: Callable[[], Executor], slots: int, *, again: bool = False) -> None:
@@ -88,14 +88,14 @@ class WorkerPool:
 
 @contextlib.contextmanager
 def pool_of(executor: Executor | Callable[[], Executor] | None, workers: int, dask: str | None) -> Iterator[WorkerPool]:
-    """The executor of a sweep: the caller's, one that the caller's function returns, or what `dask`, `workers` say."""
-    if isinstance(executor, Executor):  # its owner shuts it down
+    """Executor of a sweep: that of the caller, that of the caller's function, or the one for `dask` or `workers`."""
+    if isinstance(executor, Executor):  # the caller shuts it down
         yield WorkerPool(lambda: executor, TASKS_PER_WORKER * _count_of(executor))
     elif callable(executor):
         yield from _own(WorkerPool(executor, TASKS_PER_WORKER * (os.cpu_count() or 1), again=True))
     elif executor is not None:
         raise ArgumentError(
-            f"executor = {truncated(executor)}: expected a concurrent.futures.Executor, or a function", id="wrong-type"
+            f"executor = {truncated(executor)}: expected a concurrent.futures.Executor or a function", id="wrong-type"
         )
     elif dask is not None:
         yield from _on_cluster(dask)
@@ -113,19 +113,19 @@ def _own(pool: WorkerPool) -> Iterator[WorkerPool]:
 
 
 def _count_of(executor: Executor) -> int:
-    """Number of workers of an executor; the number of cores if it does not tell."""
+    """Number of workers of an executor; the number of cores if it is unknown."""
     return int(getattr(executor, "_max_workers", 0) or os.cpu_count() or 1)
 
 
 def _on_cluster(address: str) -> Iterator[WorkerPool]:
-    """On the cluster of a Dask scheduler, such as tcp://10.0.0.1:8786.
+    """Pool on the cluster of a Dask scheduler at an address, for example tcp://10.0.0.1:8786.
 
     Raises
     ------
     MissingDependencyError
         Dask is not installed.
     EngineError
-        No scheduler answers, or it has no workers.
+        No scheduler responds, or it has no workers.
     """
     try:
         distributed = importlib.import_module("distributed")
@@ -137,7 +137,7 @@ def _on_cluster(address: str) -> Iterator[WorkerPool]:
     try:
         client = distributed.Client(address, timeout=DASK_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise EngineError(f"{address}: no Dask scheduler answers: {error}", id="no-scheduler") from None
+        raise EngineError(f"{address}: no Dask scheduler responds: {error}", id="no-scheduler") from None
     with client:
         try:
             client.wait_for_workers(1, timeout=DASK_TIMEOUT)

@@ -1,4 +1,4 @@
-"""Every column that was measured beside what the scene gives before and after a fit, and beside a free linear model."""
+"""Residuals of every measured column before and after a fit, and those of a free linear model."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.identification.block import Block, whiteness
-from flexlink.identification.coordinates import own_coordinates
+from flexlink.identification.coordinates import run_coordinates
 from flexlink.identification.data import Source
 from flexlink.identification.fitted import FittedColumn
 from flexlink.identification.likelihood import Row, row_of, white
@@ -26,9 +26,9 @@ def columns_of(
     best: Found,
     start: Array,
     kept: Sequence[Source],
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> tuple[FittedColumn, ...]:
-    """All columns, those that were fitted first, then those of sources that were kept to check."""
+    """All columns: first those that were fitted, then those of the sources `kept` to check the fit."""
     before, after = signals.model(start), signals.model(best.x)
     found = _beside(signals.sources, best.blocks, before, after)
     rows = [[row_of(b, y) for b, y in zip(*part, strict=True)] for part in zip(best.blocks, after, strict=True)]
@@ -42,14 +42,14 @@ def columns_of(
         columns, scene = _kept(problem, source, values, gains)
         found += columns
         checks += [(source, scene)] if source.is_run else []
-        tell(f"checked against {source.name}")
+        report(f"checked against {source.name}")
     return tuple(_with_linear(found, fitted, checks))
 
 
 def _with_linear(
     columns: Sequence[FittedColumn], fitted: Sequence[tuple[Source, Scene]], kept: Sequence[tuple[Source, Scene]]
 ) -> list[FittedColumn]:
-    """The same columns, those of runs with what a free linear model gives."""
+    """The same columns; those of runs have the predictions of a free linear model."""
     models = linear_models(fitted, kept)
     if models is None:
         return list(columns)
@@ -65,9 +65,9 @@ def _with_linear(
 def _kept(
     problem: FitProblem, source: Source, values: dict[str, float], gains: dict[str, float]
 ) -> tuple[list[FittedColumn], Scene]:
-    """A source that was not fitted, and its scene; its own parameters are estimated first, all others held."""
-    own = next((run for run in problem.run if run.name == source.name), None)
-    coordinates = own_coordinates(problem, own) if own is not None else []
+    """Columns and scene of a source that was not fitted; only the parameters of that run alone are estimated first."""
+    this_run = next((run for run in problem.run if run.name == source.name), None)
+    coordinates = run_coordinates(problem, this_run) if this_run is not None else []
     signals, x = Signals([source], coordinates), np.array([one.x(one.start) for one in coordinates])
     before = signals.model(_best(signals, problem, x))
     source.scene = source.scene.varied(values)
@@ -92,7 +92,7 @@ def _beside(
         for block, earlier, later in zip(part, old, new, strict=True):
             was, now = row_of(white(block), earlier), row_of(block, later)
             given, σ = now.gain * later + now.bias, float(np.sqrt(np.mean(white(block).σ ** 2)))
-            left = given - block.y
+            residual = given - block.y
             found.append(
                 FittedColumn(
                     source=source.name,
@@ -107,15 +107,15 @@ def _beside(
                     bias=now.bias,
                     noise=σ,
                     stated=block.stated,
-                    times_noise=float(np.sqrt(np.mean((left / white(block).σ) ** 2))),
-                    whiteness=whiteness(left) if block.t is not None else float("nan"),
+                    times_noise=float(np.sqrt(np.mean((residual / white(block).σ) ** 2))),
+                    whiteness=whiteness(residual) if block.t is not None else float("nan"),
                 )
             )
     return found
 
 
 def _gains(blocks: Sequence[Sequence[Block]], rows: Sequence[Sequence[Row]]) -> dict[str, float]:
-    """Gains that were found, by column; the mean where several runs have it."""
+    """Estimated gains by column; the mean if several runs have the column."""
     found: dict[str, list[float]] = {}
     for part, of_part in zip(blocks, rows, strict=True):
         for block, row in zip(part, of_part, strict=True):
@@ -125,6 +125,6 @@ def _gains(blocks: Sequence[Sequence[Block]], rows: Sequence[Sequence[Row]]) -> 
 
 
 def _known(block: Block, gains: dict[str, float], noises: dict[str, float]) -> Block:
-    """A block that is kept to check, with the gain of its column and, where nothing is stated, the noise."""
+    """A check block with the estimated gain of its column and, if its noise is not stated, the estimated noise."""
     σ = block.σ if block.stated or block.name not in noises else np.full(len(block.y), noises[block.name])
     return dataclasses.replace(block, gain=block.gain and block.name not in gains, σ=σ)
