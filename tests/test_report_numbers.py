@@ -120,7 +120,7 @@ class TestHeld:
         size, x, y, z = numbers(text)
         assert [size, y, *numbers(part.facts[0].value)] == three(sag, -sag, sag)
         assert max(abs(x), abs(z)) < 2e-3 * sag
-        assert re.findall(r"\b(?:un|in)?stable\b", " ".join(part.sentences)) == ["stable"]
+        assert re.findall(r"\w*stable\b", " ".join(part.sentences)) == ["stable"]
         largest = 0.08 * held.size / (1e-3 * sag)  # what is drawn is a twelfth of the reach at most
         scale = max(times for times in (1, 2, 5, 10, 20, 50, 100, 200, 500) if times <= largest)
         assert numbers(part.pictures[0].caption) == [scale]
@@ -288,7 +288,8 @@ class TestMove:
         way = target - run.tip[0]
         beyond = max(0.0, *((run.tip - target) @ way / np.linalg.norm(way)))
         check_sentence(part, "report numbers: overshoot", [1e3 * beyond])
-        assert picture(part, "settling")["distance to target [m]"] == pytest.approx(off, rel=1e-6, abs=1e-9)
+        distance = picture(part, "settling")["distance to target [m]"]
+        assert distance == pytest.approx(off, rel=1e-6, abs=1e-9)
 
     def test_a_drive_without_a_reference_leads_to_its_target_from_the_start(self, move: Study) -> None:
         drive = fl.Drive(kind="pd", kp=(4e4,) * 3, kd=(4e2,) * 3, target_deg=GOAL)
@@ -304,7 +305,8 @@ class TestMove:
         tip = target_of(move) + np.exp(-20 * (t - 0.25))[:, None] * [0.3, 0.0, 0.4]
         lines = table(made("settling", with_run(move, replace(move.run, t=t, tip=tip))), "settling")
         parts, travel = np.array([1e-2, 1e-3, 1e-4]), 0.5 * (1 - np.exp(-20 * 0.99))
-        assert lines["part of the travel"] == parts.tolist()
+        shares = lines["part of the travel"]
+        assert shares == parts.tolist()
         assert lines["tolerance [m]"] == pytest.approx(parts * travel, rel=1e-9)
         steps = np.ceil(-np.log(parts * travel / 0.5) / 20 / 0.01)
         assert lines["settling time [s]"] == pytest.approx(0.01 * steps, abs=1e-9)
@@ -379,7 +381,8 @@ class TestRest:
         shapes = np.zeros((2, move.chain.n))
         shapes[:, free] = 1e-4 * eigh(K + (S + S.T) / 2, M)[1].T[:2]
         moved = [np.abs(fl.tip_position(move.chain, q + h) - fl.tip_position(move.chain, q - h)) for h in shapes]
-        assert lines["tip moves most along"][:2] == ["xyz"[int(way.argmax())] for way in moved]
+        axes = lines["tip moves most along"]
+        assert axes[:2] == ["xyz"[int(way.argmax())] for way in moved]
 
 
 class TestGantry:

@@ -258,7 +258,8 @@ def test_a_field_has_a_column_only_if_it_differs_between_rows(tmp_path: Path) ->
 
 def test_a_withdrawn_limit_is_a_known_limitation(tmp_path: Path) -> None:
     page = words_of(tmp_path, row(tolerance=None, given_up=WITHDRAWN), row("fine"))
-    assert WITHDRAWN in page[page.index('id="given-up"') :]
+    limitation = page[page.index('id="given-up"') :]
+    assert WITHDRAWN in limitation
     without = words_of(tmp_path / "without", row(tolerance=None), row("fine"))
     (verdict,) = set(items(first_screen_html(page), "1 ")) - set(items(first_screen_html(without)))
     reviewed("reports: verdict with a withdrawn limit", verdict)
