@@ -1,8 +1,9 @@
-"""Ctrl-C and SIGTERM at any moment: what is there is kept, nothing is torn, and nobody sees a traceback."""
+"""Ctrl-C and SIGTERM at any moment: samples are saved, no file is incomplete, and no traceback is printed."""
 
 from __future__ import annotations
 
 import contextlib
+import re
 import signal
 import subprocess
 import sys
@@ -21,7 +22,7 @@ from flexlink.cli.main import main
 from flexlink.common import output, progress
 from flexlink.common.entry import is_command
 from flexlink.common.interruption import LAST, StoppedError, deferred
-from tests.words import refused
+from tests.words import refused, reviewed
 
 BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 PAPER = str(ROOT / "models" / "paper_fig5.toml")
@@ -29,7 +30,7 @@ PAPER = str(ROOT / "models" / "paper_fig5.toml")
 
 @pytest.fixture(autouse=True)
 def usual_answers():
-    """Python's own handlers, whatever started the tests: jobs in the background are started with SIGINT ignored."""
+    """Set Python's default handlers: shells start background jobs with SIGINT ignored."""
     usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
     before = {number: signal.signal(number, handler) for number, handler in usual.items()}
     yield
@@ -38,7 +39,7 @@ def usual_answers():
 
 
 @BOTH
-def test_a_signal_waits_for_the_block_and_is_answered_by_whoever_holds_results(number: int) -> None:
+def test_a_signal_waits_for_the_end_of_the_block_and_its_results(number: int) -> None:
     with refused(fl.errors.ArgumentError, "test-interruption"), deferred() as outer:
         with deferred() as inner:
             signal.raise_signal(number)
@@ -49,7 +50,7 @@ def test_a_signal_waits_for_the_block_and_is_answered_by_whoever_holds_results(n
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
-def test_a_signal_that_nobody_answered_is_not_swallowed() -> None:
+def test_a_signal_without_a_handler_is_not_swallowed() -> None:
     done = []
     with pytest.raises(KeyboardInterrupt), deferred():
         signal.raise_signal(signal.SIGINT)
@@ -58,15 +59,15 @@ def test_a_signal_that_nobody_answered_is_not_swallowed() -> None:
 
 
 @BOTH
-def test_the_second_signal_still_waits_and_says_that_the_third_does_not(number: int, capfd) -> None:
+def test_the_second_signal_waits_and_warns_about_the_third(number: int, capfd) -> None:
     with pytest.raises(StoppedError), deferred():
         for _ in range(LAST - 1):
             signal.raise_signal(number)
-        assert "one more signal quits without them" in capfd.readouterr().err
+        reviewed("interruption: second signal", capfd.readouterr().err)
         signal.raise_signal(number)
 
 
-def test_of_two_signals_the_first_is_answered() -> None:
+def test_the_first_of_two_signals_counts() -> None:
     with refused(fl.errors.ArgumentError, "test-interruption"), deferred() as stop:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGTERM)
@@ -83,7 +84,7 @@ def test_signals_that_a_program_answers_itself_are_left_to_it(own: object) -> No
         assert not stop.asked
 
 
-def test_threads_see_what_the_main_thread_was_asked() -> None:
+def test_threads_see_the_signal_of_the_main_thread() -> None:
     seen = []
 
     def look() -> None:
@@ -118,7 +119,7 @@ def test_one_long_sample_does_not_keep_a_signal_waiting(number: int, models) -> 
     assert caught.value.trajectory.t.tolist() == [0.0]
 
 
-@pytest.mark.parametrize("clock", [time.perf_counter, lambda: 0.0], ids=["a clock", "a clock that stands"])
+@pytest.mark.parametrize("clock", [time.perf_counter, lambda: 0.0], ids=["a clock", "a stopped clock"])
 def test_pieces_are_short_however_long_the_samples_are(clock, models, monkeypatch) -> None:
     """50,000 steps take 0.1 s or more, at least 100 pieces of 1 ms; 4 if each may only be 8 times the last, of 200."""
     seen: list[float] = []
@@ -252,10 +253,17 @@ def test_a_signal_while_importing_or_compiling_ends_the_command_in_one_line(
     code = START.format(scene=PAPER, out=str(out), module=module, number=int(number))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 128 + number
-    last = done.stderr.splitlines()[-1]
-    assert last in {f"flexlink: {what}; no samples yet" for what in ("interrupted", "terminated")}
+    check_without_samples(done.stderr, number)
     assert len(done.stderr.splitlines()) == (2 if module == "never" else 1)
     assert not list(tmp_path.glob("*x*"))
+
+
+def check_without_samples(stderr: str, number: int) -> None:
+    """The last line names the signal, and no samples."""
+    last = stderr.splitlines()[-1]
+    assert last.startswith(f"flexlink: {'terminated' if number == signal.SIGTERM else 'interrupted'}; ")
+    assert not re.search(r"\d", last)
+    reviewed("interruption: no samples", last)
 
 
 COMMAND = """
@@ -270,9 +278,7 @@ sys.exit(main())
 
 @BOTH
 @pytest.mark.parametrize("command", ["advise", "show"])
-def test_a_command_that_keeps_no_samples_says_of_none_that_they_are_kept(
-    number: int, command: str, monkeypatch, capsys
-) -> None:
+def test_a_command_without_samples_does_not_mention_them(number: int, command: str, monkeypatch, capsys) -> None:
     run = fl.simulate(fl.load_scene(PAPER), duration=0.01)
 
     def stopped(*_: object, **__: object) -> None:
@@ -288,14 +294,14 @@ def test_a_command_that_keeps_no_samples_says_of_none_that_they_are_kept(
 
 @pytest.fixture
 def started():
-    """Processes that are gone after the test, whatever happens in it."""
+    """Kill these processes after the test, also if it fails."""
     with contextlib.ExitStack() as after:
         yield lambda process: after.callback(process.kill)
 
 
 @pytest.mark.slow
 def test_signals_from_outside_at_some_moments(tmp_path: Path, started) -> None:
-    """What the lists above cannot foresee: real signals, by the clock."""
+    """Real signals at times that the lists above do not cover."""
     runs = []
     for moment, number in [(0.3, signal.SIGTERM), (0.8, signal.SIGINT), (1.6, signal.SIGTERM), (2.0, signal.SIGINT)]:
         out = tmp_path / f"{moment}.npz"
@@ -315,5 +321,5 @@ def test_signals_from_outside_at_some_moments(tmp_path: Path, started) -> None:
             assert f"{len(t)} sample" in error
             assert (np.diff(t) > 0).all()
         else:
-            assert "no samples yet" in error
+            check_without_samples(error, number)
     assert not list(tmp_path.glob(".*"))
