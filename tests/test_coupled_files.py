@@ -1,4 +1,4 @@
-"""Springs between hinges in files: every format says them to the bit, and MuJoCo moves by them as we do."""
+"""Springs between hinges in files: every format stores them exactly, and MuJoCo computes the same motion."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def odd(chain: fl.Chain, seed: int = 3) -> fl.Chain:
     return dataclasses.replace(chain, hinges=hinges, couplings=couplings)
 
 
-def said(chain: fl.Chain) -> list[object]:
+def contents(chain: fl.Chain) -> list[object]:
     return [*said_by(chain), chain.couplings.tolist()]
 
 
@@ -49,8 +49,8 @@ def test_springs_between_hinges_read_back_to_the_bit(
 ) -> None:
     chain = change(fl.lump(arm("xyz", rule_file(tmp_path, p), 2 * p + 1)))
     assert len(chain.couplings) >= 3 * p * (p - 1)
-    assert said(format.read(format.write(chain))) == said(chain)
-    assert said(format.read(format.write(with_small_mass(chain, mass=1e-3))))[-1] == said(chain)[-1]
+    assert contents(format.read(format.write(chain))) == contents(chain)
+    assert contents(format.read(format.write(with_small_mass(chain, mass=1e-3))))[-1] == contents(chain)[-1]
 
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
@@ -106,11 +106,11 @@ def tapered(segments: int) -> fl.Chain:
 
 def test_a_cell_that_tendons_cannot_hold_is_refused_by_name_and_more_segments_help() -> None:
     chain = tapered(3)
-    with refused(ArgumentError, "tendon-stiffness") as told:
+    with refused(ArgumentError, "tendon-stiffness") as caught:
         fl.to_mjcf(chain)
-    assert "use more segments in link 'a'" in str(told.value) and "\n" not in str(told.value)
+    assert "link 'a'" in str(caught.value) and "\n" not in str(caught.value)
     for format in ("urdf", "sdf"):
-        assert said(FORMATS[format].read(FORMATS[format].write(chain))) == said(chain)
+        assert contents(FORMATS[format].read(FORMATS[format].write(chain))) == contents(chain)
     fine = tapered(5)
     assert (left_to_joints(fine, "stiffness")[fine.bending] > 0).all()
     assert_springs_of_mujoco(fine)

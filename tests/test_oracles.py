@@ -113,7 +113,7 @@ def test_every_independent_reference_is_listed_and_imports_no_algorithm_of_the_l
         assert set(judge.imports) <= set(DATA), judge.name
 
 
-@pytest.mark.parametrize(("oracle", "data"), zip(("common_origin", "exact_runge_kutta"), DATA, strict=True))
+@pytest.mark.parametrize(("oracle", "data"), [*zip(("common_origin", "exact_runge_kutta"), DATA, strict=True)])
 def test_indirect_imports_are_found(oracle: str, data: str) -> None:
     assert data in oracles.imports_of(oracle)
 

@@ -1,4 +1,4 @@
-"""A scene file is strict: whatever is wrong, one line says where, what was found and what is allowed."""
+"""Scene files are checked strictly: one line names the place of a mistake, the value, and the allowed values."""
 
 from __future__ import annotations
 
@@ -116,7 +116,8 @@ def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(PAPER, encoding="utf-8-sig")
     assert path.read_bytes().startswith(b"\xef\xbb\xbf")
-    assert load_scene(path) == load_scene(ROOT / "models" / "paper_fig5.toml")
+    without = ROOT / "models" / "paper_fig5.toml"
+    assert load_scene(path) == load_scene(without)
 
 
 def one_hinge_rule(node: float) -> str:
@@ -124,7 +125,7 @@ def one_hinge_rule(node: float) -> str:
 
 
 @pytest.mark.parametrize("beside", [1e20, 1e300])
-def test_a_rule_whose_hinges_float64_cannot_tell_apart_is_refused(beside: float, tmp_path: Path) -> None:
+def test_a_rule_with_hinges_closer_than_float64_resolves_is_refused(beside: float, tmp_path: Path) -> None:
     rule = tmp_path / "rule.toml"
     rule.write_text(f'about = "a"\nsource = "b"\n[grid]\nfirst = {beside}\nlast = {beside}\n', encoding="utf-8")
     with refused(SceneError, "rule-resolution"):

@@ -47,7 +47,7 @@ def test_a_conical_pendulum_rises_to_its_cone_and_swings_about_it() -> None:
 
 
 def test_a_turning_beam_stiffens_as_published(capsys: pytest.CaptureFixture[str]) -> None:
-    """Flap of a clamped beam, √(EI/ρAL⁴) = 1: 4.1373 and 11.2023 at Ω = 2, 10 (Wright et al. 1982); also by the command."""
+    """Flap of a clamped beam, √(EI/ρAL⁴) = 1: 4.1373 and 11.2023 at Ω = 2, 10 (Wright et al. 1982); also in the CLI."""
     scene = fl.load_scene(ROOT / "validation" / "scenes" / "spinning_beam.toml")
     flap = scene.varied({"link.beam.mount.rpy_deg": [90.0, 0.0, 0.0], "link.beam.lumping": "lobatto4",
                          "link.beam.segments": 17})  # fmt: skip
