@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -14,11 +15,12 @@ from tests.words import refused, reviewed
 from validation import theirs
 from validation.__main__ import main
 from validation.case import Case, load_cases
+from validation.measured.uncertainty import Verdict
 from validation.store import Series, table
 
 CASES = {case.name: case for case in load_cases()}
 SPAR = CASES["measured_wing_spar"]
-OPEN = "cannot be told"
+OPEN = get_args(Verdict)[-1]
 """Verdict if the uncertainty is too large for another one."""
 
 HEADS = ("quantity", "unit", "S", "D", "E", "u_input", "u_D", "wanted", "verdict")
