@@ -150,4 +150,5 @@ def test_the_command_line_prints_the_effect_of_a_small_mass(tmp_path, capsys) ->
     assert frequency == pytest.approx(1 / np.sqrt(1 + inertia) - 1, rel=0.05)
     reviewed("features: effect of a small mass", note)
     assert main(["export", scene, "--small-mass", "-1", "--out", str(tmp_path)]) == 2
-    assert "--small-mass = -1.0: " in refused_line(capsys.readouterr().err, "out-of-range")
+    text = refused_line(capsys.readouterr().err, "out-of-range")
+    assert "--small-mass = -1.0: " in text

@@ -154,10 +154,11 @@ def test_the_command_line_and_the_result_have_the_hints(tmp_path: Path, capsys: 
 
 
 def test_a_hint_is_printed_even_if_the_run_is_refused(tmp_path: Path, capsys: Any) -> None:
-    scene = CRANE.varied({"material.steel.density": 7.85, "run.step": 1e-3})
+    path = "material.steel.density"
+    scene = CRANE.varied({path: 7.85, "run.step": 1e-3})
     assert main(["simulate", str(scene.save(tmp_path / "crane.toml"))]) == 2
     (hint,) = hints(scene)
-    assert hint.startswith("material.steel.density = 7.85 kg/m³")
+    assert hint.startswith(f"{path} = 7.85 kg/m³")
     assert f"warning: {hint}{id_of(hint)}" in capsys.readouterr().err.splitlines()
 
 

@@ -262,8 +262,9 @@ def test_warnings_show_limits_in_the_unit_of_the_joint(gantry: fl.Scene) -> None
     position = re.search(r"'trolley'\D*(8\.0\S*) m\b", warning)
     assert position is not None and float(position[1]) > 8.0
     assert "0 m … 8 m" in warning
-    assert (getattr(warning, "id", "") or "joint-past-limits") == "joint-past-limits"
-    reviewed("joint-past-limits", warning)
+    id = "joint-past-limits"
+    assert (getattr(warning, "id", "") or id) == id
+    reviewed(id, warning)
 
 
 def test_a_run_is_led_to_its_targets_in_their_units(gantry: fl.Scene) -> None:

@@ -172,7 +172,8 @@ def test_drake_and_exudyn_apply_it_or_refuse_it(name: str, module: str, method: 
     if scene.wrench.hold:
         with pytest.raises(fl.errors.ArgumentError) as caught:
             engine.integrate(scene)
-        assert caught.value.id == "engine-does-not-support"
+        id = "engine-does-not-support"
+        assert caught.value.id == id
         assert [part for part in ("wrench.hold", name, "native, pinocchio") if part not in str(caught.value)] == []
         return
     assert np.abs(engine.integrate(scene)[1] - fl.simulate(scene).q).max() <= 1e-11
