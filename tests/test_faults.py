@@ -43,7 +43,7 @@ def test_names_of_faults_differ() -> None:
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    """A project of one function, whose test is blind to its sign."""
+    """A project of one function, whose test does not check the sign."""
     files = {
         "area.py": "def area(a, b):\n    return a * b  # m²\n",
         TEST: "from area import area\n\n\ndef test_size():\n    assert abs(area(2, 3)) == 6\n",
@@ -58,7 +58,7 @@ def planted(find: str, replace: str) -> Fault:
 
 
 @pytest.mark.slow
-def test_a_fault_is_killed_survives_or_no_longer_applies_and_the_tree_stays_as_it_is(tree: Path) -> None:
+def test_a_fault_is_killed_survives_or_is_stale_and_the_tree_does_not_change(tree: Path) -> None:
     before = {path.name: path.read_bytes() for path in tree.iterdir()}
     with plant.copied(tree) as copy:
         assert copy.run((TEST,), copy.sound).code == 0
@@ -95,7 +95,7 @@ def test_a_fault_of_a_kernel_is_noticed_as_python_by_a_test_that_fails_only_with
         (Answer(0, "3 passed"), SURVIVED),
         (Answer(1, "FAILED tests/test_a.py::test_b - assert 1 == 2"), KILLED),
         (Answer(-11, ""), KILLED),  # a segmentation fault
-        (Answer(None, ""), KILLED),  # no end
+        (Answer(None, ""), KILLED),  # no end in time
         (Answer(2, "! flexlink.results.stop_reasons.InterruptedRunError: interrupted at t = 0 s !"), KILLED),  # Ctrl-C
         (Answer(2, "ERROR tests/test_a.py\n!!! Interrupted: 1 error during collection !!!"), BROKEN),
         (Answer(1, "FAILED tests/test_a.py::test_b - numba.core.errors.TypingError: cannot"), BROKEN),

@@ -39,12 +39,12 @@ EXAMPLES = {
 }
 
 
-def test_formats_hold_all_of_an_arm_that_has_none_of_the_features() -> None:
+def test_formats_store_an_arm_without_these_features_completely() -> None:
     assert all(not_held(BARE, fl.lump(BARE), format=format) == {} for format in FORMATS)
 
 
 @pytest.mark.parametrize("feature", EXAMPLES)
-def test_each_feature_is_noticed_and_no_other(feature: str) -> None:
+def test_only_the_features_of_an_arm_are_noted(feature: str) -> None:
     scene = EXAMPLES[feature]
     for format in FORMATS:
         missing = not_held(scene, fl.lump(scene), format=format)
@@ -71,7 +71,7 @@ def test_an_unknown_format_is_refused() -> None:
         not_held(BARE, fl.lump(BARE), format="dae")
 
 
-def test_the_table_names_known_formats_only() -> None:
+def test_the_table_of_features_names_known_formats_only() -> None:
     assert all(set(instead) <= set(FORMATS) for _, instead in FEATURES.values())
 
 

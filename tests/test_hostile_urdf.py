@@ -20,7 +20,7 @@ GOOD = f'<robot name="r"><link name="a"/><link name="b">{BODY}</link>{JOINT}</ro
 
 
 def edited(*pairs: str) -> str:
-    """The good file with each first text replaced by the second."""
+    """The good file with the first text of each pair replaced by the second."""
     text = GOOD
     for old, new in zip(pairs[::2], pairs[1::2], strict=True):
         assert old in text
@@ -165,7 +165,7 @@ HOSTILE: dict[str, tuple[str | bytes, str, str]] = {
 """Content of a file, the id of its error, and a part of the message: names and values."""
 
 
-def test_there_are_enough() -> None:
+def test_there_are_enough_hostile_files() -> None:
     assert len(HOSTILE) >= 40
 
 
@@ -210,7 +210,9 @@ def test_a_hostile_file_is_refused_in_one_line_and_nothing_else_is_touched(
     printed = capsys.readouterr().err
     (line,) = printed.splitlines()
     assert len(line) < 400
-    assert {name for name in opened if "/.out-" not in name} <= {"bad.urdf"}  # one is made, to know whether it can be
+    assert {name for name in opened if "/.out-" not in name} <= {
+        "bad.urdf"
+    }  # created to check that the folder is writable
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.urdf", "secret.txt"]
     text = refused_line(printed, id)
     assert text.split(": ")[:2] == ["flexlink", "bad.urdf"]
@@ -265,7 +267,7 @@ def test_an_impossible_body_may_be_part_of_a_possible_one(tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_the_longest_robot_that_is_read_needs_no_recursion(tmp_path: Path) -> None:
-    """Python's stack ends at 1000 calls."""
+    """Python allows 1000 nested calls."""
     path = tmp_path / "rope.urdf"
     path.write_text(rope(3000).replace("continuous", "fixed").replace('"fixed"', '"continuous"', 1), encoding="utf-8")
     assert main(["import", str(path), "--tip", "l1"]) == 0

@@ -76,7 +76,7 @@ def test_the_first_of_two_signals_counts() -> None:
 
 
 @pytest.mark.parametrize("own", [signal.SIG_IGN, lambda *_: None])
-def test_signals_that_a_program_answers_itself_are_left_to_it(own: object) -> None:
+def test_signal_handlers_of_a_program_are_not_replaced(own: object) -> None:
     signal.signal(signal.SIGINT, own)
     with deferred() as stop:
         assert signal.getsignal(signal.SIGINT) is own
@@ -104,7 +104,7 @@ def test_threads_see_the_signal_of_the_main_thread() -> None:
 
 
 @BOTH
-def test_one_long_sample_does_not_keep_a_signal_waiting(number: int, models) -> None:
+def test_a_signal_does_not_wait_for_a_long_sample(number: int, models) -> None:
     seen: list[float] = []
 
     def stop_soon(fraction: float) -> None:
@@ -114,14 +114,14 @@ def test_one_long_sample_does_not_keep_a_signal_waiting(number: int, models) -> 
 
     with pytest.raises(fl.errors.InterruptedRunError) as caught:
         fl.simulate(fl.load_scene(models / "paper_fig5.toml"), progress=stop_soon, duration=100.0, sample=100.0)
-    assert seen[-1] < 0.3  # of a second
+    assert seen[-1] < 0.3  # s
     assert caught.value.signal == number
     assert caught.value.trajectory.t.tolist() == [0.0]
 
 
 @pytest.mark.parametrize("clock", [time.perf_counter, lambda: 0.0], ids=["a clock", "a stopped clock"])
-def test_pieces_are_short_however_long_the_samples_are(clock, models, monkeypatch) -> None:
-    """50,000 steps take 0.1 s or more, at least 100 pieces of 1 ms; 4 if each may only be 8 times the last, of 200."""
+def test_pieces_of_a_run_are_short_even_if_samples_are_long(clock, models, monkeypatch) -> None:
+    """50,000 steps take at least 0.1 s: 100 pieces of 1 ms, or 4 pieces that grow from 200 steps by factors of 8."""
     seen: list[float] = []
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 1e-3)
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "time", SimpleNamespace(perf_counter=clock))
@@ -140,7 +140,7 @@ def test_pieces_within_samples_change_no_bit(models, monkeypatch) -> None:
 
 
 def at_first_call(monkeypatch, owner: object, name: str, number: int) -> None:
-    """Let a signal come in the middle of what `owner.name` does."""
+    """Raise a signal during the first call of `owner.name`."""
     real = getattr(owner, name)
     calls = []
 

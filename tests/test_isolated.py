@@ -51,12 +51,12 @@ def test_it_answers_as_in_this_process(rng: np.random.Generator) -> None:
 
 
 def torn() -> Scene:
-    """An arm whose drive tears it to pieces."""
+    """An arm whose drive makes the run diverge."""
     drive = Drive(kind="table", times=(0.0, 0.02), torques=((0.0,), (1e303,)))
     return SCENE.varied({"drive": drive, "run.unstable": "allow"})
 
 
-def test_errors_of_the_engine_come_through_with_what_they_hold() -> None:
+def test_errors_of_the_engine_arrive_with_their_data() -> None:
     engine = IsolatedEngine("native", lump(SCENE))
     with pytest.raises(DivergenceError) as caught:
         engine.integrate(torn())
@@ -69,7 +69,7 @@ def test_errors_of_the_engine_come_through_with_what_they_hold() -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGABRT, signal.SIGSEGV, signal.SIGKILL])
-def test_a_crash_is_an_error_that_names_the_question_the_arm_and_the_signal(number: signal.Signals) -> None:
+def test_a_crash_is_an_error_that_names_the_call_the_arm_and_the_signal(number: signal.Signals) -> None:
     engine = IsolatedEngine("native", lump(SCENE))
     os.kill(process_of(engine).pid, number)
     for _ in range(2):
@@ -172,7 +172,7 @@ def test_ctrl_c_sent_to_the_process_alone_is_raised_here() -> None:
         engine.mass_matrix(np.zeros(engine.n))
 
 
-def test_the_process_of_an_engine_serves_the_next_one_and_no_other_at_the_same_time(
+def test_a_process_serves_one_engine_after_another(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     gc.collect()  # otherwise an unused engine of an earlier test could leave its process idle later
@@ -199,7 +199,7 @@ def test_errors_printed_for_one_engine_are_not_those_of_the_next(monkeypatch: py
     assert engine.stderr_errors == []
 
 
-def test_a_waiting_process_is_given_to_one_engine_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_idle_process_serves_one_engine_only(monkeypatch: pytest.MonkeyPatch) -> None:
     gc.collect()
     monkeypatch.setattr(child_process, "_idle", {})
     engine = IsolatedEngine("native", lump(SCENE))
@@ -210,7 +210,7 @@ def test_a_waiting_process_is_given_to_one_engine_only(monkeypatch: pytest.Monke
 
 
 def test_a_call_in_time_leaves_the_process_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its timer is started before the call, and stopped after it."""
+    """Its timer starts before the call and stops after it."""
     calls: list[str] = []
 
     class Watched:
@@ -260,12 +260,12 @@ engine.integrate(scene)
 """
 
 
-def test_the_process_ends_with_one_that_is_killed() -> None:
+def test_the_process_ends_if_its_parent_is_killed() -> None:
     here = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     parent = subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE, text=True, env=here)
     assert parent.stdout is not None
     child = int(parent.stdout.readline())
-    time.sleep(0.3)  # it is in the middle of a run of a thousand seconds
+    time.sleep(0.3)  # it is computing a run of 1000 s
     assert alive(child)
     parent.kill()
     parent.wait()

@@ -88,7 +88,7 @@ class TestNoise:
         assert (solve(A, b) != np.linalg.solve(A, b)).mean() > 0.9
         x = noise.moved(A, noise.OUT, rng)
         assert (x != A).mean() > 0.5
-        assert (np.abs(x - A) <= 2 * noise.EPS * np.abs(A) * 1.5).all()  # and half an ulp, of rounding the product
+        assert (np.abs(x - A) <= 2 * noise.EPS * np.abs(A) * 1.5).all()  # and half an ulp for the product
 
     def test_decompositions_stay_decompositions(self, rng: np.random.Generator) -> None:
         A = rng.normal(size=(6, 6))

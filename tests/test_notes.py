@@ -20,7 +20,7 @@ STILL = make_scene(fl.Link(name="a"), flexible("b"))
 UPRIGHT = fl.Mount(rpy_deg=(-90.0, 0.0, 0.0))
 
 
-def test_gravity_along_all_axes_is_noted_because_it_moves_nothing() -> None:
+def test_gravity_parallel_to_all_axes_is_noted() -> None:
     (note,) = notes(STILL)
     assert note.startswith(f"gravity = {[0.0, 0.0, 9.81]}: ")
     check_no_effect(note)
@@ -40,7 +40,7 @@ def test_the_size_of_gravity_does_not_matter(gravity: tuple[float, ...]) -> None
     assert len(notes(make_scene(fl.Link(name="a"), flexible("b"), gravity=gravity))) == 1
 
 
-def test_axes_that_a_mount_turns_are_parallel_up_to_its_rounding() -> None:
+def test_mounted_axes_are_parallel_to_gravity_within_rounding() -> None:
     turned = fl.Mount(rpy_deg=(33.0, 12.0, 5.0))
     axis = fl.lump(make_scene(fl.Link(name="a", mount=turned), flexible("b"))).axes[0]
     links = fl.Link(name="a", mount=turned), flexible("b")
@@ -65,7 +65,7 @@ def test_an_arm_with_another_load_needs_no_note(fields: dict) -> None:
     assert notes(make_scene(fl.Link(name="a"), flexible("b"), **fields)) == ()
 
 
-def test_links_that_bend_out_of_the_plane_feel_gravity_along_the_joints() -> None:
+def test_gravity_along_the_joints_bends_links_out_of_the_plane() -> None:
     assert notes(make_scene(flexible("b", "yz"))) == ()
     assert notes(make_scene(flexible("b", mount=UPRIGHT))) == ()
 

@@ -1,4 +1,4 @@
-"""The study's judges agree with textbooks and with themselves before they judge anything."""
+"""The independent references of the study agree with textbooks and with each other."""
 
 from pathlib import Path
 
@@ -48,7 +48,7 @@ def test_the_50_digit_chain_is_the_textbook_double_pendulum():
 
 
 def test_spatial_vectors_about_one_point_give_the_numbers_of_projected_newton_euler(rng):
-    """Two judges that share no recursion: rounded once, they differ by the rounding of a tie at most."""
+    """These two references share no recursion; rounded to float64, they differ by one rounding at most."""
     arm = fl.load_scene(ROOT / "models" / "t3_spatial.toml").varied({"link.*.segments": 2})
     chain = fl.lump(arm)
     q, qd, tau = rng.normal(size=(3, chain.n))
@@ -61,8 +61,8 @@ def test_spatial_vectors_about_one_point_give_the_numbers_of_projected_newton_eu
 
 
 @pytest.mark.parametrize("name", ["RK4", "DOP853", "Gauss4", "Radau5", "Radau9"])
-def test_runge_kutta_in_many_digits_carries_an_oscillator_on_by_the_stability_function(name):
-    """q̈ = −q: q + i p turns by R(−ih) a step, explicit or implicit."""
+def test_runge_kutta_in_many_digits_multiplies_an_oscillator_by_the_stability_function(name):
+    """q̈ = −q: every step, explicit or implicit, multiplies q + i p by R(−ih)."""
     with mp.workdps(DIGITS):
         q, p = exact_runge_kutta.integrate(lambda q, _: [-q[0]], method(name), ([mpf(1)], [mpf(0)]), mpf("0.5"), 1)
     R = complex(stability_function(method(name), np.array([-0.5j]))[0])
@@ -70,7 +70,7 @@ def test_runge_kutta_in_many_digits_carries_an_oscillator_on_by_the_stability_fu
     assert float(p[0]) == pytest.approx(R.imag, abs=1e-14)
 
 
-def test_stages_that_are_not_found_are_an_error():
+def test_stages_that_do_not_converge_are_an_error():
     with mp.workdps(DIGITS), refused(ArithmeticError, "test-oracles"):
         exact_runge_kutta.integrate(lambda q, _: [-q[0]], method("Radau5"), ([mpf(1)], [mpf(0)]), mpf(50), 1)
 
@@ -81,7 +81,7 @@ def test_the_50_digit_chain_refuses_axes_that_are_not_parallel():
         PlanarChain(chain)
 
 
-def test_the_predicted_energy_loss_is_what_the_method_does_to_one_oscillator():
+def test_the_predicted_energy_loss_is_that_of_one_oscillator():
     ω, h, steps = 700.0, 1e-3, 200  # ω h = 0.7
     A, b, _ = method("RK4").arrays
     z = 1j * ω * h

@@ -43,7 +43,7 @@ def test_a_page_runs_from_its_first_block_to_its_last(path: Path, tmp_path: Path
     work.mkdir()
     snippets.prepare(work)
     shown = snippets.filled(name_of(path), text, work, tmp_path / "pictures")
-    assert not PLACEHOLDER.findall(shown), "every result is inserted"
+    assert not PLACEHOLDER.findall(shown), "all results are inserted"
 
 
 def test_a_page_whose_command_fails_is_noticed(tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ def test_the_fitted_order_of_a_power_law_is_its_power(power):
 def test_the_hinges_needed_are_the_fewest_beyond_which_the_error_stays_small():
     errors = {"lucky": {2: 0.5, 3: 0.001, 4: 0.3, 5: 0.001, 6: 0.0005}, "poor": {2: 0.5, 9: 0.2}}
     found = rows(Sweep(rules={}, needs=(Need(name="need", measures=("tip",), within=0.01),)), errors)
-    assert found[NEEDED, "lucky, need"] == 5  # 3 was luck
+    assert found[NEEDED, "lucky, need"] == 5  # 3 meets it by chance
     assert found[NOT_ENOUGH, "poor, need"] == 9
     assert found[FEWEST, ""] == 5
 
@@ -72,7 +72,7 @@ def test_a_fitted_order_ignores_rounding_errors_and_lucky_ones():
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_every_benchmark_scene_is_named_as_its_file_and_used(name):
+def test_every_benchmark_scene_has_the_name_of_its_file_and_is_used(name):
     assert fl.load_scene(STUDY_SCENES / f"{name}.toml").name == name
     assert any(name in case.scenes for case in load_cases("*"))
 

@@ -20,7 +20,7 @@ TITLE = "arm: it moves"
 TIP, DEFLECTION = "error of the tip", "error of the deflection"
 RATIO, ON_FRONT = "cheapest other / flexlink", "on its front, tip"
 BY_ORDER = BEYOND["Beyond"]
-RUNS = (  # contestant and method, setting, tip, seconds, deflection, evaluations
+RUNS = (  # program and method, setting, tip error, seconds, deflection error, evaluations
     ("Radau5", 1e-2, 5e-3, 1e-3, 5e-2, 100),
     ("Radau5", 1e-3, 5e-5, 4e-3, 5e-4, 400),
     ("RK4 at its limit", 1e-4, 5e-5, 3e-3, 5e-4, 900),
@@ -91,7 +91,7 @@ def test_the_list_has_wins_losses_and_errors_that_flexlink_does_not_reach(tmp_pa
     assert lines[0]["Pinocchio [ms]"] is None
 
 
-def test_every_scene_has_its_fronts_of_tip_and_deflection_and_all_runs_in_the_csv(tmp_path: Path) -> None:
+def test_every_scene_has_two_fronts_and_all_runs_in_the_csv(tmp_path: Path) -> None:
     (picture,) = trade_fronts.draw(study(tmp_path))
     assert picture.title == TITLE
     tip, bend = picture.figure.axes

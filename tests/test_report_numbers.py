@@ -28,13 +28,13 @@ SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
 def made(name: str, study: Any) -> Part:
-    """A chapter."""
+    """Build a chapter."""
     found: Part = importlib.import_module(f"{PARTS}.{name}").made(study)
     return found
 
 
 def numbers(text: str) -> list[float]:
-    """Numbers in a text, as pages write them."""
+    """Numbers in a text of a page."""
     found = re.findall(r"(?<![\w.])−?\d+(?:\.\d+)?(?:\s×\s10[⁻⁰-⁹¹²³]+)?(?!\w)", text.replace("frame 0", ""))
     return [float(re.sub(r"\s×\s10", "e", one).translate(SUPERSCRIPTS).replace("−", "-")) for one in found]
 
@@ -65,26 +65,26 @@ def check_sentence(
 
 
 def table(part: Part, name: str) -> dict[str, list[Any]]:
-    """Columns of a table."""
+    """Columns of a table by head."""
     (one,) = [one for one in part.tables if one.name == name]
     return dict(zip(one.heads, map(list, zip(*one.lines, strict=True)), strict=True))
 
 
 def picture(part: Part, name: str) -> dict[str, Array]:
-    """Columns of the file beside a picture."""
+    """Columns of the CSV file of a picture."""
     (one,) = [one for one in part.pictures if one.name == name]
     heads, *lines = one.csv.splitlines()
     return dict(zip(heads.split(","), np.array([line.split(",") for line in lines], float).T, strict=True))
 
 
 def with_run(study: Study, run: Any) -> Study:
-    """The same scene with a run that was tampered with."""
+    """The same scene with another run."""
     other = Study(study.scene)
     other.__dict__["attempt"] = run
     return other
 
 
-# an arm that is held: closed forms of a beam
+# an arm at rest: closed forms of a beam
 
 L, HEIGHT, WIDTH, E, RHO, LOAD, ASIDE, G = 0.8, 0.02, 0.03, 2.1e11, 7850.0, 2.0, 0.1, 9.81
 EI, WEIGHT = E * WIDTH * HEIGHT**3 / 12, RHO * WIDTH * HEIGHT * G  # about z; N/m
@@ -101,7 +101,7 @@ def bar_of(height: float, width: float, mass: float, link: dict[str, Any]) -> fl
 
 @pytest.fixture(scope="module")
 def held() -> Study:
-    """A bar that points along −x, held by its drive, with a load beside its end: negative torque, and twist."""
+    """A bar along −x, held by its drive, with a load off its axis: the torque is negative, and the bar twists."""
     arm = bar_of(HEIGHT, WIDTH, LOAD, {"length": L, "flex": "yz", "segments": 9, "lumping": "lobatto4"})
     drive = fl.Drive(kind="pd", kp=(4e4,), kd=(4e2,), target_deg=(180.0,), gravity="static")
     still = fl.InitialState(joint_deg=(180.0,), passive="static")
@@ -111,9 +111,9 @@ def held() -> Study:
 
 
 class TestHeld:
-    """Sag, stress and loads of a cantilever; 1e-4 is left to eight hinges, and to the slope of the bent bar."""
+    """Sag, stress and loads of a cantilever; the error of eight hinges and of small angles is below 1e-4."""
 
-    def test_its_sag_and_the_torque_that_holds_it_are_those_of_a_beam(self, held: Study) -> None:
+    def test_its_sag_and_holding_torque_are_those_of_a_beam(self, held: Study) -> None:
         part, sag = made("statics", held), 1e3 * (G * LOAD * L**3 / (3 * EI) + WEIGHT * L**4 / (8 * EI))
         (text,) = [text for text in part.sentences if len(numbers(text)) == 4]
         reviewed("report numbers: static tip deflection", text)
@@ -121,7 +121,7 @@ class TestHeld:
         assert [size, y, *numbers(part.facts[0].value)] == three(sag, -sag, sag)
         assert max(abs(x), abs(z)) < 2e-3 * sag
         assert re.findall(r"\w*stable\b", " ".join(part.sentences)) == ["stable"]
-        largest = 0.08 * held.size / (1e-3 * sag)  # what is drawn is a twelfth of the reach at most
+        largest = 0.08 * held.size / (1e-3 * sag)  # the drawn deflection is at most a twelfth of the reach
         scale = max(times for times in (1, 2, 5, 10, 20, 50, 100, 200, 500) if times <= largest)
         assert numbers(part.pictures[0].caption) == [scale]
         reviewed("report numbers: caption of the sag", part.pictures[0].caption)
@@ -129,7 +129,7 @@ class TestHeld:
         assert numbers(part.facts[1].value) == three(MOMENT)
 
     @pytest.mark.slow
-    def test_loads_at_the_root_are_those_of_its_weight_and_the_largest_torque_has_no_sign(self, held: Study) -> None:
+    def test_loads_at_the_root_are_those_of_a_beam_and_the_largest_torque_is_positive(self, held: Study) -> None:
         part = made("loads", held)
         texts = (text for text in part.sentences if numbers(text)[:1] == three(MOMENT))
         drive, bending = sorted(texts, key=lambda text: len(numbers(text)))
@@ -141,7 +141,7 @@ class TestHeld:
         assert root_loads == pytest.approx([SHEAR, G * LOAD * ASIDE, MOMENT, MOMENT], rel=1e-4)
         assert numbers(part.facts[0].value) == three(1e-6 * MOMENT * HEIGHT / 2 / (EI / E))  # M c / I
 
-    def test_what_was_modelled_is_counted_and_weighed(self, held: Study) -> None:
+    def test_the_model_chapter_has_the_counts_and_the_mass_of_the_arm(self, held: Study) -> None:
         part, chain = made("model", held), held.chain
         check_sentence(part, "report numbers: size of the model", [1, L, LOAD + WEIGHT * L / G, 17, 1, 16])
         check_sentence(part, "report numbers: gravity", [0, -G, 0], "m/s²")
@@ -154,7 +154,7 @@ class TestHeld:
         assert springs["start [deg]"] == pytest.approx(np.degrees(held.start[0][hinges]), rel=1e-12)
         assert [names.count("bar.") for names in springs["coupled with"]] == [3] * 16  # of a cell of four
 
-    def test_modes_beyond_one_for_two_hinges_about_each_axis_are_the_cuts(self, held: Study) -> None:
+    def test_only_one_mode_per_two_hinges_and_axis_is_resolved(self, held: Study) -> None:
         part = made("vibration", held)
         check_sentence(part, "report numbers: modes not resolved", [9])
         modes = table(part, "modes")
@@ -162,7 +162,7 @@ class TestHeld:
                    if kind == "elastic"]  # fmt: skip
         assert elastic == ["yes"] * 8 + ["no"] * (len(elastic) - 8)
 
-    def test_an_arm_at_rest_has_nothing_to_settle_and_no_energy_to_lose(self, held: Study) -> None:
+    def test_an_arm_at_rest_does_not_settle_and_loses_no_energy(self, held: Study) -> None:
         part = made("settling", held)
         (text,) = part.sentences
         reviewed("report numbers: settling at rest", text)
@@ -179,7 +179,7 @@ GOAL, PUSH = (-25.0, 30.0, -60.0), np.array([-150.0, -90.0, -60.0])
 
 @pytest.fixture(scope="module")
 def move() -> Study:
-    """Three joints that are led by springs about them, in space, and ring afterwards."""
+    """An arm of three joints in space that follows a reference and then rings."""
     course = fl.Reference(profile="quintic", to_deg=GOAL, duration=0.25)
     change = {
         "run.duration": 0.6, "run.step": 1e-3, "link.upper.segments": 2, "link.fore.segments": 2,
@@ -190,19 +190,19 @@ def move() -> Study:
 
 
 def straight(study: Study, q: Array) -> Array:
-    """Where the tip is with all springs at 0."""
+    """Position of the tip with all springs at 0."""
     return fl.tip_position(study.chain, np.where(study.chain.stiffness > 0, 0.0, q))
 
 
 def of_loads(study: Study, q: Array) -> Array:
-    """Torques that hold weight and push."""
+    """Torques that balance gravity and the tip force."""
     tip, steps = (lambda at: fl.tip_position(study.chain, at)), 1e-4 * np.eye(study.chain.n)
     J = np.array([(tip(q + h) - tip(q - h)) / 2e-4 for h in steps])
     return np.asarray(fl.gravity_torque(study.chain, q) - J @ PUSH)
 
 
 def bent(study: Study, q: Array) -> Array:
-    """Angles at which springs bear weight and push, the driven joints held."""
+    """Angles at which the springs balance gravity and the tip force, with locked driven joints."""
     free, found = study.chain.stiffness > 0, q.copy()
 
     def left(angles: Array) -> Array:
@@ -214,7 +214,7 @@ def bent(study: Study, q: Array) -> Array:
 
 
 def target_of(study: Study) -> Array:
-    """Where the tip of the arm that moves comes to rest, bent, at the end of its reference."""
+    """Static position of the tip at the end of the reference, with bent links."""
     goal = np.zeros(study.chain.n)
     goal[study.chain.active] = np.radians(GOAL)
     return fl.tip_position(study.chain, bent(study, goal))
@@ -278,7 +278,7 @@ class TestMove:
                 assert columns[f"bending {name} [N m]"] == pytest.approx(np.hypot(m[1], m[2]), rel=1e-12)
                 np.testing.assert_array_equal(columns[f"drive {name} [N m]"], run.tau[:, k])
 
-    def test_the_target_is_where_the_arm_rests_bent_and_ringing_counts_from_the_reference(self, move: Study) -> None:
+    def test_the_target_is_the_static_position_and_ringing_starts_after_the_reference(self, move: Study) -> None:
         part, run, target = made("settling", move), move.run, target_of(move)
         off = np.linalg.norm(run.tip - target, axis=1)
         late = run.tip[run.t >= 0.25]
@@ -291,7 +291,7 @@ class TestMove:
         distance = picture(part, "settling")["distance to target [m]"]
         assert distance == pytest.approx(off, rel=1e-6, abs=1e-9)
 
-    def test_a_drive_without_a_reference_leads_to_its_target_from_the_start(self, move: Study) -> None:
+    def test_a_drive_without_a_reference_has_its_target_from_the_start(self, move: Study) -> None:
         drive = fl.Drive(kind="pd", kp=(4e4,) * 3, kd=(4e2,) * 3, target_deg=GOAL)
         study = Study(move.scene.varied({"drive": drive, "run.duration": 0.1}))
         tip = study.run.tip
@@ -300,7 +300,7 @@ class TestMove:
         check_sentence(made("settling", study), "report numbers: residual vibration", [1e3 * left, 0.0, 1e3 * off])
 
     def test_settling_times_are_those_after_which_the_tip_stays_close(self, move: Study) -> None:
-        """A tip comes nearer as 0.5 m e^(−20 t): to p of its travel at −ln p / 20, in samples of 0.01 s."""
+        """The distance is 0.5 m e^(−20 t), so it is a share p of the travel at t = −ln p / 20; samples every 0.01 s."""
         t = 0.25 + 0.01 * np.arange(100)
         tip = target_of(move) + np.exp(-20 * (t - 0.25))[:, None] * [0.3, 0.0, 0.4]
         lines = table(made("settling", with_run(move, replace(move.run, t=t, tip=tip))), "settling")
@@ -316,7 +316,7 @@ class TestMove:
         check_sentence(part, "report numbers: run shorter than its reference", [0.25, 0.2], "run.duration")
         assert not part.tables
 
-    def test_the_energy_balance_is_that_of_the_state_and_the_work(self, move: Study) -> None:
+    def test_the_energy_balance_is_that_of_states_and_work(self, move: Study) -> None:
         part, run, chain = made("energy", move), move.run, move.chain
         kinetic = np.array([qd @ fl.mass_matrix(chain, q) @ qd / 2 for q, qd in zip(run.q, run.qd, strict=True)])
         elastic = (chain.stiffness * run.q**2).sum(axis=1) / 2
@@ -327,8 +327,8 @@ class TestMove:
         assert numbers(part.sentences[0]) == three(off.max(), run.t[off.argmax()], off.max() / size, size)
 
     @pytest.mark.parametrize(("share", "state"), [(0.3e-3, "pass"), (3e-3, "doubt")])
-    def test_energy_that_is_made_out_of_nothing_is_no_pass(self, move: Study, share: float, state: str) -> None:
-        """The limit is a thousandth of what was exchanged; planted is a third of it, and three times it, at 0.4 s."""
+    def test_energy_from_nothing_is_no_pass(self, move: Study, share: float, state: str) -> None:
+        """The limit is 0.001 of the energy exchanged; the planted errors at 0.4 s are 0.3 and 3 times the limit."""
         run = move.run
         planted = share * float(run.exchanged[-1]) * np.exp(-(((run.t - 0.4) / 0.01) ** 2))
         part = made("energy", with_run(move, replace(run, work=run.work + planted)))
@@ -337,12 +337,12 @@ class TestMove:
 
 
 class TestRest:
-    """The arm that moves, at rest where it starts: slopes by differences, eigenvalues of dense matrices."""
+    """The moving arm at rest in its initial configuration: stiffness by differences, eigenvalues of dense matrices."""
 
     @pytest.fixture(scope="class")
     @classmethod
     def rest(cls, move: Study) -> tuple[Array, Array, Array]:
-        """Angles, stiffness of springs and of loads."""
+        """Angles, stiffness matrices of springs and of loads."""
         q, free = bent(move, move.start[0]), move.chain.stiffness > 0
         slopes = np.array([(of_loads(move, q + h) - of_loads(move, q - h)) / 2e-4 for h in 1e-4 * np.eye(len(q))])
         return q, np.diag(move.chain.stiffness[free]), slopes[np.ix_(free, free)]
@@ -362,7 +362,7 @@ class TestRest:
         factors = 1 / eigh(-(S + S.T) / 2, K, eigvals_only=True)
         check_sentence(part, "report numbers: buckling load", [min(f for f in factors if f > 0)])
 
-    def test_rigid_links_are_held_against_weight_and_push_without_a_sag(self, move: Study) -> None:
+    def test_rigid_links_need_holding_torques_and_have_no_sag(self, move: Study) -> None:
         study = Study(fl.rigidified(move.scene).varied({"wrench": move.scene.wrench}))
         part, tau = made("statics", study), of_loads(study, study.start[0])
         assert table(part, "holding")["torque [N m]"] == pytest.approx(tau.tolist(), rel=1e-6)
@@ -386,7 +386,7 @@ class TestRest:
 
 
 class TestGantry:
-    """A bridge and a trolley that slide, and a boom that hangs from a hinge: forces and torques each in their unit."""
+    """A sliding bridge and trolley and a hinged boom: forces in N, torques in N m."""
 
     @pytest.fixture(scope="class")
     @classmethod

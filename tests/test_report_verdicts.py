@@ -60,7 +60,7 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Part]:
 
 
 class TestAccuracy:
-    def test_errors_have_their_share_of_the_travel_their_order_and_how_well_they_are_known(self, judged: Any) -> None:
+    def test_errors_are_shown_with_share_of_the_travel_order_and_uncertainty(self, judged: Any) -> None:
         part = judged()
         check_sentence(part, "report verdicts: error of the hinges", [2.0, 0.002, 2.0, 0.25], rel=1e-12)
         steps = "report verdicts: error of the steps"
@@ -72,7 +72,7 @@ class TestAccuracy:
         assert numbers(part.verdicts[1].text) == [10.0]  # 1 s in 0.1 s
         check_sentence(part, "report verdicts: cost and alternatives", [0.1, 10.0], rel=1e-12)
 
-    def test_the_best_of_the_cheaper_and_the_cheapest_of_the_better_choices_are_named(self, judged: Any) -> None:
+    def test_the_best_cheaper_and_the_cheapest_better_choice_are_named(self, judged: Any) -> None:
         part = judged()
         values = ("cheap and good", "20 ms", "3 mm", "dear and good", "0.5 s", "1 mm")
         text = check_sentence(part, "report verdicts: cost and alternatives", [20.0, 3.0, 0.5, 1.0], *values, rel=1e-12)
@@ -86,14 +86,14 @@ class TestAccuracy:
         ("about", "state"),
         [
             ({"error": 3e-3}, "pass"),
-            ({"error": 3e-2}, "doubt"),  # of a metre: a hundredth is allowed
+            ({"error": 3e-2}, "doubt"),  # the limit is 1 % of 1 m
             ({"error": 3e-3, "warnings": ("unstable step",)}, "doubt"),
             ({"error": np.nan}, "doubt"),
-            ({"error": 3e-2, "steps": 3e-3, "hinges": None}, "pass"),  # rigid: only steps are off
+            ({"error": 3e-2, "steps": 3e-3, "hinges": None}, "pass"),  # rigid links: only steps have an error
             ({"error": 3e-3, "steps": 3e-2, "hinges": None}, "doubt"),
         ],
     )
-    def test_a_model_passes_that_is_off_by_a_hundredth_and_was_not_warned(
+    def test_a_model_passes_with_an_error_below_one_percent_and_no_warnings(
         self, judged: Any, about: dict[str, Any], state: str
     ) -> None:
         assert judged(**about).verdicts[0].state == state
@@ -106,12 +106,12 @@ class TestAccuracy:
         reviewed("report verdicts: error of the steps", of_steps)
 
 
-# what was measured, and what others compute
+# measurements and other programs
 
 
 @pytest.mark.slow
 def test_differences_are_root_mean_squares_and_the_payload_explains_them(tmp_path: Any) -> None:
-    """A bar that falls, filmed with 0.6 kg in place of 0.5 kg, and once after the run."""
+    """A falling bar whose measurements have a payload of 0.6 kg instead of 0.5 kg, and one sample after the run."""
     scene = fl.Scene(
         name="bar", arm=bar_of(0.01, 0.01, 0.5, {"length": 1.0, "flex": "z", "segments": 3}), gravity=(0.0, -G, 0.0),
         initial=fl.InitialState(joint_deg=(0.0,)), drive=fl.Drive(kind="constant", torque=(3.0,)),
@@ -182,7 +182,7 @@ class TestOthers:
             (0.3, row(0.0, diverged="fell"), "fail"),
         ],
     )
-    def test_an_engine_agrees_whose_terms_and_run_do(
+    def test_an_engine_agrees_if_its_terms_and_its_run_agree(
         self, monkeypatch: pytest.MonkeyPatch, terms: float, run: RunDifference, state: str
     ) -> None:
         part = self.part(monkeypatch, terms, run)

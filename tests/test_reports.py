@@ -176,12 +176,12 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_the_page_loads_nothing_and_leads_only_to_files_beside_it(whole: Path) -> None:
+def test_the_page_loads_nothing_and_links_only_to_files_in_its_folder(whole: Path) -> None:
     page = (whole / "index.html").read_text(encoding="utf-8")
     found = links(page)
     for target in found.targets:
         if target.startswith("#"):
-            assert target[1:] in found.ids, "a link into the page leads somewhere"
+            assert target[1:] in found.ids, "the target of a link within the page exists"
         else:
             assert (whole / target).is_file(), target
     assert len(found.ids) == len(set(found.ids))
@@ -189,7 +189,7 @@ def test_the_page_loads_nothing_and_leads_only_to_files_beside_it(whole: Path) -
 
 
 @pytest.mark.slow
-def test_every_figure_has_a_title_a_name_and_its_data_one_click_away(whole: Path) -> None:
+def test_every_figure_has_a_title_a_name_and_a_link_to_its_data(whole: Path) -> None:
     page = (whole / "index.html").read_text(encoding="utf-8")
     figures = re.findall(r"<figure .*?</figure>", page, re.DOTALL)
     assert len(figures) >= 3
@@ -201,7 +201,7 @@ def test_every_figure_has_a_title_a_name_and_its_data_one_click_away(whole: Path
 
 
 @pytest.mark.slow
-def test_figures_share_their_letters_and_draw_nothing_that_is_not_defined(whole: Path) -> None:
+def test_figures_share_glyphs_and_use_only_defined_elements(whole: Path) -> None:
     page = (whole / "index.html").read_text(encoding="utf-8")
     defined = re.findall(r'<(?:path|clipPath) id="([^"]*)"', page)
     assert len(defined) == len(set(defined))
@@ -224,7 +224,7 @@ def test_csv_reads_back_exactly(tmp_path: Path) -> None:
     assert read["reason"] == REASON
 
 
-def test_the_share_of_a_limit_passes_one_exactly_when_the_check_fails() -> None:
+def test_the_share_of_a_limit_exceeds_one_exactly_if_the_check_fails() -> None:
     upper, over = row(value=0.5, tolerance=1.0), row(value=2.0, tolerance=1.0)
     lower = row(value=7.5, tolerance=3.0, bound="at least", passed=True)
     under = row(value=1.5, tolerance=3.0, bound="at least", passed=False)
@@ -303,7 +303,7 @@ def test_a_method_does_not_reach_an_accuracy_that_it_misses() -> None:
     [(0.0, "0"), (1e-12, "10⁻¹²"), (1.234e-15, "1.23 × 10⁻¹⁵"), (4.0, "4"), (123.456, "123"), (1234.5, "1234"),
      (0.0015, "0.0015"), (-2.5e-7, "−2.5 × 10⁻⁷"), (-8.2, "−8.2"), (2e5, "2 × 10⁵"), (None, "–")],
 )  # fmt: skip
-def test_numbers_are_short_and_true(value: float | None, text: str) -> None:
+def test_numbers_are_short_and_correctly_rounded(value: float | None, text: str) -> None:
     assert number(value).replace(JOIN, " ") == text
 
 
@@ -344,7 +344,7 @@ def test_a_torn_file_of_the_results_is_one_line_and_exit_code_2(
     assert error.count("\n") == 1
 
 
-def test_an_unwritable_report_folder_is_an_error_of_the_project(tmp_path: Path) -> None:
+def test_an_unwritable_report_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with refused(FlexlinkError, "cannot-write"):
         build(stored(tmp_path / "results", row()), tmp_path / "file")

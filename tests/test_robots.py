@@ -33,7 +33,7 @@ with_files = pytest.mark.skipif(not installed(), reason=f"needs {PACKAGE}, extra
 
 
 def flat(value: object, path: str = "") -> dict[str, object]:
-    """Every number and text of a document by its path."""
+    """All numbers and texts of a document by path."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
     if items is None:
         return {path: value}
@@ -49,7 +49,7 @@ def test_every_arm_of_the_table_has_its_scene_and_is_validated() -> None:
 
 @with_files
 @pytest.mark.parametrize("name", ARMS)
-def test_a_stored_scene_is_what_the_import_makes(name: str) -> None:
+def test_a_stored_scene_is_the_result_of_its_import(name: str) -> None:
     """Up to the rounding of other machines: a modulus is computed from an eigenvalue."""
     stored = flat(fl.load_scene(ROOT / "models" / "robots" / f"{name}.toml").document())
     made = flat(import_known(name).scene.document())

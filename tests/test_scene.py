@@ -133,7 +133,7 @@ def test_a_bad_scene_is_refused_in_one_line_that_helps(what: str, tmp_path: Path
         (b"#" * 1_000_001, "file-too-large"),
     ],
 )
-def test_a_file_that_is_no_scene_is_refused(content: bytes, wanted: str, tmp_path: Path) -> None:
+def test_files_that_are_no_scenes_are_refused(content: bytes, wanted: str, tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_bytes(content)
     with refused(SceneError, wanted):
@@ -184,7 +184,7 @@ def test_a_scene_with_its_own_rule_and_method_reads_back_from_any_folder(tmp_pat
     np.testing.assert_array_equal(lump(scene).stiffness, lump(load_scene(folder / "copy.toml")).stiffness)
 
 
-def test_a_rule_named_in_python_is_that_of_the_folder_it_was_named_in(tmp_path: Path, monkeypatch) -> None:
+def test_a_rule_path_in_python_is_relative_to_the_folder_at_that_time(tmp_path: Path, monkeypatch) -> None:
     links = []
     for folder, node in (("a", 0.25), ("b", 0.75)):
         (tmp_path / folder).mkdir()
@@ -223,7 +223,7 @@ def test_python_objects_are_checked_like_files() -> None:
 
 
 def test_a_description_is_built_without_reading_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The rule and the method are looked for where the chain is cut and where the run starts."""
+    """The chain and the run read their rule and their method from files, the scene does not."""
 
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a file was read")

@@ -94,8 +94,8 @@ class TestInputs:
         with refused(fl.errors.SceneError, "wrench-out-of-reach"):
             ROD.varied({"link.rod.joint.limits_deg": (-45.0, 90.0), "drive": drive})
 
-    def test_a_vibration_at_the_band_does_not_count_and_one_at_a_tenth_does(self) -> None:
-        """A window of two periods of the band is blind to it: the first zero of Hann's."""
+    def test_a_vibration_at_the_band_frequency_does_not_count_and_one_at_a_tenth_does(self) -> None:
+        """The window of two periods of the band has its first zero at the band: it is Hann's."""
         t = 1e-3 * np.arange(2001)
         norm = TipErrorNorm(Goal(1e-3, band=10.0), 1e-3)
         fast, slow = (norm.lengths(np.sin(2 * np.pi * f * t)[:, None])[200:-200].max() for f in (10.0, 1.0))
@@ -109,7 +109,7 @@ class TestInputs:
         arguments = import_robot._arguments(cast("Any", SimpleNamespace(joints={})), known, cast("Any", options))
         assert arguments["locked"] == {"a": 0.1, "b": np.pi / 2}
 
-    def test_a_locked_slide_is_out_by_its_metres_not_its_degrees(self) -> None:
+    def test_the_position_of_a_locked_slide_is_in_metres(self) -> None:
         slide = fl.Link(name="slide", length=1.0, joint=fl.Joint(kind="prismatic", axis=(1, 0, 0), locked=True))
         arm = make_scene(slide, fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0))
         chain = fl.lump(arm.varied({"initial.joint_m": (0.3, 0.0)}))
@@ -128,7 +128,7 @@ class TestInputs:
 
 
 class TestRuns:
-    def test_the_fall_of_a_free_base_is_counted_from_the_start_of_its_run(self) -> None:
+    def test_the_momentum_of_a_falling_base_is_relative_to_the_start_of_its_run(self) -> None:
         base = fl.Base(kind="free", mass=3.0, inertia=(0.2, 0.25, 0.3))
         falling = replace(ROD, arm=replace(ROD.arm, base=base), gravity=(0.0, 0.0, -9.81))
         later = fl.simulate(falling.varied({"run.duration": 0.01, "initial.time": 2.0}))
@@ -185,7 +185,7 @@ class TestRuns:
         (key,) = ElementTree.fromstring(fl.to_mjcf(chain, initial=([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]))).iter("key")
         assert key.get("qpos") == key.get("qvel") == "1.0 3.0 2.0"
 
-    def test_the_energy_of_coupled_springs_is_counted_from_the_rest_of_both(self, rng: np.random.Generator) -> None:
+    def test_the_energy_of_coupled_springs_is_relative_to_their_rest_angles(self, rng: np.random.Generator) -> None:
         chain = fl.lump(make_scene(flexible("a", segments=5, lumping="lobatto2")))
         hinges, q = chain.hinges.copy(), rng.normal(size=chain.n)
         hinges["rest"] = np.where(chain.stiffness > 0, rng.normal(size=chain.n), 0.0)
@@ -205,7 +205,7 @@ class TestTheirFile:
     def test_missing_data_are_those_of_the_joint_of_the_same_name(self) -> None:
         ours = of_chain(fl.lump(self.CHAIN))
         ours = dataclasses.replace(ours, armature=np.arange(1.0, ours.n + 1))
-        order = np.roll(np.arange(ours.n), 1)  # a circle is not its own inverse
+        order = np.roll(np.arange(ours.n), 1)  # a cyclic permutation differs from its inverse
         theirs = dataclasses.replace(ours, unspecified=frozenset({"armature"}))
         filled = _missing(ours, theirs, Match(order, None, ours, True, []))
         assert filled["armature"][order].tolist() == ours.armature.tolist()

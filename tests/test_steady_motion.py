@@ -65,7 +65,7 @@ def test_a_turning_beam_stiffens_as_published(capsys: pytest.CaptureFixture[str]
 
 
 def test_a_swept_tip_is_pulled_outward_before_it_vibrates() -> None:
-    """The posture is in equilibrium with its rates to the last digits, and far from the straight one."""
+    """The configuration is in equilibrium with its rates within rounding, and far from the straight one."""
     swept = flexible("tip", "xyz", 3, length=0.4, joint=fl.Joint(locked=True), section="square")
     scene = make_scene(
         UP, flexible("beam", "xyz", 5, length=2.0, joint=fl.Joint(locked=True)), swept, gravity=(0.0, 0.0, 0.0),
@@ -90,7 +90,7 @@ def test_a_lift_at_constant_speed_vibrates_as_at_rest() -> None:
     np.testing.assert_allclose(moving, still, rtol=1e-12)
 
 
-def test_a_wheel_that_is_alike_all_round_may_spin_on_a_boom_and_an_uneven_one_may_not() -> None:
+def test_an_axisymmetric_wheel_may_spin_on_a_boom_and_another_one_may_not() -> None:
     def with_wheel(inertia: tuple[float, float, float]) -> fl.Chain:
         wheel = fl.Link(name="wheel", joint=fl.Joint(axis=(1.0, 0.0, 0.0)), hub=fl.RigidBody(mass=2.0, inertia=inertia))
         return fl.lump(
@@ -105,7 +105,7 @@ def test_a_wheel_that_is_alike_all_round_may_spin_on_a_boom_and_an_uneven_one_ma
         fl.small_motion.modes_in_motion(with_wheel((0.2, 0.15, 0.05)), {"wheel": 300.0})
 
 
-def test_motions_that_are_not_steady_and_names_that_are_wrong_are_refused() -> None:
+def test_unsteady_motions_and_unknown_names_are_refused() -> None:
     across = fl.lump(make_scene(flexible("a", "xyz", 3), gravity=(0.0, -9.81, 0.0)))
     with refused(ArgumentError, "no-steady-motion"):
         fl.small_motion.modes_in_motion(across, {"a": 5.0})

@@ -55,7 +55,7 @@ def judged(folder: Path, case: Case, stored: dict[str, Series], *lines: str) -> 
     ("value", "verdict", "passed"),
     [(4.38, "validated to u_val", True), (4.45, "not validated", True), (4.6, "not validated", False)],
 )
-def test_a_value_is_judged_by_e_and_u_val_and_fails_only_beyond_what_is_wanted(tmp_path, value, verdict, passed):
+def test_a_value_is_checked_against_u_val_and_fails_only_beyond_its_limit(tmp_path, value, verdict, passed):
     found, _ = judged(tmp_path, SPAR, MEASURED, "quantity,unit,value,u_num", f"0.2 kg,% of the span,{value},")
     assert found.error == pytest.approx(value - 4.3)
     assert found.verdict.startswith(verdict)
@@ -76,7 +76,7 @@ def test_a_missing_value_is_counted_and_is_no_failure(tmp_path):
     reviewed("theirs: count of verdicts", text)
 
 
-def test_a_benchmark_is_judged_by_the_accepted_error_of_its_data_sheet(tmp_path):
+def test_a_benchmark_has_the_accepted_error_of_its_data_sheet(tmp_path):
     clamped = CASES["physics_clamped"]
     first, second = judged(tmp_path, clamped, PUBLISHED, "quantity,value [rad/s]", "mode 1,3.517", "mode 2,22.4")
     assert (first.passed, second.passed) == (True, False)
@@ -84,7 +84,7 @@ def test_a_benchmark_is_judged_by_the_accepted_error_of_its_data_sheet(tmp_path)
 
 
 @pytest.mark.parametrize(("off", "passed"), [(0.0009, True), (0.0011, False)])
-def test_a_motion_is_judged_by_its_largest_difference(tmp_path, off, passed):
+def test_the_error_of_a_motion_is_its_largest_difference(tmp_path, off, passed):
     rows = [f"{t},{float(np.sin(t)) + off * (t == 0.5)}" for t in TIMES]
     (found,) = judged(tmp_path, CASES["physics_torque_pulse"], MOTION, "time [s],tip y [m]", *rows)
     assert found.error == pytest.approx(off, rel=1e-6)
@@ -132,11 +132,11 @@ def test_a_folder_without_files_or_with_a_file_of_no_case_is_named(tmp_path):
     with refused(ArgumentError, "test-theirs"):
         theirs.cases_of(tmp_path, known)
     (tmp_path / "pointwise.csv").write_text("quantity,value")
-    with refused(ArgumentError, "unknown-name"):  # its truth is an engine's, not a reference
+    with refused(ArgumentError, "unknown-name"):  # its reference solution is that of an engine
         theirs.cases_of(tmp_path, known)
 
 
-def test_every_benchmark_and_every_measurement_is_open_to_others():
+def test_every_benchmark_and_every_measurement_accepts_other_programs():
     names = {case.name for case in theirs.open_to_others(list(CASES.values()))}
     assert {f"measured_{name}" for name in ("rotating_beam", "wing_spar")} <= names
     assert {f"physics_{name}" for name in ("princeton", "torque_pulse", "columns")} <= names
