@@ -142,7 +142,7 @@ URDF, SDF = "flexlink/coupling", ".//{urn:flexlink}coupling"
 
 
 @pytest.mark.parametrize(
-    ("form", "edit", "told"),
+    ("form", "edit", "id"),
     [
         ("urdf", planted.each(URDF, outer="elbow"), "file-content"),
         ("sdf", planted.each(SDF, inner="tip"), "file-content"),
@@ -153,8 +153,8 @@ URDF, SDF = "flexlink/coupling", ".//{urn:flexlink}coupling"
         ("urdf", planted.each(URDF, damping=None), "file-content"),
     ],
 )
-def test_contradictions_in_a_file_are_refused_by_name(form: str, edit: planted.Edit, told: str) -> None:
-    with refused(DataFileError, told):
+def test_contradictions_in_a_file_are_refused_by_name(form: str, edit: planted.Edit, id: str) -> None:
+    with refused(DataFileError, id):
         FORMATS[form].read(edited(form, edit, fl.lump(arm())))
 
 

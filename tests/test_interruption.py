@@ -183,7 +183,8 @@ def test_a_signal_at_any_moment_keeps_the_samples(number, ending, moment, tmp_pa
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
     assert f"{len(rows)} sample" in lines[0]
-    assert f"kept in {out}" in lines[0]
+    assert str(out) in lines[0]
+    reviewed("interruption: samples saved", lines[0])
     assert len(rows) == (1 if moment == "running" else 11)
 
 
@@ -196,7 +197,7 @@ def test_a_signal_while_saving_waits_for_the_file(tmp_path: Path, models, monkey
     np.testing.assert_array_equal(np.load(tmp_path / "run.npz")["q"], run.q)
 
 
-def test_a_finished_run_is_not_lost_to_a_signal_at_its_end(models) -> None:
+def test_a_signal_at_the_end_of_a_run_loses_no_sample(models) -> None:
     def stop_at_the_end(fraction: float) -> None:
         if fraction == 1.0:
             signal.raise_signal(signal.SIGTERM)

@@ -211,7 +211,7 @@ def test_a_linear_model_includes_the_rotation_of_its_wrench(room: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "id"),
     [
         (
             {"times": (0.0, 0.5, 0.5), "forces": ((0.0, 0.0, 0.0),) * 3},
@@ -230,8 +230,8 @@ def test_a_linear_model_includes_the_rotation_of_its_wrench(room: str) -> None:
         ({"frame": "hand"}, "wrong-value"),
     ],
 )
-def test_an_impossible_wrench_is_refused_by_its_row(fields: dict[str, Any], told: str) -> None:
-    with refused(fl.errors.SceneError, told):
+def test_an_impossible_wrench_is_refused_by_its_row(fields: dict[str, Any], id: str) -> None:
+    with refused(fl.errors.SceneError, id):
         fl.Wrench(**fields)
 
 
