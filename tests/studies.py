@@ -73,6 +73,10 @@ def words_of(tmp_path: Path, *rows: Row) -> str:
 
 
 def first_screen(page: str) -> str:
-    """What stands before the first chapter, without tags."""
-    part = page[page.index("<h1>") : page.index("</main>")].partition('<section id="agreement"')[0]
-    return " ".join(re.sub(r"<[^>]*>", " ", part).split())
+    """The text before the first chapter, without tags."""
+    return " ".join(re.sub(r"<[^>]*>", " ", first_screen_html(page)).split())
+
+
+def first_screen_html(page: str) -> str:
+    """The page before its first chapter."""
+    return page[page.index("<h1>") : page.index("</main>")].partition('<section id="agreement"')[0]

@@ -1,8 +1,9 @@
-"""Small motion, statics, modes and strain of chains whose springs are coupled are those of full matrices."""
+"""Small motion, statics, modes and strain of chains with coupled springs are those of full matrices."""
 
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ from flexlink.pages.tables import Table
 from flexlink.results.resolved_modes import resolved
 from flexlink.scene_report.parts import model
 from flexlink.scene_report.study import Study
+from tests.words import reviewed
 
 EPS = np.finfo(float).eps
 ESTIMATE = 0.1  # of the fastest, as in `test_extremes`
@@ -39,13 +41,13 @@ SPRUNG = [name for name in CHAINS if "across" not in name]  # whose K is positiv
 
 
 def matrices(chain: fl.Chain, q, qd, wrench, follower=False) -> np.ndarray:
-    """K, C and M."""
+    """Matrices K, C and M."""
     K = stiffness_matrix(chain, q, qd, wrench, follower)
     return np.array([K, gyroscopic_matrix(chain, q, qd) + damping_matrix(chain), fl.mass_matrix(chain, q)])
 
 
 def held_at(chain: fl.Chain, *joints: int) -> fl.Chain:
-    """The chain with some joints moving as prescribed."""
+    """The chain with some prescribed joints."""
     hinges = chain.hinges.copy()
     hinges["prescribed"][list(joints)] = 1
     return dataclasses.replace(chain, hinges=hinges)
@@ -74,7 +76,7 @@ def test_products_and_solutions_are_those_of_the_matrices(
         assert np.abs(motion.times(weights, x) - np.where(locked, 0.0, x @ A.T)).max() <= 1e-13 * n * np.abs(A).max()
         scaled = own + w[:, None] * (A - own)
         if not (weights[0] and weights[1]):
-            continue  # K and C alone may be singular, M is better judged by its own tests
+            continue  # K and C alone may be singular; M has other tests
         motion.eliminate(weights, w, np.abs(scaled).max(axis=1), 0.0)
         found = motion.solve(x @ scaled.T)[0]
         assert np.abs(found - x).max() <= 1e-14 * np.linalg.cond(scaled) * np.abs(x).max()
@@ -83,7 +85,7 @@ def test_products_and_solutions_are_those_of_the_matrices(
 
 @pytest.mark.parametrize("smallest", [1e-8, 0.7, 1e9])
 @pytest.mark.parametrize("name", CHAINS)
-def test_whatever_is_spared_within_a_cell_a_step_of_newton_s_method_is_that_of_the_whole_matrix(
+def test_a_newton_step_with_eliminated_coordinates_is_that_of_the_full_matrix(
     name: str, smallest: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(small_motion.SmallMotion.eliminate, "__defaults__", (smallest,))
@@ -104,8 +106,8 @@ def test_whatever_is_spared_within_a_cell_a_step_of_newton_s_method_is_that_of_t
 
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
-def test_pivots_tell_what_eigenvalues_tell(rule: str, rng: np.random.Generator) -> None:
-    """Of columns about their buckling load, π²/4, free at the root or clamped."""
+def test_pivots_give_the_same_verdict_as_eigenvalues(rule: str, rng: np.random.Generator) -> None:
+    """Columns near their buckling load, π²/4, free at the root or clamped."""
     found = []
     for _ in range(40):
         column = cantilever(rule, 8)
@@ -117,7 +119,7 @@ def test_pivots_tell_what_eigenvalues_tell(rule: str, rng: np.random.Generator) 
 
 
 @pytest.mark.parametrize("name", CHAINS)
-def test_of_a_symmetric_matrix_as_many_pivots_are_negative_as_eigenvalues(name: str, tmp_path: Path) -> None:
+def test_a_symmetric_matrix_has_equal_numbers_of_negative_pivots_and_eigenvalues(name: str, tmp_path: Path) -> None:
     chain = CHAINS[name](tmp_path)
     n, q = chain.n, state(chain)[0]
     K, _, M = matrices(chain, q, np.zeros(n), np.zeros(6))
@@ -131,11 +133,11 @@ def test_of_a_symmetric_matrix_as_many_pivots_are_negative_as_eigenvalues(name: 
             assert motion.falling(np.array([1.0, 0.0, -between]), np.zeros(n)) == below
 
 
-# Springs and their slopes.
+# springs and their derivatives
 
 
 @pytest.mark.parametrize("name", SPRUNG)
-def test_springs_give_way_by_the_inverse_of_their_matrix(name: str, tmp_path: Path) -> None:
+def test_deflections_follow_from_the_inverse_of_the_stiffness_matrix(name: str, tmp_path: Path) -> None:
     chain = CHAINS[name](tmp_path)
     K, torques = chain.matrix("stiffness"), np.random.default_rng(6).normal(size=(3, chain.n))
     block = np.ix_(chain.bending, chain.bending)
@@ -150,7 +152,7 @@ def test_springs_give_way_by_the_inverse_of_their_matrix(name: str, tmp_path: Pa
 
 
 @pytest.mark.parametrize("name", SPRUNG)
-def test_postures_in_a_row_are_those_found_one_by_one(name: str, tmp_path: Path) -> None:
+def test_static_configurations_found_together_are_those_found_one_by_one(name: str, tmp_path: Path) -> None:
     chain = CHAINS[name](tmp_path)
     hinges = chain.hinges.copy()
     hinges["rest"][chain.bending] = np.linspace(-0.02, 0.03, len(chain.bending))
@@ -163,15 +165,15 @@ def test_postures_in_a_row_are_those_found_one_by_one(name: str, tmp_path: Path)
 
 
 @pytest.mark.parametrize("path", ["material.aluminium.young", "link.upper.length"])
-def test_slopes_of_a_run_from_static_equilibrium_are_those_that_runs_tell(path: str) -> None:
-    """The start bends with what its springs are made of."""
+def test_sensitivities_of_a_run_from_static_equilibrium_are_those_of_differences(path: str) -> None:
+    """The initial configuration depends on the stiffness of the springs."""
     still = {"initial.passive": "static", "initial.joint_deg": [20.0, -30.0]}
     check(arm("z", "lobatto4").varied({**RUNS["RK4"], **still}), path)
 
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
 def test_a_column_is_stable_up_to_its_buckling_load_and_not_beyond(rule: str) -> None:
-    """Its factor is that of the dense problem, and where statics change sides."""
+    """The buckling factor is that of the dense problem; there static stability changes."""
     column, push = cantilever(rule, 8), np.array([-1.0, 0, 0, 0, 0, 0])
     factor = fl.strength.buckling_loads(column, tip_wrench=push)[0]
     K = column.matrix("stiffness")
@@ -214,7 +216,7 @@ def test_elastic_shares_are_those_of_the_quadratic_forms(name: str, tmp_path: Pa
 @pytest.mark.parametrize("damped", [False, True])
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
 def test_the_slowest_modes_of_a_long_chain_are_those_of_all(rule: str, damped: bool) -> None:
-    """In O(n), up to what both leave: all by matrices have eps ω_max/ω."""
+    """The O(n) method agrees within the error of both; that of matrices is eps ω_max/ω."""
     links = [flexible(name, "yz", 29, lumping=rule, damping=DAMPED if damped else None) for name in ("a", "b")]
     chain = fl.lump(make_scene(*links, gravity=(0.0, -9.81, 0.0)))
     q = fl.solve_static(chain, locked=chain.active.tolist()).q
@@ -226,7 +228,7 @@ def test_the_slowest_modes_of_a_long_chain_are_those_of_all(rule: str, damped: b
 
 @pytest.mark.parametrize("rule, least", [("gauss", 6), ("lobatto2", 6), ("lobatto4", 6)])
 def test_modes_with_two_hinges_a_half_wave_are_resolved(rule: str, least: int) -> None:
-    """Half of them as with independent springs; those beyond are no modes of the arm."""
+    """One mode per two hinges, as with independent springs; higher ones are no modes of the arm."""
     column = cantilever(rule, 12)
     flags = resolved(fl.modes(column), column)
     assert flags == (True,) * least + (False,) * (12 - least)
@@ -237,7 +239,7 @@ def test_modes_with_two_hinges_a_half_wave_are_resolved(rule: str, least: int) -
 
 @pytest.mark.parametrize("name", SPRUNG)
 def test_both_ends_of_the_spectrum_are_those_of_the_dense_problem(name: str, tmp_path: Path) -> None:
-    """Also with a joint of a cell and the driven ones moving as prescribed."""
+    """Also with prescribed motions of the driven joints and of a joint within a cell."""
     chain = CHAINS[name](tmp_path)
     q = 0.3 * state(chain)[0]
     for one in (chain, held_at(chain, *chain.active.tolist(), chain.n - 2)):
@@ -251,8 +253,8 @@ def test_both_ends_of_the_spectrum_are_those_of_the_dense_problem(name: str, tmp
 
 
 @pytest.mark.parametrize("name", SPRUNG)
-def test_the_fastest_swing_is_that_of_the_dense_problem_with_passes_enough(name: str, tmp_path: Path) -> None:
-    """It is an estimate since few passes do, not since a coupling is missing."""
+def test_the_fastest_vibration_is_that_of_the_dense_problem_after_enough_iterations(name: str, tmp_path: Path) -> None:
+    """It is only an estimate because few iterations suffice, not because a coupling is missing."""
     chain = CHAINS[name](tmp_path)
     q, coupled = 0.3 * state(chain)[0], np.ascontiguousarray(chain.couplings["stiffness"])
     posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
@@ -264,7 +266,7 @@ def test_the_fastest_swing_is_that_of_the_dense_problem_with_passes_enough(name:
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
 def test_the_stable_step_of_a_long_chain_is_that_of_the_dense_problem(rule: str) -> None:
-    """Beyond 100 joints by products alone: damped, within Lanczos' 1e-4."""
+    """Above 100 joints it needs only products with the matrices; with damping, the error of Lanczos' method is 1e-4."""
     chain = fl.lump(make_scene(flexible("a", "z", 121, lumping=rule, damping=fl.Damping(ratio=0.3, at_hz=2e4))))
     q, zero = np.zeros(chain.n), np.zeros(chain.n)
     K, C, M = matrices(chain, q, zero, np.zeros(6))
@@ -274,7 +276,7 @@ def test_the_stable_step_of_a_long_chain_is_that_of_the_dense_problem(rule: str)
     assert -λ.real.min() == pytest.approx(max(δ, -np.roots([1, δ, square]).real.min()), rel=1e-4)
 
 
-# What is told.
+# outputs: gauges, info, notebooks, reports
 
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
@@ -298,27 +300,30 @@ def test_gauges_at_gauss_points_read_the_moment_there(rule: str) -> None:
     assert gauge.curvature[1] == pytest.approx(2 * κ, rel=1e-14)
 
 
-def test_info_and_notebooks_tell_which_hinges_are_coupled() -> None:
+def test_info_and_notebooks_show_coupled_hinges() -> None:
     chain = fl.lump(arm("z"))
     assert chain.coupled_joints == ((), (2,), (1,), (4,), (3,), (), (7,), (6,))
-    assert info._kind(chain, 2) == f"k = {chain.stiffness[2]:.6g} N m/rad, coupled with 1"
+    stiffness, hinge = info._kind(chain, 2).split(", ")
+    assert stiffness == f"k = {chain.stiffness[2]:.6g} N m/rad"
+    assert re.findall(r"\d+", hinge) == ["1"]
+    reviewed("cells about rest: coupled hinge", hinge)
     assert info._kind(chain, 0) == "driven"
     html = chain._repr_html_()
     assert "coupled with" in html
     assert "coupled with" not in cantilever("gauss", 2)._repr_html_()
 
 
-def test_a_report_tells_which_springs_are_coupled() -> None:
+def test_a_report_lists_coupled_springs() -> None:
     def springs(rule: str) -> Table:
         return model.made(Study(arm("z", rule, 5))).tables[-1]
 
     table, alone = springs("lobatto4"), model.made(Study(make_scene(flexible("a")))).tables[-1]
     assert table.heads == (*alone.heads, "coupled with")
-    assert table.lines[1][-1] == "upper.1.z, upper.3.z, upper.4.z"
+    assert table.lines[1][-1] == ", ".join(f"upper.{k}.z" for k in (1, 3, 4))
     assert len(table.lines) == 6
 
 
-def test_without_structural_damping_no_damper_is_left() -> None:
+def test_a_chain_without_structural_damping_has_no_damper() -> None:
     chain = fl.lump(arm("z"))
     bare = info._without_structural_damping(chain)
     assert not bare.matrix("damping").any()

@@ -1,4 +1,4 @@
-"""Springs between hinges in files: every format says them to the bit, and MuJoCo moves by them as we do."""
+"""Springs between hinges in files: every format stores them exactly, and MuJoCo computes the same motion."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ EPS = np.finfo(float).eps
 
 
 def odd(chain: fl.Chain, seed: int = 3) -> fl.Chain:
-    """With rest angles, dampers of any sign beside the springs between hinges, one without its spring."""
+    """A chain with rest angles and coupled dampers of any sign, one of them without a coupled spring."""
     rng, hinges, couplings = np.random.default_rng(seed), chain.hinges.copy(), chain.couplings.copy()
     hinges["rest"] = rng.normal(size=chain.n)
     couplings["damping"] *= rng.uniform(-1, 1, len(couplings))
@@ -37,20 +37,20 @@ def odd(chain: fl.Chain, seed: int = 3) -> fl.Chain:
     return dataclasses.replace(chain, hinges=hinges, couplings=couplings)
 
 
-def said(chain: fl.Chain) -> list[object]:
+def contents(chain: fl.Chain) -> list[object]:
     return [*said_by(chain), chain.couplings.tolist()]
 
 
 @EVERY
 @pytest.mark.parametrize("p", [2, 3, 4])
 @pytest.mark.parametrize("change", [lambda chain: chain, odd], ids=["as made", "odd"])
-def test_springs_between_hinges_read_back_to_the_bit(
+def test_springs_between_hinges_read_back_exactly(
     format, p: int, change: Callable[[fl.Chain], fl.Chain], tmp_path: Path
 ) -> None:
     chain = change(fl.lump(arm("xyz", rule_file(tmp_path, p), 2 * p + 1)))
     assert len(chain.couplings) >= 3 * p * (p - 1)
-    assert said(format.read(format.write(chain))) == said(chain)
-    assert said(format.read(format.write(with_small_mass(chain, mass=1e-3))))[-1] == said(chain)[-1]
+    assert contents(format.read(format.write(chain))) == contents(chain)
+    assert contents(format.read(format.write(with_small_mass(chain, mass=1e-3))))[-1] == contents(chain)[-1]
 
 
 @pytest.mark.parametrize("rule", ["lobatto2", "lobatto4"])
@@ -58,7 +58,7 @@ def test_springs_between_hinges_read_back_to_the_bit(
 def test_mujoco_has_every_number_of_the_tendons_and_their_torques_to_4_eps(
     rule: str, change: Callable[[fl.Chain], fl.Chain], rng: np.random.Generator
 ) -> None:
-    """|K| |θ − θ₀| is what a torque is known by; a tendon is slack by the difference of two lengths of |θ| + |θ₀|."""
+    """Errors are relative to |K| |θ − θ₀|; the length of a tendon is a difference of lengths up to |θ| + |θ₀|."""
     chain = change(fl.lump(arm("xyz", rule, 9)))
     model = load("mujoco", chain).model
     data = mujoco.MjData(model)
@@ -75,7 +75,7 @@ def test_mujoco_has_every_number_of_the_tendons_and_their_torques_to_4_eps(
             assert (np.abs(theirs - ours) <= 4 * EPS * chain.times(field, size, absolute=True)).all()
 
 
-def test_without_couplings_a_file_has_no_trace_of_them() -> None:
+def test_the_file_of_a_chain_without_couplings_does_not_mention_them() -> None:
     chain = fl.lump(make_scene(flexible("a", "xyz")))
     for format in FORMATS.values():
         text = format.write(chain)
@@ -83,7 +83,7 @@ def test_without_couplings_a_file_has_no_trace_of_them() -> None:
 
 
 def assert_springs_of_mujoco(chain: fl.Chain) -> None:
-    """MuJoCo reads K and D of the chain from its file: to the bit off the diagonals, which it adds up."""
+    """Check that MuJoCo reads K and D of the chain: exactly off the diagonal, and on it within rounding."""
     read = load("mujoco", chain).record
     for field, diagonal, others in (
         ("stiffness", read.stiffness, read.coupled_stiffness), ("damping", read.damping, read.coupled_damping)
@@ -96,7 +96,7 @@ def assert_springs_of_mujoco(chain: fl.Chain) -> None:
 def tapered(segments: int) -> fl.Chain:
     """A square of 40 mm at the joint and of 8 mm at the tip: at the Gauss points of a single cell EI is 25 to 1.
 
-    C of two hinges has a² + b² = 14/3 and a b = −1/3 in its rows, so that K_22 ≥ |K_12| up to 13.9 to 1.
+    C of two hinges has a² + b² = 14/3 and a b = −1/3 in its rows, so K_22 ≥ |K_12| up to a ratio of 13.9.
     """
     small = fl.Section(shape="rectangle", height=0.008, width=0.008)
     link = flexible("a", "z", segments, section_tip="small", lumping="lobatto2")
@@ -104,19 +104,19 @@ def tapered(segments: int) -> fl.Chain:
     return fl.lump(fl.Scene(name="tapered", arm=parts))
 
 
-def test_a_cell_that_tendons_cannot_hold_is_refused_by_name_and_more_segments_help() -> None:
+def test_a_cell_that_tendons_cannot_represent_is_refused_and_more_segments_help() -> None:
     chain = tapered(3)
-    with refused(ArgumentError, "tendon-stiffness") as told:
+    with refused(ArgumentError, "tendon-stiffness") as caught:
         fl.to_mjcf(chain)
-    assert "use more segments in link 'a'" in str(told.value) and "\n" not in str(told.value)
+    assert "link 'a'" in str(caught.value) and "\n" not in str(caught.value)
     for format in ("urdf", "sdf"):
-        assert said(FORMATS[format].read(FORMATS[format].write(chain))) == said(chain)
+        assert contents(FORMATS[format].read(FORMATS[format].write(chain))) == contents(chain)
     fine = tapered(5)
     assert (left_to_joints(fine, "stiffness")[fine.bending] > 0).all()
     assert_springs_of_mujoco(fine)
 
 
-def test_so_are_dampers_and_what_is_just_held_is_held() -> None:
+def test_dampers_have_the_same_limit() -> None:
     chain = fl.lump(arm())
     for times, held in ((1.0, True), (1.0 + EPS, False)):
         couplings, hinges = chain.couplings.copy(), chain.hinges.copy()
@@ -142,7 +142,7 @@ URDF, SDF = "flexlink/coupling", ".//{urn:flexlink}coupling"
 
 
 @pytest.mark.parametrize(
-    ("form", "edit", "told"),
+    ("form", "edit", "id"),
     [
         ("urdf", planted.each(URDF, outer="elbow"), "file-content"),
         ("sdf", planted.each(SDF, inner="tip"), "file-content"),
@@ -153,26 +153,26 @@ URDF, SDF = "flexlink/coupling", ".//{urn:flexlink}coupling"
         ("urdf", planted.each(URDF, damping=None), "file-content"),
     ],
 )
-def test_what_contradicts_itself_is_refused_by_name(form: str, edit: planted.Edit, told: str) -> None:
-    with refused(DataFileError, told):
+def test_contradictions_in_a_file_are_refused_by_name(form: str, edit: planted.Edit, id: str) -> None:
+    with refused(DataFileError, id):
         FORMATS[form].read(edited(form, edit, fl.lump(arm())))
 
 
 @pytest.mark.parametrize(("form", "path"), [("urdf", URDF), ("sdf", SDF)])
-def test_a_number_that_is_edited_is_in_the_chain(form: str, path: str) -> None:
+def test_an_edited_number_changes_the_chain(form: str, path: str) -> None:
     chain = fl.lump(arm())
     read = FORMATS[form].read(edited(form, planted.scaled(path, "stiffness", 0.5), chain))
     assert read.couplings["stiffness"].tolist() == (chain.couplings["stiffness"] / 2).tolist()
     assert read.hinges.tolist() == chain.hinges.tolist()
 
 
-def test_urdf_and_sdf_have_them_in_our_own_part_and_mjcf_itself() -> None:
+def test_urdf_and_sdf_store_them_in_custom_elements_and_mjcf_in_tendons() -> None:
     scene = arm()
     missing = {name: "springs between hinges" in not_held(scene, fl.lump(scene), format=name) for name in FORMATS}
     assert missing == {"urdf": True, "mjcf": False, "sdf": True}
 
 
-def test_without_structural_damping_hinges_have_none_between_them() -> None:
+def test_a_chain_without_structural_damping_has_no_coupled_dampers() -> None:
     chain = fl.lump(arm())
     bare = _without_structural_damping(chain)
     assert chain.couplings["damping"].any() and not bare.couplings["damping"].any()

@@ -1,7 +1,8 @@
-"""The list of planted faults does not rot, and its runner tells a fault that is noticed from one that is not."""
+"""The planted faults fit the sources, and their runner distinguishes faults that tests notice from others."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,20 +10,21 @@ from conftest import ROOT
 from faults import plant
 from faults.plant import BROKEN, KILLED, STALE, SURVIVED, Answer, Fault
 
-from tests.words import refused
+from tests.words import refused, reviewed
 
 FAULTS = plant.load()
+TEST = "test_area.py"
 
 
 def rot(fault: Fault) -> str:
-    """Why a fault of the list cannot be planted or judged; empty if it can."""
+    """Why a fault of the list cannot be planted or checked; empty if it can."""
     if (found := fault.occurrences(ROOT)) != 1:
         return f"{fault.find!r} is found {found} times in {fault.file}, not once"
     planted = (ROOT / fault.file).read_text(encoding="utf-8").replace(fault.find, fault.replace)
     try:
         compile(planted, fault.file, "exec")
     except SyntaxError as error:
-        return f"not Python any more: {error}"  # which any test would notice
+        return f"no longer Python: {error}"  # any test would notice it
     for test in fault.tests:
         file, _, function = test.partition("::")
         text = (ROOT / file).read_text(encoding="utf-8") if (ROOT / file).is_file() else ""
@@ -41,10 +43,10 @@ def test_names_of_faults_differ() -> None:
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    """A project of one function, whose test is blind to its sign."""
+    """A project of one function, whose test does not check the sign."""
     files = {
         "area.py": "def area(a, b):\n    return a * b  # m²\n",
-        "test_area.py": "from area import area\n\n\ndef test_size():\n    assert abs(area(2, 3)) == 6\n",
+        TEST: "from area import area\n\n\ndef test_size():\n    assert abs(area(2, 3)) == 6\n",
     }
     for name, text in files.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
@@ -52,20 +54,21 @@ def tree(tmp_path: Path) -> Path:
 
 
 def planted(find: str, replace: str) -> Fault:
-    return Fault("area/fault", "area.py", find, replace, ("test_area.py",), "")
+    return Fault("area/fault", "area.py", find, replace, (TEST,), "")
 
 
 @pytest.mark.slow
-def test_a_fault_is_killed_survives_or_no_longer_applies_and_the_tree_stays_as_it_is(tree: Path) -> None:
+def test_a_fault_is_killed_survives_or_is_stale_and_the_tree_does_not_change(tree: Path) -> None:
     before = {path.name: path.read_bytes() for path in tree.iterdir()}
     with plant.copied(tree) as copy:
-        assert copy.run(("test_area.py",), copy.sound).code == 0
-        told = [copy.judge(planted(*texts)) for texts in (("a * b", "a + b"), ("a * b", "-a * b"), ("a / b", ""))]
+        assert copy.run((TEST,), copy.sound).code == 0
+        verdicts = [copy.judge(planted(*texts)) for texts in (("a * b", "a + b"), ("a * b", "-a * b"), ("a / b", ""))]
         twice = copy.judge(planted("a", "b"))
         assert (copy.root / "area.py").read_bytes() == before["area.py"]
-    assert [verdict.outcome for verdict in told] == [KILLED, SURVIVED, STALE]
-    assert told[0].told == "test_area.py::test_size"
-    assert told[2].told == "its text is found 0 times in area.py"
+    assert [verdict.outcome for verdict in verdicts] == [KILLED, SURVIVED, STALE]
+    assert verdicts[0].told == f"{TEST}::test_size"
+    assert re.findall(r"\b\d+\b|area\.py", verdicts[2].told) == ["0", "area.py"]
+    reviewed("faults: stale", verdicts[2].told)
     assert twice.outcome == STALE
     assert {path.name: path.read_bytes() for path in tree.iterdir()} == before
     assert not copy.root.exists()
@@ -92,7 +95,7 @@ def test_a_fault_of_a_kernel_is_noticed_as_python_by_a_test_that_fails_only_with
         (Answer(0, "3 passed"), SURVIVED),
         (Answer(1, "FAILED tests/test_a.py::test_b - assert 1 == 2"), KILLED),
         (Answer(-11, ""), KILLED),  # a segmentation fault
-        (Answer(None, ""), KILLED),  # no end
+        (Answer(None, ""), KILLED),  # no end in time
         (Answer(2, "! flexlink.results.stop_reasons.InterruptedRunError: interrupted at t = 0 s !"), KILLED),  # Ctrl-C
         (Answer(2, "ERROR tests/test_a.py\n!!! Interrupted: 1 error during collection !!!"), BROKEN),
         (Answer(1, "FAILED tests/test_a.py::test_b - numba.core.errors.TypingError: cannot"), BROKEN),

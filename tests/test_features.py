@@ -1,6 +1,8 @@
-"""An export says what its file cannot hold, and is refused then with --strict; small masses say what they change."""
+"""An export notes the features that its format cannot store, and --strict refuses it; effects of small masses."""
 
 from __future__ import annotations
+
+import re
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from flexlink.cli.main import main
 from flexlink.formats import FORMATS
 from flexlink.formats.features import FEATURES, not_held
 from flexlink.formats.small_mass import added_inertia, with_small_mass
-from tests.words import refused
+from tests.words import refused, refused_line, reviewed
 
 PAPER = str(ROOT / "models" / "paper_fig5.toml")
 BARE = make_scene(
@@ -37,12 +39,12 @@ EXAMPLES = {
 }
 
 
-def test_formats_hold_all_of_an_arm_that_has_none_of_the_features() -> None:
+def test_formats_store_an_arm_without_these_features_completely() -> None:
     assert all(not_held(BARE, fl.lump(BARE), format=format) == {} for format in FORMATS)
 
 
 @pytest.mark.parametrize("feature", EXAMPLES)
-def test_each_feature_is_noticed_and_no_other(feature: str) -> None:
+def test_only_the_features_of_an_arm_are_noted(feature: str) -> None:
     scene = EXAMPLES[feature]
     for format in FORMATS:
         missing = not_held(scene, fl.lump(scene), format=format)
@@ -58,10 +60,10 @@ def test_the_angle_of_a_locked_joint_is_part_of_the_arm() -> None:
 
 
 @pytest.mark.parametrize("key", ["q", "qd"])
-def test_a_whole_state_is_an_initial_state_and_zeros_take_its_place(key: str) -> None:
+def test_a_complete_state_overrides_initial_angles(key: str) -> None:
     elsewhere = BARE.varied({"initial.joint_deg.rod": 10.0, "initial.q": (0.0,)})
-    for scene, told in ((BARE.varied({f"initial.{key}": (0.1,)}), {"initial state"}), (elsewhere, set())):
-        assert set(not_held(scene, fl.lump(scene), format="urdf")) == told
+    for scene, noted in ((BARE.varied({f"initial.{key}": (0.1,)}), {"initial state"}), (elsewhere, set())):
+        assert set(not_held(scene, fl.lump(scene), format="urdf")) == noted
 
 
 def test_an_unknown_format_is_refused() -> None:
@@ -69,30 +71,32 @@ def test_an_unknown_format_is_refused() -> None:
         not_held(BARE, fl.lump(BARE), format="dae")
 
 
-def test_the_table_names_known_formats_only() -> None:
+def test_the_table_of_features_names_known_formats_only() -> None:
     assert all(set(instead) <= set(FORMATS) for _, instead in FEATURES.values())
 
 
-def test_an_export_prints_what_a_format_cannot_hold(tmp_path, capsys) -> None:
+def test_an_export_prints_the_features_that_a_format_cannot_store(tmp_path, capsys) -> None:
     assert main(["export", PAPER, "--format", "urdf", "--out", str(tmp_path)]) == 0
     (note,) = capsys.readouterr().err.splitlines()
-    assert note.startswith(
-        f"note: {tmp_path / 'paper_fig5.urdf'}: urdf has no standard element for gravity (written in elements that"
-    )
-    assert "springs (" in note
+    text = note.removesuffix("  [format-cannot-store]")
+    assert text != note
+    assert text.startswith(f"note: {(tmp_path / 'paper_fig5').with_suffix('.urdf')}: ")
+    assert [part for part in ("URDF", "gravity", "springs", "initial state") if part not in text] == []
+    reviewed("format-cannot-store", text)
 
 
 def test_strict_writes_nothing_and_exits_2(tmp_path, capsys) -> None:
     assert main(["export", PAPER, "--strict", "--out", str(tmp_path)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.endswith(
-        "paper_fig5.toml: --strict: urdf cannot represent gravity, springs, initial state; no file written"
-    )
+    printed = capsys.readouterr().err
+    assert len(printed.splitlines()) == 1
+    text = refused_line(printed, "not-representable")
+    parts = (PAPER, "--strict", "urdf", "gravity, springs, initial state")
+    assert [part for part in parts if part not in text] == []
     assert list(tmp_path.iterdir()) == []
     assert main(["export", PAPER, "--strict", "--format", "mjcf", "--out", str(tmp_path)]) == 0
 
 
-def test_links_without_mass_get_the_mass_that_is_asked_for(rng: np.random.Generator) -> None:
+def test_links_without_mass_get_the_given_mass(rng: np.random.Generator) -> None:
     chain = fl.lump(nasty_scene())
     filled = with_small_mass(chain, mass=1e-3)
     assert filled.n == chain.n
@@ -105,7 +109,7 @@ def test_links_without_mass_get_the_mass_that_is_asked_for(rng: np.random.Genera
     assert fl.tip_position(filled, q) == pytest.approx(fl.tip_position(chain, q), abs=1e-14)
 
 
-def test_the_change_of_inertia_is_what_the_mass_matrices_say_and_bounds_every_frequency(
+def test_the_change_of_inertia_is_that_of_the_mass_matrices_and_bounds_every_frequency(
     rng: np.random.Generator,
 ) -> None:
     chain = fl.lump(nasty_scene())
@@ -121,12 +125,12 @@ def test_the_change_of_inertia_is_what_the_mass_matrices_say_and_bounds_every_fr
     assert np.any(after < before * (1 - 1e-6))
 
 
-def test_a_chain_that_no_inertia_moves_is_changed_beyond_all_bounds() -> None:
+def test_the_change_of_a_chain_without_inertia_is_infinite() -> None:
     chain = fl.lump(make_scene(flexible("upper"), fl.Link(name="wrist")))
     assert added_inertia(chain, np.zeros(chain.n), mass=1e-9) == np.inf
 
 
-def test_files_with_small_masses_are_read_by_mujoco_where_nothing_else_would_do_and_read_back(capsys, tmp_path) -> None:
+def test_files_with_small_masses_read_back_and_are_read_by_mujoco(capsys, tmp_path) -> None:
     pytest.importorskip("mujoco")
     chain = with_small_mass(fl.lump(make_scene(flexible("upper"), fl.Link(name="wrist"))), mass=1e-6)
     for format in FORMATS.values():
@@ -137,10 +141,14 @@ def test_files_with_small_masses_are_read_by_mujoco_where_nothing_else_would_do_
     fl.to_mjcf(chain)
 
 
-def test_the_command_line_says_what_a_small_mass_changes(tmp_path, capsys) -> None:
+def test_the_command_line_prints_the_effect_of_a_small_mass(tmp_path, capsys) -> None:
     scene = str(ROOT / "models" / "t3_spatial.toml")
     assert main(["export", scene, "--format", "sdf", "--small-mass", "1e-9", "--out", str(tmp_path)]) == 0
-    told = capsys.readouterr().err.splitlines()
-    assert "every massless link gets 1e-09 kg; relative changes at the initial posture: mass matrix at most" in told[0]
+    note = capsys.readouterr().err.splitlines()[0]
+    assert note.startswith("note: ") and " 1e-09 kg" in note
+    inertia, frequency = (float(x.replace("−", "-")) for x in re.findall(r"[+−]\d\S*\d", note))
+    assert frequency == pytest.approx(1 / np.sqrt(1 + inertia) - 1, rel=0.05)
+    reviewed("features: effect of a small mass", note)
     assert main(["export", scene, "--small-mass", "-1", "--out", str(tmp_path)]) == 2
-    assert "flexlink: --small-mass = -1.0: must be a finite number > 0" in capsys.readouterr().err
+    text = refused_line(capsys.readouterr().err, "out-of-range")
+    assert "--small-mass = -1.0: " in text

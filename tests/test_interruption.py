@@ -1,8 +1,9 @@
-"""Ctrl-C and SIGTERM at any moment: what is there is kept, nothing is torn, and nobody sees a traceback."""
+"""Ctrl-C and SIGTERM at any moment: samples are saved, no file is incomplete, and no traceback is printed."""
 
 from __future__ import annotations
 
 import contextlib
+import re
 import signal
 import subprocess
 import sys
@@ -21,7 +22,7 @@ from flexlink.cli.main import main
 from flexlink.common import output, progress
 from flexlink.common.entry import is_command
 from flexlink.common.interruption import LAST, StoppedError, deferred
-from tests.words import refused
+from tests.words import refused, reviewed
 
 BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 PAPER = str(ROOT / "models" / "paper_fig5.toml")
@@ -29,7 +30,7 @@ PAPER = str(ROOT / "models" / "paper_fig5.toml")
 
 @pytest.fixture(autouse=True)
 def usual_answers():
-    """Python's own handlers, whatever started the tests: jobs in the background are started with SIGINT ignored."""
+    """Set Python's default handlers: shells start background jobs with SIGINT ignored."""
     usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
     before = {number: signal.signal(number, handler) for number, handler in usual.items()}
     yield
@@ -38,7 +39,7 @@ def usual_answers():
 
 
 @BOTH
-def test_a_signal_waits_for_the_block_and_is_answered_by_whoever_holds_results(number: int) -> None:
+def test_a_signal_waits_for_the_end_of_the_block_and_its_results(number: int) -> None:
     with refused(fl.errors.ArgumentError, "test-interruption"), deferred() as outer:
         with deferred() as inner:
             signal.raise_signal(number)
@@ -49,7 +50,7 @@ def test_a_signal_waits_for_the_block_and_is_answered_by_whoever_holds_results(n
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
-def test_a_signal_that_nobody_answered_is_not_swallowed() -> None:
+def test_a_signal_without_a_handler_is_not_swallowed() -> None:
     done = []
     with pytest.raises(KeyboardInterrupt), deferred():
         signal.raise_signal(signal.SIGINT)
@@ -58,15 +59,15 @@ def test_a_signal_that_nobody_answered_is_not_swallowed() -> None:
 
 
 @BOTH
-def test_the_second_signal_still_waits_and_says_that_the_third_does_not(number: int, capfd) -> None:
+def test_the_second_signal_waits_and_warns_about_the_third(number: int, capfd) -> None:
     with pytest.raises(StoppedError), deferred():
         for _ in range(LAST - 1):
             signal.raise_signal(number)
-        assert "one more signal quits without them" in capfd.readouterr().err
+        reviewed("interruption: second signal", capfd.readouterr().err)
         signal.raise_signal(number)
 
 
-def test_of_two_signals_the_first_is_answered() -> None:
+def test_the_first_of_two_signals_counts() -> None:
     with refused(fl.errors.ArgumentError, "test-interruption"), deferred() as stop:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGTERM)
@@ -75,7 +76,7 @@ def test_of_two_signals_the_first_is_answered() -> None:
 
 
 @pytest.mark.parametrize("own", [signal.SIG_IGN, lambda *_: None])
-def test_signals_that_a_program_answers_itself_are_left_to_it(own: object) -> None:
+def test_signal_handlers_of_a_program_are_not_replaced(own: object) -> None:
     signal.signal(signal.SIGINT, own)
     with deferred() as stop:
         assert signal.getsignal(signal.SIGINT) is own
@@ -83,7 +84,7 @@ def test_signals_that_a_program_answers_itself_are_left_to_it(own: object) -> No
         assert not stop.asked
 
 
-def test_threads_see_what_the_main_thread_was_asked() -> None:
+def test_threads_see_the_signal_of_the_main_thread() -> None:
     seen = []
 
     def look() -> None:
@@ -103,7 +104,7 @@ def test_threads_see_what_the_main_thread_was_asked() -> None:
 
 
 @BOTH
-def test_one_long_sample_does_not_keep_a_signal_waiting(number: int, models) -> None:
+def test_a_signal_does_not_wait_for_a_long_sample(number: int, models) -> None:
     seen: list[float] = []
 
     def stop_soon(fraction: float) -> None:
@@ -113,14 +114,14 @@ def test_one_long_sample_does_not_keep_a_signal_waiting(number: int, models) -> 
 
     with pytest.raises(fl.errors.InterruptedRunError) as caught:
         fl.simulate(fl.load_scene(models / "paper_fig5.toml"), progress=stop_soon, duration=100.0, sample=100.0)
-    assert seen[-1] < 0.3  # of a second
+    assert seen[-1] < 0.3  # s
     assert caught.value.signal == number
     assert caught.value.trajectory.t.tolist() == [0.0]
 
 
-@pytest.mark.parametrize("clock", [time.perf_counter, lambda: 0.0], ids=["a clock", "a clock that stands"])
-def test_pieces_are_short_however_long_the_samples_are(clock, models, monkeypatch) -> None:
-    """50,000 steps take 0.1 s or more, at least 100 pieces of 1 ms; 4 if each may only be 8 times the last, of 200."""
+@pytest.mark.parametrize("clock", [time.perf_counter, lambda: 0.0], ids=["a clock", "a stopped clock"])
+def test_pieces_of_a_run_are_short_even_if_samples_are_long(clock, models, monkeypatch) -> None:
+    """50,000 steps take at least 0.1 s: 100 pieces of 1 ms, or 4 pieces that grow from 200 steps by factors of 8."""
     seen: list[float] = []
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 1e-3)
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "time", SimpleNamespace(perf_counter=clock))
@@ -139,7 +140,7 @@ def test_pieces_within_samples_change_no_bit(models, monkeypatch) -> None:
 
 
 def at_first_call(monkeypatch, owner: object, name: str, number: int) -> None:
-    """Let a signal come in the middle of what `owner.name` does."""
+    """Raise a signal during the first call of `owner.name`."""
     real = getattr(owner, name)
     calls = []
 
@@ -182,7 +183,8 @@ def test_a_signal_at_any_moment_keeps_the_samples(number, ending, moment, tmp_pa
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
     assert f"{len(rows)} sample" in lines[0]
-    assert f"kept in {out}" in lines[0]
+    assert str(out) in lines[0]
+    reviewed("interruption: samples saved", lines[0])
     assert len(rows) == (1 if moment == "running" else 11)
 
 
@@ -195,7 +197,7 @@ def test_a_signal_while_saving_waits_for_the_file(tmp_path: Path, models, monkey
     np.testing.assert_array_equal(np.load(tmp_path / "run.npz")["q"], run.q)
 
 
-def test_a_finished_run_is_not_lost_to_a_signal_at_its_end(models) -> None:
+def test_a_signal_at_the_end_of_a_run_loses_no_sample(models) -> None:
     def stop_at_the_end(fraction: float) -> None:
         if fraction == 1.0:
             signal.raise_signal(signal.SIGTERM)
@@ -252,10 +254,17 @@ def test_a_signal_while_importing_or_compiling_ends_the_command_in_one_line(
     code = START.format(scene=PAPER, out=str(out), module=module, number=int(number))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 128 + number
-    last = done.stderr.splitlines()[-1]
-    assert last in {f"flexlink: {what}; no samples yet" for what in ("interrupted", "terminated")}
+    check_without_samples(done.stderr, number)
     assert len(done.stderr.splitlines()) == (2 if module == "never" else 1)
     assert not list(tmp_path.glob("*x*"))
+
+
+def check_without_samples(stderr: str, number: int) -> None:
+    """The last line names the signal, and no samples."""
+    last = stderr.splitlines()[-1]
+    assert last.startswith(f"flexlink: {'terminated' if number == signal.SIGTERM else 'interrupted'}; ")
+    assert not re.search(r"\d", last)
+    reviewed("interruption: no samples", last)
 
 
 COMMAND = """
@@ -270,9 +279,7 @@ sys.exit(main())
 
 @BOTH
 @pytest.mark.parametrize("command", ["advise", "show"])
-def test_a_command_that_keeps_no_samples_says_of_none_that_they_are_kept(
-    number: int, command: str, monkeypatch, capsys
-) -> None:
+def test_a_command_without_samples_does_not_mention_them(number: int, command: str, monkeypatch, capsys) -> None:
     run = fl.simulate(fl.load_scene(PAPER), duration=0.01)
 
     def stopped(*_: object, **__: object) -> None:
@@ -288,14 +295,14 @@ def test_a_command_that_keeps_no_samples_says_of_none_that_they_are_kept(
 
 @pytest.fixture
 def started():
-    """Processes that are gone after the test, whatever happens in it."""
+    """Kill these processes after the test, also if it fails."""
     with contextlib.ExitStack() as after:
         yield lambda process: after.callback(process.kill)
 
 
 @pytest.mark.slow
 def test_signals_from_outside_at_some_moments(tmp_path: Path, started) -> None:
-    """What the lists above cannot foresee: real signals, by the clock."""
+    """Real signals at times that the lists above do not cover."""
     runs = []
     for moment, number in [(0.3, signal.SIGTERM), (0.8, signal.SIGINT), (1.6, signal.SIGTERM), (2.0, signal.SIGINT)]:
         out = tmp_path / f"{moment}.npz"
@@ -315,5 +322,5 @@ def test_signals_from_outside_at_some_moments(tmp_path: Path, started) -> None:
             assert f"{len(t)} sample" in error
             assert (np.diff(t) > 0).all()
         else:
-            assert "no samples yet" in error
+            check_without_samples(error, number)
     assert not list(tmp_path.glob(".*"))

@@ -1,6 +1,6 @@
-"""An engine in a process of its own answers as it does here; a crash, a hang or Ctrl-C there is an error here, no more.
+"""An engine in another process gives the same results; if it crashes, hangs or gets Ctrl-C, this process sees an error.
 
-Here it is the native engine: nothing has to be installed, and the mechanism is the same.
+The tests use the native engine: nothing has to be installed, and the mechanism is the same.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ def test_it_answers_as_in_this_process(rng: np.random.Generator) -> None:
 
 
 def torn() -> Scene:
-    """An arm whose drive tears it to pieces."""
+    """An arm whose drive makes the run diverge."""
     drive = Drive(kind="table", times=(0.0, 0.02), torques=((0.0,), (1e303,)))
     return SCENE.varied({"drive": drive, "run.unstable": "allow"})
 
 
-def test_errors_of_the_engine_come_through_with_what_they_hold() -> None:
+def test_errors_of_the_engine_arrive_with_their_data() -> None:
     engine = IsolatedEngine("native", lump(SCENE))
     with pytest.raises(DivergenceError) as caught:
         engine.integrate(torn())
@@ -69,7 +69,7 @@ def test_errors_of_the_engine_come_through_with_what_they_hold() -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGABRT, signal.SIGSEGV, signal.SIGKILL])
-def test_a_crash_is_an_error_that_names_the_question_the_arm_and_the_signal(number: signal.Signals) -> None:
+def test_a_crash_is_an_error_that_names_the_call_the_arm_and_the_signal(number: signal.Signals) -> None:
     engine = IsolatedEngine("native", lump(SCENE))
     os.kill(process_of(engine).pid, number)
     for _ in range(2):
@@ -77,7 +77,9 @@ def test_a_crash_is_an_error_that_names_the_question_the_arm_and_the_signal(numb
             engine.mass_matrix(np.zeros(engine.n))
 
 
-def test_a_process_that_cannot_start_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_of_a_process_that_cannot_start_names_the_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "numba.py").write_text("raise SystemExit('no numba today')")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(child_process, "_idle", {})
@@ -94,6 +96,9 @@ def test_no_answer_in_time_ends_the_process(monkeypatch: pytest.MonkeyPatch) -> 
     assert process_of(engine).returncode == -signal.SIGKILL
 
 
+POSIX_ONLY = {"pass_fds", "preexec_fn", "start_new_session"}
+"""Arguments of `subprocess.Popen`."""
+
 BARE = """
 import os, signal
 for name in ("SIGALRM", "setitimer", "ITIMER_REAL", "SIGKILL", "SIGUSR1", "pthread_sigmask"):
@@ -103,10 +108,10 @@ for name in ("fork", "mkfifo", "sched_getaffinity"):
 """
 
 
-def test_it_needs_nothing_that_windows_has_not(
+def test_it_needs_only_features_that_windows_has(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:
-    """No file descriptor beyond the three, and no alarm, here as in the child: it answers, and is ended in time."""
+    """Without extra file descriptors and alarms in both processes, it answers, and a timeout ends it."""
     (tmp_path / "sitecustomize.py").write_text(BARE)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(child_process, "_idle", {})
@@ -115,12 +120,13 @@ def test_it_needs_nothing_that_windows_has_not(
     started = subprocess.Popen
 
     def popen(*arguments: object, **named: object) -> object:
-        assert not named.keys() & {"pass_fds", "preexec_fn", "start_new_session"}
+        assert not named.keys() & POSIX_ONLY
         return started(*arguments, **named)
 
     monkeypatch.setattr(subprocess, "Popen", popen)
     engine = IsolatedEngine("native", lump(SCENE))
-    assert engine._call("look", eval, "not hasattr(__import__('signal'), 'setitimer')")
+    without_timer = engine._call("look", eval, "not hasattr(__import__('signal'), 'setitimer')")
+    assert without_timer
     q, _ = random_state(lump(SCENE), rng)
     assert_array_equal(engine.mass_matrix(q), load("native", lump(SCENE)).mass_matrix(q))
     monkeypatch.setattr(child_process, "CALL_TIMEOUT", 0.05)
@@ -136,8 +142,8 @@ def test_a_script_without_a_main_guard_is_not_run_again_in_the_child(tmp_path: P
         "print(os.getpid(), ChildProcess().call('number', 60.0, os.getpid))\n"
     )
     path = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    told = subprocess.run([sys.executable, script], capture_output=True, text=True, env=path, check=True).stdout
-    here, child = told.split()
+    printed = subprocess.run([sys.executable, script], capture_output=True, text=True, env=path, check=True).stdout
+    here, child = printed.split()
     assert here != child
 
 
@@ -159,17 +165,17 @@ def test_ctrl_c_ends_the_process_and_is_not_swallowed() -> None:
         engine.mass_matrix(np.zeros(engine.n))
 
 
-def test_ctrl_c_that_only_the_process_heard_counts_as_ours() -> None:
+def test_ctrl_c_sent_to_the_process_alone_is_raised_here() -> None:
     engine = IsolatedEngine("native", lump(SCENE))
     os.kill(process_of(engine).pid, signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
         engine.mass_matrix(np.zeros(engine.n))
 
 
-def test_the_process_of_an_engine_serves_the_next_one_and_no_other_at_the_same_time(
+def test_a_process_serves_one_engine_after_another(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    gc.collect()  # an engine of an earlier test that nobody holds any more would leave its process idle in between
+    gc.collect()  # otherwise an unused engine of an earlier test could leave its process idle later
     monkeypatch.setattr(child_process, "_idle", {})
     engine = IsolatedEngine("native", lump(SCENE))
     first, other = process_of(engine), process_of(IsolatedEngine("native", lump(SCENE)))
@@ -181,11 +187,11 @@ def test_the_process_of_an_engine_serves_the_next_one_and_no_other_at_the_same_t
     assert engine.n == lump(longer).n
 
 
-def test_what_a_process_printed_for_an_engine_is_not_that_of_the_next_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_printed_for_one_engine_are_not_those_of_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(child_process, "_idle", {})
     engine = IsolatedEngine("native", lump(SCENE))
-    engine._call("print", print, "Error: of the first", flush=True)
-    assert engine.stderr_errors == ["of the first"]
+    engine._call("print", print, "Error: first", flush=True)
+    assert engine.stderr_errors == ["first"]
     process = process_of(engine)
     del engine
     engine = IsolatedEngine("native", lump(SCENE))
@@ -193,7 +199,7 @@ def test_what_a_process_printed_for_an_engine_is_not_that_of_the_next_one(monkey
     assert engine.stderr_errors == []
 
 
-def test_a_waiting_process_is_given_to_one_engine_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_idle_process_serves_one_engine_only(monkeypatch: pytest.MonkeyPatch) -> None:
     gc.collect()
     monkeypatch.setattr(child_process, "_idle", {})
     engine = IsolatedEngine("native", lump(SCENE))
@@ -204,25 +210,25 @@ def test_a_waiting_process_is_given_to_one_engine_only(monkeypatch: pytest.Monke
 
 
 def test_a_call_in_time_leaves_the_process_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its timer is started before the call, and stopped after it."""
-    told: list[str] = []
+    """Its timer starts before the call and stops after it."""
+    calls: list[str] = []
 
     class Watched:
         daemon = False
 
         def __init__(self, seconds: float, _: object) -> None:
-            told.append(f"{seconds:g} s")
+            calls.append(f"{seconds:g} s")
 
         def start(self) -> None:
-            told.append("started")
+            calls.append("started")
 
         def cancel(self) -> None:
-            told.append("stopped")
+            calls.append("stopped")
 
     monkeypatch.setattr(child_process, "Timer", Watched)
     child = child_process.ChildProcess()
     assert child.call("number", 60.0, os.getpid) == child.process.pid
-    assert told == ["60 s", "started", "stopped"]
+    assert calls == ["60 s", "started", "stopped"]
 
 
 def test_a_process_that_died_while_it_waited_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -254,12 +260,12 @@ engine.integrate(scene)
 """
 
 
-def test_the_process_ends_with_one_that_is_killed() -> None:
+def test_the_process_ends_if_its_parent_is_killed() -> None:
     here = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     parent = subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE, text=True, env=here)
     assert parent.stdout is not None
     child = int(parent.stdout.readline())
-    time.sleep(0.3)  # it is in the middle of a run of a thousand seconds
+    time.sleep(0.3)  # it is computing a run of 1000 s
     assert alive(child)
     parent.kill()
     parent.wait()

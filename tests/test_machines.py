@@ -1,4 +1,4 @@
-"""The list of machines does not rot, and its runner tells what fails from what cannot be."""
+"""The list of machines fits the tests, and its runner distinguishes failures from impossible machines."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from machines.run import FILE, Machine, flags, is_already, missing, run_as, sele
 from numba.core.registry import cpu_target
 
 from flexlink.kernels.tools.machine_code import DiskCache
-from tests.words import refused
+from tests.words import refused, reviewed
 
 
-def test_machines_have_names_of_their_own_and_name_tests_that_exist() -> None:
+def test_machines_have_unique_names_and_list_tests_that_exist() -> None:
     assert len({machine.name for machine in FILE.machine}) == len(FILE.machine)
     tests = {*FILE.everywhere, *(file for machine in FILE.machine for file in (*machine.files, *machine.without))}
     for file, _, name in (test.partition("::") for test in tests):
@@ -25,9 +25,14 @@ def test_machines_have_names_of_their_own_and_name_tests_that_exist() -> None:
     assert any(machine.quick for machine in FILE.machine)
 
 
-def test_what_this_computer_cannot_be_is_told() -> None:
-    assert "no vax" in missing(Machine("vax", "old", needs=frozenset({"vax"})))
-    assert "python2.99 is not installed" in missing(Machine("new", "new", python="python2.99"))
+def test_machines_that_this_computer_cannot_be_are_reported() -> None:
+    machines = {
+        "vax": Machine("vax", "old", needs=frozenset({"vax"})),
+        "python2.99": Machine("new", "new", python="python2.99"),
+    }
+    for name, machine in machines.items():
+        assert name in missing(machine)
+        reviewed("machines: missing", missing(machine))
     assert missing(Machine("here", "this one")) == ""
     assert not is_already(Machine("here", "this one"))
     assert not is_already(Machine("new", "new", needs=frozenset({"vax"}), best=True))
@@ -37,7 +42,7 @@ def test_what_this_computer_cannot_be_is_told() -> None:
 
 
 @pytest.mark.slow
-def test_a_machine_s_failure_is_told(tmp_path, monkeypatch, capsys) -> None:
+def test_the_failure_of_a_machine_is_reported(tmp_path, monkeypatch, capsys) -> None:
     file = tmp_path / "test_env.py"
     file.write_text("import os\ndef test_it(): assert os.environ.get('BAD') is None\n", encoding="utf-8")
     good, bad = Machine("good", "-", files=(str(file),)), Machine("bad", "-", env={"BAD": "1"}, files=(str(file),))
@@ -50,7 +55,7 @@ def test_a_machine_s_failure_is_told(tmp_path, monkeypatch, capsys) -> None:
 
 
 @pytest.mark.slow
-def test_few_fast_tests_are_quick_and_asserts_of_flexlink_alone_are_optimised_away(tmp_path) -> None:
+def test_quick_runs_few_fast_tests_and_removes_only_the_asserts_of_flexlink(tmp_path) -> None:
     file = tmp_path / "test_it.py"
     file.write_text(
         "import subprocess, sys, pytest, flexlink\n"
@@ -68,22 +73,22 @@ def test_few_fast_tests_are_quick_and_asserts_of_flexlink_alone_are_optimised_aw
 
 
 class TestNoise:
-    """Linear algebra as another CPU might round it: as well as this one, and the same for the same input."""
+    """Linear algebra as another CPU might round it: equally accurate, and the same for the same input."""
 
-    def test_numbers_that_were_never_rounded_stay(self, rng: np.random.Generator) -> None:
+    def test_exact_numbers_do_not_change(self, rng: np.random.Generator) -> None:
         exact = np.array([0.0, 1.0, -2.5, 1024.0, np.inf])
         np.testing.assert_array_equal(noise.moved(exact, noise.OUT, rng), exact)
         np.testing.assert_array_equal(noise.as_elsewhere(np.linalg.solve)(np.eye(3), exact[:3]), exact[:3])
         assert noise.as_elsewhere(np.linalg.norm)([3.0, 4.0]) == 5.0
 
-    def test_others_move_by_two_eps_and_by_the_same_for_the_same_input(self, rng: np.random.Generator) -> None:
+    def test_rounded_numbers_change_by_two_eps_and_always_equally(self, rng: np.random.Generator) -> None:
         A, b = rng.normal(size=(2, 30, 30)), rng.normal(size=(2, 30, 1))
         solve = noise.as_elsewhere(np.linalg.solve)
         np.testing.assert_array_equal(solve(A, b), solve(A.copy(), b.copy()))
         assert (solve(A, b) != np.linalg.solve(A, b)).mean() > 0.9
         x = noise.moved(A, noise.OUT, rng)
         assert (x != A).mean() > 0.5
-        assert (np.abs(x - A) <= 2 * noise.EPS * np.abs(A) * 1.5).all()  # and half an ulp, of rounding the product
+        assert (np.abs(x - A) <= 2 * noise.EPS * np.abs(A) * 1.5).all()  # and half an ulp for the product
 
     def test_decompositions_stay_decompositions(self, rng: np.random.Generator) -> None:
         A = rng.normal(size=(6, 6))
@@ -98,7 +103,7 @@ class TestNoise:
         assert (np.diff(w) >= 0).all()
         assert (np.diff(s) <= 0).all()
 
-    def test_what_no_norm_fixes_is_drawn(self, rng: np.random.Generator) -> None:
+    def test_signs_of_eigenvectors_and_order_of_eigenvalues_are_random(self, rng: np.random.Generator) -> None:
         eigh, eigvals = noise.as_elsewhere(np.linalg.eigh), noise.as_elsewhere(np.linalg.eigvals)
         several = [A + A.T for A in rng.normal(size=(20, 4, 4))]
         turned = [np.sign((eigh(A)[1] * np.linalg.eigh(A)[1]).sum(axis=0)) for A in several]
@@ -106,7 +111,7 @@ class TestNoise:
         assert any(np.abs(eigvals(A) - np.linalg.eigvals(A)).max() > 0.1 for A in several)
 
     @pytest.mark.slow
-    def test_a_test_that_hangs_on_the_last_place_fails(self, tmp_path) -> None:
+    def test_a_test_that_depends_on_the_last_bit_fails(self, tmp_path) -> None:
         file = tmp_path / "test_it.py"
         file.write_text(
             "from numpy.linalg import norm\n"
@@ -118,10 +123,10 @@ class TestNoise:
         assert run_as(noisy, noisy.files, ()).counts == "1 failed, 1 passed"
 
 
-def test_machine_code_on_disk_is_kept_apart_by_cpu() -> None:
-    """Or a CPU without AVX would run, or be handed, another one's code."""
+def test_every_cpu_has_another_file_of_machine_code() -> None:
+    """Otherwise a CPU without AVX could run the code of another one."""
 
-    cache = DiskCache(SimpleNamespace(py_func=test_what_this_computer_cannot_be_is_told))
+    cache = DiskCache(SimpleNamespace(py_func=test_machines_that_this_computer_cannot_be_are_reported))
     here = cpu_target.target_context.codegen().magic_tuple()
     others = [here, ("x86_64", "generic", ""), ("x86_64", "generic", "+avx"), ("x86_64", "znver4", "")]
     assert len({cache._file((), cpu) for cpu in others}) == len(others)

@@ -1,4 +1,4 @@
-"""The study's judges agree with textbooks and with themselves before they judge anything."""
+"""The independent references of the study agree with textbooks and with each other."""
 
 from pathlib import Path
 
@@ -48,7 +48,7 @@ def test_the_50_digit_chain_is_the_textbook_double_pendulum():
 
 
 def test_spatial_vectors_about_one_point_give_the_numbers_of_projected_newton_euler(rng):
-    """Two judges that share no recursion: rounded once, they differ by the rounding of a tie at most."""
+    """These two references share no recursion; rounded to float64, they differ by one rounding at most."""
     arm = fl.load_scene(ROOT / "models" / "t3_spatial.toml").varied({"link.*.segments": 2})
     chain = fl.lump(arm)
     q, qd, tau = rng.normal(size=(3, chain.n))
@@ -61,8 +61,8 @@ def test_spatial_vectors_about_one_point_give_the_numbers_of_projected_newton_eu
 
 
 @pytest.mark.parametrize("name", ["RK4", "DOP853", "Gauss4", "Radau5", "Radau9"])
-def test_runge_kutta_in_many_digits_carries_an_oscillator_on_by_the_stability_function(name):
-    """q̈ = −q: q + i p turns by R(−ih) a step, explicit or implicit."""
+def test_runge_kutta_in_many_digits_multiplies_an_oscillator_by_the_stability_function(name):
+    """q̈ = −q: every step, explicit or implicit, multiplies q + i p by R(−ih)."""
     with mp.workdps(DIGITS):
         q, p = exact_runge_kutta.integrate(lambda q, _: [-q[0]], method(name), ([mpf(1)], [mpf(0)]), mpf("0.5"), 1)
     R = complex(stability_function(method(name), np.array([-0.5j]))[0])
@@ -70,7 +70,7 @@ def test_runge_kutta_in_many_digits_carries_an_oscillator_on_by_the_stability_fu
     assert float(p[0]) == pytest.approx(R.imag, abs=1e-14)
 
 
-def test_stages_that_are_not_found_are_an_error():
+def test_stages_that_do_not_converge_are_an_error():
     with mp.workdps(DIGITS), refused(ArithmeticError, "test-oracles"):
         exact_runge_kutta.integrate(lambda q, _: [-q[0]], method("Radau5"), ([mpf(1)], [mpf(0)]), mpf(50), 1)
 
@@ -81,7 +81,7 @@ def test_the_50_digit_chain_refuses_axes_that_are_not_parallel():
         PlanarChain(chain)
 
 
-def test_the_predicted_energy_loss_is_what_the_method_does_to_one_oscillator():
+def test_the_predicted_energy_loss_is_that_of_one_oscillator():
     ω, h, steps = 700.0, 1e-3, 200  # ω h = 0.7
     A, b, _ = method("RK4").arrays
     z = 1j * ω * h
@@ -99,21 +99,23 @@ def test_the_release_of_a_straight_arm_gives_its_modes_the_energy_of_the_static_
     assert E.sum() == pytest.approx(0.5 * load @ (load / chain.stiffness), rel=1e-12, abs=0)
 
 
-# --- what they share -------------------------------------------------------------------------------------------------
+# --- shared code -----------------------------------------------------------------------------------------------------
+
+DATA = ("flexlink.chain.chain", "flexlink.describe.schemes.methods")
+"""Modules that references may import: numbers of a chain, coefficients of a method."""
 
 
-def test_every_oracle_says_what_it_shares_and_imports_no_algorithm_of_the_library() -> None:
+def test_every_independent_reference_is_listed_and_imports_no_algorithm_of_the_library() -> None:
     judges = oracles.judges()
     files = {path.stem for path in oracles.ORACLES.glob("*.py")} - {"__init__"}
     assert {file for judge in judges for file in judge.files} == files
-    data = {"flexlink.chain.chain", "flexlink.describe.schemes.methods"}  # numbers of a chain, coefficients of a method
     for judge in judges:
-        assert set(judge.imports) <= data, judge.name
+        assert set(judge.imports) <= set(DATA), judge.name
 
 
-def test_imports_are_found_through_other_oracles() -> None:
-    assert "flexlink.chain.chain" in oracles.imports_of("common_origin")
-    assert "flexlink.describe.schemes.methods" in oracles.imports_of("exact_runge_kutta")
+@pytest.mark.parametrize(("oracle", "data"), [*zip(("common_origin", "exact_runge_kutta"), DATA, strict=True)])
+def test_indirect_imports_are_found(oracle: str, data: str) -> None:
+    assert data in oracles.imports_of(oracle)
 
 
 # --- beams and bodies ------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Every block of code on every page runs as written, README included; its tables are those of the stored study."""
+"""Every block of code on every page runs as written; the tables of the README are those of the stored study."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from flexlink.robots.collection import folder
 from tests.words import refused
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("[ehs]*/*.md"))]
+PLACEHOLDER = re.compile(r"<!-- (?:folded|output|picture|table)")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -42,7 +43,7 @@ def test_a_page_runs_from_its_first_block_to_its_last(path: Path, tmp_path: Path
     work.mkdir()
     snippets.prepare(work)
     shown = snippets.filled(name_of(path), text, work, tmp_path / "pictures")
-    assert not re.findall(r"<!-- (?:folded|output|picture|table)", shown), "every result is put in"
+    assert not PLACEHOLDER.findall(shown), "all results are inserted"
 
 
 def test_a_page_whose_command_fails_is_noticed(tmp_path: Path) -> None:
@@ -51,22 +52,23 @@ def test_a_page_whose_command_fails_is_noticed(tmp_path: Path) -> None:
         snippets.filled("page", text, tmp_path, tmp_path)
 
 
-def test_code_of_a_page_sees_what_came_before_it(tmp_path: Path) -> None:
+def test_code_of_a_page_sees_earlier_code_and_files(tmp_path: Path) -> None:
     file = "```toml\n# file: a.toml\nb = 1\n```\n"
     text = f"```python\nx = 2\n```\n\n{file}\n```python\nprint(x, open('a.toml').read())\n```\n<!-- output -->\n"
-    assert "```text\n2 # file: a.toml\nb = 1" in snippets.filled("page", text, tmp_path, tmp_path)
+    shown = "```text\n2 # file: a.toml\nb = 1"
+    assert shown in snippets.filled("page", text, tmp_path, tmp_path)
 
 
-def test_code_can_be_folded_below_what_it_gives(tmp_path: Path) -> None:
+def test_code_can_be_folded_below_its_output(tmp_path: Path) -> None:
     code = "```python\nprint('| a |')\n```\n\n"
     shown = snippets.filled("page", f"{code}<!-- folded table -->\n{code}<!-- folded -->\n", tmp_path, tmp_path)
-    first, second, third = shown.split(":::{dropdown} The code\n```python\n")
+    first, second, third = re.split(r":::\{dropdown\} .*\n```python\n", shown)
     assert first == "| a |\n\n"
     assert second == f"{third}\n"
     assert third == "print('| a |')\n```\n:::\n"
 
 
-def test_a_build_that_runs_no_code_says_so_in_place_of_every_result() -> None:
+def test_a_build_without_code_shows_one_note_instead_of_results() -> None:
     code = "```python\nprint(1)\n```\n"
     shown = snippets.unrun(f"{code}<!-- output -->\n\n{code}\n{code}<!-- folded -->\n")
     assert shown.count(snippets.UNRUN) == 1

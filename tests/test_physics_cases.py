@@ -1,4 +1,4 @@
-"""The physics cases: sweeps, benchmark scenes, inputs, references, MuJoCo's side, and what the report makes of them."""
+"""The physics cases: sweeps, benchmark scenes, inputs, references, runs in MuJoCo, and findings of the report."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexlink.kernels.inputs.drive_torque import drive_torque
 from flexlink.motion.inputs.drives import drive_arrays
 from reports.findings import physics_choice, physics_price
 from reports.results import Results
-from tests.words import refused
+from tests.words import refused, reviewed
 from validation import reference_values
 from validation.case import STUDY_SCENES, load_cases
 from validation.facts import in_words
@@ -25,6 +25,9 @@ from validation.physics.hinge_sweep import Need, Point, Sweep, order, report
 from validation.physics.variant import Rule, Variant, existing
 from validation.store import Environment, Row, Series, Store
 
+NEEDED, NOT_ENOUGH, FEWEST = "hinges needed", "hinges not enough", "fewest hinges: need"
+MARGIN = "order − lower bound"
+CLAMPED, FREE_JOINT = "clamped, mode 1 within 1 %", "free joint, mode 1 within 1 %"
 CASES = {case.name: case for case in load_cases("physics_*")}
 SCENES = sorted(path.stem for path in STUDY_SCENES.glob("*.toml"))
 SOURCES = [path for folder in ("validation/cases", "validation/kinds", "validation/physics") for path in
@@ -45,20 +48,20 @@ def test_the_fitted_order_of_a_power_law_is_its_power(power):
     assert order({n: 3.0 * n**-power for n in (5, 7, 12)}) == pytest.approx(power, rel=1e-12)
 
 
-def test_hinges_needed_are_those_from_which_on_the_error_stays_within():
+def test_the_hinges_needed_are_the_fewest_beyond_which_the_error_stays_small():
     errors = {"lucky": {2: 0.5, 3: 0.001, 4: 0.3, 5: 0.001, 6: 0.0005}, "poor": {2: 0.5, 9: 0.2}}
     found = rows(Sweep(rules={}, needs=(Need(name="need", measures=("tip",), within=0.01),)), errors)
-    assert found["hinges needed", "lucky, need"] == 5  # 3 was luck
-    assert found["hinges not enough", "poor, need"] == 9
-    assert found["fewest hinges: need", ""] == 5
+    assert found[NEEDED, "lucky, need"] == 5  # 3 meets it by chance
+    assert found[NOT_ENOUGH, "poor, need"] == 9
+    assert found[FEWEST, ""] == 5
 
 
-def test_an_order_is_judged_by_its_lower_bound_without_errors_of_rounding_and_lucky_ones():
+def test_a_fitted_order_ignores_rounding_errors_and_lucky_ones():
     lucky = {4: 4**-4.0, 8: 1e-9, 16: 16**-4.0, 32: 32**-4.0, 64: 1e-13, 128: 3e-13}  # 8: a change of sign
     sweep = Sweep(rules={}, least={"tip": {"lobatto4": 3.8}}, rounding={"tip": 1e-12}, fitted=4)
     found = rows(sweep, {"lobatto4": lucky})
     assert found["fitted order", "lobatto4, tip"] == pytest.approx(4)
-    assert found["order − lower bound", "lobatto4, tip"] == pytest.approx(0.2)
+    assert found[MARGIN, "lobatto4, tip"] == pytest.approx(0.2)
     with_all = rows(Sweep(rules={}, fitted=6), {"lobatto4": lucky})
     assert abs(with_all["fitted order", "lobatto4, tip"] - 4) > 1
     with refused(DataFileError, "test-physics-cases"):
@@ -69,7 +72,7 @@ def test_an_order_is_judged_by_its_lower_bound_without_errors_of_rounding_and_lu
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_every_benchmark_scene_is_named_as_its_file_and_used(name):
+def test_every_benchmark_scene_has_the_name_of_its_file_and_is_used(name):
     assert fl.load_scene(STUDY_SCENES / f"{name}.toml").name == name
     assert any(name in case.scenes for case in load_cases("*"))
 
@@ -83,7 +86,7 @@ DEVICES = {
     "constant_damping", "rigidity_tables", "satellite", "saturation", "sensor_readings", "step_response",
     "without_length",
 }  # fmt: skip
-"""Kinds of what no engine has, judged by oracles of their own."""
+"""Kinds of cases that no other engine can run: independent references check them."""
 
 
 @pytest.mark.parametrize(
@@ -109,7 +112,7 @@ def test_a_variant_cuts_every_flexible_link_by_the_rule():
 
 
 @pytest.mark.parametrize(("name", "key"), [("physics_spin_up", "input"), ("physics_elastica", "loads")])
-def test_an_input_or_a_load_that_does_not_exist_is_answered_with_those_that_do(name, key):
+def test_an_unknown_input_or_load_is_refused(name, key):
     case = CASES[name]
     kind = KINDS[case.kind]
     with refused(fl.errors.ArgumentError, "unknown-name"):
@@ -117,7 +120,7 @@ def test_an_input_or_a_load_that_does_not_exist_is_answered_with_those_that_do(n
 
 
 @pytest.mark.parametrize("keys", [("no_such_file",), ("critical_loads", "no such key")])
-def test_a_reference_that_does_not_exist_is_named_with_those_that_do(keys):
+def test_an_unknown_reference_is_refused(keys):
     with refused(DataFileError, "test-physics-cases"):
         reference_values.look_up(*keys)
 
@@ -125,7 +128,7 @@ def test_a_reference_that_does_not_exist_is_named_with_those_that_do(keys):
 # --- inputs by formula -----------------------------------------------------------------------------------------------
 
 
-def test_the_torque_pulse_is_its_formula_within_a_micronewtonmetre():
+def test_the_torque_pulse_is_its_formula_to_2_micronewton_metres():
     scene = formulas.torque_pulse(fl.load_scene(STUDY_SCENES / "torque_pulse.toml"))
     chain = fl.lump(scene)
     drive, q, tau = drive_arrays(scene, chain), np.zeros(chain.n), np.zeros(chain.n)
@@ -148,19 +151,23 @@ def row(quantity, value, **varied):
 
 def test_the_choice_of_rules_is_computed_from_the_rows(tmp_path):
     stored = (
-        row("hinges needed", 4.0, rule="gauss", need="clamped, mode 1 within 1 %"),
-        row("hinges not enough", 100.0, rule="paper", need="clamped, mode 1 within 1 %"),
-        row("hinges needed", 4.0, rule="paper", need="free joint, mode 1 within 1 %"),
-        row("hinges needed", 6.0, rule="gauss", need="free joint, mode 1 within 1 %"),
+        row(NEEDED, 4.0, rule="gauss", need=CLAMPED),
+        row(NOT_ENOUGH, 100.0, rule="paper", need=CLAMPED),
+        row(NEEDED, 4.0, rule="paper", need=FREE_JOINT),
+        row(NEEDED, 6.0, rule="gauss", need=FREE_JOINT),
         row("stable step of RK4", 3e-3, rule="gauss", hinges=10),
         row("stable step of RK4", 5e-4, rule="legendre", hinges=10),
     )
     (finding,) = physics_choice.find(Results(stored, Environment(), Store(tmp_path)))
-    text = " ".join(finding.sentences)
-    assert "gauss meets 2 of the 2 needs it was tried on, with at most 6 hinges" in text
-    assert re.search(r"own layout is enough.*free joint, mode 1 within 1 % \(4\)", text)
-    assert "misses 1 of 2 needs" in text
-    assert "6 times smaller" in text
+    numbers = {text: re.findall(r"(?<![\w.])\d+", text) for text in finding.sentences}
+    (gauss,) = (text for text in numbers if "gauss" in text and "legendre" not in text)
+    assert numbers[gauss] == ["2", "2", "6"]
+    (enough,) = (text for text in numbers if f"{FREE_JOINT} (4)" in text)
+    assert CLAMPED not in enough
+    assert ["1", "2"] in numbers.values()  # needs that the paper's layout misses
+    (steps,) = (text for text in numbers if "legendre" in text)
+    assert "6" in numbers[steps]
+    reviewed("physics cases: choice of rules", "\n".join(finding.sentences))
     assert finding.lines[0][1] == "> 100"
 
 
@@ -172,4 +179,6 @@ def test_steps_of_other_cases_are_not_prices_of_rules(tmp_path):
     )
     (finding,) = physics_price.find(Results(stored, Environment(), Store(tmp_path)))
     assert [line[0] for line in finding.lines] == ["gauss", "legendre"]
-    assert "legendre takes 6 times as many" in finding.sentences[0]
+    (text,) = finding.sentences
+    assert re.findall(r"\d+", text.partition("legendre")[2]) == ["6"]
+    reviewed("physics cases: price of rules", text)

@@ -1,4 +1,4 @@
-"""The report's price list: fronts hold what no other run beats, prices are the cheapest of each, losses are told."""
+"""The report's price list: fronts contain unbeaten runs, prices are the cheapest of each program, losses are shown."""
 
 from __future__ import annotations
 
@@ -11,11 +11,16 @@ from studies import row, stored
 
 from reports.figures import trade_fronts
 from reports.findings import trade_prices
-from reports.prices import OURS, Price, Run, front, prices, works
+from reports.prices import BEYOND, OURS, Price, Run, front, prices, works
 from reports.results import Results
+from tests.words import reviewed
 from validation.store import Row, Series, Store, table
 
-RUNS = (  # contestant and method, setting, tip, seconds, deflection, evaluations
+TITLE = "arm: it moves"
+TIP, DEFLECTION = "error of the tip", "error of the deflection"
+RATIO, ON_FRONT = "cheapest other / flexlink", "on its front, tip"
+BY_ORDER = BEYOND["Beyond"]
+RUNS = (  # program and method, setting, tip error, seconds, deflection error, evaluations
     ("Radau5", 1e-2, 5e-3, 1e-3, 5e-2, 100),
     ("Radau5", 1e-3, 5e-5, 4e-3, 5e-4, 400),
     ("RK4 at its limit", 1e-4, 5e-5, 3e-3, 5e-4, 900),
@@ -48,7 +53,7 @@ ROWS = (
 
 def study(tmp_path: Path, *more: Row) -> Results:
     folder = stored(tmp_path / "results", *ROWS, *more)
-    series = Series("work", "arm: it moves", table(COLUMNS, RUNS), "error", "error", "CPU time [s]", scene="arm")
+    series = Series("work", TITLE, table(COLUMNS, RUNS), "error", "error", "CPU time [s]", scene="arm")
     Store(folder).add_series("trade", series)
     return Results.read(folder)
 
@@ -57,41 +62,42 @@ def run(error: float, seconds: float) -> Run:
     return Run(OURS, "RK4", 0.0, seconds, 1, {"error": error})
 
 
-def test_a_front_holds_the_runs_that_no_other_beats_in_both() -> None:
+def test_a_front_contains_the_runs_that_no_other_beats_in_error_and_time() -> None:
     best = [run(1e-8, 5.0), run(1e-5, 2.0), run(1e-2, 1.0)]
     beaten = [run(1e-5, 3.0), run(1e-4, 2.0), run(1e-1, 1.5)]
     assert front([*beaten, *best], "error") == best
 
 
-def test_ours_is_the_cheapest_run_that_met_the_error_and_others_have_what_the_study_grants_them(tmp_path: Path) -> None:
+def test_the_price_is_the_cheapest_run_for_flexlink_and_the_estimate_of_the_study_for_others(tmp_path: Path) -> None:
     results = study(tmp_path)
     ((case, series),) = works(results)
     assert prices(results, case, series, "error", 1e-4) == {
-        OURS: Price(3.0, "RK4"), "MuJoCo": Price(90.0, "Euler", "by its order"), "Pinocchio": Price(2.0, "Radau"),
+        OURS: Price(3.0, "RK4"), "MuJoCo": Price(90.0, "Euler", BY_ORDER), "Pinocchio": Price(2.0, "Radau"),
     }  # fmt: skip
     assert prices(results, case, series, "error", 1e-2)["MuJoCo"] == Price(1.5, "Euler")
     assert OURS not in prices(results, case, series, "error", 1e-6)
 
 
-def test_the_list_has_wins_losses_and_where_flexlink_does_not_get_to(tmp_path: Path) -> None:
+def test_the_list_has_wins_losses_and_errors_that_flexlink_does_not_reach(tmp_path: Path) -> None:
     (finding,) = trade_prices.find(study(tmp_path))
-    assert "flexlink is the cheapest in 1 of 2 combinations of scene and error." in finding.sentences
-    assert "Another program is cheaper in 1: arm at 10⁻⁴ (0.67 × flexlink’s time)." in finding.sentences
-    assert "flexlink does not reach the error within the study's time budget: arm at 10⁻⁶." in finding.sentences
+    parts = {"wins": ("1 of 2",), "losses": ("arm", "10⁻⁴", "0.67 ×"), "out of reach": ("arm", "10⁻⁶")}
+    for what, each in parts.items():
+        (text,) = (text for text in finding.sentences if all(part in text for part in each))
+        reviewed(f"prices: {what}", text)
     lines = [dict(zip(finding.heads, line, strict=True)) for line in finding.lines]
-    assert [line["error of the tip"] for line in lines] == [1e-2, 1e-4, 1e-6]
-    assert [line["cheapest other / flexlink"] for line in lines] == [1.5, pytest.approx(2 / 3), None]
-    assert (lines[1]["MuJoCo [ms]"], lines[1]["MuJoCo by"]) == (90.0, "Euler (by its order)")
+    assert [line[TIP] for line in lines] == [1e-2, 1e-4, 1e-6]
+    assert [line[RATIO] for line in lines] == [1.5, pytest.approx(2 / 3), None]
+    assert (lines[1]["MuJoCo [ms]"], lines[1]["MuJoCo by"]) == (90.0, f"Euler ({BY_ORDER})")
     assert lines[0]["Pinocchio [ms]"] is None
 
 
-def test_every_scene_has_its_fronts_of_tip_and_deflection_and_all_runs_in_the_csv(tmp_path: Path) -> None:
+def test_every_scene_has_two_fronts_and_all_runs_in_the_csv(tmp_path: Path) -> None:
     (picture,) = trade_fronts.draw(study(tmp_path))
-    assert picture.title == "arm: it moves"
+    assert picture.title == TITLE
     tip, bend = picture.figure.axes
-    assert (tip.get_xlabel(), bend.get_xlabel()) == ("error of the tip [1]", "error of the deflection [1]")
+    assert (tip.get_xlabel(), bend.get_xlabel()) == (f"{TIP} [1]", f"{DEFLECTION} [1]")
     lines = {line.get_label(): line.get_xdata().tolist() for line in tip.lines if line.get_linestyle() == "-"}
     assert lines == {OURS: [5e-5, 5e-3], "MuJoCo": [5e-3], "Pinocchio": [1e-5]}
     table = list(csv.DictReader(io.StringIO(picture.csv)))
     assert len(table) == len(RUNS)
-    assert [line["on its front, tip"] for line in table] == ["yes", "", "yes", "yes", "yes"]
+    assert [line[ON_FRONT] for line in table] == ["yes", "", "yes", "yes", "yes"]

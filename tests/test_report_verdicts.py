@@ -1,8 +1,9 @@
-"""Verdicts of a report on accuracy, cost, measurements and other programs, from runs and differences that are known."""
+"""Verdicts of a report on accuracy, cost, measurements and other programs, from known runs and differences."""
 
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import ROOT
-from test_report_numbers import PARTS, G, bar_of, made, numbers, said, table, three, told
+from test_report_numbers import PARTS, G, bar_of, check_sentence, made, numbers, table, three
 
 import flexlink as fl
 from flexlink.advice.model_runner import Outcome, Stepping
@@ -19,8 +20,10 @@ from flexlink.pages.part import Part
 from flexlink.results.convergence import Limit
 from flexlink.scene_report.refinement import Choice
 from flexlink.scene_report.study import Study
+from tests.words import reviewed
 
 Array = np.ndarray
+MISTAKE = "gravity has the wrong sign"
 MOVE = fl.load_scene(ROOT / "models" / "ptp_move.toml").varied({"run.duration": 0.6, "run.step": 1e-3})
 
 
@@ -38,7 +41,7 @@ CHOICES = [
 
 @pytest.fixture
 def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Part]:
-    """The chapter of a scene of a second, whose tip travels a metre, its errors as they are given."""
+    """Make the chapter of a scene that lasts 1 s and whose tip travels 1 m, with given errors."""
 
     def of(error: float = 2e-3, steps: float = 1e-4, hinges: int | None = 1, **more: Any) -> Part:
         scene = SimpleNamespace(run=SimpleNamespace(controlled=more.get("controlled", False), duration=1.0))
@@ -57,19 +60,24 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Part]:
 
 
 class TestAccuracy:
-    def test_errors_have_their_share_of_the_travel_their_order_and_how_well_they_are_known(self, judged: Any) -> None:
+    def test_errors_are_shown_with_share_of_the_travel_order_and_uncertainty(self, judged: Any) -> None:
         part = judged()
-        assert told(part, "Tip error from the number of hinges: ") == [2.0, 0.002, 2.0, 0.25]
-        assert said(part, "Tip error from the time steps: ") == "0.1 mm, measured against a run with half the step"
-        assert said(judged(steps=5e-5), "Tip error from the time steps: ").startswith("50 µm")
-        assert "a tenth of the tolerance" in said(judged(controlled=True), "Tip error from the time steps: ")
+        check_sentence(part, "report verdicts: error of the hinges", [2.0, 0.002, 2.0, 0.25], rel=1e-12)
+        steps = "report verdicts: error of the steps"
+        check_sentence(part, steps, [0.1], "0.1 mm", rel=1e-12)
+        check_sentence(judged(steps=5e-5), steps, [50.0], "50 µm", rel=1e-12)
+        with_tolerance = check_sentence(judged(controlled=True), steps, [0.1], "0.1 mm", rel=1e-12)
+        assert with_tolerance not in part.sentences  # it names the tolerance of that run, not its step
         assert [(v.about, v.state, numbers(v.word)) for v in part.verdicts][1] == ("Cost", "info", [0.1])
-        assert numbers(part.verdicts[1].text) == told(part, "CPU time on this machine: ")[1:] == [10.0]  # 1 s in 0.1 s
+        assert numbers(part.verdicts[1].text) == [10.0]  # 1 s in 0.1 s
+        check_sentence(part, "report verdicts: cost and alternatives", [0.1, 10.0], rel=1e-12)
 
-    def test_the_best_of_the_cheaper_and_the_cheapest_of_the_better_choices_are_named(self, judged: Any) -> None:
+    def test_the_best_cheaper_and_the_cheapest_better_choice_are_named(self, judged: Any) -> None:
         part = judged()
-        assert said(part, "Best cheaper choice: ") == "cheap and good (20 ms, tip error 3 mm)"
-        assert said(part, "Cheapest more accurate choice: ") == "dear and good (0.5 s, tip error 1 mm)"
+        values = ("cheap and good", "20 ms", "3 mm", "dear and good", "0.5 s", "1 mm")
+        text = check_sentence(part, "report verdicts: cost and alternatives", [20.0, 3.0, 0.5, 1.0], *values, rel=1e-12)
+        assert [text.index(each) for each in values] == sorted(text.index(each) for each in values)
+        assert [one.label for one in CHOICES if one.label in text] == [values[0], values[3]]
         lines = table(part, "choices")
         assert [lines[h][1] for h in ("tip error [m]", "CPU time [s]", "× real time")] == [3e-3, 0.02, 50.0]
         assert lines["remark"][3] == "fell"
@@ -78,31 +86,32 @@ class TestAccuracy:
         ("about", "state"),
         [
             ({"error": 3e-3}, "pass"),
-            ({"error": 3e-2}, "doubt"),  # of a metre: a hundredth is allowed
+            ({"error": 3e-2}, "doubt"),  # the limit is 1 % of 1 m
             ({"error": 3e-3, "warnings": ("unstable step",)}, "doubt"),
             ({"error": np.nan}, "doubt"),
-            ({"error": 3e-2, "steps": 3e-3, "hinges": None}, "pass"),  # rigid: only steps are off
+            ({"error": 3e-2, "steps": 3e-3, "hinges": None}, "pass"),  # rigid links: only steps have an error
             ({"error": 3e-3, "steps": 3e-2, "hinges": None}, "doubt"),
         ],
     )
-    def test_a_model_passes_that_is_off_by_a_hundredth_and_was_not_warned(
+    def test_a_model_passes_with_an_error_below_one_percent_and_no_warnings(
         self, judged: Any, about: dict[str, Any], state: str
     ) -> None:
         assert judged(**about).verdicts[0].state == state
 
-    def test_an_error_that_is_not_known_is_not_told_but_until_when_it_would_be(self, judged: Any) -> None:
+    def test_a_report_names_the_duration_up_to_which_an_unknown_error_is_known(self, judged: Any) -> None:
         part = judged(error=np.nan, known=False)
-        assert told(part, "Up to ") == [0.25, 1]
-        assert told(part, "more hinges still move the tip by ")[0] == 0.25
-        assert "unknown" in said(judged(steps=np.nan), "Tip error from the time steps")
+        check_sentence(part, "report verdicts: error of the hinges", [0.25, 0.25, 1.0], "0.25 mm", "0.25 s", rel=1e-12)
+        of_steps = judged(steps=np.nan).sentences[1]
+        assert "unknown" in of_steps and not numbers(of_steps)
+        reviewed("report verdicts: error of the steps", of_steps)
 
 
-# what was measured, and what others compute
+# measurements and other programs
 
 
 @pytest.mark.slow
 def test_differences_are_root_mean_squares_and_the_payload_explains_them(tmp_path: Any) -> None:
-    """A bar that falls, filmed with 0.6 kg in place of 0.5 kg, and once after the run."""
+    """A falling bar whose measurements have a payload of 0.6 kg instead of 0.5 kg, and one sample after the run."""
     scene = fl.Scene(
         name="bar", arm=bar_of(0.01, 0.01, 0.5, {"length": 1.0, "flex": "z", "segments": 3}), gravity=(0.0, -G, 0.0),
         initial=fl.InitialState(joint_deg=(0.0,)), drive=fl.Drive(kind="constant", torque=(3.0,)),
@@ -115,25 +124,31 @@ def test_differences_are_root_mean_squares_and_the_payload_explains_them(tmp_pat
     np.savetxt(tmp_path / "film.csv", np.vstack([rows, [1.0, 0.0, 0.0]]), delimiter=",", header=head, comments="")
     study = Study(scene, tmp_path / "film.csv")
     part, run = made("measurements", study), study.run
-    assert told(part, "film.csv: ") == [2, 31, 0, 0.3, 1]
+    check_sentence(part, "report verdicts: samples of a file", [2, 31, 0, 0.3, 1], "film.csv", rel=1e-12)
 
     def off(tip: Array) -> dict[str, Array]:
         return {name: tip[:, k] - y for k, (name, y) in enumerate(seen.items())}
 
     rms = {name: float(np.sqrt(np.mean(e**2))) for name, e in off(run.tip).items()}
     worst = max(rms, key=lambda name: rms[name] / seen[name].std())
-    assert told(part, "RMS difference: ") == three(1e3 * rms[worst], 100 * rms[worst] / np.ptp(seen[worst]))
+    difference = [1e3 * rms[worst], 100 * rms[worst] / np.ptp(seen[worst])]
+    check_sentence(part, "report verdicts: RMS difference", difference, worst.removesuffix(" [m]"))
     assert numbers(part.verdicts[0].word) == three(1e3 * rms[worst])
     lines, largest = table(part, "measured"), [np.abs(e) for e in off(run.tip).values()]
     assert lines["RMS difference"] == pytest.approx(list(rms.values()), rel=1e-6)
     assert lines["largest difference"] == pytest.approx([e.max() for e in largest], rel=1e-6)
     assert lines["at [s]"] == [run.t[e.argmax()] for e in largest]
-    assert max(lines["RMS after fitting"]) < 1e-4 * max(rms.values())
+    fitted = lines["RMS after fitting"]
+    assert max(fitted) < 1e-4 * max(rms.values())
     found = table(part, "numbers")
     assert [found[h][0] for h in ("path", "parameter")] == ["tip.mass", "payload"]
-    assert [found[h][0] for h in ("in the scene", "fitted", "factor")] == pytest.approx([0.5, 0.6, 1.2], rel=1e-5)
-    percent, _, value, _, before, _ = told(part, "Best explanation: payload +")
+    masses = [found[head][0] for head in ("in the scene", "fitted", "factor")]
+    assert masses == pytest.approx([0.5, 0.6, 1.2], rel=1e-5)
+    (text,) = [text for text in part.sentences if "payload" in text and len(numbers(text)) == 6]
+    percent, _, value, _, before, _ = numbers(text)
     assert [percent, value, before] == three(20.0, 0.6, 0.5)
+    without_exponents = re.sub(r"\s×\s10[⁻⁰-⁹¹²³]+", "", text)
+    reviewed("report verdicts: best explanation", without_exponents, values=False)
     left = []
     for path, value in zip(found["path"], found["fitted"], strict=True):  # each tried alone
         again = off(fl.simulate(scene.varied({path: value})).tip)
@@ -167,7 +182,7 @@ class TestOthers:
             (0.3, row(0.0, diverged="fell"), "fail"),
         ],
     )
-    def test_an_engine_agrees_whose_terms_and_run_do(
+    def test_an_engine_agrees_if_its_terms_and_its_run_agree(
         self, monkeypatch: pytest.MonkeyPatch, terms: float, run: RunDifference, state: str
     ) -> None:
         part = self.part(monkeypatch, terms, run)
@@ -178,27 +193,32 @@ class TestOthers:
         assert differences[1:5] == [run.q, run.qd, run.tip, run.explained]
         assert differences[-1] == ("agrees" if run.passed else "DIFFERS")
         assert ("MuJoCo: fell." in part.sentences) == bool(run.diverged)
-        assert "Not compared: drake: free base." in part.sentences
+        (text,) = (text for text in part.sentences if "drake: free base" in text)
+        reviewed("report verdicts: engines not compared", text)
 
-    def test_a_motion_that_amplifies_rounding_proves_little(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        for times, little in ((1 / 3, False), (3.0, True)):
+    def test_a_warning_follows_if_a_motion_amplifies_rounding(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        texts = []
+        for times in (1 / 3, 3.0):
             part = self.part(monkeypatch, 0.1, row(0.0, times * MEANINGFUL_TOLERANCE))
-            assert any("proves little" in sentence for sentence in part.sentences) == little
+            texts.append(part.sentences)
+        (warning,) = set(texts[1]) - set(texts[0])
+        assert not set(texts[0]) - set(texts[1])
+        reviewed("report verdicts: motion that amplifies rounding", warning)
 
-    def test_as_much_of_a_run_is_compared_as_eight_thousand_evaluations_are(self) -> None:
-        """Four a step of 1 ms: two seconds; less where the run is shorter."""
+    def test_eight_thousand_evaluations_limit_the_part_of_a_run_that_is_compared(self) -> None:
+        """Four evaluations per step of 1 ms: 2 s, or less if the run is shorter."""
         affordable = importlib.import_module(f"{PARTS}.agreement")._affordable
         assert affordable(Study(MOVE.varied({"run.duration": 8.0}))) == pytest.approx(2.0)
         assert affordable(Study(MOVE)) == 0.6
 
     @pytest.mark.parametrize("passed", [True, False])
-    def test_another_file_agrees_or_its_first_mistake_that_counts_is_told(
+    def test_another_file_agrees_or_its_first_mistake_that_counts_is_named(
         self, monkeypatch: pytest.MonkeyPatch, passed: bool
     ) -> None:
         class Finding(str):
             __slots__ = ("counts",)
 
-        findings = [Finding(text) for text in ("a hint", "gravity has the wrong sign", "mass")]
+        findings = [Finding(text) for text in ("a hint", MISTAKE, "mass")]
         for one in findings:
             one.counts = one != "a hint"
         rows = [SimpleNamespace(quantity="T_G", error=7.0, joint="fore", passed=passed)]
@@ -206,7 +226,7 @@ class TestOthers:
         monkeypatch.setattr(f"{PARTS}.theirs.compare", lambda *_, **__: SimpleNamespace(diagnoses=[found]))
         part = made("theirs", Study(MOVE, ROOT / "their.xml"))
         assert part.verdicts[0].state == ("pass" if passed else "fail")
-        assert (part.verdicts[0].text == "their.xml: gravity has the wrong sign") == (not passed)
+        assert (part.verdicts[0].text == f"their.xml: {MISTAKE}") == (not passed)
         assert [cells[0] for cells in table(part, "theirs").values()][1:] == [
             7.0,
             "fore",

@@ -1,4 +1,4 @@
-"""Numbers and words that a slip of the pen would change: each is found once more by hand or by a closed form."""
+"""Values that a small mistake in the code would change, checked by hand or by a closed form."""
 
 from __future__ import annotations
 
@@ -33,37 +33,44 @@ from flexlink.results.samples import Steps
 from flexlink.robots.collection import KnownArm
 from flexlink.robots.kinematic_tree import Mimic, Robot
 from reports.measurements import Group
-from tests.words import refused
+from tests.words import line, refused, reviewed
 
 ROD = make_scene(fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)))
 
 
-class TestTold:
-    def test_numbers_are_written_out_where_rounding_adds_a_digit_and_zeros_stand_in_tables(self) -> None:
+class TestOutputs:
+    def test_numbers_are_written_out_if_rounding_adds_a_digit_and_tables_contain_zeros(self) -> None:
         assert [number(999.7), number(-99.97, 2), number(9999.7, 4)] == ["1000", "−100", "10000"]
         assert (time(0.9997), time(0.9994)) == ("1 s", "999 ms")
         assert table_csv(("a", "b"), [(0.0, None), (0, False)]) == "a,b\n0.0,\n0,False\n"
 
-    def test_of_a_direction_the_first_number_goes_ten_percent(self) -> None:
-        assert "a +10 %, b -5 % changes nothing" in Direction(("a", "b"), (0.8, -0.4), 2.0, True).text
+    def test_the_first_parameter_of_a_direction_changes_by_ten_percent(self) -> None:
+        text = Direction(("a", "b"), (0.8, -0.4), 2.0, True).text
+        assert "a +10 %, b -5 %" in text
+        reviewed("slips: direction", text)
 
     def test_the_uncertainty_of_a_negative_number_is_positive(self) -> None:
         columns = {"E": 0.1, "D": -2.0, "u_val": 0.1}
         group = Group("case", "title", "group", {name: np.array([x]) for name, x in columns.items()})
         assert (group.error.tolist(), group.u_val.tolist()) == ([-5.0], [5.0])
 
-    def test_steps_that_were_rejected_are_told_also_if_all_were_solved(self) -> None:
-        assert str(Steps("RK4", 10, 48, rejected=2)) == "RK4: 10 steps, 2 rejected, 0 not solved, 48 evaluations"
+    def test_rejected_steps_are_printed_even_if_all_were_solved(self) -> None:
+        text = str(Steps("RK4", 10, 48, rejected=2))
+        assert [int(number) for number in re.findall(r"\b\d+", text)] == [10, 2, 0, 48]
+        reviewed("slips: steps", text)
 
-    def test_a_check_prints_the_halves_of_intervals(self, capsys: Any) -> None:
+    def test_a_check_prints_half_widths_of_intervals(self, capsys: Any) -> None:
         fit._print_check(Check(("mass",), np.ones(1), (), np.array([0.01])))
-        assert "mass  expected ± 2 % (95 %)" in capsys.readouterr().out
+        row = line(capsys.readouterr().out, "mass", "± 2 %", "95 %")
+        reviewed("slips: check of a parameter", row)
 
-    def test_where_an_arm_starts_is_in_no_file_of_a_format_without_states(self) -> None:
+    def test_formats_without_states_cannot_store_the_initial_state(self) -> None:
         scene = ROD.varied({"initial.joint_deg.rod": 10.0})
-        assert [not_held(scene, fl.lump(scene), format=f)["initial state"] for f in ("urdf", "sdf")] == ["all zero"] * 2
+        urdf, sdf = (not_held(scene, fl.lump(scene), format=format)["initial state"] for format in ("urdf", "sdf"))
+        assert urdf == sdf
+        reviewed("slips: initial state in a file", urdf)
 
-    def test_a_peak_of_stress_has_the_time_of_its_sample_however_many_are_looked_at(self, monkeypatch: Any) -> None:
+    def test_the_time_of_peak_stress_does_not_depend_on_the_number_of_samples_at_once(self, monkeypatch: Any) -> None:
         scene = make_scene(flexible("beam", lumping="gauss"), gravity=(0.0, -9.81, 0.0), tip=fl.RigidBody(mass=2.0))
         run = fl.simulate(scene.varied({"run": {"step": 1e-4, "duration": 0.02, "sample": 1e-3}}))
         whole = stress.peak_stress(run)
@@ -72,9 +79,9 @@ class TestTold:
         assert stress.peak_stress(run) == whole
 
 
-class TestAsked:
+class TestInputs:
     @pytest.mark.parametrize(("given", "tried"), [((0.5, 2.0), (0.5, 2.0)), ((1e-9, 1e9), (1e-3, 1e3))])
-    def test_a_logarithm_is_sought_between_its_ends_at_most_a_thousandfold(self, given: Any, tried: Any) -> None:
+    def test_a_parameter_is_fitted_within_a_factor_of_a_thousand(self, given: Any, tried: Any) -> None:
         assert coordinate_of(ROD, fl.fits.FitParameter(path="tip.mass", between=given)).between == pytest.approx(tried)
 
     def test_a_reference_below_a_lower_limit_is_refused(self) -> None:
@@ -87,22 +94,22 @@ class TestAsked:
         with refused(fl.errors.SceneError, "wrench-out-of-reach"):
             ROD.varied({"link.rod.joint.limits_deg": (-45.0, 90.0), "drive": drive})
 
-    def test_a_vibration_at_the_band_does_not_count_and_one_at_a_tenth_does(self) -> None:
-        """A window of two periods of the band is blind to it: the first zero of Hann's."""
+    def test_a_vibration_at_the_band_frequency_does_not_count_and_one_at_a_tenth_does(self) -> None:
+        """The window of two periods of the band has its first zero at the band: it is Hann's."""
         t = 1e-3 * np.arange(2001)
         norm = TipErrorNorm(Goal(1e-3, band=10.0), 1e-3)
         fast, slow = (norm.lengths(np.sin(2 * np.pi * f * t)[:, None])[200:-200].max() for f in (10.0, 1.0))
         assert fast < 0.01
         assert slow > 0.95
 
-    def test_a_lock_that_is_asked_for_replaces_the_one_that_is_known(self) -> None:
+    def test_a_given_lock_replaces_the_known_one(self) -> None:
         nothing = {key: [] for key in ("posture", "flexible", "armature")}
         options = SimpleNamespace(base=None, tip=None, free_base=False, locked=["b=90"], **nothing)
         known = KnownArm(file="arm.urdf", locked={"a": 0.1, "b": 0.2})
-        asked = import_robot._asked(cast("Any", SimpleNamespace(joints={})), known, cast("Any", options))
-        assert asked["locked"] == {"a": 0.1, "b": np.pi / 2}
+        arguments = import_robot._arguments(cast("Any", SimpleNamespace(joints={})), known, cast("Any", options))
+        assert arguments["locked"] == {"a": 0.1, "b": np.pi / 2}
 
-    def test_a_locked_slide_is_out_by_its_metres_not_its_degrees(self) -> None:
+    def test_the_position_of_a_locked_slide_is_in_metres(self) -> None:
         slide = fl.Link(name="slide", length=1.0, joint=fl.Joint(kind="prismatic", axis=(1, 0, 0), locked=True))
         arm = make_scene(slide, fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0))
         chain = fl.lump(arm.varied({"initial.joint_m": (0.3, 0.0)}))
@@ -121,36 +128,37 @@ class TestAsked:
 
 
 class TestRuns:
-    def test_the_fall_of_a_free_base_is_counted_from_the_start_of_its_run(self) -> None:
+    def test_the_momentum_of_a_falling_base_is_relative_to_the_start_of_its_run(self) -> None:
         base = fl.Base(kind="free", mass=3.0, inertia=(0.2, 0.25, 0.3))
         falling = replace(ROD, arm=replace(ROD.arm, base=base), gravity=(0.0, 0.0, -9.81))
         later = fl.simulate(falling.varied({"run.duration": 0.01, "initial.time": 2.0}))
         assert later.momentum_error is not None and max(later.momentum_error) < 1e-9
 
-    def test_errors_of_steps_between_samples_count_as_those_at_samples(self) -> None:
+    def test_errors_of_steps_between_samples_count_like_those_at_samples(self) -> None:
         rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
         scene = make_scene(rod, gravity=(9.81, 0.0, 0.0)).varied(
             {"initial.joint_deg.a": 170.0, "run": {"step": 0.17, "duration": 34.0}}
         )
-        runs = (" ".join(fl.simulate(scene, sample=sample).warnings) for sample in (0.17, 0.85))
-        often, seldom = (float(re.findall(r"step errors add up to (\S+) m", told)[0]) for told in runs)
+        warnings = (fl.simulate(scene, sample=sample).warnings for sample in (0.17, 0.85))
+        sums = (next(found for text in texts if (found := re.search(r"(\S+) m\b", text))) for texts in warnings)
+        often, seldom = (float(found[1]) for found in sums)
         assert seldom == pytest.approx(often, rel=0.5)
 
-    def test_slopes_of_a_run_that_starts_later_take_the_torques_of_its_time(self) -> None:
+    def test_sensitivities_of_a_run_that_starts_later_use_the_torques_of_its_time(self) -> None:
         drive = fl.Drive(kind="table", times=(0.0, 1.0, 2.0), torques=((0.0,), (5.0,), (-5.0,)))
         scene = ROD.varied({"drive": drive, "initial.time": 1.0, "run": {"step": 1e-3, "duration": 0.5, "sample": 0.1}})
         ends = [fl.simulate(scene.varied({"tip.mass": 1.0 + δ})).tip for δ in (1e-4, -1e-4)]
         found = fl.sensitivities(scene, ["tip.mass"]).tip[..., 0]
         np.testing.assert_allclose(found, (ends[0] - ends[1]) / 2e-4, atol=1e-6)
 
-    def test_arms_of_other_torque_limits_run_side_by_side_as_alone(self) -> None:
+    def test_arms_with_different_torque_limits_run_together_as_alone(self) -> None:
         drive = fl.Drive(kind="pd", kp=(100.0,), kd=(1.0,), target_deg=(60.0,), effort=(1.0,))
         short = ROD.varied({"drive": drive, "run.duration": 0.01})
         scenes = [short.varied({"drive.effort": (effort,)}) for effort in (1.0, 2.0)]
         for run, scene in zip(fl.simulate_many(scenes), scenes, strict=True):
             np.testing.assert_allclose(run.q, fl.simulate(scene).q, rtol=1e-9)
 
-    def test_axes_of_an_accelerometer_have_noise_of_their_own(self) -> None:
+    def test_axes_of_an_accelerometer_have_independent_noise(self) -> None:
         instrument = Instrument(fl.Sensor(name="a", kind="accelerometer", link="rod", noise=1.0), 0.01)
         t = 0.01 * np.arange(500)
         instrument.signal.add(t, np.zeros((500, 3)))
@@ -164,7 +172,7 @@ class TestRuns:
         )
         np.testing.assert_allclose(three.C, 3 * one.C, rtol=1e-14)
 
-    def test_what_is_smoothed_does_not_depend_on_the_direction_of_time(self, rng: np.random.Generator) -> None:
+    def test_smoothing_does_not_depend_on_the_direction_of_time(self, rng: np.random.Generator) -> None:
         t, y = 0.01 * np.arange(40), rng.normal(size=40)
         back = smoothed(t, y[::-1].copy(), 10.0)
         for order, (one, other) in enumerate(zip(smoothed(t, y, 10.0), back, strict=True)):
@@ -177,7 +185,7 @@ class TestRuns:
         (key,) = ElementTree.fromstring(fl.to_mjcf(chain, initial=([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]))).iter("key")
         assert key.get("qpos") == key.get("qvel") == "1.0 3.0 2.0"
 
-    def test_the_energy_of_coupled_springs_is_counted_from_the_rest_of_both(self, rng: np.random.Generator) -> None:
+    def test_the_energy_of_coupled_springs_is_relative_to_their_rest_angles(self, rng: np.random.Generator) -> None:
         chain = fl.lump(make_scene(flexible("a", segments=5, lumping="lobatto2")))
         hinges, q = chain.hinges.copy(), rng.normal(size=chain.n)
         hinges["rest"] = np.where(chain.stiffness > 0, rng.normal(size=chain.n), 0.0)
@@ -194,10 +202,10 @@ class TestTheirFile:
         theirs = dataclasses.replace(ours, coulomb=0 * ours.coulomb, coulomb_width=2 * ours.coulomb_width)
         assert set(_differing(ours, theirs)) == {"coulomb"}
 
-    def test_what_it_lacks_is_taken_from_the_joint_of_the_same_name(self) -> None:
+    def test_missing_data_are_those_of_the_joint_of_the_same_name(self) -> None:
         ours = of_chain(fl.lump(self.CHAIN))
         ours = dataclasses.replace(ours, armature=np.arange(1.0, ours.n + 1))
-        order = np.roll(np.arange(ours.n), 1)  # a circle is not its own inverse
+        order = np.roll(np.arange(ours.n), 1)  # a cyclic permutation differs from its inverse
         theirs = dataclasses.replace(ours, unspecified=frozenset({"armature"}))
         filled = _missing(ours, theirs, Match(order, None, ours, True, []))
         assert filled["armature"][order].tolist() == ours.armature.tolist()
