@@ -197,7 +197,10 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
             missing.discard(result.quantity)
             start = time.perf_counter()
     if missing:  # a limit that nobody measured must not look like a limit that was kept
-        raise DataFileError(f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here")
+        raise DataFileError(
+            f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here",
+            id="unknown-quantity",
+        )
     yield from row_counts.wrong(case, rows)
 
 
@@ -205,7 +208,9 @@ def kind_of(case: Case) -> tuple[Kind, Any]:
     """The kind of a case, and its settings."""
     kind = KINDS.get(case.kind)
     if kind is None:
-        raise DataFileError(f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}")
+        raise DataFileError(
+            f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}", id="unknown-name"
+        )
     try:
         return kind, decode(case.settings, SETTINGS[case.kind], "settings")
     except SceneError as error:
